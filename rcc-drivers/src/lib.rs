@@ -1,1 +1,4 @@
-//! Placeholder until the first commit of this package.
+//! Device drivers, the host around them, and robot-side simulators that speak the same wire.
+//! Every driver and every simulator is a process of its own; each module says which thread runs it.
+
+pub mod fri_lwr;

@@ -1,0 +1,434 @@
+//! KUKA LWR FRI 1.0 on the wire: the two datagrams, byte-exact, each from one table of fields.
+//! Pure functions without allocation or unsafe code; they run on whatever thread calls them.
+//!
+//! Little-endian, IEEE 754 binary32, natural alignment, no implicit padding. Layout: KUKA `friComm`
+//! revision 1.17, also documented by Stanford's *Fast Research Interface Library* 1.2. A datagram of another
+//! size or identity belongs to another layout version and is refused.
+
+mod value;
+
+use thiserror::Error;
+use value::{WireValue, wire_enum};
+
+/// Joints of the arm.
+pub const JOINTS: usize = 7;
+/// Size of a [`MeasurementDatagram`] in bytes.
+pub const MSR_SIZE: usize = 916;
+/// Size of a [`CommandDatagram`] in bytes.
+pub const CMD_SIZE: usize = 376;
+/// Identity of a [`MeasurementDatagram`]; doubles as the version of its layout.
+pub const MSR_ID: u16 = 0x2006;
+/// Identity of a [`CommandDatagram`]; doubles as the version of its layout.
+pub const CMD_ID: u16 = 0x1005;
+
+/// Bits of [`CommandDatagram::flags`]: which fields of the command count. They may change in monitor state only.
+pub mod flags {
+    /// `joint_position` counts.
+    pub const JOINT_POSITION: u32 = 0x0001;
+    /// `additional_joint_torque` counts.
+    pub const JOINT_TORQUE: u32 = 0x0004;
+    /// `joint_stiffness` counts.
+    pub const JOINT_STIFFNESS: u32 = 0x0010;
+    /// `joint_damping` counts.
+    pub const JOINT_DAMPING: u32 = 0x0020;
+    /// `cartesian_position` counts.
+    pub const CARTESIAN_POSITION: u32 = 0x0100;
+    /// `additional_tcp_wrench` counts.
+    pub const TCP_WRENCH: u32 = 0x0400;
+    /// `cartesian_stiffness` counts.
+    pub const CARTESIAN_STIFFNESS: u32 = 0x1000;
+    /// `cartesian_damping` counts.
+    pub const CARTESIAN_DAMPING: u32 = 0x2000;
+}
+
+/// Why bytes are not the datagram that was expected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum WireError {
+    /// The number of bytes is wrong.
+    #[error("{datagram}: {have} bytes came, {want} are expected; is the peer another FRI version?")]
+    Size {
+        /// Which datagram was expected.
+        datagram: &'static str,
+        /// Expected size in bytes.
+        want: usize,
+        /// Received size in bytes.
+        have: usize,
+    },
+    /// `datagramId` is of another datagram or another version of the layout.
+    #[error(
+        "{datagram}: identity {have:#06x} came, {want:#06x} is expected; is the peer another FRI version?"
+    )]
+    Identity {
+        /// Which datagram was expected.
+        datagram: &'static str,
+        /// Expected identity.
+        want: u16,
+        /// Received identity.
+        have: u16,
+    },
+    /// The field `packetSize` contradicts the datagram's size.
+    #[error("{datagram}: the field packetSize says {have}, {want} is expected")]
+    PacketSize {
+        /// Which datagram was expected.
+        datagram: &'static str,
+        /// Expected content of the field.
+        want: u16,
+        /// Received content of the field.
+        have: u16,
+    },
+    /// An enumeration has a number without a name.
+    #[error("field {field}: the value {value} has no meaning in FRI 1.0")]
+    UnknownValue {
+        /// The field's name in the layout.
+        field: &'static str,
+        /// Received number.
+        value: u16,
+    },
+}
+
+/// One row of a layout: where a field lies and what it is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Name of the field.
+    pub name: &'static str,
+    /// First byte.
+    pub offset: usize,
+    /// Type of one element: `u16`, `u32`, `i32` or `f32`.
+    pub kind: &'static str,
+    /// Number of elements.
+    pub count: usize,
+    /// Size of the whole field in bytes.
+    pub size: usize,
+}
+
+wire_enum! {
+    /// State of the interface.
+    SessionState {
+        /// Closed; never on the wire.
+        #[default]
+        Off = 0,
+        /// Data is exchanged, commands are not executed.
+        Monitor = 1,
+        /// Commands are executed.
+        Command = 2,
+    }
+}
+
+wire_enum! {
+    /// Quality of the connection as the controller judges it; KUKA publishes no thresholds.
+    Quality {
+        /// Commanding is not allowed.
+        #[default]
+        Unacceptable = 0,
+        /// Commanding is allowed by the firmware, but scripts do not start it.
+        Bad = 1,
+        /// Good enough to command.
+        Ok = 2,
+        /// Nearly every answer in time.
+        Perfect = 3,
+    }
+}
+
+wire_enum! {
+    /// Control strategy that the controller's program has chosen.
+    ControlStrategy {
+        /// None of those below.
+        #[default]
+        Other = 0,
+        /// Position control.
+        Position = 1,
+        /// Cartesian impedance control.
+        CartesianImpedance = 2,
+        /// Joint impedance control.
+        JointImpedance = 3,
+    }
+}
+
+/// Variables that are exchanged with the controller's KRL program, 16 of each type.
+///
+/// KRL counts from 1: `$FRI_TO_REA[1]` is `reals[0]`, `$FRI_TO_BOOL[1]` is bit 0 of `booleans`.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct KrlBlock {
+    /// `$FRI_TO_REA` or `$FRI_FRM_REA`, no unit.
+    pub reals: [f32; 16],
+    /// `$FRI_TO_INT` or `$FRI_FRM_INT`.
+    pub integers: [i32; 16],
+    /// `$FRI_TO_BOOL` or `$FRI_FRM_BOOL`, bit i is number i + 1.
+    pub booleans: u16,
+}
+
+impl KrlBlock {
+    /// KRL boolean `number` (1 to 16); `None` outside of that range.
+    pub fn boolean(&self, number: usize) -> Option<bool> {
+        (1..=16)
+            .contains(&number)
+            .then(|| self.booleans >> (number - 1) & 1 == 1)
+    }
+
+    /// Sets KRL boolean `number` (1 to 16); says whether there is such a number.
+    pub fn set_boolean(&mut self, number: usize, value: bool) -> bool {
+        let known = (1..=16).contains(&number);
+        if known {
+            let bit = 1 << (number - 1);
+            self.booleans = if value {
+                self.booleans | bit
+            } else {
+                self.booleans & !bit
+            };
+        }
+        known
+    }
+}
+
+/// From one table: the structure, its layout, and the codec. A row is `offset name: type`.
+macro_rules! datagram {
+    (
+        $(#[$doc:meta])* $name:ident, $layout:ident, $size:ident, $id:ident, $title:literal;
+        $($(#[$field_doc:meta])* $offset:literal $field:ident: $kind:ty;)*
+    ) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name {
+            /// Sender's own counter, one more with each datagram, wraps from 65535 to 0.
+            pub send_sequence: u16,
+            /// The last `send_sequence` that the sender has received from its peer.
+            pub reflected_sequence: u16,
+            /// Variables of the KRL program.
+            pub krl: KrlBlock,
+            $($(#[$field_doc])* pub $field: $kind,)*
+        }
+
+        #[doc = concat!("All fields of a [`", stringify!($name), "`], in the order of the bytes, without gaps.")]
+        pub const $layout: &[Field] = &[
+            row::<u16>("send_sequence", 0),
+            row::<u16>("reflected_sequence", 2),
+            row::<u16>("packet_size", 4),
+            row::<u16>("datagram_id", 6),
+            row::<[f32; 16]>("krl.reals", 8),
+            row::<[i32; 16]>("krl.integers", 72),
+            row::<u16>("krl.booleans", 136),
+            row::<u16>("krl.filler", 138),
+            $(row::<$kind>(stringify!($field), $offset),)*
+        ];
+        const _: () = assert!(is_gapless($layout, $size));
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self {
+                    send_sequence: 0,
+                    reflected_sequence: 0,
+                    krl: KrlBlock::default(),
+                    $($field: <$kind as Zero>::ZERO,)*
+                }
+            }
+        }
+
+        impl $name {
+            /// The bytes of this datagram; size, identity and filler are filled in.
+            pub fn encode(&self) -> [u8; $size] {
+                let mut bytes = [0; $size];
+                put(&mut bytes, 0, &self.send_sequence);
+                put(&mut bytes, 2, &self.reflected_sequence);
+                put(&mut bytes, 4, &($size as u16));
+                put(&mut bytes, 6, &$id);
+                put(&mut bytes, 8, &self.krl.reals);
+                put(&mut bytes, 72, &self.krl.integers);
+                put(&mut bytes, 136, &self.krl.booleans);
+                $(put(&mut bytes, $offset, &self.$field);)*
+                bytes
+            }
+
+            /// The datagram in these bytes. Real values are taken as they are, NaN and infinity included.
+            ///
+            /// # Errors
+            /// Wrong size, identity or `packetSize`, or an enumeration with a number without a name.
+            pub fn decode(bytes: &[u8]) -> Result<Self, WireError> {
+                check_frame(bytes, $title, $size, $id)?;
+                Ok(Self {
+                    send_sequence: get(bytes, 0, "send_sequence")?,
+                    reflected_sequence: get(bytes, 2, "reflected_sequence")?,
+                    krl: KrlBlock {
+                        reals: get(bytes, 8, "krl.reals")?,
+                        integers: get(bytes, 72, "krl.integers")?,
+                        booleans: get(bytes, 136, "krl.booleans")?,
+                    },
+                    $($field: get(bytes, $offset, stringify!($field))?,)*
+                })
+            }
+        }
+    };
+}
+
+datagram! {
+    /// What the controller sends each cycle (KUKA: MSR, KRC to PC), 916 bytes.
+    MeasurementDatagram, MSR_LAYOUT, MSR_SIZE, MSR_ID, "measurement datagram (MSR)";
+
+    /// Time since the controller's start, s. Too coarse to derive a step from: count sequence numbers instead.
+    140 timestamp: f32;
+    /// State of the interface.
+    144 state: SessionState;
+    /// Quality of the connection.
+    146 quality: Quality;
+    /// Period of these datagrams, s.
+    148 measurement_period: f32;
+    /// Period of the expected answers, s.
+    152 command_period: f32;
+    /// Factor on the supervised limits, 0 to 1.
+    156 safety_limits: f32;
+    /// Answered part of the last 100 cycles, 0 to 1.
+    160 answer_rate: f32;
+    /// Mean delay of the answers, s.
+    164 latency: f32;
+    /// Variation of that delay, s.
+    168 jitter: f32;
+    /// Missed part of the answers, averaged, 0 to 1.
+    172 miss_rate: f32;
+    /// Missed answers since the interface was opened.
+    176 miss_count: u32;
+    /// One bit a drive, 1 = powered.
+    180 power: u16;
+    /// Control strategy.
+    182 control: ControlStrategy;
+    /// One bit a drive; an error takes the power away.
+    184 error: u16;
+    /// One bit a drive.
+    186 warning: u16;
+    /// Temperature of the drives, in practice °C.
+    188 temperature: [f32; JOINTS];
+    /// Measured joint positions, rad.
+    216 measured_position: [f32; JOINTS];
+    /// Measured flange pose in the base frame, 3×4 row-major `[R|p]`, p in m.
+    244 measured_pose: [f32; 12];
+    /// Joint positions of the controller's own interpolation, rad.
+    292 commanded_position: [f32; JOINTS];
+    /// What FRI has added to `commanded_position`, rad; their sum is what the joints are driven to.
+    320 commanded_position_offset: [f32; JOINTS];
+    /// Pose that belongs to `commanded_position`, as `measured_pose`.
+    348 commanded_pose: [f32; 12];
+    /// What FRI has added to `commanded_pose`, 3×4.
+    396 commanded_pose_offset: [f32; 12];
+    /// Measured joint torques, Nm.
+    444 measured_torque: [f32; JOINTS];
+    /// Joint torques caused from outside, estimated with the controller's model, Nm.
+    472 external_torque: [f32; JOINTS];
+    /// Force and torque at the tool, N and Nm, in the order Fx Fy Fz Tz Ty Tx.
+    500 external_tcp_wrench: [f32; 6];
+    /// Jacobian, 6×7 row-major, rows X Y Z Rz Ry Rx.
+    524 jacobian: [f32; 42];
+    /// Joint-space mass matrix, 7×7, kg m².
+    692 mass_matrix: [f32; 49];
+    /// Joint torques caused by gravity, Nm.
+    888 gravity: [f32; JOINTS];
+}
+
+datagram! {
+    /// What the PC answers in the same cycle (KUKA: CMD, PC to KRC), 376 bytes.
+    CommandDatagram, CMD_LAYOUT, CMD_SIZE, CMD_ID, "command datagram (CMD)";
+
+    /// Which of the following fields count, see [`flags`].
+    140 flags: u32;
+    /// Desired joint positions, rad.
+    144 joint_position: [f32; JOINTS];
+    /// Desired pose in the base frame, 3×4 row-major `[R|p]`, p in m.
+    172 cartesian_position: [f32; 12];
+    /// Joint torques on top, Nm.
+    220 additional_joint_torque: [f32; JOINTS];
+    /// Force and torque at the tool on top, N and Nm, in the order Fx Fy Fz Tz Ty Tx.
+    248 additional_tcp_wrench: [f32; 6];
+    /// Joint stiffness, Nm/rad.
+    272 joint_stiffness: [f32; JOINTS];
+    /// Joint damping, normalised, 0 to 1.
+    300 joint_damping: [f32; JOINTS];
+    /// Cartesian stiffness, N/m and Nm/rad, in the order x y z Rz Ry Rx.
+    328 cartesian_stiffness: [f32; 6];
+    /// Cartesian damping, normalised, in the order x y z Rz Ry Rx.
+    352 cartesian_damping: [f32; 6];
+}
+
+/// The value that a field of a fresh datagram has.
+trait Zero {
+    const ZERO: Self;
+}
+
+macro_rules! zero {
+    ($($kind:ty = $value:expr),*) => {$(impl Zero for $kind { const ZERO: Self = $value; })*};
+}
+
+zero!(
+    u16 = 0,
+    u32 = 0,
+    f32 = 0.0,
+    SessionState = SessionState::Off,
+    Quality = Quality::Unacceptable,
+    ControlStrategy = ControlStrategy::Other
+);
+
+impl<const N: usize> Zero for [f32; N] {
+    const ZERO: Self = [0.0; N];
+}
+
+const fn row<T: WireValue>(name: &'static str, offset: usize) -> Field {
+    Field {
+        name,
+        offset,
+        kind: T::KIND,
+        count: T::COUNT,
+        size: T::SIZE,
+    }
+}
+
+/// Each field begins where the one before ends, and the last ends with the datagram.
+const fn is_gapless(layout: &[Field], size: usize) -> bool {
+    let (mut i, mut next) = (0, 0);
+    while i < layout.len() {
+        if layout[i].offset != next {
+            return false;
+        }
+        next += layout[i].size;
+        i += 1;
+    }
+    next == size
+}
+
+fn put<T: WireValue>(bytes: &mut [u8], offset: usize, value: &T) {
+    value.put(&mut bytes[offset..offset + T::SIZE]);
+}
+
+fn get<T: WireValue>(bytes: &[u8], offset: usize, field: &'static str) -> Result<T, WireError> {
+    T::get(&bytes[offset..offset + T::SIZE], field)
+}
+
+fn check_frame(
+    bytes: &[u8],
+    datagram: &'static str,
+    size: usize,
+    id: u16,
+) -> Result<(), WireError> {
+    if bytes.len() != size {
+        return Err(WireError::Size {
+            datagram,
+            want: size,
+            have: bytes.len(),
+        });
+    }
+    let have = get::<u16>(bytes, 6, "datagram_id")?;
+    if have != id {
+        return Err(WireError::Identity {
+            datagram,
+            want: id,
+            have,
+        });
+    }
+    let (want, have) = (size as u16, get::<u16>(bytes, 4, "packet_size")?);
+    if have != want {
+        return Err(WireError::PacketSize {
+            datagram,
+            want,
+            have,
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
