@@ -1,1 +1,35 @@
-//! Placeholder until the first commit of this package.
+//! What may run inside a control cycle: types, primitives, plan, `cycle()`, guard, kinematics and
+//! the messages between processes.
+//!
+//! This crate is the real-time boundary: no `std`, no `alloc`, no `unsafe`, no panic. What may not
+//! happen in a cycle does not compile here; what is computed before a cycle reaches it as plain data.
+#![no_std]
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing
+    )
+)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod cycle;
+pub mod frame;
+pub mod guard;
+pub mod kinematics;
+pub mod message;
+pub mod path;
+pub mod plan;
+pub mod pose;
+pub mod primitive;
+pub mod primitives;
+pub mod types;
+pub mod unit;
+
+#[cfg(test)]
+mod testing;

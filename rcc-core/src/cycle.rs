@@ -1,0 +1,40 @@
+//! One cycle of one net: the whole interpreter. The same function runs on the real-time thread, in
+//! tests (virtual time: a cycle is a step) and in the benchmarks.
+
+use crate::frame::Frame;
+use crate::plan::{Delay, Plan};
+use crate::primitives;
+use crate::types::Store;
+
+/// Evaluates every primitive once, in plan order, then moves the delayed links on.
+///
+/// Touches only `frame`; no clock, no chance, so the same plan and inputs give the same bits.
+pub fn cycle(plan: &Plan<'_>, frame: &mut Frame<'_>) {
+    for run in plan.runs {
+        if let (Some((_, kernel)), Some(operands)) =
+            (primitives::kernel(run.kernel), plan.operands_of(run))
+        {
+            (kernel.run)(frame, operands);
+        }
+    }
+    for delay in plan.delays {
+        carry_over(frame, delay);
+    }
+    frame.cycle += 1;
+}
+
+fn carry_over(frame: &mut Frame<'_>, delay: &Delay) {
+    let (from, to, width) = (delay.from as usize, delay.to as usize, delay.width as usize);
+    match delay.store {
+        Store::Real => copy_within(frame.reals, from, to, width),
+        Store::Bool => copy_within(frame.bools, from, to, width),
+        Store::Int => copy_within(frame.ints, from, to, width),
+    }
+}
+
+fn copy_within<T: Copy>(arena: &mut [T], from: usize, to: usize, width: usize) {
+    // `copy_within` panics outside the slice; `Plan::check` excludes it and this makes it certain.
+    if from + width <= arena.len() && to + width <= arena.len() {
+        arena.copy_within(from..from + width, to);
+    }
+}

@@ -1,0 +1,271 @@
+//! What kernels see: the arenas of one running net, the latched devices and the commands to write.
+//!
+//! The real-time thread builds a `Frame` for each net each cycle; it only borrows. Access to slots
+//! never panics: an index outside reads as null and writes nothing (`Plan::check` excludes both).
+
+use crate::guard::JointLimits;
+use crate::kinematics::SrsArm;
+use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
+use crate::path::{PathClocks, PathLimits};
+use crate::pose::Pose;
+use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
+
+/// A device as the core knows it, from the cell's configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviceModel {
+    /// Number of joints, 0 for plain I/O.
+    pub joints: u32,
+    /// Kinematics, if the device is an arm.
+    pub arm: Option<SrsArm>,
+    /// Limits that the guard enforces.
+    pub limits: JointLimits,
+    /// How far the first set-point of a net may be from the hold set-point, rad.
+    pub first_tolerance_rad: f64,
+    /// Number of digital inputs, digital outputs, analog inputs, analog outputs.
+    pub channels: [u32; 4],
+}
+
+/// A device's newest measurement, latched at the beginning of the cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct DeviceInput {
+    /// False if the board is stale or the device offline: its ports are null.
+    pub present: bool,
+    /// The measurement; meaningless if not present.
+    pub measurement: Measurement,
+}
+
+/// What nets command a device in one cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceOutput {
+    /// True if `position` is a command.
+    pub has_position: bool,
+    /// Joint set-point, rad.
+    pub position: Joints,
+    /// Bit i: value of digital output i.
+    pub digital: u64,
+    /// Bit i: digital output i is commanded.
+    pub digital_commanded: u64,
+    /// Analog outputs in SI units; NaN = no command.
+    pub analog: [f64; ANALOG_MAX],
+}
+
+impl DeviceOutput {
+    /// Commands nothing.
+    pub const NONE: DeviceOutput = DeviceOutput {
+        has_position: false,
+        position: [0.0; JOINTS_MAX],
+        digital: 0,
+        digital_commanded: 0,
+        analog: [NULL_REAL; ANALOG_MAX],
+    };
+}
+
+/// Everything one net may read and write in one cycle.
+pub struct Frame<'a> {
+    /// Arena of `Real` and composites.
+    pub reals: &'a mut [f64],
+    /// Arena of `Bool`.
+    pub bools: &'a mut [u8],
+    /// Arena of `Int`.
+    pub ints: &'a mut [i64],
+    /// Kinematics and limits, by device index.
+    pub models: &'a [DeviceModel],
+    /// Latched measurements, by device index.
+    pub devices: &'a [DeviceInput],
+    /// Commands, by device index.
+    pub outputs: &'a mut [DeviceOutput],
+    /// The jerk-limited motions along paths.
+    pub clocks: &'a mut dyn PathClocks,
+    /// Period, s.
+    pub dt_s: f64,
+    /// Cycles of this net evaluated before this one.
+    pub cycle: u64,
+    /// CANCEL was requested.
+    pub cancel_requested: bool,
+    /// Set by `Termination`.
+    pub terminated: bool,
+    /// Set by a motion whose computation failed.
+    pub motion_failed: bool,
+}
+
+impl Frame<'_> {
+    /// Reads a `Real`.
+    #[inline(always)]
+    pub fn real(&self, slot: u32) -> f64 {
+        self.reals.get(slot as usize).copied().unwrap_or(NULL_REAL)
+    }
+
+    /// Writes a `Real`.
+    #[inline(always)]
+    pub fn set_real(&mut self, slot: u32, value: f64) {
+        if let Some(place) = self.reals.get_mut(slot as usize) {
+            *place = value;
+        }
+    }
+
+    /// Reads a `Bool`: 0, 1 or 2 (null).
+    #[inline(always)]
+    pub fn bool(&self, slot: u32) -> u8 {
+        self.bools.get(slot as usize).copied().unwrap_or(NULL_BOOL)
+    }
+
+    /// Writes a `Bool`: 0, 1 or 2 (null).
+    #[inline(always)]
+    pub fn set_bool(&mut self, slot: u32, value: u8) {
+        if let Some(place) = self.bools.get_mut(slot as usize) {
+            *place = value;
+        }
+    }
+
+    /// Reads an `Int`.
+    #[inline(always)]
+    pub fn int(&self, slot: u32) -> i64 {
+        self.ints.get(slot as usize).copied().unwrap_or(NULL_INT)
+    }
+
+    /// Writes an `Int`.
+    #[inline(always)]
+    pub fn set_int(&mut self, slot: u32, value: i64) {
+        if let Some(place) = self.ints.get_mut(slot as usize) {
+            *place = value;
+        }
+    }
+
+    /// Reads `N` contiguous reals, as they are.
+    #[inline(always)]
+    pub fn reals<const N: usize>(&self, slot: u32) -> [f64; N] {
+        let tail = self.reals.get(slot as usize..).unwrap_or(&[]);
+        tail.first_chunk().copied().unwrap_or([NULL_REAL; N])
+    }
+
+    /// Writes `N` contiguous reals.
+    #[inline(always)]
+    pub fn set_reals<const N: usize>(&mut self, slot: u32, values: [f64; N]) {
+        let tail = self.reals.get_mut(slot as usize..).unwrap_or(&mut []);
+        if let Some(place) = tail.first_chunk_mut() {
+            *place = values;
+        }
+    }
+
+    /// Reads a `Real[width]`; `None` if any element is null.
+    pub fn joints(&self, slot: u32, width: u32) -> Option<Joints> {
+        let values = self.reals.get(slot as usize..)?.get(..width as usize)?;
+        joints_from(values)
+    }
+
+    /// Writes a `Real[width]`; `None` writes null in every element.
+    pub fn set_joints(&mut self, slot: u32, width: u32, value: Option<&Joints>) {
+        let value = value.copied().unwrap_or([NULL_REAL; JOINTS_MAX]);
+        let tail = self.reals.get_mut(slot as usize..).unwrap_or(&mut []);
+        for (place, value) in tail.iter_mut().zip(value).take(width as usize) {
+            *place = value;
+        }
+    }
+
+    /// Reads a `Pose`; null has NaN in it.
+    pub fn pose(&self, slot: u32) -> Pose {
+        Pose::from_slots(self.reals(slot))
+    }
+
+    /// Writes a `Pose`; one that is not finite is written as null.
+    pub fn set_pose(&mut self, slot: u32, pose: Pose) {
+        let pose = if pose.is_finite() {
+            pose.to_slots()
+        } else {
+            [NULL_REAL; 7]
+        };
+        self.set_reals(slot, pose);
+    }
+
+    /// The measurement of a device; `None` if it is not present.
+    #[inline]
+    pub fn measured(&self, device: u32) -> Option<&Measurement> {
+        let input = self.devices.get(device as usize)?;
+        input.present.then_some(&input.measurement)
+    }
+
+    /// The commands to a device.
+    #[inline]
+    pub fn output(&mut self, device: u32) -> Option<&mut DeviceOutput> {
+        self.outputs.get_mut(device as usize)
+    }
+
+    /// The kinematics of a device.
+    #[inline]
+    pub fn arm(&self, device: u32) -> Option<SrsArm> {
+        self.models.get(device as usize)?.arm
+    }
+}
+
+/// Copies at most [`JOINTS_MAX`] values; `None` if one of them is null.
+pub fn joints_from(values: &[f64]) -> Option<Joints> {
+    let mut joints = [0.0; JOINTS_MAX];
+    for (place, value) in joints.iter_mut().zip(values) {
+        *place = *value;
+    }
+    joints.iter().all(|value| !value.is_nan()).then_some(joints)
+}
+
+/// What `prepare` sees, off the real-time thread, when a command becomes ready.
+pub struct Preparation<'a> {
+    /// The initial arena of `Real`.
+    pub reals: &'a mut [f64],
+    /// Kinematics and limits, by device index.
+    pub models: &'a [DeviceModel],
+    /// The hold set-point of each device, `None` if it is not known now.
+    pub holds: &'a [Option<Joints>],
+    /// Limits of each path clock, to be filled in.
+    pub paths: &'a mut [PathLimits],
+}
+
+impl Preparation<'_> {
+    /// Reads `N` contiguous reals.
+    pub fn reals<const N: usize>(&self, slot: u32) -> [f64; N] {
+        let tail = self.reals.get(slot as usize..).unwrap_or(&[]);
+        tail.first_chunk().copied().unwrap_or([NULL_REAL; N])
+    }
+
+    /// Writes `N` contiguous reals.
+    pub fn set_reals<const N: usize>(&mut self, slot: u32, values: [f64; N]) {
+        let tail = self.reals.get_mut(slot as usize..).unwrap_or(&mut []);
+        if let Some(place) = tail.first_chunk_mut() {
+            *place = values;
+        }
+    }
+
+    /// The hold set-point and the kinematics of an arm.
+    ///
+    /// # Errors
+    /// `HoldUnknown` while the driver does not reach the device.
+    pub fn arm_at_rest(&self, device: u32) -> Result<(SrsArm, [f64; 7]), PrepareFault> {
+        let model = self.models.get(device as usize);
+        let arm = model
+            .and_then(|model| model.arm)
+            .ok_or(PrepareFault::NoArm { device })?;
+        let hold = self.holds.get(device as usize).copied().flatten();
+        let [q1, q2, q3, q4, q5, q6, q7, _] = hold.ok_or(PrepareFault::HoldUnknown { device })?;
+        Ok((arm, [q1, q2, q3, q4, q5, q6, q7]))
+    }
+}
+
+/// Why the start values of a command could not be computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PrepareFault {
+    /// The position of the device is not known: its driver is not running or not connected.
+    HoldUnknown {
+        /// Device index.
+        device: u32,
+    },
+    /// The device has no kinematics.
+    NoArm {
+        /// Device index.
+        device: u32,
+    },
+    /// A motion turns by 180°: both ways are equally short.
+    AmbiguousRotation,
+    /// A speed, acceleration or jerk of a motion is useless together with the others.
+    PathLimits {
+        /// The limits as computed for the path.
+        limits: PathLimits,
+    },
+}

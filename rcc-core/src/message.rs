@@ -1,0 +1,469 @@
+//! What crosses processes through boards: plain data of fixed size, every bit pattern valid.
+//!
+//! Every record begins with `magic` (written once by its owner; 0 means never written), a sequence
+//! number and a CLOCK_MONOTONIC stamp. Readers copy, then check.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Most joints of a device.
+pub const JOINTS_MAX: usize = 8;
+/// Most digital channels of a device, each way.
+pub const DIGITAL_MAX: usize = 64;
+/// Most analog channels of a device, each way.
+pub const ANALOG_MAX: usize = 16;
+/// Set-points that a command board remembers.
+pub const SET_POINTS: usize = 16;
+/// Most devices of a cell.
+pub const DEVICES_MAX: usize = 16;
+/// Most commands that exist at a time.
+pub const COMMANDS_MAX: usize = 64;
+/// Widest value a monitor can carry.
+pub const MONITOR_WIDTH_MAX: usize = 16;
+/// Marks a record of this layout; change it with the layout.
+pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v001");
+
+/// A joint vector; elements past the device's joints are 0.
+pub type Joints = [f64; JOINTS_MAX];
+
+/// What a device is doing, as its driver tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum DeviceState {
+    /// The driver runs but does not reach the device.
+    Offline = 0,
+    /// The device answers but cannot be commanded now.
+    Online = 1,
+    /// At rest at its hold set-point; a net may take it.
+    Ready = 2,
+    /// Follows a net's set-points.
+    Commanded = 3,
+    /// Being brought to rest by its driver.
+    Stopping = 4,
+}
+
+impl DeviceState {
+    /// All states, in order of their numbers.
+    pub const ALL: [DeviceState; 5] = [
+        DeviceState::Offline,
+        DeviceState::Online,
+        DeviceState::Ready,
+        DeviceState::Commanded,
+        DeviceState::Stopping,
+    ];
+
+    /// From a number that came from another process; unknown numbers are `Offline`.
+    pub fn from_number(number: u32) -> DeviceState {
+        Self::ALL
+            .get(number as usize)
+            .copied()
+            .unwrap_or(DeviceState::Offline)
+    }
+
+    /// As printed.
+    pub fn name(self) -> &'static str {
+        match self {
+            DeviceState::Offline => "offline",
+            DeviceState::Online => "online",
+            DeviceState::Ready => "ready",
+            DeviceState::Commanded => "commanded",
+            DeviceState::Stopping => "stopping",
+        }
+    }
+}
+
+/// Driver → executor: the newest measurement of a device.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Measurement {
+    /// [`MAGIC`].
+    pub magic: u64,
+    /// +1 for each exchange with the device.
+    pub sequence: u64,
+    /// CLOCK_MONOTONIC of that exchange.
+    pub stamp_ns: u64,
+    /// [`DeviceState`].
+    pub state: u32,
+    /// Quality of the connection in thousandths, 1000 is best.
+    pub quality_permille: u32,
+    /// Why the device is not ready: a number that the driver explains in its announcement, 0 = fine.
+    pub reason: u32,
+    /// Number of joints, 0 for plain I/O.
+    pub joints: u32,
+    /// Measured position, rad.
+    pub position: Joints,
+    /// The driver's hold set-point: what it commands when no net does, rad.
+    pub hold: Joints,
+    /// Measured torque, N·m.
+    pub torque: Joints,
+    /// Torque that the model does not explain, N·m.
+    pub external_torque: Joints,
+    /// External force and torque at the flange `[fx fy fz tx ty tz]`, N and N·m, sensor frame of the device.
+    pub wrench: [f64; 6],
+    /// Bit i: digital input i.
+    pub digital: u64,
+    /// Bit i: digital input i is known.
+    pub digital_known: u64,
+    /// Analog inputs in SI units; NaN is unknown.
+    pub analog: [f64; ANALOG_MAX],
+    /// Incarnation of the executor whose board the driver follows, 0 = none.
+    pub executor: u64,
+    /// Logical time of the set-point sent last, ns.
+    pub played_ns: u64,
+    /// Set-points left to play when the last one was taken.
+    pub margin: u64,
+    /// Exchanges in which the driver answered late or lost an answer.
+    pub late: u64,
+    /// Datagrams refused (size, identity, order).
+    pub refused: u64,
+    /// Times that the driver had no fresh set-point while commanded.
+    pub starved: u64,
+}
+
+/// One cycle's commands for a device.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct SetPoint {
+    /// Logical time: one period per evaluated cycle, whatever the wall clock did; ns.
+    pub logical_ns: u64,
+    /// Id of the command that holds the arm, 0 = none.
+    pub owner: u64,
+    /// 1 = `position` is a command; 0 = no command (null or nobody).
+    pub has_position: u64,
+    /// Joint set-point, rad.
+    pub position: Joints,
+    /// Bit i: value of digital output i.
+    pub digital: u64,
+    /// Bit i: digital output i is commanded.
+    pub digital_commanded: u64,
+    /// Analog outputs in SI units; NaN = no command.
+    pub analog: [f64; ANALOG_MAX],
+}
+
+impl SetPoint {
+    /// Commands nothing.
+    pub const NONE: SetPoint = SetPoint {
+        logical_ns: 0,
+        owner: 0,
+        has_position: 0,
+        position: [0.0; JOINTS_MAX],
+        digital: 0,
+        digital_commanded: 0,
+        analog: [f64::NAN; ANALOG_MAX],
+    };
+}
+
+/// Executor → driver: the last set-points of a device.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct CommandImage {
+    /// [`MAGIC`].
+    pub magic: u64,
+    /// Incarnation of the executor.
+    pub executor: u64,
+    /// Evaluated cycles so far; the newest set-point is `set_points[sequence % SET_POINTS]`.
+    pub sequence: u64,
+    /// CLOCK_MONOTONIC at which the newest was written.
+    pub stamp_ns: u64,
+    /// Period of the executor.
+    pub period_ns: u64,
+    /// Ring of the last cycles.
+    pub set_points: [SetPoint; SET_POINTS],
+}
+
+impl CommandImage {
+    /// The set-point of cycle `sequence` if the ring still has it.
+    pub fn at(&self, sequence: u64) -> Option<&SetPoint> {
+        let age = self.sequence.checked_sub(sequence)?;
+        if age >= SET_POINTS as u64 {
+            return None;
+        }
+        self.set_points.get((sequence % SET_POINTS as u64) as usize)
+    }
+}
+
+/// The state of a command: the paper's figure 2, and `rejected`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum CommandState {
+    /// The row is free.
+    None = 0,
+    /// The loader works on it.
+    Loading = 1,
+    /// The loader or the executor refused it.
+    Rejected = 2,
+    /// Can be started.
+    Ready = 3,
+    /// Evaluated every cycle.
+    Running = 4,
+    /// Evaluated every cycle; its `Cancel` says true.
+    Canceling = 5,
+    /// Over; see [`EndReason`].
+    Terminated = 6,
+}
+
+/// Why a command terminated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum EndReason {
+    /// Not terminated.
+    None = 0,
+    /// Its `Termination` said true.
+    Finished = 1,
+    /// Its `Termination` said true after CANCEL.
+    Canceled = 2,
+    /// ABORT.
+    Aborted = 3,
+    /// See [`FaultRecord`].
+    Fault = 4,
+}
+
+impl CommandState {
+    /// All states, in order of their numbers.
+    pub const ALL: [(CommandState, &'static str); 7] = [
+        (CommandState::None, "none"),
+        (CommandState::Loading, "loading"),
+        (CommandState::Rejected, "rejected"),
+        (CommandState::Ready, "ready"),
+        (CommandState::Running, "running"),
+        (CommandState::Canceling, "canceling"),
+        (CommandState::Terminated, "terminated"),
+    ];
+
+    /// From a number that came from another process.
+    pub fn from_number(number: u32) -> CommandState {
+        Self::ALL
+            .get(number as usize)
+            .map_or(CommandState::None, |row| row.0)
+    }
+
+    /// As printed.
+    pub fn name(self) -> &'static str {
+        Self::ALL.get(self as usize).map_or("none", |row| row.1)
+    }
+
+    /// Running or canceling.
+    pub fn is_active(self) -> bool {
+        matches!(self, CommandState::Running | CommandState::Canceling)
+    }
+}
+
+impl EndReason {
+    /// All reasons, in order of their numbers.
+    pub const ALL: [(EndReason, &'static str); 5] = [
+        (EndReason::None, "none"),
+        (EndReason::Finished, "finished"),
+        (EndReason::Canceled, "canceled"),
+        (EndReason::Aborted, "aborted"),
+        (EndReason::Fault, "fault"),
+    ];
+
+    /// From a number that came from another process.
+    pub fn from_number(number: u32) -> EndReason {
+        Self::ALL
+            .get(number as usize)
+            .map_or(EndReason::None, |row| row.0)
+    }
+
+    /// As printed.
+    pub fn name(self) -> &'static str {
+        Self::ALL.get(self as usize).map_or("none", |row| row.1)
+    }
+}
+
+/// Why a net was ended by the executor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum FaultCode {
+    /// No fault.
+    None = 0,
+    /// A device that the net commands is lost or cannot be commanded.
+    DeviceLost = 1,
+    /// A set-point did not continue from the hold set-point.
+    Jump = 2,
+    /// A set-point was not finite or outside the limits.
+    Limit = 3,
+    /// A primitive panicked.
+    Panic = 4,
+    /// A motion could not be computed.
+    Motion = 5,
+    /// Too many late cycles in a row.
+    Overrun = 6,
+}
+
+impl FaultCode {
+    /// All codes, in order of their numbers, with their names.
+    pub const ALL: [(FaultCode, &'static str); 7] = [
+        (FaultCode::None, "none"),
+        (FaultCode::DeviceLost, "device lost"),
+        (FaultCode::Jump, "jump"),
+        (FaultCode::Limit, "limit"),
+        (FaultCode::Panic, "panic"),
+        (FaultCode::Motion, "motion"),
+        (FaultCode::Overrun, "overrun"),
+    ];
+
+    /// From a number that came from another process.
+    pub fn from_number(number: u32) -> FaultCode {
+        Self::ALL
+            .get(number as usize)
+            .map_or(FaultCode::None, |row| row.0)
+    }
+
+    /// As printed.
+    pub fn name(self) -> &'static str {
+        Self::ALL.get(self as usize).map_or("none", |row| row.1)
+    }
+}
+
+/// A fault with its numbers.
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+#[repr(C)]
+pub struct FaultRecord {
+    /// [`FaultCode`].
+    pub code: u32,
+    /// Device index, `u32::MAX` = none.
+    pub device: u32,
+    /// Joint, counted from 1; 0 = none.
+    pub joint: u32,
+    /// [`crate::guard::ViolationKind`] as a number, 0 = none.
+    pub violation: u32,
+    /// What was asked for, SI.
+    pub value: f64,
+    /// What is allowed (a limit) or expected (the hold set-point), SI.
+    pub limit: f64,
+    /// Executor cycle.
+    pub cycle: u64,
+}
+
+impl FaultRecord {
+    /// No fault.
+    pub const NONE: FaultRecord = FaultRecord {
+        code: 0,
+        device: u32::MAX,
+        joint: 0,
+        violation: 0,
+        value: 0.0,
+        limit: 0.0,
+        cycle: 0,
+    };
+}
+
+/// One row of the command table.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct CommandEntry {
+    /// Id, 0 = free row.
+    pub id: u64,
+    /// [`CommandState`].
+    pub state: u32,
+    /// [`EndReason`].
+    pub reason: u32,
+    /// Fault, if any.
+    pub fault: FaultRecord,
+    /// Cycles evaluated since START.
+    pub cycles: u64,
+    /// Executor cycle of the first evaluation.
+    pub started_cycle: u64,
+    /// Executor cycle of the last evaluation.
+    pub ended_cycle: u64,
+    /// Time of the last evaluation, ns.
+    pub exec_last_ns: u64,
+    /// Longest evaluation, ns.
+    pub exec_max_ns: u64,
+    /// 1 = it has a `Cancel` primitive.
+    pub can_cancel: u64,
+}
+
+/// One row of the device table.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct DeviceEntry {
+    /// [`DeviceState`] as the executor sees it: `Offline` when the board is stale.
+    pub state: u32,
+    /// 1 = a driver's board is attached.
+    pub attached: u32,
+    /// Incarnation of the driver.
+    pub incarnation: u64,
+    /// Id of the command that holds the arm, 0 = none.
+    pub holder: u64,
+    /// Sequence of the newest measurement.
+    pub sequence: u64,
+    /// Its stamp.
+    pub stamp_ns: u64,
+    /// Quality of the connection in thousandths.
+    pub quality_permille: u32,
+    /// The driver's reason number.
+    pub reason: u32,
+    /// Times that the board became stale.
+    pub losses: u64,
+}
+
+/// Executor → everybody: the cycle's counters, written every cycle.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct CycleStatus {
+    /// [`MAGIC`].
+    pub magic: u64,
+    /// Incarnation of the executor.
+    pub incarnation: u64,
+    /// Number of this cycle, from 1, without gaps.
+    pub cycle: u64,
+    /// CLOCK_MONOTONIC at which the cycle woke.
+    pub stamp_ns: u64,
+    /// Base period.
+    pub period_ns: u64,
+    /// Cycles that woke or ended after the next deadline.
+    pub late: u64,
+    /// First late cycle since the start, 0 = none (latched).
+    pub first_late_cycle: u64,
+    /// Last late cycle, 0 = none (latched).
+    pub last_late_cycle: u64,
+    /// Worst wake-up after the deadline.
+    pub worst_wake_ns: u64,
+    /// Time the last cycle computed.
+    pub exec_last_ns: u64,
+    /// Longest a cycle computed.
+    pub exec_max_ns: u64,
+    /// Periods that were skipped because of late cycles.
+    pub skipped_periods: u64,
+    /// Records that did not fit the ring to the pump.
+    pub dropped_records: u64,
+    /// Commands running now.
+    pub running: u32,
+    /// Bit 0 SCHED_FIFO, bit 1 memory locked, bit 2 pinned to a core.
+    pub grants: u32,
+}
+
+/// Executor → everybody: the command and device tables, written when they change and every 16 cycles.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Tables {
+    /// [`MAGIC`].
+    pub magic: u64,
+    /// Cycle at which they were written.
+    pub cycle: u64,
+    /// Commands; rows with id 0 are free.
+    pub commands: [CommandEntry; COMMANDS_MAX],
+    /// Devices, in the order of the cell's configuration.
+    pub devices: [DeviceEntry; DEVICES_MAX],
+}
+
+/// One monitored value, from the executor's pump to the monitors.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct MonitorRecord {
+    /// Counts all records of this executor, without gaps: a gap means loss.
+    pub sequence: u64,
+    /// Executor cycle.
+    pub cycle: u64,
+    /// CLOCK_MONOTONIC of that cycle.
+    pub stamp_ns: u64,
+    /// Command id.
+    pub command: u64,
+    /// Index of the monitor in the plan.
+    pub monitor: u32,
+    /// Elements used in `values`.
+    pub width: u32,
+    /// Values: reals as they are; Bool 0, 1, NaN = null; Int as its bits.
+    pub values: [f64; MONITOR_WIDTH_MAX],
+}

@@ -1,0 +1,473 @@
+//! A plan: a net lowered to numbers. Checked by the loader before sending and by the executor
+//! before accepting; the cycle relies on nothing else.
+
+use crate::frame::DeviceModel;
+use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
+use crate::primitive::{ChannelKind, Operand, Role, Width};
+use crate::primitives;
+use crate::types::Store;
+
+/// Most slots in one arena of a net.
+pub const SLOTS_MAX: usize = 1 << 20;
+/// Most operands of a net.
+pub const OPERANDS_MAX: usize = 1 << 20;
+/// Most path clocks of a net.
+pub const CLOCKS_MAX: u32 = 64;
+/// Most monitors of a net.
+pub const MONITORS_MAX: usize = 256;
+
+/// Consecutive primitives that share one kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Number of the kernel, see [`primitives::kernel`].
+    pub kernel: u16,
+    /// First operand.
+    pub first: u32,
+    /// Number of operands, a whole number of groups.
+    pub operands: u32,
+}
+
+/// A delayed link: after the cycle `from` is copied to `to`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delay {
+    /// Which arena.
+    pub store: Store,
+    /// Slot of the source.
+    pub from: u32,
+    /// Slot that the sink reads.
+    pub to: u32,
+    /// Elements.
+    pub width: u32,
+}
+
+/// A value that is copied out after the cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MonitorPoint {
+    /// Which arena.
+    pub store: Store,
+    /// First slot.
+    pub slot: u32,
+    /// Elements.
+    pub width: u32,
+    /// Every how many cycles, at least 1.
+    pub every: u32,
+}
+
+/// A net lowered to numbers; borrows its arrays from whoever stores them.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan<'a> {
+    /// Fingerprint of the catalogue that the kernels' numbers refer to.
+    pub catalogue: u64,
+    /// Fingerprint of the device table that the devices' numbers refer to.
+    pub configuration: u64,
+    /// Initial arena of `Real`: constants, states, and null elsewhere.
+    pub reals: &'a [f64],
+    /// Initial arena of `Bool`.
+    pub bools: &'a [u8],
+    /// Initial arena of `Int`.
+    pub ints: &'a [i64],
+    /// What to run, in order.
+    pub runs: &'a [Run],
+    /// Operands of all runs.
+    pub operands: &'a [u32],
+    /// Delayed links.
+    pub delays: &'a [Delay],
+    /// Monitors.
+    pub monitors: &'a [MonitorPoint],
+    /// Number of path clocks.
+    pub clocks: u32,
+    /// The net goes on with null when a device that it commands is lost.
+    pub survives_device_loss: bool,
+}
+
+/// What a net claims for itself alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Resources {
+    /// Bit d: the arm of device d.
+    pub arms: u64,
+    /// By device, bit c: digital output c.
+    pub digital: [u64; DEVICES_MAX],
+    /// By device, bit c: analog output c.
+    pub analog: [u64; DEVICES_MAX],
+}
+
+/// One unique resource.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resource {
+    /// The joints of a device.
+    Arm {
+        /// Device index.
+        device: u32,
+    },
+    /// A digital output.
+    Digital {
+        /// Device index.
+        device: u32,
+        /// Channel index.
+        channel: u32,
+    },
+    /// An analog output.
+    Analog {
+        /// Device index.
+        device: u32,
+        /// Channel index.
+        channel: u32,
+    },
+}
+
+impl Resources {
+    /// Claims nothing.
+    pub const NONE: Resources = Resources {
+        arms: 0,
+        digital: [0; DEVICES_MAX],
+        analog: [0; DEVICES_MAX],
+    };
+
+    /// The first resource that both claim.
+    pub fn common(&self, other: &Resources) -> Option<Resource> {
+        let arms = self.arms & other.arms;
+        if arms != 0 {
+            return Some(Resource::Arm {
+                device: arms.trailing_zeros(),
+            });
+        }
+        let both = |mine: &[u64; DEVICES_MAX], theirs: &[u64; DEVICES_MAX]| {
+            let pairs = mine.iter().zip(theirs).map(|(a, b)| a & b);
+            pairs
+                .zip(0u32..)
+                .find(|(bits, _)| *bits != 0)
+                .map(|(bits, device)| (device, bits.trailing_zeros()))
+        };
+        if let Some((device, channel)) = both(&self.digital, &other.digital) {
+            return Some(Resource::Digital { device, channel });
+        }
+        both(&self.analog, &other.analog)
+            .map(|(device, channel)| Resource::Analog { device, channel })
+    }
+
+    /// True if any resource of the device is claimed.
+    pub fn uses(&self, device: usize) -> bool {
+        let channels =
+            |table: &[u64; DEVICES_MAX]| table.get(device).is_some_and(|bits| *bits != 0);
+        self.arms >> device & 1 == 1 || channels(&self.digital) || channels(&self.analog)
+    }
+
+    /// Claims a resource; `false` if it was claimed already.
+    fn claim(&mut self, resource: Resource) -> bool {
+        let (bits, bit) = match resource {
+            Resource::Arm { device } => (Some(&mut self.arms), device),
+            Resource::Digital { device, channel } => {
+                (self.digital.get_mut(device as usize), channel)
+            }
+            Resource::Analog { device, channel } => (self.analog.get_mut(device as usize), channel),
+        };
+        match bits {
+            Some(bits) if *bits >> bit & 1 == 0 => {
+                *bits |= 1 << bit;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+/// What a checked plan is known to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Checked {
+    /// What it claims.
+    pub resources: Resources,
+    /// It has a `Cancel` primitive.
+    pub can_cancel: bool,
+    /// Number of primitives with a kernel.
+    pub primitives: u32,
+}
+
+/// Why a plan is refused. Numbers index into the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanError {
+    /// Made for another catalogue: loader and executor are of different builds.
+    OtherCatalogue,
+    /// Made for another configuration of devices.
+    OtherConfiguration,
+    /// An array is larger than allowed.
+    TooLarge,
+    /// There is no kernel of this number.
+    UnknownKernel {
+        /// Index of the run.
+        run: u32,
+    },
+    /// The operands of a run are outside the operand array or not a whole number of groups.
+    BadRun {
+        /// Index of the run.
+        run: u32,
+    },
+    /// An operand points outside its arena or names what does not exist.
+    BadOperand {
+        /// Index of the operand.
+        operand: u32,
+    },
+    /// Two primitives command the same resource.
+    ClaimedTwice {
+        /// The resource.
+        resource: Resource,
+    },
+    /// Not exactly one `Termination`.
+    Terminations {
+        /// How many there are.
+        count: u32,
+    },
+    /// A delayed link points outside its arena.
+    BadDelay {
+        /// Index of the delay.
+        delay: u32,
+    },
+    /// A monitor points outside its arena, is too wide or never due.
+    BadMonitor {
+        /// Index of the monitor.
+        monitor: u32,
+    },
+    /// A path clock is used twice or not at all.
+    Clocks,
+    /// An initial `Bool` is none of 0, 1, 2.
+    BadBool {
+        /// Index of the slot.
+        slot: u32,
+    },
+}
+
+impl<'a> Plan<'a> {
+    /// Proves that running this plan touches nothing outside its arena and no device or channel that
+    /// does not exist.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn check(&self, models: &[DeviceModel], configuration: u64) -> Result<Checked, PlanError> {
+        if self.catalogue != primitives::fingerprint() {
+            return Err(PlanError::OtherCatalogue);
+        }
+        if self.configuration != configuration {
+            return Err(PlanError::OtherConfiguration);
+        }
+        let arenas = [self.reals.len(), self.bools.len(), self.ints.len()];
+        if arenas.iter().any(|len| *len > SLOTS_MAX)
+            || self.operands.len() > OPERANDS_MAX
+            || self.monitors.len() > MONITORS_MAX
+            || self.clocks > CLOCKS_MAX
+            || models.len() > DEVICES_MAX
+        {
+            return Err(PlanError::TooLarge);
+        }
+        if let Some(slot) = self.bools.iter().position(|value| *value > 2) {
+            return Err(PlanError::BadBool { slot: slot as u32 });
+        }
+        self.check_copies()?;
+        self.check_runs(models)
+    }
+
+    fn check_copies(&self) -> Result<(), PlanError> {
+        for (delay, index) in self.delays.iter().zip(0u32..) {
+            if !self.contains(delay.store, delay.from, delay.width)
+                || !self.contains(delay.store, delay.to, delay.width)
+            {
+                return Err(PlanError::BadDelay { delay: index });
+            }
+        }
+        for (monitor, index) in self.monitors.iter().zip(0u32..) {
+            let fits = self.contains(monitor.store, monitor.slot, monitor.width);
+            if !fits || monitor.width as usize > MONITOR_WIDTH_MAX || monitor.every == 0 {
+                return Err(PlanError::BadMonitor { monitor: index });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_runs(&self, models: &[DeviceModel]) -> Result<Checked, PlanError> {
+        let mut seen = Seen {
+            resources: Resources::NONE,
+            clocks: 0,
+            terminations: 0,
+            cancels: 0,
+            primitives: 0,
+        };
+        for (run, index) in self.runs.iter().zip(0u32..) {
+            let (entry, kernel) =
+                primitives::kernel(run.kernel).ok_or(PlanError::UnknownKernel { run: index })?;
+            let group = entry.spec.operands(kernel.store).count();
+            let operands = self
+                .operands_of(run)
+                .ok_or(PlanError::BadRun { run: index })?;
+            if group == 0 || operands.is_empty() || operands.len() % group != 0 {
+                return Err(PlanError::BadRun { run: index });
+            }
+            for (group, number) in operands.chunks_exact(group).zip(0u32..) {
+                let first = run.first + number * group.len() as u32;
+                seen.primitives += 1;
+                self.check_group(entry, kernel.store, group, first, models, &mut seen)?;
+            }
+        }
+        if seen.terminations != 1 {
+            return Err(PlanError::Terminations {
+                count: seen.terminations,
+            });
+        }
+        if seen.clocks.count_ones() != self.clocks {
+            return Err(PlanError::Clocks);
+        }
+        Ok(Checked {
+            resources: seen.resources,
+            can_cancel: seen.cancels > 0,
+            primitives: seen.primitives,
+        })
+    }
+
+    fn check_group(
+        &self,
+        entry: &primitives::Entry,
+        store: Option<Store>,
+        group: &[u32],
+        first: u32,
+        models: &[DeviceModel],
+        seen: &mut Seen,
+    ) -> Result<(), PlanError> {
+        let width = group.last().copied().unwrap_or(0);
+        let mut device = None;
+        for ((operand, &value), index) in entry.spec.operands(store).zip(group).zip(first..) {
+            let bad = PlanError::BadOperand { operand: index };
+            let good = match operand {
+                Operand::Slot {
+                    store,
+                    width: Width::Fixed(width),
+                    ..
+                } => self.contains(store, value, width),
+                Operand::Slot {
+                    store,
+                    width: Width::Operand,
+                    ..
+                } => self.contains(store, value, width),
+                Operand::Arm => {
+                    device = models.get(value as usize).map(|model| (value, model));
+                    device.is_some_and(|(_, model)| model.arm.is_some())
+                }
+                Operand::Device => {
+                    device = models.get(value as usize).map(|model| (value, model));
+                    device.is_some()
+                }
+                Operand::Channel(kind) => {
+                    let (device, model) = device.ok_or(bad)?;
+                    seen.claim_channel(entry.spec.role, kind, device, value)?;
+                    model
+                        .channels
+                        .get(kind as usize)
+                        .is_some_and(|count| value < *count)
+                        && value < channel_max(kind)
+                }
+                Operand::Clock => value < self.clocks && seen.take_clock(value),
+                Operand::Width => true,
+            };
+            if !good {
+                return Err(bad);
+            }
+        }
+        seen.account(
+            entry.spec.role,
+            device,
+            width,
+            entry.spec.is_polymorphic(),
+            first,
+        )
+    }
+
+    /// The operands of a run.
+    pub fn operands_of(&self, run: &Run) -> Option<&'a [u32]> {
+        self.operands
+            .get(run.first as usize..)?
+            .get(..run.operands as usize)
+    }
+
+    fn contains(&self, store: Store, slot: u32, width: u32) -> bool {
+        let len = match store {
+            Store::Real => self.reals.len(),
+            Store::Bool => self.bools.len(),
+            Store::Int => self.ints.len(),
+        };
+        width > 0 && u64::from(slot) + u64::from(width) <= len as u64
+    }
+}
+
+fn channel_max(kind: ChannelKind) -> u32 {
+    match kind {
+        ChannelKind::DigitalInput | ChannelKind::DigitalOutput => DIGITAL_MAX as u32,
+        ChannelKind::AnalogInput | ChannelKind::AnalogOutput => ANALOG_MAX as u32,
+    }
+}
+
+/// What the check has met so far.
+struct Seen {
+    resources: Resources,
+    clocks: u64,
+    terminations: u32,
+    cancels: u32,
+    primitives: u32,
+}
+
+impl Seen {
+    fn take_clock(&mut self, clock: u32) -> bool {
+        let bit = 1u64.checked_shl(clock).unwrap_or(0);
+        let free = bit != 0 && self.clocks & bit == 0;
+        self.clocks |= bit;
+        free
+    }
+
+    fn claim(&mut self, resource: Resource) -> Result<(), PlanError> {
+        if self.resources.claim(resource) {
+            Ok(())
+        } else {
+            Err(PlanError::ClaimedTwice { resource })
+        }
+    }
+
+    fn claim_channel(
+        &mut self,
+        role: Role,
+        kind: ChannelKind,
+        device: u32,
+        channel: u32,
+    ) -> Result<(), PlanError> {
+        match (role, kind) {
+            _ if channel >= channel_max(kind) => Ok(()),
+            (Role::CommandsChannel, ChannelKind::DigitalOutput) => {
+                self.claim(Resource::Digital { device, channel })
+            }
+            (Role::CommandsChannel, ChannelKind::AnalogOutput) => {
+                self.claim(Resource::Analog { device, channel })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn account(
+        &mut self,
+        role: Role,
+        device: Option<(u32, &DeviceModel)>,
+        width: u32,
+        polymorphic: bool,
+        first: u32,
+    ) -> Result<(), PlanError> {
+        // Joint ports are as wide as the device has joints; nothing else ties width and device.
+        let joints = device.map_or(width, |(_, model)| model.joints);
+        if polymorphic && device.is_some() && (joints != width || width as usize > JOINTS_MAX) {
+            return Err(PlanError::BadOperand { operand: first });
+        }
+        match role {
+            Role::Termination => self.terminations += 1,
+            Role::Cancel => self.cancels += 1,
+            Role::CommandsArm => {
+                if let Some((device, _)) = device {
+                    self.claim(Resource::Arm { device })?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}

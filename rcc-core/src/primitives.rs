@@ -1,0 +1,217 @@
+//! The catalogue: one `mod` line and one row a primitive, sorted by name.
+
+pub use crate::primitive::Entry;
+use crate::primitive::Kernel;
+
+mod abs;
+mod add;
+mod analog_input;
+mod analog_output;
+mod and;
+mod cancel;
+mod constant;
+mod digital_input;
+mod digital_output;
+mod divide;
+mod equals;
+mod force_torque;
+mod forward_kinematics;
+mod greater;
+mod inverse_kinematics;
+mod is_null;
+mod joint_position_command;
+mod joint_state;
+mod less;
+mod linear_motion;
+mod max;
+mod min;
+mod monitor;
+mod multiply;
+mod negate;
+mod not;
+mod or;
+mod or_else;
+mod pose_compose;
+mod pose_invert;
+mod rate_limit;
+mod rising_edge;
+mod select;
+mod subtract;
+mod termination;
+mod time;
+
+/// Every primitive, sorted by name.
+pub const CATALOGUE: &[&Entry] = &[
+    &abs::ENTRY,
+    &add::ENTRY,
+    &analog_input::ENTRY,
+    &analog_output::ENTRY,
+    &and::ENTRY,
+    &cancel::ENTRY,
+    &constant::ENTRY,
+    &digital_input::ENTRY,
+    &digital_output::ENTRY,
+    &divide::ENTRY,
+    &equals::ENTRY,
+    &force_torque::ENTRY,
+    &forward_kinematics::ENTRY,
+    &greater::ENTRY,
+    &inverse_kinematics::ENTRY,
+    &is_null::ENTRY,
+    &joint_position_command::ENTRY,
+    &joint_state::ENTRY,
+    &less::ENTRY,
+    &linear_motion::ENTRY,
+    &max::ENTRY,
+    &min::ENTRY,
+    &monitor::ENTRY,
+    &multiply::ENTRY,
+    &negate::ENTRY,
+    &not::ENTRY,
+    &or::ENTRY,
+    &or_else::ENTRY,
+    &pose_compose::ENTRY,
+    &pose_invert::ENTRY,
+    &rate_limit::ENTRY,
+    &rising_edge::ENTRY,
+    &select::ENTRY,
+    &subtract::ENTRY,
+    &termination::ENTRY,
+    &time::ENTRY,
+];
+
+/// Most kernels of one primitive.
+pub const KERNELS_MAX: usize = 4;
+
+/// Finds a primitive by name.
+pub fn find(name: &str) -> Option<(usize, &'static Entry)> {
+    CATALOGUE
+        .iter()
+        .enumerate()
+        .find(|(_, entry)| entry.spec.name == name)
+        .map(|(index, entry)| (index, *entry))
+}
+
+/// The number of kernel `kernel` of row `entry` in plans.
+pub const fn kernel_number(entry: usize, kernel: usize) -> u16 {
+    (entry * KERNELS_MAX + kernel) as u16
+}
+
+/// The kernel with this number.
+#[inline]
+pub fn kernel(number: u16) -> Option<(&'static Entry, &'static Kernel)> {
+    let number = usize::from(number);
+    let entry = CATALOGUE.get(number / KERNELS_MAX)?;
+    Some((entry, entry.kernels.get(number % KERNELS_MAX)?))
+}
+
+/// A hash of names, ports and parameters: two builds with equal fingerprints mean the same by the
+/// same kernel numbers. FNV-1a, 64 bits.
+pub fn fingerprint() -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325;
+    let mut eat = |text: &str| {
+        for byte in text.bytes().chain([0]) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    };
+    for entry in CATALOGUE {
+        eat(entry.spec.name);
+        for port in entry.spec.inputs.iter().chain(entry.spec.outputs) {
+            eat(port.name);
+        }
+        for parameter in entry.spec.parameters {
+            eat(parameter.name);
+        }
+    }
+    hash
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::primitive::{ParameterKind, PortType, Role};
+
+    #[test]
+    fn the_catalogue_is_sorted_and_free_of_duplicates() {
+        assert!(
+            CATALOGUE
+                .windows(2)
+                .all(|pair| pair[0].spec.name < pair[1].spec.name)
+        );
+    }
+
+    #[test]
+    fn every_primitive_is_documented() {
+        for entry in CATALOGUE {
+            let spec = &entry.spec;
+            assert!(
+                spec.summary.ends_with('.'),
+                "{}: the summary is a sentence",
+                spec.name
+            );
+            assert!(!spec.null.is_empty(), "{}", spec.name);
+            let ports = spec.inputs.iter().chain(spec.outputs);
+            assert!(
+                ports.clone().all(|port| !port.doc.is_empty()),
+                "{}",
+                spec.name
+            );
+            assert!(
+                spec.parameters
+                    .iter()
+                    .all(|parameter| !parameter.doc.is_empty()),
+                "{}",
+                spec.name
+            );
+        }
+    }
+
+    #[test]
+    fn names_are_unique_within_a_primitive() {
+        for entry in CATALOGUE {
+            let inputs = entry.spec.inputs.iter().map(|port| port.name);
+            let names: std::vec::Vec<_> = inputs
+                .chain(entry.spec.parameters.iter().map(|p| p.name))
+                .collect();
+            let mut unique = names.clone();
+            unique.sort_unstable();
+            unique.dedup();
+            assert_eq!(unique.len(), names.len(), "{}", entry.spec.name);
+        }
+    }
+
+    #[test]
+    fn kernels_fit_the_role_and_the_ports() {
+        for entry in CATALOGUE {
+            let spec = &entry.spec;
+            let without = matches!(spec.role, Role::Monitor | Role::Constant);
+            assert_eq!(entry.kernels.is_empty(), without, "{}", spec.name);
+            assert!(entry.kernels.len() <= KERNELS_MAX, "{}", spec.name);
+            let any = spec
+                .inputs
+                .iter()
+                .chain(spec.outputs)
+                .any(|p| matches!(p.ty, PortType::Any | PortType::Scalar));
+            if any && !without {
+                assert!(
+                    entry.kernels.iter().all(|kernel| kernel.store.is_some()),
+                    "{}",
+                    spec.name
+                );
+            }
+            let device = spec
+                .parameters
+                .iter()
+                .position(|p| matches!(p.kind, ParameterKind::Arm | ParameterKind::Device));
+            let channel = spec
+                .parameters
+                .iter()
+                .position(|p| matches!(p.kind, ParameterKind::Channel(_)));
+            assert!(
+                channel.is_none() || device < channel,
+                "{}: the device comes before the channel",
+                spec.name
+            );
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! `AnalogInput`: a named analog input of a device, latched at the beginning of the cycle.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each,
+};
+use crate::types::NULL_REAL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "AnalogInput",
+        summary: "The value of an analog input.",
+        null: "null while the device is lost or does not know the channel",
+        outputs: &[Port::real(
+            "out",
+            UnitRule::Channel,
+            "value of the channel in the unit of the configuration",
+        )],
+        parameters: &[
+            Parameter::device(),
+            Parameter::new(
+                "channel",
+                ParameterKind::Channel(ChannelKind::AnalogInput),
+                "name of an analog input",
+            ),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [out, device, channel]: [u32; 3]) {
+    let value = frame
+        .measured(device)
+        .and_then(|m| m.analog.get(channel as usize))
+        .copied();
+    frame.set_real(out, value.unwrap_or(NULL_REAL));
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn gives_the_value_of_its_channel() {
+        let mut bench = Bench::new("AnalogInput");
+        bench.device.measurement.analog[1] = 4.5;
+        assert_eq!(bench.set_index("channel", 1).step().real("out"), 4.5);
+        bench.device.measurement.analog[1] = f64::NAN;
+        assert!(bench.step().real("out").is_nan());
+        bench.device.measurement.analog[1] = 4.5;
+        bench.device.present = false;
+        assert!(bench.step().real("out").is_nan());
+    }
+}

@@ -1,0 +1,60 @@
+//! `AnalogOutput`: commands a named analog output of a device; a unique resource.
+//!
+//! Null sends no command, and the driver does what the channel's `on_release` says. The driver
+//! refuses values outside the channel's range and says so; it does not clamp.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Role, Spec, UnitRule, each,
+};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "AnalogOutput",
+        summary: "Commands an analog output, which belongs to this net alone.",
+        null: "a null input sends no command: the channel is released as its `on_release` says",
+        inputs: &[Port::real(
+            "in",
+            UnitRule::Channel,
+            "value to write, in the unit of the configuration",
+        )],
+        parameters: &[
+            Parameter::device(),
+            Parameter::new(
+                "channel",
+                ParameterKind::Channel(ChannelKind::AnalogOutput),
+                "name of an analog output",
+            ),
+        ],
+        role: Role::CommandsChannel,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, device, channel]: [u32; 3]) {
+    let value = frame.real(input);
+    if let Some(place) = frame
+        .output(device)
+        .and_then(|output| output.analog.get_mut(channel as usize))
+    {
+        *place = value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn commands_its_channel_and_nothing_on_null() {
+        let mut bench = Bench::new("AnalogOutput");
+        bench.set_index("channel", 1).set_real("in", 3.5).step();
+        assert_eq!(bench.output.analog[1], 3.5);
+        assert!(bench.output.analog[0].is_nan());
+        bench.set_real("in", f64::NAN).step();
+        assert!(bench.output.analog[1].is_nan());
+    }
+}

@@ -1,0 +1,44 @@
+//! `And`: both are true; null if either is null (strict, as every primitive unless it says otherwise).
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, each};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "And",
+        summary: "True while both are true.",
+        inputs: &[
+            Port::bool("a", "first operand"),
+            Port::bool("b", "second operand"),
+        ],
+        outputs: &[Port::bool("out", "a and b")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
+    let (a, b) = (frame.bool(a), frame.bool(b));
+    frame.set_bool(
+        out,
+        if (a | b) & NULL_BOOL != 0 {
+            NULL_BOOL
+        } else {
+            a & b
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check_truth_table;
+
+    #[test]
+    fn truth_table() {
+        let (no, yes, null) = (Some(false), Some(true), None);
+        check_truth_table("And", [[no, no, null], [no, yes, null], [null, null, null]]);
+    }
+}

@@ -1,0 +1,37 @@
+//! `Cancel`: tells the net that CANCEL was requested. A net without it can only be aborted
+//! (paper, section IV-C).
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Role, Spec, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Cancel",
+        summary: "True from the cycle after CANCEL was requested.",
+        null: "never null",
+        outputs: &[Port::bool("requested", "CANCEL was requested")],
+        role: Role::Cancel,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [requested]: [u32; 1]) {
+    let value = u8::from(frame.cancel_requested);
+    frame.set_bool(requested, value);
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn says_what_was_requested() {
+        let mut bench = Bench::new("Cancel");
+        assert_eq!(bench.step().bool("requested"), Some(false));
+        bench.cancel_requested = true;
+        assert_eq!(bench.step().bool("requested"), Some(true));
+    }
+}

@@ -1,0 +1,26 @@
+//! `Constant`: a value with a name. A number written at an input is the same without one.
+
+use crate::primitive::{Entry, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Constant",
+        summary: "A value that never changes.",
+        null: "never null, unless its value is null",
+        outputs: &[Port::new(
+            "out",
+            PortType::Any,
+            UnitRule::Var(0),
+            "the value",
+        )],
+        parameters: &[Parameter::new(
+            "value",
+            ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
+            "a number, truth value, list or pose",
+        )],
+        role: Role::Constant,
+        ..Spec::PLAIN
+    },
+    &[],
+);

@@ -1,0 +1,66 @@
+//! `DigitalOutput`: commands a named digital output of a device; a unique resource.
+//!
+//! Null sends no command, and the driver does what the channel's `on_release` says.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Role, Spec, each,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "DigitalOutput",
+        summary: "Commands a digital output, which belongs to this net alone.",
+        null: "a null input sends no command: the channel is released as its `on_release` says",
+        inputs: &[Port::bool("in", "value to write")],
+        parameters: &[
+            Parameter::device(),
+            Parameter::new(
+                "channel",
+                ParameterKind::Channel(ChannelKind::DigitalOutput),
+                "name of a digital output",
+            ),
+        ],
+        role: Role::CommandsChannel,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, device, channel]: [u32; 3]) {
+    let value = frame.bool(input);
+    let bit = 1 << (channel & 63);
+    if let (Some(output), true) = (frame.output(device), value & NULL_BOOL == 0) {
+        output.digital_commanded |= bit;
+        output.digital = if value == 1 {
+            output.digital | bit
+        } else {
+            output.digital & !bit
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn commands_its_bit_and_nothing_on_null() {
+        let mut bench = Bench::new("DigitalOutput");
+        bench.set_index("channel", 2);
+        for (input, commanded, value) in [
+            (Some(true), 0b100, 0b100),
+            (Some(false), 0b100, 0),
+            (None, 0, 0),
+        ] {
+            bench.set_bool("in", input).step();
+            assert_eq!(
+                (bench.output.digital_commanded, bench.output.digital),
+                (commanded, value)
+            );
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! `Divide`: out = a / b, rounded once; a division by zero has no meaningful result and yields null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Divide",
+        summary: "The quotient of two numbers; its unit is the quotient of theirs.",
+        inputs: &[
+            Port::real("a", UnitRule::Var(0), "first operand"),
+            Port::real("b", UnitRule::Var(1), "second operand"),
+        ],
+        outputs: &[Port::real("out", UnitRule::Quotient(0, 1), "result")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
+    let (a, b) = (frame.real(a), frame.real(b));
+    frame.set_real(out, if b == 0.0 { f64::NAN } else { a / b });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check_binary;
+
+    #[test]
+    fn worked_values_and_null() {
+        check_binary(
+            "Divide",
+            &[
+                [6.0, 3.0, 2.0],
+                [1.0, 0.0, f64::NAN],
+                [0.0, 0.0, f64::NAN],
+                [1.0, -0.0, f64::NAN],
+            ],
+        );
+    }
+}

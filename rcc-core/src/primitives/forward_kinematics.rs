@@ -1,0 +1,62 @@
+//! `ForwardKinematics`: the pose of an arm's flange in its base, from joint positions.
+
+use crate::frame::Frame;
+use crate::pose::Pose;
+use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ForwardKinematics",
+        summary: "The flange pose that belongs to joint positions.",
+        inputs: &[Port::new(
+            "joints",
+            PortType::Joints,
+            UnitRule::Is(Unit::RADIAN),
+            "joint positions, A1 first",
+        )],
+        outputs: &[Port::typed("pose", Type::Pose, "flange in the arm's base")],
+        parameters: &[Parameter::arm()],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [joints, pose, device, width]: [u32; 4]) {
+    let flange = match (frame.arm(device), frame.joints(joints, width)) {
+        (Some(arm), Some([q1, q2, q3, q4, q5, q6, q7, _])) => {
+            arm.forward(&[q1, q2, q3, q4, q5, q6, q7])
+        }
+        _ => Pose::from_slots([NULL_REAL; 7]),
+    };
+    frame.set_pose(pose, flange);
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn the_upright_arm_is_as_high_as_its_lengths() {
+        let mut bench = Bench::new("ForwardKinematics");
+        let pose = bench.set_reals("joints", &[0.0; 7]).step().reals("pose", 7);
+        for (got, want) in pose.iter().zip([0.0, 0.0, 1.1785, 0.0, 0.0, 0.0, 1.0]) {
+            assert!((got - want).abs() < 1e-15, "{pose:?}");
+        }
+    }
+
+    #[test]
+    fn null_makes_every_element_null() {
+        let mut bench = Bench::new("ForwardKinematics");
+        bench.set_reals("joints", &[0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0]);
+        assert!(
+            bench
+                .step()
+                .reals("pose", 7)
+                .iter()
+                .all(|value| value.is_nan())
+        );
+    }
+}

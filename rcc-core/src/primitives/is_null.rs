@@ -1,0 +1,78 @@
+//! `IsNull`: whether a value of any type is null. Its output is never null.
+//!
+//! A composite is null if its last element is.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::{NULL_BOOL, NULL_INT, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "IsNull",
+        summary: "True while its input has no value.",
+        null: "a null input gives true; the output is never null",
+        inputs: &[Port::new(
+            "in",
+            PortType::Any,
+            UnitRule::Var(0),
+            "value to look at",
+        )],
+        outputs: &[Port::bool("out", "in is null")],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, step_real)
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool)
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, step_int)
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
+    let value = frame.real((input + width).saturating_sub(1));
+    frame.set_bool(out, u8::from(value.is_nan()));
+}
+
+#[inline(always)]
+fn step_bool(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
+    let value = frame.bool((input + width).saturating_sub(1));
+    frame.set_bool(out, u8::from(value & NULL_BOOL != 0));
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
+    let value = frame.int((input + width).saturating_sub(1));
+    frame.set_bool(out, u8::from(value == NULL_INT));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn tells_null_for_every_arena() {
+        let mut bench = Bench::wide("IsNull", Some(Store::Real), 7);
+        assert_eq!(bench.step().bool("out"), Some(true));
+        assert_eq!(
+            bench.set_reals("in", &[0.0; 7]).step().bool("out"),
+            Some(false)
+        );
+        let mut bench = Bench::wide("IsNull", Some(Store::Bool), 1);
+        assert_eq!(bench.set_bool("in", None).step().bool("out"), Some(true));
+        assert_eq!(
+            bench.set_bool("in", Some(false)).step().bool("out"),
+            Some(false)
+        );
+        let mut bench = Bench::wide("IsNull", Some(Store::Int), 1);
+        assert_eq!(bench.set_int("in", NULL_INT).step().bool("out"), Some(true));
+        assert_eq!(bench.set_int("in", 0).step().bool("out"), Some(false));
+    }
+}

@@ -1,0 +1,64 @@
+//! `JointPositionCommand`: the set-point of an arm's joints; a unique resource.
+//!
+//! The executor's guard and then the driver check each set-point. Null sends no command, and the
+//! driver brings the arm to rest; it never repeats the last one.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "JointPositionCommand",
+        summary: "Commands the joint positions of an arm, which belongs to this net alone.",
+        null: "a null element sends no command: the driver brings the arm to rest",
+        inputs: &[Port::new(
+            "position",
+            PortType::Joints,
+            UnitRule::Is(Unit::RADIAN),
+            "joint set-point, A1 first",
+        )],
+        parameters: &[Parameter::arm()],
+        role: Role::CommandsArm,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [position, device, width]: [u32; 3]) {
+    let command = frame.joints(position, width);
+    if let (Some(output), Some(position)) = (frame.output(device), command) {
+        output.has_position = true;
+        output.position = position;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn passes_a_whole_vector_on() {
+        let mut bench = Bench::new("JointPositionCommand");
+        bench
+            .set_reals("position", &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
+            .step();
+        assert!(bench.output.has_position);
+        assert_eq!(
+            bench.output.position,
+            [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.0]
+        );
+    }
+
+    #[test]
+    fn any_null_element_sends_no_command() {
+        for joint in 0..7 {
+            let mut bench = Bench::new("JointPositionCommand");
+            let mut position = [0.1; 7];
+            position[joint] = f64::NAN;
+            bench.set_reals("position", &position).step();
+            assert!(!bench.output.has_position);
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! `JointState`: what an arm measures, latched at the beginning of the cycle.
+
+use crate::frame::Frame;
+use crate::message::Joints;
+use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "JointState",
+        summary: "Joint positions and torques that an arm measures.",
+        null: "null while the device is lost",
+        outputs: &[
+            Port::new(
+                "position",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "measured joint positions, A1 first",
+            ),
+            Port::new(
+                "hold",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "set-point that the driver holds without a net",
+            )
+            .diagnostic(),
+            Port::new(
+                "torque",
+                PortType::Joints,
+                UnitRule::Is(Unit::NEWTON_METRE),
+                "measured joint torques",
+            )
+            .diagnostic(),
+            Port::new(
+                "external_torque",
+                PortType::Joints,
+                UnitRule::Is(Unit::NEWTON_METRE),
+                "joint torques that the robot's model does not explain",
+            )
+            .diagnostic(),
+        ],
+        parameters: &[Parameter::arm()],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [position, hold, torque, external, device, width]: [u32; 6]) {
+    let measured = frame
+        .measured(device)
+        .map(|m| [m.position, m.hold, m.torque, m.external_torque]);
+    let mut set = |slot: u32, pick: fn([Joints; 4]) -> Joints| {
+        frame.set_joints(slot, width, measured.map(pick).as_ref());
+    };
+    set(position, |[position, ..]| position);
+    set(hold, |[_, hold, ..]| hold);
+    set(torque, |[_, _, torque, _]| torque);
+    set(external, |[.., external]| external);
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn gives_what_was_latched_and_null_when_the_device_is_lost() {
+        let mut bench = Bench::new("JointState");
+        bench.device.measurement.position[6] = 0.7;
+        bench.device.measurement.hold[0] = 0.1;
+        assert_eq!(
+            bench.step().reals("position", 7),
+            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.7]
+        );
+        assert_eq!(bench.real("hold"), 0.1);
+        bench.device.present = false;
+        assert!(
+            bench
+                .step()
+                .reals("position", 7)
+                .iter()
+                .all(|value| value.is_nan())
+        );
+        assert!(
+            bench
+                .reals("external_torque", 7)
+                .iter()
+                .all(|value| value.is_nan())
+        );
+    }
+}

@@ -1,0 +1,42 @@
+//! `Max`: out = the larger of a and b; null if either is null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Max",
+        summary: "The larger of two numbers of the same unit.",
+        inputs: &[
+            Port::real("a", UnitRule::Var(0), "first operand"),
+            Port::real("b", UnitRule::Var(0), "second operand"),
+        ],
+        outputs: &[Port::real("out", UnitRule::Var(0), "result")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
+    let (a, b) = (frame.real(a), frame.real(b));
+    frame.set_real(out, if a.is_nan() || a > b { a } else { b });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check_binary;
+
+    #[test]
+    fn worked_values_and_null() {
+        check_binary(
+            "Max",
+            &[
+                [1.0, 2.0, 2.0],
+                [2.0, -1.0, 2.0],
+                [f64::INFINITY, 0.0, f64::INFINITY],
+            ],
+        );
+    }
+}

@@ -1,0 +1,36 @@
+//! `Negate`: out = -in.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Negate",
+        summary: "A number with its sign turned.",
+        inputs: &[Port::real("in", UnitRule::Var(0), "operand")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "result")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.real(input);
+    frame.set_real(out, -value);
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn worked_values_and_null() {
+        let mut bench = Bench::new("Negate");
+        for (input, out) in [(1.5, -1.5), (-2.0, 2.0), (f64::INFINITY, f64::NEG_INFINITY)] {
+            assert_eq!(bench.set_real("in", input).step().real("out"), out);
+        }
+        assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
+    }
+}

@@ -1,0 +1,47 @@
+//! `Not`: out = not in; null if it is null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, each};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Not",
+        summary: "True while its input is false.",
+        inputs: &[Port::bool("in", "operand")],
+        outputs: &[Port::bool("out", "not in")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.bool(input);
+    frame.set_bool(
+        out,
+        if value & NULL_BOOL != 0 {
+            NULL_BOOL
+        } else {
+            value ^ 1
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn truth_table() {
+        let mut bench = Bench::new("Not");
+        for (input, out) in [
+            (Some(false), Some(true)),
+            (Some(true), Some(false)),
+            (None, None),
+        ] {
+            assert_eq!(bench.set_bool("in", input).step().bool("out"), out);
+        }
+    }
+}

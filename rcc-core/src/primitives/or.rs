@@ -1,0 +1,47 @@
+//! `Or`: at least one is true; null if either is null (strict, as every primitive unless it says otherwise).
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, each};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Or",
+        summary: "True while at least one is true.",
+        inputs: &[
+            Port::bool("a", "first operand"),
+            Port::bool("b", "second operand"),
+        ],
+        outputs: &[Port::bool("out", "a or b")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
+    let (a, b) = (frame.bool(a), frame.bool(b));
+    frame.set_bool(
+        out,
+        if (a | b) & NULL_BOOL != 0 {
+            NULL_BOOL
+        } else {
+            a | b
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check_truth_table;
+
+    #[test]
+    fn truth_table() {
+        let (no, yes, null) = (Some(false), Some(true), None);
+        check_truth_table(
+            "Or",
+            [[no, yes, null], [yes, yes, null], [null, null, null]],
+        );
+    }
+}

@@ -1,0 +1,122 @@
+//! `OrElse`: a value, or another one while it is null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::{NULL_BOOL, NULL_INT, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "OrElse",
+        summary: "A value, or another one while the first is null.",
+        null: "a null `in` gives `other`; null only if both are null",
+        inputs: &[
+            Port::new(
+                "in",
+                PortType::Any,
+                UnitRule::Var(0),
+                "value while it is not null",
+            ),
+            Port::new("other", PortType::Any, UnitRule::Var(0), "value otherwise"),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Any,
+            UnitRule::Var(0),
+            "in, or other",
+        )],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, step_real)
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool)
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, step_int)
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
+    let null = frame.real((input + width).saturating_sub(1)).is_nan();
+    let source = if null { other } else { input };
+    for i in 0..width {
+        let value = frame.real(source + i);
+        frame.set_real(out + i, value);
+    }
+}
+
+#[inline(always)]
+fn step_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
+    let null = frame.bool((input + width).saturating_sub(1)) & NULL_BOOL != 0;
+    let source = if null { other } else { input };
+    for i in 0..width {
+        let value = frame.bool(source + i);
+        frame.set_bool(out + i, value);
+    }
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
+    let null = frame.int((input + width).saturating_sub(1)) == NULL_INT;
+    let source = if null { other } else { input };
+    for i in 0..width {
+        let value = frame.int(source + i);
+        frame.set_int(out + i, value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn replaces_null_and_nothing_else() {
+        let mut bench = Bench::wide("OrElse", Some(Store::Real), 1);
+        assert_eq!(
+            bench
+                .set_real("in", f64::NAN)
+                .set_real("other", 2.0)
+                .step()
+                .real("out"),
+            2.0
+        );
+        assert_eq!(bench.set_real("in", 1.0).step().real("out"), 1.0);
+        let mut bench = Bench::wide("OrElse", Some(Store::Bool), 1);
+        assert_eq!(
+            bench
+                .set_bool("in", None)
+                .set_bool("other", Some(true))
+                .step()
+                .bool("out"),
+            Some(true)
+        );
+        assert_eq!(
+            bench.set_bool("in", Some(false)).step().bool("out"),
+            Some(false)
+        );
+        let mut bench = Bench::wide("OrElse", Some(Store::Int), 1);
+        assert_eq!(
+            bench
+                .set_int("in", NULL_INT)
+                .set_int("other", 5)
+                .step()
+                .int("out"),
+            5
+        );
+    }
+
+    #[test]
+    fn a_null_composite_is_replaced_whole() {
+        let mut bench = Bench::wide("OrElse", Some(Store::Real), 3);
+        bench
+            .set_reals("in", &[1.0, 2.0, f64::NAN])
+            .set_reals("other", &[7.0, 8.0, 9.0]);
+        assert_eq!(bench.step().reals("out", 3), [7.0, 8.0, 9.0]);
+    }
+}

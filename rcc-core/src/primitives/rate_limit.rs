@@ -1,0 +1,97 @@
+//! `RateLimit`: follows a number no faster than a given rate.
+//!
+//! Each cycle `out += min(max(in - out, -rate·dt), rate·dt)`. The first known input is taken as it is,
+//! so that a net does not start with a ramp from nowhere.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Kernel, Parameter, ParameterKind, Port, PortType, Spec, State, UnitRule, each,
+};
+use crate::types::{NULL_REAL, Type};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RateLimit",
+        summary: "Follows a number no faster than a given rate.",
+        null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        inputs: &[Port::real("in", UnitRule::Var(0), "number to follow")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "followed number")],
+        parameters: &[Parameter::new(
+            "rate",
+            ParameterKind::Value(PortType::Is(Type::Real), UnitRule::PerSecond(0)),
+            "largest change per second",
+        )
+        .above(0.0)],
+        state: State {
+            reals: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, rate, last]: [u32; 4]) {
+    let (target, before) = (frame.real(input), frame.real(last));
+    let largest = frame.real(rate) * frame.dt_s;
+    let change = target - before;
+    let limited = if change > largest {
+        before + largest
+    } else if change < -largest {
+        before - largest
+    } else {
+        target
+    };
+    let known = if before.is_nan() { target } else { limited };
+    let null = target.is_nan();
+    frame.set_real(out, if null { NULL_REAL } else { known });
+    frame.set_real(last, if null { before } else { known });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn never_exceeds_the_rate() {
+        let mut bench = Bench::new("RateLimit");
+        bench.set_real("rate", 2.0);
+        let mut last = bench.set_real("in", 0.5).step().real("out");
+        assert_eq!(last, 0.5, "the first input is taken as it is");
+        for target in [
+            10.0,
+            10.0,
+            -10.0,
+            -10.0,
+            0.5,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+        ] {
+            let out = bench.set_real("in", target).step().real("out");
+            assert!(
+                (out - last).abs() <= 2e-3 * (1.0 + 1e-12),
+                "{last} to {out}"
+            );
+            last = out;
+        }
+    }
+
+    #[test]
+    fn arrives_exactly() {
+        let mut bench = Bench::new("RateLimit");
+        bench.set_real("rate", 1.0).set_real("in", 0.0).step();
+        bench.set_real("in", 0.0025);
+        let out: [f64; 4] = core::array::from_fn(|_| bench.step().real("out"));
+        assert_eq!(out, [0.001, 0.002, 0.0025, 0.0025]);
+    }
+
+    #[test]
+    fn null_is_passed_on_and_remembered_over() {
+        let mut bench = Bench::new("RateLimit");
+        bench.set_real("rate", 1.0).set_real("in", 1.0).step();
+        assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
+        assert_eq!(bench.set_real("in", 2.0).step().real("out"), 1.001);
+    }
+}

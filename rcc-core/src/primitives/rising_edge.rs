@@ -1,0 +1,64 @@
+//! `RisingEdge`: true in the cycle in which its input becomes true after it was false.
+//!
+//! The first cycle has no cycle before it and gives no edge. A null input gives null and is forgotten:
+//! the edge is judged against the last value that was known.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, State, each};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RisingEdge",
+        summary: "True in the one cycle in which its input becomes true.",
+        null: "a null input gives null; the last known value stays remembered",
+        inputs: &[Port::bool("in", "signal to watch")],
+        outputs: &[Port::bool("out", "true in the cycle of the change")],
+        state: State {
+            bools: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) {
+    let (now, before) = (frame.bool(input), frame.bool(last));
+    let null = now & NULL_BOOL != 0;
+    frame.set_bool(
+        out,
+        if null {
+            NULL_BOOL
+        } else {
+            u8::from(now == 1 && before == 0)
+        },
+    );
+    frame.set_bool(last, if null { before } else { now });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn only_the_change_counts() {
+        let mut bench = Bench::new("RisingEdge");
+        let (no, yes) = (Some(false), Some(true));
+        for (input, out) in [
+            (yes, no),
+            (no, no),
+            (yes, yes),
+            (yes, no),
+            (None, None),
+            (yes, no),
+            (no, no),
+            (None, None),
+            (yes, yes),
+        ] {
+            assert_eq!(bench.set_bool("in", input).step().bool("out"), out);
+        }
+    }
+}

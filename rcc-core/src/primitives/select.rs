@@ -1,0 +1,155 @@
+//! `Select`: one of two values of any type, by a condition.
+//!
+//! Only the condition and the chosen value matter for null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Select",
+        summary: "One of two values, by a condition.",
+        null: "a null condition gives null; of the values only the chosen one matters",
+        inputs: &[
+            Port::bool("condition", "which value"),
+            Port::new(
+                "yes",
+                PortType::Any,
+                UnitRule::Var(0),
+                "value while the condition is true",
+            ),
+            Port::new(
+                "no",
+                PortType::Any,
+                UnitRule::Var(0),
+                "value while the condition is false",
+            ),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Any,
+            UnitRule::Var(0),
+            "the chosen value",
+        )],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, step_real)
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool)
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, step_int)
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
+    let condition = frame.bool(condition);
+    let source = if condition == 1 { yes } else { no };
+    for i in 0..width {
+        let value = frame.real(source + i);
+        frame.set_real(
+            out + i,
+            if condition & NULL_BOOL != 0 {
+                NULL_REAL
+            } else {
+                value
+            },
+        );
+    }
+}
+
+#[inline(always)]
+fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
+    let condition = frame.bool(condition);
+    let source = if condition == 1 { yes } else { no };
+    for i in 0..width {
+        let value = frame.bool(source + i);
+        frame.set_bool(
+            out + i,
+            if condition & NULL_BOOL != 0 {
+                NULL_BOOL
+            } else {
+                value
+            },
+        );
+    }
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
+    let condition = frame.bool(condition);
+    let source = if condition == 1 { yes } else { no };
+    for i in 0..width {
+        let value = frame.int(source + i);
+        frame.set_int(
+            out + i,
+            if condition & NULL_BOOL != 0 {
+                NULL_INT
+            } else {
+                value
+            },
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn only_the_chosen_value_matters() {
+        let mut bench = Bench::wide("Select", Some(Store::Real), 3);
+        bench.set_reals("yes", &[1.0, 2.0, 3.0]);
+        assert_eq!(
+            bench
+                .set_bool("condition", Some(true))
+                .step()
+                .reals("out", 3),
+            [1.0, 2.0, 3.0]
+        );
+        assert!(
+            bench
+                .set_bool("condition", Some(false))
+                .step()
+                .reals("out", 3)
+                .iter()
+                .all(|v| v.is_nan())
+        );
+        assert!(
+            bench
+                .set_bool("condition", None)
+                .step()
+                .reals("out", 3)
+                .iter()
+                .all(|v| v.is_nan())
+        );
+    }
+
+    #[test]
+    fn works_for_bool_and_int() {
+        let mut bench = Bench::wide("Select", Some(Store::Bool), 1);
+        bench
+            .set_bool("yes", Some(true))
+            .set_bool("no", Some(false))
+            .set_bool("condition", Some(true));
+        assert_eq!(bench.step().bool("out"), Some(true));
+        let mut bench = Bench::wide("Select", Some(Store::Int), 1);
+        bench
+            .set_int("yes", 7)
+            .set_int("no", 8)
+            .set_bool("condition", Some(false));
+        assert_eq!(bench.step().int("out"), 8);
+        assert_eq!(
+            bench.set_bool("condition", None).step().int("out"),
+            NULL_INT
+        );
+    }
+}

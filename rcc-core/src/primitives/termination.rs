@@ -1,0 +1,36 @@
+//! `Termination`: ends the command in the cycle in which its input is true. Every net has exactly one
+//! (paper, section IV-C).
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Role, Spec, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Termination",
+        summary: "Ends the command when its input becomes true.",
+        null: "a null input does not end the command",
+        inputs: &[Port::bool("done", "the command is over")],
+        role: Role::Termination,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [done]: [u32; 1]) {
+    frame.terminated |= frame.bool(done) == 1;
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn only_true_ends_the_command() {
+        let mut bench = Bench::new("Termination");
+        for (done, over) in [(Some(false), false), (None, false), (Some(true), true)] {
+            assert_eq!(bench.set_bool("done", done).step().terminated, over);
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! A bench for one primitive: lays its slots out, sets inputs, runs its kernel, reads outputs.
+//! Test code only.
+
+use std::boxed::Box;
+use std::vec;
+use std::vec::Vec;
+
+use bytemuck::Zeroable;
+
+use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
+use crate::guard::JointLimits;
+use crate::kinematics::SrsArm;
+use crate::message::{JOINTS_MAX, Joints, Measurement};
+use crate::path::{PathClocks, PathLimits, PathState};
+use crate::primitive::{Entry, Kernel, Operand, ParameterKind, Width};
+use crate::primitives;
+use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+
+/// A path clock that moves at constant speed, for tests of geometry.
+struct Steady {
+    s: f64,
+    limits: Option<PathLimits>,
+    stopped: bool,
+}
+
+impl PathClocks for Steady {
+    fn step(&mut self, _index: usize, stop: bool) -> Option<PathState> {
+        let limits = self.limits?;
+        self.stopped |= stop;
+        let state = PathState {
+            s: self.s,
+            velocity: limits.velocity,
+            acceleration: 0.0,
+            done: self.stopped || self.s >= limits.length,
+            stopping: self.stopped,
+        };
+        if !self.stopped {
+            self.s = (self.s + limits.velocity * 1e-3).min(limits.length);
+        }
+        Some(state)
+    }
+}
+
+/// The LWR 4+ of the golden data; limits as in the data sheet.
+pub fn lwr() -> DeviceModel {
+    let mut limits = JointLimits {
+        lower: [0.0; 8],
+        upper: [0.0; 8],
+        velocity_max: [2.0; 8],
+        acceleration_max: [20.0; 8],
+        joints: 7,
+    };
+    for (index, degrees) in [170.0_f64, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0]
+        .into_iter()
+        .enumerate()
+    {
+        limits.lower[index] = -degrees.to_radians();
+        limits.upper[index] = degrees.to_radians();
+    }
+    DeviceModel {
+        joints: 7,
+        arm: Some(SrsArm {
+            shoulder_height: 0.3105,
+            upper_arm: 0.4,
+            forearm: 0.39,
+            wrist_to_flange: 0.078,
+            signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
+        }),
+        limits,
+        first_tolerance_rad: 1e-3,
+        channels: [4, 4, 2, 2],
+    }
+}
+
+/// One primitive with its slots and a cell of one LWR.
+pub struct Bench {
+    entry: &'static Entry,
+    kernel: &'static Kernel,
+    reals: Vec<f64>,
+    bools: Vec<u8>,
+    ints: Vec<i64>,
+    operands: Vec<u32>,
+    names: Vec<(&'static str, usize)>,
+    clocks: Steady,
+    pub model: DeviceModel,
+    pub device: DeviceInput,
+    pub output: DeviceOutput,
+    pub hold: Option<Joints>,
+    pub cycle: u64,
+    pub cancel_requested: bool,
+    pub terminated: bool,
+}
+
+impl Bench {
+    /// For a primitive without polymorphic ports, or with joint ports.
+    pub fn new(name: &str) -> Bench {
+        Bench::wide(name, None, JOINTS_MAX as u32 - 1)
+    }
+
+    /// For a polymorphic primitive.
+    pub fn wide(name: &str, store: Option<Store>, width: u32) -> Bench {
+        let (_, entry) = primitives::find(name).expect("a primitive of the catalogue");
+        let kernel = entry
+            .kernels
+            .iter()
+            .find(|kernel| kernel.store == store || kernel.store.is_none());
+        let spec = &entry.spec;
+        let parameters = spec
+            .parameters
+            .iter()
+            .filter(|p| p.kind != ParameterKind::Rate)
+            .map(|p| p.name);
+        let inputs = spec.inputs.iter().map(|p| p.name);
+        let names = inputs
+            .chain(spec.outputs.iter().map(|p| p.name))
+            .chain(parameters);
+        let names = names
+            .enumerate()
+            .map(|(index, name)| (name, index))
+            .collect();
+        let (mut reals, mut bools, mut ints) = (vec![], vec![], vec![]);
+        let mut operands = vec![];
+        for operand in spec.operands(store) {
+            let Operand::Slot {
+                store, width: w, ..
+            } = operand
+            else {
+                operands.push(if operand == Operand::Width { width } else { 0 });
+                continue;
+            };
+            let w = match w {
+                Width::Fixed(w) => w,
+                Width::Operand => width,
+            } as usize;
+            operands.push(match store {
+                Store::Real => extend(&mut reals, w, NULL_REAL),
+                Store::Bool => extend(&mut bools, w, NULL_BOOL),
+                Store::Int => extend(
+                    &mut ints,
+                    w,
+                    if names_len(spec) > operands.len() {
+                        NULL_INT
+                    } else {
+                        0
+                    },
+                ),
+            });
+        }
+        let mut measurement = Measurement::zeroed();
+        measurement.joints = 7;
+        Bench {
+            entry,
+            kernel: kernel.expect("a kernel for this arena"),
+            reals,
+            bools,
+            ints,
+            operands,
+            names,
+            clocks: Steady {
+                s: 0.0,
+                limits: None,
+                stopped: false,
+            },
+            model: lwr(),
+            device: DeviceInput {
+                present: true,
+                measurement,
+            },
+            output: DeviceOutput::NONE,
+            hold: Some([0.0; JOINTS_MAX]),
+            cycle: 0,
+            cancel_requested: false,
+            terminated: false,
+        }
+    }
+
+    fn slot(&self, name: &str) -> usize {
+        let (_, index) = self
+            .names
+            .iter()
+            .find(|(known, _)| *known == name)
+            .expect("a port or parameter");
+        self.operands[*index] as usize
+    }
+
+    pub fn set_real(&mut self, name: &str, value: f64) -> &mut Bench {
+        let slot = self.slot(name);
+        self.reals[slot] = value;
+        self
+    }
+
+    pub fn set_reals(&mut self, name: &str, values: &[f64]) -> &mut Bench {
+        let slot = self.slot(name);
+        self.reals[slot..slot + values.len()].copy_from_slice(values);
+        self
+    }
+
+    pub fn set_bool(&mut self, name: &str, value: Option<bool>) -> &mut Bench {
+        let slot = self.slot(name);
+        self.bools[slot] = value.map_or(NULL_BOOL, u8::from);
+        self
+    }
+
+    pub fn set_int(&mut self, name: &str, value: i64) -> &mut Bench {
+        let slot = self.slot(name);
+        self.ints[slot] = value;
+        self
+    }
+
+    /// Sets an operand that is no slot, e.g. a channel.
+    pub fn set_index(&mut self, name: &str, value: u32) -> &mut Bench {
+        let (_, index) = *self
+            .names
+            .iter()
+            .find(|(known, _)| *known == name)
+            .expect("a parameter");
+        self.operands[index] = value;
+        self
+    }
+
+    pub fn real(&self, name: &str) -> f64 {
+        self.reals[self.slot(name)]
+    }
+
+    pub fn reals(&self, name: &str, width: usize) -> &[f64] {
+        let slot = self.slot(name);
+        &self.reals[slot..slot + width]
+    }
+
+    pub fn bool(&self, name: &str) -> Option<bool> {
+        match self.bools[self.slot(name)] {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        }
+    }
+
+    pub fn int(&self, name: &str) -> i64 {
+        self.ints[self.slot(name)]
+    }
+
+    /// Computes the start values.
+    pub fn prepare(&mut self) -> Result<(), PrepareFault> {
+        let none = PathLimits {
+            length: 0.0,
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+        };
+        let mut paths = [none];
+        let mut preparation = Preparation {
+            reals: &mut self.reals,
+            models: &[self.model],
+            holds: &[self.hold],
+            paths: &mut paths,
+        };
+        (self.entry.prepare.expect("a prepared primitive"))(&mut preparation, &self.operands)?;
+        self.clocks.limits = Some(paths[0]);
+        Ok(())
+    }
+
+    /// One cycle.
+    pub fn step(&mut self) -> &mut Bench {
+        let mut outputs = Box::new([DeviceOutput::NONE]);
+        let mut frame = Frame {
+            reals: &mut self.reals,
+            bools: &mut self.bools,
+            ints: &mut self.ints,
+            models: &[self.model],
+            devices: &[self.device],
+            outputs: outputs.as_mut_slice(),
+            clocks: &mut self.clocks,
+            dt_s: 1e-3,
+            cycle: self.cycle,
+            cancel_requested: self.cancel_requested,
+            terminated: false,
+            motion_failed: false,
+        };
+        (self.kernel.run)(&mut frame, &self.operands);
+        self.terminated = frame.terminated;
+        self.output = outputs[0];
+        self.cycle += 1;
+        self
+    }
+}
+
+fn names_len(spec: &crate::primitive::Spec) -> usize {
+    spec.inputs.len() + spec.outputs.len() + spec.parameters.len()
+}
+
+fn extend<T: Clone>(arena: &mut Vec<T>, width: usize, null: T) -> u32 {
+    let slot = arena.len();
+    arena.resize(slot + width, null);
+    slot as u32
+}
+
+/// Checks a `Real, Real → Real` primitive against rows `[a, b, out]`, and that null propagates.
+pub fn check_binary(name: &str, rows: &[[f64; 3]]) {
+    let mut bench = Bench::new(name);
+    for [a, b, out] in rows.iter().copied() {
+        let got = bench.set_real("a", a).set_real("b", b).step().real("out");
+        assert!(
+            got == out || (got.is_nan() && out.is_nan()),
+            "{name}({a}, {b}) = {got}, not {out}"
+        );
+    }
+    for (a, b) in [(NULL_REAL, 1.0), (1.0, NULL_REAL), (NULL_REAL, NULL_REAL)] {
+        assert!(
+            bench
+                .set_real("a", a)
+                .set_real("b", b)
+                .step()
+                .real("out")
+                .is_nan(),
+            "{name}({a}, {b})"
+        );
+    }
+}
+
+/// Checks a `Bool, Bool → Bool` primitive: `table[a][b]` for a, b in false, true, null.
+pub fn check_truth_table(name: &str, table: [[Option<bool>; 3]; 3]) {
+    let values = [Some(false), Some(true), None];
+    let mut bench = Bench::new(name);
+    for (a, row) in values.into_iter().zip(table) {
+        for (b, out) in values.into_iter().zip(row) {
+            assert_eq!(
+                bench.set_bool("a", a).set_bool("b", b).step().bool("out"),
+                out,
+                "{name}({a:?}, {b:?})"
+            );
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! The types of values: what a port carries and how it lies in the arena.
+//!
+//! Used by every thread; the real-time thread only meets `Store` and widths.
+
+use core::fmt;
+
+/// The type of a port. Composites lie contiguously in the arena, in the element order given here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Type {
+    /// True or false (three-valued with null).
+    Bool,
+    /// 64-bit signed integer; `i64::MIN` is null.
+    Int,
+    /// IEEE-754 double; NaN is null.
+    Real,
+    /// At most 64 bytes of UTF-8; parameters only.
+    Text,
+    /// `[x y z]`.
+    Vector3,
+    /// Unit quaternion `[x y z w]`.
+    Rotation,
+    /// `[x y z qx qy qz qw]`, m and unit quaternion.
+    Pose,
+    /// `[vx vy vz wx wy wz]`, m/s and rad/s.
+    Twist,
+    /// `[fx fy fz tx ty tz]`, N and N·m.
+    Wrench,
+    /// `Real[n]`.
+    Reals(u16),
+    /// `Bool[n]`.
+    Bools(u16),
+    /// `Int[n]`.
+    Ints(u16),
+    /// `Real[r,c]`, row-major.
+    Matrix(u8, u8),
+}
+
+/// Which of the three typed arenas holds a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Store {
+    /// `f64`; null is NaN, in every element of a composite.
+    Real,
+    /// `u8`: 0 false, 1 true, 2 null.
+    Bool,
+    /// `i64`; null is `i64::MIN`.
+    Int,
+}
+
+/// The null of a `Bool` slot.
+pub const NULL_BOOL: u8 = 2;
+/// The null of an `Int` slot.
+pub const NULL_INT: i64 = i64::MIN;
+/// The null of a `Real` slot. Any NaN is null; this one is what we write.
+pub const NULL_REAL: f64 = f64::NAN;
+/// Longest text value in bytes.
+pub const TEXT_MAX: usize = 64;
+/// Most elements of an array or matrix.
+pub const ELEMENTS_MAX: u16 = 1024;
+
+impl Type {
+    /// The arena that holds values of this type; `None` for `Text`, which never reaches the cycle.
+    pub const fn store(self) -> Option<Store> {
+        match self {
+            Type::Bool | Type::Bools(_) => Some(Store::Bool),
+            Type::Int | Type::Ints(_) => Some(Store::Int),
+            Type::Text => None,
+            _ => Some(Store::Real),
+        }
+    }
+
+    /// Number of elements in the arena.
+    pub const fn width(self) -> u32 {
+        match self {
+            Type::Bool | Type::Int | Type::Real => 1,
+            Type::Text => 0,
+            Type::Vector3 => 3,
+            Type::Rotation => 4,
+            Type::Pose => 7,
+            Type::Twist | Type::Wrench => 6,
+            Type::Reals(n) | Type::Bools(n) | Type::Ints(n) => n as u32,
+            Type::Matrix(rows, columns) => rows as u32 * columns as u32,
+        }
+    }
+
+    /// The type of `port[i]`, for types that have elements of one kind.
+    pub const fn element(self) -> Option<Type> {
+        match self {
+            Type::Reals(_) => Some(Type::Real),
+            Type::Bools(_) => Some(Type::Bool),
+            Type::Ints(_) => Some(Type::Int),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Type {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Type::Bool => f.write_str("Bool"),
+            Type::Int => f.write_str("Int"),
+            Type::Real => f.write_str("Real"),
+            Type::Text => f.write_str("Text"),
+            Type::Vector3 => f.write_str("Vector3"),
+            Type::Rotation => f.write_str("Rotation"),
+            Type::Pose => f.write_str("Pose"),
+            Type::Twist => f.write_str("Twist"),
+            Type::Wrench => f.write_str("Wrench"),
+            Type::Reals(n) => write!(f, "Real[{n}]"),
+            Type::Bools(n) => write!(f, "Bool[{n}]"),
+            Type::Ints(n) => write!(f, "Int[{n}]"),
+            Type::Matrix(r, c) => write!(f, "Real[{r},{c}]"),
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! Units of ports: exponents of metre, kilogram, second, ampere, kelvin and radian.
+//!
+//! Values are SI everywhere inside; only text has scaled units. Used off the real-time thread.
+
+use core::f64::consts::PI;
+use core::fmt;
+
+/// A product of powers of base units. The radian counts as a base unit, so that an angle is not
+/// mistaken for a plain number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Unit {
+    /// Exponents of m, kg, s, A, K, rad.
+    pub exponents: [i8; 6],
+}
+
+const BASE: [&str; 6] = ["m", "kg", "s", "A", "K", "rad"];
+
+const fn unit(m: i8, kg: i8, s: i8, a: i8, k: i8, rad: i8) -> Unit {
+    Unit {
+        exponents: [m, kg, s, a, k, rad],
+    }
+}
+
+impl Unit {
+    /// A plain number.
+    pub const ONE: Unit = unit(0, 0, 0, 0, 0, 0);
+    /// Length.
+    pub const METRE: Unit = unit(1, 0, 0, 0, 0, 0);
+    /// Time.
+    pub const SECOND: Unit = unit(0, 0, 1, 0, 0, 0);
+    /// Angle.
+    pub const RADIAN: Unit = unit(0, 0, 0, 0, 0, 1);
+    /// Force.
+    pub const NEWTON: Unit = unit(1, 1, -2, 0, 0, 0);
+    /// Torque.
+    pub const NEWTON_METRE: Unit = unit(2, 1, -2, 0, 0, 0);
+    /// Frequency.
+    pub const HERTZ: Unit = unit(0, 0, -1, 0, 0, 0);
+    /// Speed.
+    pub const METRE_PER_SECOND: Unit = unit(1, 0, -1, 0, 0, 0);
+    /// Acceleration.
+    pub const METRE_PER_SECOND2: Unit = unit(1, 0, -2, 0, 0, 0);
+    /// Jerk.
+    pub const METRE_PER_SECOND3: Unit = unit(1, 0, -3, 0, 0, 0);
+    /// Angular speed.
+    pub const RADIAN_PER_SECOND: Unit = unit(0, 0, -1, 0, 0, 1);
+    /// Angular acceleration.
+    pub const RADIAN_PER_SECOND2: Unit = unit(0, 0, -2, 0, 0, 1);
+    /// Angular jerk.
+    pub const RADIAN_PER_SECOND3: Unit = unit(0, 0, -3, 0, 0, 1);
+
+    /// The unit of a product.
+    pub const fn times(self, other: Unit) -> Unit {
+        self.combine(other, 1)
+    }
+
+    /// The unit of a quotient.
+    pub const fn per(self, other: Unit) -> Unit {
+        self.combine(other, -1)
+    }
+
+    const fn combine(self, other: Unit, sign: i8) -> Unit {
+        let [a, b, c, d, e, f] = self.exponents;
+        let [u, v, w, x, y, z] = other.exponents;
+        Unit {
+            exponents: [
+                a.saturating_add(u.saturating_mul(sign)),
+                b.saturating_add(v.saturating_mul(sign)),
+                c.saturating_add(w.saturating_mul(sign)),
+                d.saturating_add(x.saturating_mul(sign)),
+                e.saturating_add(y.saturating_mul(sign)),
+                f.saturating_add(z.saturating_mul(sign)),
+            ],
+        }
+    }
+
+    /// Reads `m/s`, `N`, `deg/s^2`, `mm`, …: the SI unit and the factor to it.
+    /// `None` if a name is not in [`NAMED`].
+    pub fn parse(text: &str) -> Option<(Unit, f64)> {
+        let mut result = (Unit::ONE, 1.0);
+        let mut sign = 1;
+        let mut rest = text.trim();
+        loop {
+            let end = rest.find(['*', '/', '·']).unwrap_or(rest.len());
+            let (factor, tail) = rest.split_at_checked(end)?;
+            let (name, power) = match factor.split_once('^') {
+                Some((name, power)) => (name.trim(), power.trim().parse::<i8>().ok()?),
+                None => (factor.trim(), 1),
+            };
+            let named = NAMED.iter().find(|named| named.name == name)?;
+            for _ in 0..power.unsigned_abs().min(8) {
+                let step = sign * power.signum();
+                result.0 = result.0.combine(named.unit, step);
+                result.1 *= if step > 0 {
+                    named.factor
+                } else {
+                    1.0 / named.factor
+                };
+            }
+            let mut symbols = tail.chars();
+            match symbols.next() {
+                None => return Some(result),
+                Some('/') => sign = -1,
+                Some(_) => sign = 1,
+            }
+            rest = symbols.as_str();
+        }
+    }
+}
+
+/// A name that text may use for a unit.
+#[derive(Clone, Copy, Debug)]
+pub struct Named {
+    /// As written.
+    pub name: &'static str,
+    /// Value in SI = value × factor.
+    pub factor: f64,
+    /// The SI unit.
+    pub unit: Unit,
+}
+
+const fn named(name: &'static str, factor: f64, unit: Unit) -> Named {
+    Named { name, factor, unit }
+}
+
+/// Every name; the first of a unit is how it is printed.
+pub const NAMED: &[Named] = &[
+    named("1", 1.0, Unit::ONE),
+    named("m", 1.0, Unit::METRE),
+    named("mm", 1e-3, Unit::METRE),
+    named("um", 1e-6, Unit::METRE),
+    named("kg", 1.0, unit(0, 1, 0, 0, 0, 0)),
+    named("g", 1e-3, unit(0, 1, 0, 0, 0, 0)),
+    named("s", 1.0, Unit::SECOND),
+    named("ms", 1e-3, Unit::SECOND),
+    named("us", 1e-6, Unit::SECOND),
+    named("min", 60.0, Unit::SECOND),
+    named("A", 1.0, unit(0, 0, 0, 1, 0, 0)),
+    named("mA", 1e-3, unit(0, 0, 0, 1, 0, 0)),
+    named("K", 1.0, unit(0, 0, 0, 0, 1, 0)),
+    named("rad", 1.0, Unit::RADIAN),
+    named("deg", PI / 180.0, Unit::RADIAN),
+    named("N", 1.0, Unit::NEWTON),
+    named("kN", 1e3, Unit::NEWTON),
+    named("N·m", 1.0, Unit::NEWTON_METRE),
+    named("Nm", 1.0, Unit::NEWTON_METRE),
+    named("Hz", 1.0, Unit::HERTZ),
+    named("kHz", 1e3, Unit::HERTZ),
+    named("Pa", 1.0, unit(-1, 1, -2, 0, 0, 0)),
+    named("bar", 1e5, unit(-1, 1, -2, 0, 0, 0)),
+    named("W", 1.0, unit(2, 1, -3, 0, 0, 0)),
+    named("V", 1.0, unit(2, 1, -3, -1, 0, 0)),
+    named("mV", 1e-3, unit(2, 1, -3, -1, 0, 0)),
+    named("%", 0.01, Unit::ONE),
+];
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(named) = NAMED
+            .iter()
+            .find(|named| named.unit == *self && named.factor == 1.0)
+        {
+            return f.write_str(named.name);
+        }
+        let mut any = false;
+        for (name, &power) in BASE
+            .iter()
+            .zip(&self.exponents)
+            .filter(|(_, power)| **power > 0)
+        {
+            write_power(f, if any { "*" } else { "" }, name, power)?;
+            any = true;
+        }
+        if !any {
+            f.write_str("1")?;
+        }
+        for (name, &power) in BASE
+            .iter()
+            .zip(&self.exponents)
+            .filter(|(_, power)| **power < 0)
+        {
+            write_power(f, "/", name, -power)?;
+        }
+        Ok(())
+    }
+}
+
+fn write_power(f: &mut fmt::Formatter<'_>, before: &str, name: &str, power: i8) -> fmt::Result {
+    match power {
+        1 => write!(f, "{before}{name}"),
+        _ => write!(f, "{before}{name}^{power}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn what_is_printed_can_be_read_back() {
+        for unit in [
+            Unit::ONE,
+            Unit::NEWTON,
+            Unit::METRE_PER_SECOND3,
+            Unit::RADIAN_PER_SECOND2,
+            Unit::NEWTON_METRE.per(Unit::RADIAN),
+        ] {
+            let text = unit.to_string();
+            assert_eq!(Unit::parse(&text), Some((unit, 1.0)), "{text}");
+        }
+    }
+
+    #[test]
+    fn scaled_names_carry_their_factor() {
+        assert_eq!(Unit::parse("mm"), Some((Unit::METRE, 1e-3)));
+        let (unit, factor) = Unit::parse("deg/s").unwrap();
+        assert_eq!(unit, Unit::RADIAN_PER_SECOND);
+        assert!((factor - PI / 180.0).abs() < 1e-17);
+    }
+
+    #[test]
+    fn an_unknown_name_is_refused() {
+        assert_eq!(Unit::parse("furlong"), None);
+        assert_eq!(Unit::parse("m/"), None);
+        assert_eq!(Unit::parse(""), None);
+    }
+}
