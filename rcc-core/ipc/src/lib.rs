@@ -1,1 +1,45 @@
-//! Placeholder until the first commit of this package.
+//! What the processes of one cell share: names, boards (newest value), streams, requests, announcements and cleaning.
+//! The only package that names iceoryx2; run by every thread that is not real-time, except [`BoardWriter::write`] and
+//! [`BoardReader::read`], which the real-time threads run.
+//!
+//! No service has a fixed name: a process creates its own under `<role>-<label>/<incarnation>.<n>/<name>`, writes the
+//! full names into its [`Announcement`], and others open what they find there.
+//!
+//! ```no_run
+//! use rcc_ipc::{Announcement, Cell, Role, Session};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let cell = Cell::new("demo")?;
+//! let session = Session::join(&cell, Role::Driver, "lwr")?;
+//! let mut measured = session.create_board::<[f64; 7]>("meas")?;
+//! let _announced = cell.announce(&Announcement::of(&session).service("meas", measured.service()))?;
+//! measured.write(&[0.0; 7]);
+//! # Ok(())
+//! # }
+//! ```
+
+pub mod announce;
+pub mod board;
+pub mod cell;
+pub mod clean;
+pub mod clock;
+pub mod control;
+pub mod life;
+pub mod lock;
+pub mod request;
+pub mod room;
+pub mod session;
+mod shared;
+pub mod stream;
+pub mod wire;
+
+pub use announce::{AnnounceError, Announced, Announcement};
+pub use board::{BoardError, BoardReader, BoardWriter};
+pub use cell::{Cell, CellError};
+pub use clock::monotonic_ns;
+pub use life::Life;
+pub use request::{
+    AnswerError, CallError, Client, PollError, REQUEST_MAX, RESPONSE_MAX, Request, RequestError,
+    Server,
+};
+pub use session::{Role, Session, SessionError};
+pub use stream::{Publisher, StreamError, Subscriber};

@@ -1,0 +1,70 @@
+//! `rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]`: cleans up after dead processes of one cell, and ends.
+//! A process of its own, because this work may hang in iceoryx2; whoever starts it kills it after a second.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use rcc_ipc::{Cell, clean};
+
+const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
+Removes what dead processes of the cell left in shared memory; with --wipe everything of a cell that is dead.
+Exit code 0: done. 1: not done, with the reason. 2: wrong arguments.";
+
+struct Arguments {
+    name: String,
+    runtime_dir: Option<PathBuf>,
+    wipe: bool,
+}
+
+fn arguments() -> Option<Arguments> {
+    let mut name = None;
+    let mut runtime_dir = None;
+    let mut wipe = false;
+    let mut given = std::env::args_os().skip(1);
+    while let Some(argument) = given.next() {
+        match argument.to_str() {
+            Some("--cell") => name = Some(given.next()?.into_string().ok()?),
+            Some("--runtime-dir") => runtime_dir = Some(PathBuf::from(given.next()?)),
+            Some("--wipe") => wipe = true,
+            _ => return None,
+        }
+    }
+    Some(Arguments {
+        name: name?,
+        runtime_dir,
+        wipe,
+    })
+}
+
+fn main() -> ExitCode {
+    let Some(arguments) = arguments() else {
+        eprintln!("{USAGE}");
+        return ExitCode::from(2);
+    };
+    match run(&arguments) {
+        Ok(words) => {
+            println!("{words}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
+    let cell = match &arguments.runtime_dir {
+        Some(folder) => Cell::at(&arguments.name, folder)?,
+        None => Cell::new(&arguments.name)?,
+    };
+    if arguments.wipe {
+        let report = clean::wipe(&cell)?;
+        let (files, processes) = (report.shared_memory, report.announcements);
+        return Ok(format!(
+            "cell '{}': removed {files} shared-memory files and {processes} announcements",
+            cell.name()
+        ));
+    }
+    Ok(serde_json::to_string(&clean::be_the_janitor(&cell)?)?)
+}

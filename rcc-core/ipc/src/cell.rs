@@ -1,0 +1,293 @@
+//! A cell by name: its runtime folder, its shared-memory prefix, and where every file of it lies.
+//! Run by any thread that is not real-time; what it makes on disk is only folders of mode 0700.
+
+use std::fs::{self, DirBuilder};
+use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+/// Names have at most this many characters.
+const NAME_LENGTH_MAX: usize = 32;
+/// `sun_path` of a Unix socket address holds 108 bytes, the last of them zero (unix(7)).
+const SOCKET_PATH_MAX: usize = 107;
+
+/// One running instance of the whole system: everything it shares lies in its runtime folder, or in `/dev/shm` under
+/// its prefix. Two cells, also of two users, never meet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cell {
+    name: String,
+    runtime_dir: PathBuf,
+    prefix: String,
+}
+
+/// Why there is no such cell.
+#[derive(Debug, thiserror::Error)]
+pub enum CellError {
+    /// The name has another form than `[a-z0-9][a-z0-9_-]{0,31}`.
+    #[error(
+        "'{name}' cannot name a cell: use 1 to 32 of a-z 0-9 _ -, beginning with a letter or digit"
+    )]
+    BadName {
+        /// What was given.
+        name: String,
+    },
+    /// The socket in this folder would have a longer path than the system allows.
+    #[error(
+        "{path} has {size} bytes, a Unix socket's path at most {SOCKET_PATH_MAX}: set RCC_RUNTIME_DIR to a shorter folder"
+    )]
+    PathTooLong {
+        /// Path of the socket.
+        path: PathBuf,
+        /// Its bytes.
+        size: usize,
+    },
+    /// The folder could not be made or looked at.
+    #[error("{path}: {source}; set RCC_RUNTIME_DIR to a folder you may write to")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The folder is there but belongs to somebody else.
+    #[error(
+        "{path} belongs to user {owner}, you are {uid}: set RCC_RUNTIME_DIR to a folder of your own"
+    )]
+    NotOurs {
+        /// The folder.
+        path: PathBuf,
+        /// Its owner's user id.
+        owner: u32,
+        /// Ours.
+        uid: u32,
+    },
+}
+
+impl Cell {
+    /// The cell `name` below the usual base: `$RCC_RUNTIME_DIR`, else `/run/rcc` for root, else `$XDG_RUNTIME_DIR/rcc`,
+    /// else `/tmp/rcc-<uid>`. Makes the folders.
+    ///
+    /// # Errors
+    /// A name of another form, a folder that cannot be made or is not ours, a path too long for a socket.
+    pub fn new(name: &str) -> Result<Cell, CellError> {
+        check_name(name)?;
+        let base = base_dir();
+        make_private_dir(&base)?;
+        Cell::at(name, &base.join(name))
+    }
+
+    /// The cell `name` in exactly this folder (tests give each cell its own). Makes the folder and its parents.
+    ///
+    /// # Errors
+    /// As [`Cell::new`].
+    pub fn at(name: &str, runtime_dir: &Path) -> Result<Cell, CellError> {
+        check_name(name)?;
+        make_private_dir(runtime_dir)?;
+        let runtime_dir = fs::canonicalize(runtime_dir).map_err(|source| CellError::Folder {
+            path: runtime_dir.to_owned(),
+            source,
+        })?;
+        let prefix = prefix_of(nix::unistd::getuid().as_raw(), &runtime_dir);
+        let cell = Cell {
+            name: name.to_owned(),
+            runtime_dir,
+            prefix,
+        };
+        let path = cell.socket();
+        let size = path.as_os_str().len();
+        if size > SOCKET_PATH_MAX {
+            return Err(CellError::PathTooLong { path, size });
+        }
+        cell.make_folders()?;
+        Ok(cell)
+    }
+
+    /// The name people gave it.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its folder, absolute and without symbolic links.
+    #[must_use]
+    pub fn runtime_dir(&self) -> &Path {
+        &self.runtime_dir
+    }
+
+    /// What the names of all its files in `/dev/shm` begin with: `rcc_` + 10 hexadecimal digits + `_`.
+    #[must_use]
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// The loader's control socket.
+    #[must_use]
+    pub fn socket(&self) -> PathBuf {
+        self.runtime_dir.join("loader.sock")
+    }
+
+    /// One announcement file for each process.
+    #[must_use]
+    pub fn processes_dir(&self) -> PathBuf {
+        self.runtime_dir.join("processes")
+    }
+
+    /// Names and texts of the commands, written by the loader.
+    #[must_use]
+    pub fn commands_dir(&self) -> PathBuf {
+        self.runtime_dir.join("commands")
+    }
+
+    /// Where iceoryx2 keeps what it does not keep in shared memory.
+    #[must_use]
+    pub fn iox_root(&self) -> PathBuf {
+        self.runtime_dir.join("iox")
+    }
+
+    /// The configuration this cell was started with.
+    #[must_use]
+    pub fn config_copy(&self) -> PathBuf {
+        self.runtime_dir.join("cell.yaml")
+    }
+
+    /// Held shared by every process in the cell, exclusively by whoever wipes it.
+    pub(crate) fn lock_file(&self) -> PathBuf {
+        self.runtime_dir.join("cell.lock")
+    }
+
+    /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
+    pub(crate) fn make_folders(&self) -> Result<(), CellError> {
+        for path in [
+            self.runtime_dir.clone(),
+            self.processes_dir(),
+            self.commands_dir(),
+            self.iox_root(),
+        ] {
+            make_private_dir(&path)?;
+        }
+        Ok(())
+    }
+}
+
+fn check_name(name: &str) -> Result<(), CellError> {
+    if is_name(name) {
+        Ok(())
+    } else {
+        Err(CellError::BadName {
+            name: name.to_owned(),
+        })
+    }
+}
+
+/// `[a-z0-9][a-z0-9_-]{0,31}`
+fn is_name(name: &str) -> bool {
+    name.len() <= NAME_LENGTH_MAX
+        && name
+            .bytes()
+            .all(|b| matches!(b, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-'))
+        && name.starts_with(|first: char| first.is_ascii_alphanumeric())
+}
+
+fn base_dir() -> PathBuf {
+    let variable = |name| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
+    let uid = nix::unistd::getuid();
+    if let Some(base) = variable("RCC_RUNTIME_DIR") {
+        base
+    } else if uid.is_root() {
+        PathBuf::from("/run/rcc")
+    } else if let Some(session) = variable("XDG_RUNTIME_DIR") {
+        session.join("rcc")
+    } else {
+        PathBuf::from(format!("/tmp/rcc-{uid}"))
+    }
+}
+
+/// FNV-1a over user and folder: stable over builds and machines, unlike the standard library's hashers.
+fn prefix_of(uid: u32, runtime_dir: &Path) -> String {
+    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+    for &byte in uid
+        .to_le_bytes()
+        .iter()
+        .chain(runtime_dir.as_os_str().as_bytes())
+    {
+        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    }
+    format!("rcc_{:010x}_", (hash ^ (hash >> 40)) & 0xff_ffff_ffff)
+}
+
+/// Makes the folder if it is missing (mode 0700) and makes sure that nobody else can have prepared it for us.
+fn make_private_dir(path: &Path) -> Result<(), CellError> {
+    let failed = |source| CellError::Folder {
+        path: path.to_owned(),
+        source,
+    };
+    DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(path)
+        .map_err(failed)?;
+    let found = fs::metadata(path).map_err(failed)?;
+    let uid = nix::unistd::getuid().as_raw();
+    if found.uid() != uid {
+        return Err(CellError::NotOurs {
+            path: path.to_owned(),
+            owner: found.uid(),
+            uid,
+        });
+    }
+    if found.mode() & 0o077 != 0 {
+        fs::set_permissions(path, fs::Permissions::from_mode(0o700)).map_err(failed)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_short_lower_case_words() {
+        for good in ["a", "0", "demo", "cell-2_b", &"x".repeat(32)] {
+            assert!(is_name(good), "{good}");
+        }
+        for bad in [
+            "",
+            "-a",
+            "_a",
+            "A",
+            "a b",
+            "a/b",
+            "..",
+            "ä",
+            &"x".repeat(33),
+        ] {
+            assert!(
+                matches!(Cell::new(bad), Err(CellError::BadName { .. })),
+                "{bad}"
+            );
+        }
+    }
+
+    #[test]
+    fn user_and_folder_make_the_prefix() {
+        let demo = prefix_of(1000, Path::new("/run/rcc/demo"));
+        assert_eq!(demo, prefix_of(1000, Path::new("/run/rcc/demo")));
+        assert_ne!(demo, prefix_of(1001, Path::new("/run/rcc/demo")));
+        assert_ne!(demo, prefix_of(1000, Path::new("/run/rcc/demo2")));
+        assert!(demo.len() == 15 && demo.starts_with("rcc_") && demo.ends_with('_'));
+    }
+
+    #[test]
+    fn a_folder_too_deep_for_a_socket_is_refused() -> io::Result<()> {
+        let base = std::env::temp_dir().join(format!("rcc-cell-test-{}", std::process::id()));
+        let refused = Cell::at("demo", &base.join("d".repeat(120)));
+        fs::remove_dir_all(&base)?;
+        assert!(matches!(refused, Err(CellError::PathTooLong { size, .. }) if size > 107));
+        Ok(())
+    }
+}

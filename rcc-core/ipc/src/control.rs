@@ -1,0 +1,186 @@
+//! What loader and executor say to each other: the life cycle of the paper's figure 2 as calls.
+//! Plain data; used by the executor's intake thread and by the loader, never by the real-time thread.
+
+use rcc_core::frame::PrepareFault;
+use rcc_core::plan::{Delay, MonitorPoint, Plan, PlanError, Resource, Run};
+use serde::{Deserialize, Serialize};
+
+/// Name of the executor's request service in its announcement.
+pub const CONTROL: &str = "control";
+/// Name of the board with [`rcc_core::message::CycleStatus`].
+pub const STATUS: &str = "status";
+/// Name of the board with [`rcc_core::message::Tables`].
+pub const TABLES: &str = "tables";
+/// Name of the stream of [`rcc_core::message::MonitorRecord`].
+pub const RECORDS: &str = "records";
+/// Name of a driver's board with [`rcc_core::message::Measurement`].
+pub const MEASUREMENT: &str = "measurement";
+
+/// Name of the executor's board with the [`rcc_core::message::CommandImage`] of a device.
+#[must_use]
+pub fn command_board(device: &str) -> String {
+    format!("command-{device}")
+}
+
+/// A plan that owns its arrays; see [`Plan`] for their meaning.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct PlanData {
+    /// Fingerprint of the catalogue.
+    pub catalogue: u64,
+    /// Fingerprint of the device table.
+    pub configuration: u64,
+    /// Initial arena of `Real`.
+    pub reals: Vec<f64>,
+    /// Initial arena of `Bool`.
+    pub bools: Vec<u8>,
+    /// Initial arena of `Int`.
+    pub ints: Vec<i64>,
+    /// What to run, in order.
+    pub runs: Vec<Run>,
+    /// Operands of all runs.
+    pub operands: Vec<u32>,
+    /// Delayed links.
+    pub delays: Vec<Delay>,
+    /// Monitors.
+    pub monitors: Vec<MonitorPoint>,
+    /// Number of path clocks.
+    pub clocks: u32,
+    /// The net goes on with null when a device that it commands is lost.
+    pub survives_device_loss: bool,
+}
+
+impl PlanData {
+    /// The plan, borrowing these arrays.
+    #[must_use]
+    pub fn plan(&self) -> Plan<'_> {
+        Plan {
+            catalogue: self.catalogue,
+            configuration: self.configuration,
+            reals: &self.reals,
+            bools: &self.bools,
+            ints: &self.ints,
+            runs: &self.runs,
+            operands: &self.operands,
+            delays: &self.delays,
+            monitors: &self.monitors,
+            clocks: self.clocks,
+            survives_device_loss: self.survives_device_loss,
+        }
+    }
+}
+
+/// A request to the executor.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum Call {
+    /// Gives out a command id in state `loading`.
+    Reserve,
+    /// Hands the plan of a `loading` command over; it becomes `ready` or `rejected`.
+    Install {
+        /// Command id.
+        id: u64,
+        /// Its plan.
+        plan: PlanData,
+    },
+    /// The loader refused the text of a `loading` command: it becomes `rejected`.
+    Reject {
+        /// Command id.
+        id: u64,
+    },
+    /// START.
+    Start {
+        /// Command id.
+        id: u64,
+    },
+    /// CANCEL.
+    Cancel {
+        /// Command id.
+        id: u64,
+    },
+    /// ABORT.
+    Abort {
+        /// Command id.
+        id: u64,
+    },
+    /// Forgets a command that is not active.
+    Unload {
+        /// Command id.
+        id: u64,
+    },
+}
+
+/// The executor's answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Answer {
+    /// A new command exists.
+    Reserved {
+        /// Its id.
+        id: u64,
+    },
+    /// Done; `cycle` is the executor cycle in which it took effect (0 if no cycle was involved).
+    Done {
+        /// Executor cycle.
+        cycle: u64,
+    },
+    /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
+    Refused(Refusal),
+}
+
+/// Why the executor refused.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// The bytes were no call: caller and executor are of different builds.
+    NotUnderstood,
+    /// All rows of the command table are in use.
+    TableFull,
+    /// There is no such command.
+    UnknownCommand,
+    /// The command is in a state ([`rcc_core::message::CommandState`] as a number) that does not allow it.
+    WrongState {
+        /// The state.
+        state: u32,
+    },
+    /// Another command holds a resource.
+    Busy {
+        /// Id of the holder.
+        holder: u64,
+        /// What it holds.
+        resource: Resource,
+    },
+    /// The net has no `Cancel` primitive and can only be aborted.
+    NotCancelable,
+    /// A device that the net commands cannot be commanded now.
+    DeviceNotReady {
+        /// Device index.
+        device: u32,
+        /// [`rcc_core::message::DeviceState`] as a number.
+        state: u32,
+        /// The driver's reason number.
+        reason: u32,
+    },
+    /// The first set-point is not where the device is held (`rcc_core::guard`).
+    FirstSetPoint {
+        /// Device index.
+        device: u32,
+        /// Joint, counted from 1.
+        joint: u32,
+        /// Set-point minus hold set-point, or the set-point that breaks a limit; rad.
+        value: f64,
+        /// What is allowed.
+        limit: f64,
+        /// [`rcc_core::guard::ViolationKind`] as a number.
+        violation: u32,
+    },
+    /// The first cycle of the net ended with a fault ([`rcc_core::message::FaultCode`] as a number).
+    FirstCycle {
+        /// The code.
+        code: u32,
+    },
+    /// The plan does not check.
+    Plan(PlanError),
+    /// The start values could not be computed.
+    Prepare(PrepareFault),
+    /// The executor has no room for it now; try again.
+    Overloaded,
+    /// The executor is stopping.
+    Stopping,
+}

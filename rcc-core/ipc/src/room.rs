@@ -1,0 +1,62 @@
+//! Free room in `/dev/shm`, looked at before shared memory is made: iceoryx2 does not reserve, and a full file system
+//! would end the process by SIGBUS at the first touch. Run by the threads that create services.
+
+use std::path::Path;
+
+/// Where iceoryx2 puts shared memory.
+pub(crate) const SHM: &str = "/dev/shm";
+
+/// Kept free beside what is asked for, because others create at the same time.
+const RESERVE: u64 = 1 << 20;
+
+/// Too little room for what was to be created.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{path} has {have} bytes free and {need} are needed: remove old files there, or enlarge it (mount -o remount,size=)"
+)]
+pub struct NoRoom {
+    /// Bytes needed.
+    pub need: u64,
+    /// Bytes free.
+    pub have: u64,
+    /// The file system.
+    pub path: String,
+}
+
+/// Checks that `need` bytes of shared memory can be created now.
+///
+/// # Errors
+/// [`NoRoom`] when fewer bytes, and a small reserve, are free. A file system that cannot be asked counts as roomy.
+pub fn require(need: u64) -> Result<(), NoRoom> {
+    check(Path::new(SHM), need)
+}
+
+fn check(path: &Path, need: u64) -> Result<(), NoRoom> {
+    let Ok(found) = nix::sys::statvfs::statvfs(path) else {
+        return Ok(());
+    };
+    let have = found
+        .blocks_available()
+        .saturating_mul(found.fragment_size());
+    let need = need.saturating_add(RESERVE);
+    if have < need {
+        return Err(NoRoom {
+            need,
+            have,
+            path: path.display().to_string(),
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_there_is_is_refused_with_figures() {
+        assert_eq!(require(0), Ok(()));
+        let refused = require(u64::MAX / 2);
+        assert!(matches!(refused, Err(NoRoom { need, have, .. }) if have < need));
+    }
+}

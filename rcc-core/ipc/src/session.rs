@@ -1,0 +1,287 @@
+//! This process in a cell: the one iceoryx2 node through which all its services are created and opened.
+//! Joined once by the main thread; shared by its helper threads, never by the real-time thread.
+
+use std::fmt;
+use std::fs::File;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use iceoryx2::prelude::{
+    Config, FileName, LogLevel, Node, NodeBuilder, Path, SemanticString, ServiceName,
+    SignalHandlingMode, ipc_threadsafe, set_log_level,
+};
+use nix::fcntl::Flock;
+
+use crate::cell::{Cell, CellError};
+use crate::life::Life;
+use crate::lock::{self, LockError};
+use crate::room::{self, NoRoom};
+
+/// Shared memory that a node itself needs, with the management segment of the first node of a cell.
+const NODE_ROOM: u64 = 1 << 20;
+/// How long a service half-created by another process is waited for.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
+/// How long joining waits for a wipe to end.
+const WIPE_WAIT: Duration = Duration::from_secs(5);
+/// How often one process looks at something again that is not there yet.
+const LABEL_LENGTH_MAX: usize = 64;
+
+/// What a process does in its cell.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// Text to plans; the REST server.
+    Loader,
+    /// The cycle.
+    Executor,
+    /// One device.
+    Driver,
+    /// Reads streams.
+    Monitor,
+    /// A command a person typed.
+    Cli,
+}
+
+impl Role {
+    /// Its name in file and service names.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Role::Loader => "loader",
+            Role::Executor => "executor",
+            Role::Driver => "driver",
+            Role::Monitor => "monitor",
+            Role::Cli => "cli",
+        }
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.as_str())
+    }
+}
+
+/// Words of iceoryx2 about what went wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cause(pub(crate) String);
+
+impl Cause {
+    pub(crate) fn of(error: impl fmt::Debug) -> Cause {
+        Cause(format!("{error:?}"))
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "iceoryx2: {}", self.0)
+    }
+}
+
+/// Why this process is not in the cell.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// Too little shared memory.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
+    /// A label of another form than `[A-Za-z0-9][A-Za-z0-9_.-]{0,63}`.
+    #[error(
+        "'{label}' cannot be a label: use 1 to 64 of A-Z a-z 0-9 _ . -, beginning with a letter or digit"
+    )]
+    BadLabel {
+        /// What was given.
+        label: String,
+    },
+    /// The runtime folder cannot be used.
+    #[error(transparent)]
+    Cell(#[from] CellError),
+    /// The cell is being wiped, and that takes too long.
+    #[error("cell '{cell}': {source}")]
+    Lock {
+        /// The cell.
+        cell: String,
+        /// What held it up.
+        source: LockError,
+    },
+    /// The folder's path is too long, or holds bytes that iceoryx2 does not take.
+    #[error("'{path}' cannot hold shared files: use a shorter, plain path (RCC_RUNTIME_DIR)")]
+    BadPath {
+        /// The path.
+        path: String,
+    },
+    /// iceoryx2 could not make its node.
+    #[error(
+        "cell '{cell}' cannot be joined: {cause}; if it is dead, rcc-janitor --wipe repairs it"
+    )]
+    Node {
+        /// The cell.
+        cell: String,
+        /// What iceoryx2 said.
+        cause: Cause,
+    },
+}
+
+/// Proof, for the other processes, that this one still uses the cell: nobody wipes it meanwhile.
+pub(crate) type Membership = Arc<Flock<File>>;
+
+/// This process in a cell. Everything made through it keeps it in the cell until dropped.
+pub struct Session {
+    cell: Cell,
+    role: Role,
+    label: String,
+    life: Life,
+    serial: u64,
+    node: Node<ipc_threadsafe::Service>,
+    // Last, so that it is released after the node is gone.
+    membership: Membership,
+}
+
+impl fmt::Debug for Session {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "Session({}, {}-{})",
+            self.cell.name(),
+            self.role,
+            self.label
+        )
+    }
+}
+
+impl Session {
+    /// Brings this process into the cell. `label` tells processes of one role apart (a driver's is its device's name).
+    ///
+    /// # Errors
+    /// Too little shared memory, a folder that cannot be used, or a node that iceoryx2 cannot make.
+    pub fn join(cell: &Cell, role: Role, label: &str) -> Result<Session, SessionError> {
+        static SERIAL: AtomicU64 = AtomicU64::new(0);
+        check_label(label)?;
+        room::require(NODE_ROOM)?;
+        set_log_level(LogLevel::Fatal);
+        let (membership, node) = enter(cell)?;
+        Ok(Session {
+            cell: cell.clone(),
+            role,
+            label: label.to_owned(),
+            life: Life::current(),
+            // Relaxed: only different numbers are wanted.
+            serial: SERIAL.fetch_add(1, Ordering::Relaxed),
+            node,
+            membership: Arc::new(membership),
+        })
+    }
+
+    /// The cell it is in.
+    #[must_use]
+    pub fn cell(&self) -> &Cell {
+        &self.cell
+    }
+
+    /// What this process does there.
+    #[must_use]
+    pub fn role(&self) -> Role {
+        self.role
+    }
+
+    /// Its label.
+    #[must_use]
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// This process' life.
+    #[must_use]
+    pub fn life(&self) -> Life {
+        self.life
+    }
+
+    /// A number that no other life of a process has; 16 hexadecimal digits in names.
+    #[must_use]
+    pub fn incarnation(&self) -> u64 {
+        self.life.incarnation()
+    }
+
+    pub(crate) fn node(&self) -> &Node<ipc_threadsafe::Service> {
+        &self.node
+    }
+
+    pub(crate) fn membership(&self) -> Membership {
+        Arc::clone(&self.membership)
+    }
+
+    /// The full name of this session's service `name`, or nothing when it is too long or has odd characters.
+    pub(crate) fn service_name(&self, name: &str) -> Option<ServiceName> {
+        let plain = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_graphic());
+        let full = format!(
+            "{}-{}/{:016x}.{}/{name}",
+            self.role,
+            self.label,
+            self.incarnation(),
+            self.serial
+        );
+        plain.then(|| ServiceName::new(&full).ok()).flatten()
+    }
+}
+
+/// The life of the process that created the service, as its name tells.
+pub(crate) fn owner_of(service: &str) -> Option<Life> {
+    let digits = service.split('/').nth(1)?.split('.').next()?;
+    u64::from_str_radix(digits, 16)
+        .ok()
+        .map(Life::from_incarnation)
+}
+
+/// Takes the shared lock of the cell and makes a node.
+pub(crate) fn enter(
+    cell: &Cell,
+) -> Result<(Flock<File>, Node<ipc_threadsafe::Service>), SessionError> {
+    cell.make_folders()?;
+    let membership =
+        lock::shared(&cell.lock_file(), WIPE_WAIT).map_err(|source| SessionError::Lock {
+            cell: cell.name().to_owned(),
+            source,
+        })?;
+    cell.make_folders()?;
+    let node = NodeBuilder::new()
+        .config(&config(cell)?)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<ipc_threadsafe::Service>()
+        .map_err(|error| SessionError::Node {
+            cell: cell.name().to_owned(),
+            cause: Cause::of(error),
+        })?;
+    Ok((membership, node))
+}
+
+/// Everything that the cell's processes must agree on; all cleaning is left to the janitor.
+pub(crate) fn config(cell: &Cell) -> Result<Config, SessionError> {
+    let root = cell.iox_root();
+    let bad_path = || SessionError::BadPath {
+        path: root.display().to_string(),
+    };
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(cell.prefix().as_bytes()).map_err(|_| bad_path())?;
+    let path = Path::new(root.as_os_str().as_encoded_bytes()).map_err(|_| bad_path())?;
+    config.global.set_root_path(&path);
+    config.global.creation_timeout = CREATION_TIMEOUT;
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    Ok(config)
+}
+
+fn check_label(label: &str) -> Result<(), SessionError> {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'.' | b'-');
+    if label.len() <= LABEL_LENGTH_MAX
+        && label.bytes().all(plain)
+        && label.starts_with(|first: char| first.is_ascii_alphanumeric())
+    {
+        return Ok(());
+    }
+    Err(SessionError::BadLabel {
+        label: label.to_owned(),
+    })
+}

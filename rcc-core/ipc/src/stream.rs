@@ -1,0 +1,281 @@
+//! Streams: records of one size from one publisher to any number of subscribers (iceoryx2 publish/subscribe).
+//! Run by the pump thread and by monitors, never by a real-time thread: sending allocates and maps memory.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use bytemuck::Pod;
+use iceoryx2::port::DegradationAction;
+use iceoryx2::port::backpressure_strategy::BackpressureStrategy as Backpressure;
+use iceoryx2::port::publisher::Publisher as IoxPublisher;
+use iceoryx2::port::subscriber::Subscriber as IoxSubscriber;
+use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+
+use crate::life::Life;
+use crate::room::{self, NoRoom};
+use crate::session::{Cause, Membership, Session, owner_of};
+use crate::shared::Shared;
+
+/// Subscribers of one stream at a time, dead ones that were not cleaned up included.
+pub const SUBSCRIBERS_MAX: usize = 16;
+/// Batches that wait for a subscriber; older ones are lost. With a batch each millisecond: 128 ms.
+pub const BATCHES_MAX: usize = 128;
+
+/// Bytes of a full batch, unless one record is longer.
+const BATCH_BYTES: usize = 4096;
+/// Shared memory of a stream beside its batches.
+const STREAM_ROOM: u64 = 1 << 20;
+
+type Service = ipc_threadsafe::Service;
+
+/// Records of `T` that one batch can hold: [`Publisher::publish`] splits what is longer.
+#[must_use]
+pub const fn batch_records_max<T>() -> usize {
+    let size = if size_of::<T>() == 0 {
+        1
+    } else {
+        size_of::<T>()
+    };
+    let fit = BATCH_BYTES / size;
+    if fit == 0 { 1 } else { fit }
+}
+
+/// Why there is no stream, or nothing goes through it.
+#[derive(Debug, thiserror::Error)]
+pub enum StreamError {
+    /// Too little shared memory.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
+    /// A name that is empty, too long or not printable.
+    #[error("'{name}' cannot name a stream: use up to 100 printable characters without spaces")]
+    BadName {
+        /// What was given.
+        name: String,
+    },
+    /// No such stream: its process is gone, or has another incarnation now.
+    #[error("there is no stream {service}: read its publisher's announcement again")]
+    DoesNotExist {
+        /// Full service name.
+        service: String,
+    },
+    /// The stream has records of another type, or of the same one with another layout.
+    #[error(
+        "stream {service} does not carry {want} of {size} bytes: are both programs of the same build?"
+    )]
+    OtherLayout {
+        /// Full service name.
+        service: String,
+        /// The type we expected.
+        want: &'static str,
+        /// Its bytes.
+        size: usize,
+    },
+    /// Anything else that iceoryx2 says.
+    #[error("stream {service}: {cause}")]
+    Failed {
+        /// Full service name.
+        service: String,
+        /// What iceoryx2 said.
+        cause: Cause,
+    },
+}
+
+/// The sending end of a stream.
+pub struct Publisher<T: Pod> {
+    publisher: IoxPublisher<Service, [Shared<T>], ()>,
+    service: String,
+    _membership: Membership,
+}
+
+impl<T: Pod> fmt::Debug for Publisher<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Publisher({})", self.service)
+    }
+}
+
+impl<T: Pod> Publisher<T> {
+    /// Sends the records, in order; returns at once. A subscriber that is too slow loses its oldest batches.
+    /// Gather the records of a millisecond or more: each call uses up at least one of [`BATCHES_MAX`] places.
+    ///
+    /// # Errors
+    /// What iceoryx2 says; the batches before it were sent.
+    pub fn publish(&mut self, records: &[T]) -> Result<(), StreamError> {
+        for batch in records.chunks(batch_records_max::<T>()) {
+            let loan = self
+                .publisher
+                .loan_slice_uninit(batch.len())
+                .map_err(|error| self.failed(error))?;
+            let mut rest = batch.iter().copied();
+            let sample = loan.write_from_fn(|_| Shared(rest.next().unwrap_or_else(T::zeroed)));
+            sample.send().map_err(|error| self.failed(error))?;
+        }
+        Ok(())
+    }
+
+    /// Full name under which others subscribe.
+    #[must_use]
+    pub fn service(&self) -> &str {
+        &self.service
+    }
+
+    fn failed(&self, error: impl fmt::Debug) -> StreamError {
+        StreamError::Failed {
+            service: self.service.clone(),
+            cause: Cause::of(error),
+        }
+    }
+}
+
+/// A receiving end of a stream; it gets what is published after it subscribed.
+pub struct Subscriber<T: Pod> {
+    subscriber: IoxSubscriber<Service, [Shared<T>], ()>,
+    service: String,
+    _membership: Membership,
+    _record: PhantomData<T>,
+}
+
+impl<T: Pod> fmt::Debug for Subscriber<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Subscriber({})", self.service)
+    }
+}
+
+impl<T: Pod> Subscriber<T> {
+    /// The next batch, if one is there; never waits. Whether records between two batches were lost is told by the
+    /// sequence numbers that the records carry.
+    ///
+    /// # Errors
+    /// What iceoryx2 says, or a batch that claims more records than fit.
+    pub fn next(&mut self) -> Result<Option<Vec<T>>, StreamError> {
+        let mut records = Vec::new();
+        Ok(self.read_into(&mut records)?.then_some(records))
+    }
+
+    /// As [`Subscriber::next`], appended to `records`; false when nothing was there.
+    ///
+    /// # Errors
+    /// As [`Subscriber::next`].
+    pub fn read_into(&mut self, records: &mut Vec<T>) -> Result<bool, StreamError> {
+        let failed = |cause| StreamError::Failed {
+            service: self.service.clone(),
+            cause,
+        };
+        let received = self
+            .subscriber
+            .receive()
+            .map_err(|error| failed(Cause::of(error)))?;
+        let Some(sample) = received else {
+            return Ok(false);
+        };
+        // The length is the publisher's word; it is looked at before the records are.
+        let count = sample.header().number_of_elements();
+        if count > batch_records_max::<T>() as u64 {
+            return Err(failed(Cause(format!("a batch claims {count} records"))));
+        }
+        records.extend(sample.payload().iter().map(|record| record.0));
+        Ok(true)
+    }
+
+    /// Full name of the stream.
+    #[must_use]
+    pub fn service(&self) -> &str {
+        &self.service
+    }
+
+    /// True while the process lives that made the stream; what it sent can be read after its death.
+    #[must_use]
+    pub fn publisher_is_alive(&self) -> bool {
+        owner_of(&self.service).is_none_or(Life::is_alive)
+    }
+}
+
+impl Session {
+    /// Creates this session's stream `name`.
+    ///
+    /// # Errors
+    /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
+    pub fn publisher<T: Pod>(&self, name: &str) -> Result<Publisher<T>, StreamError> {
+        let batch = batch_records_max::<T>() * size_of::<T>() + 64;
+        room::require((batch * SUBSCRIBERS_MAX * (BATCHES_MAX + 2)) as u64 + STREAM_ROOM)?;
+        let service_name = self
+            .service_name(name)
+            .ok_or_else(|| StreamError::BadName {
+                name: name.to_owned(),
+            })?;
+        let service = service_name.as_str().to_owned();
+        let failed = |cause| StreamError::Failed {
+            service: service.clone(),
+            cause,
+        };
+        let factory = self
+            .node()
+            .service_builder(&service_name)
+            .publish_subscribe::<[Shared<T>]>()
+            .max_publishers(1)
+            .max_subscribers(SUBSCRIBERS_MAX)
+            .max_nodes(SUBSCRIBERS_MAX + 1)
+            .subscriber_max_buffer_size(BATCHES_MAX)
+            .subscriber_max_borrowed_samples(2)
+            .history_size(0)
+            .enable_safe_overflow(true)
+            .create()
+            .map_err(|error| failed(Cause::of(error)))?;
+        let publisher = factory
+            .publisher_builder()
+            .initial_max_slice_len(batch_records_max::<T>())
+            .max_loaned_samples(1)
+            .backpressure_strategy(Backpressure::DiscardData)
+            // A subscriber that died half-way must not keep the others from being served.
+            .set_degradation_handler(|_, _| DegradationAction::Ignore)
+            .create()
+            .map_err(|error| failed(Cause::of(error)))?;
+        Ok(Publisher {
+            publisher,
+            service,
+            _membership: self.membership(),
+        })
+    }
+
+    /// Subscribes to the stream of that full name, as its process announced it.
+    ///
+    /// # Errors
+    /// No such stream, another layout, too many subscribers, or what iceoryx2 says.
+    pub fn subscribe<T: Pod>(&self, service: &str) -> Result<Subscriber<T>, StreamError> {
+        room::require(STREAM_ROOM)?;
+        let failed = |cause| StreamError::Failed {
+            service: service.to_owned(),
+            cause,
+        };
+        let service_name = ServiceName::new(service).map_err(|_| StreamError::BadName {
+            name: service.to_owned(),
+        })?;
+        let factory = self
+            .node()
+            .service_builder(&service_name)
+            .publish_subscribe::<[Shared<T>]>()
+            .open()
+            .map_err(|error| match error {
+                PublishSubscribeOpenError::DoesNotExist => StreamError::DoesNotExist {
+                    service: service.to_owned(),
+                },
+                PublishSubscribeOpenError::IncompatibleTypes => StreamError::OtherLayout {
+                    service: service.to_owned(),
+                    want: std::any::type_name::<T>(),
+                    size: size_of::<T>(),
+                },
+                other => failed(Cause::of(other)),
+            })?;
+        let subscriber = factory
+            .subscriber_builder()
+            .buffer_size(BATCHES_MAX)
+            .create()
+            .map_err(|error| failed(Cause::of(error)))?;
+        Ok(Subscriber {
+            subscriber,
+            service: service.to_owned(),
+            _membership: self.membership(),
+            _record: PhantomData,
+        })
+    }
+}
