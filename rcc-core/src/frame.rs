@@ -3,6 +3,8 @@
 //! The real-time thread builds a `Frame` for each net each cycle; it only borrows. Access to slots
 //! never panics: an index outside reads as null and writes nothing (`Plan::check` excludes both).
 
+use serde::{Deserialize, Serialize};
+
 use crate::guard::JointLimits;
 use crate::kinematics::SrsArm;
 use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
@@ -249,7 +251,7 @@ impl Preparation<'_> {
 }
 
 /// Why the start values of a command could not be computed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PrepareFault {
     /// The position of the device is not known: its driver is not running or not connected.
     HoldUnknown {

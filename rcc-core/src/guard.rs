@@ -44,6 +44,29 @@ pub enum ViolationKind {
     Jump,
 }
 
+impl ViolationKind {
+    /// All kinds, in order of their numbers from 1.
+    pub const ALL: [ViolationKind; 5] = [
+        ViolationKind::NotFinite,
+        ViolationKind::Range,
+        ViolationKind::Velocity,
+        ViolationKind::Acceleration,
+        ViolationKind::Jump,
+    ];
+
+    /// The number that crosses processes; 0 means no violation.
+    #[must_use]
+    pub fn number(self) -> u32 {
+        self as u32 + 1
+    }
+
+    /// From a number that came from another process.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<ViolationKind> {
+        Self::ALL.get((number as usize).checked_sub(1)?).copied()
+    }
+}
+
 /// A refused set-point: which joint, what was asked, what is allowed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Violation {

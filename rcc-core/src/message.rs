@@ -109,6 +109,8 @@ pub struct Measurement {
     pub executor: u64,
     /// Logical time of the set-point sent last, ns.
     pub played_ns: u64,
+    /// Logical time up to which everything is played and the arm rests at `hold`, ns; 0 while it moves.
+    pub settled_ns: u64,
     /// Set-points left to play when the last one was taken.
     pub margin: u64,
     /// Exchanges in which the driver answered late or lost an answer.

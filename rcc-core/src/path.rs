@@ -1,10 +1,12 @@
 //! One-dimensional motion along a path: what a motion primitive asks of a path clock, and what it gets each cycle.
 //! Plain data and one trait; used by the real-time thread, implemented outside this package where objects need a heap.
 
+use serde::{Deserialize, Serialize};
+
 /// How far and how fast the path parameter s may go, from rest at 0 to rest at `length`.
 ///
 /// s is metres for a straight line, radians for a rotation, or any other unit as long as all four agree.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PathLimits {
     /// Length of the path (≥ 0; 0 is a path that is done at once).
     pub length: f64,

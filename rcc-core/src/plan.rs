@@ -1,6 +1,8 @@
 //! A plan: a net lowered to numbers. Checked by the loader before sending and by the executor
 //! before accepting; the cycle relies on nothing else.
 
+use serde::{Deserialize, Serialize};
+
 use crate::frame::DeviceModel;
 use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
 use crate::primitive::{ChannelKind, Operand, Role, Width};
@@ -17,7 +19,7 @@ pub const CLOCKS_MAX: u32 = 64;
 pub const MONITORS_MAX: usize = 256;
 
 /// Consecutive primitives that share one kernel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// Number of the kernel, see [`primitives::kernel`].
     pub kernel: u16,
@@ -28,7 +30,7 @@ pub struct Run {
 }
 
 /// A delayed link: after the cycle `from` is copied to `to`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Delay {
     /// Which arena.
     pub store: Store,
@@ -41,7 +43,7 @@ pub struct Delay {
 }
 
 /// A value that is copied out after the cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MonitorPoint {
     /// Which arena.
     pub store: Store,
@@ -92,7 +94,7 @@ pub struct Resources {
 }
 
 /// One unique resource.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Resource {
     /// The joints of a device.
     Arm {
@@ -183,7 +185,7 @@ pub struct Checked {
 }
 
 /// Why a plan is refused. Numbers index into the plan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PlanError {
     /// Made for another catalogue: loader and executor are of different builds.
     OtherCatalogue,

@@ -2,6 +2,8 @@
 //!
 //! Used by every thread; the real-time thread only meets `Store` and widths.
 
+use serde::{Deserialize, Serialize};
+
 use core::fmt;
 
 /// The type of a port. Composites lie contiguously in the arena, in the element order given here.
@@ -36,7 +38,7 @@ pub enum Type {
 }
 
 /// Which of the three typed arenas holds a value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Store {
     /// `f64`; null is NaN, in every element of a composite.
     Real,
