@@ -147,15 +147,15 @@ impl<T: Pod> Subscriber<T> {
     ///
     /// # Errors
     /// What iceoryx2 says, or a batch that claims more records than fit.
-    pub fn next(&mut self) -> Result<Option<Vec<T>>, StreamError> {
+    pub fn next_batch(&mut self) -> Result<Option<Vec<T>>, StreamError> {
         let mut records = Vec::new();
         Ok(self.read_into(&mut records)?.then_some(records))
     }
 
-    /// As [`Subscriber::next`], appended to `records`; false when nothing was there.
+    /// As [`Subscriber::next_batch`], appended to `records`; false when nothing was there.
     ///
     /// # Errors
-    /// As [`Subscriber::next`].
+    /// As [`Subscriber::next_batch`].
     pub fn read_into(&mut self, records: &mut Vec<T>) -> Result<bool, StreamError> {
         let failed = |cause| StreamError::Failed {
             service: self.service.clone(),

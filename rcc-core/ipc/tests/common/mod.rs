@@ -1,0 +1,146 @@
+//! What the cross-process tests share: a cell of their own that leaves nothing behind, and second processes.
+//! Run by the tests' threads; a second process is this test program again, started with a part to play.
+#![allow(dead_code)] // Each test program uses a part of it.
+
+use std::fmt::Debug;
+use std::ops::Deref;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use rcc_ipc::{Announcement, Cell, Role, clean};
+
+/// Far longer than anything takes; only a broken test reaches it.
+pub const LIMIT: Duration = Duration::from_secs(60);
+
+const PART: &str = "RCC_IPC_TEST_PART";
+const FOLDER: &str = "RCC_IPC_TEST_FOLDER";
+const LABEL: &str = "RCC_IPC_TEST_LABEL";
+
+/// A cell of one test; dropped, also by a panic, it leaves no file.
+pub struct TestCell {
+    cell: Cell,
+    folder: PathBuf,
+}
+
+impl TestCell {
+    pub fn new() -> TestCell {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let folder = std::env::temp_dir().join(format!("rcc-ipc-{}-{count}", std::process::id()));
+        let cell = Cell::at("test", &folder).unwrap();
+        TestCell { cell, folder }
+    }
+
+    /// Wipes and returns what was still there: nothing, in a test that ended well.
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.cell.leftovers().unwrap()
+    }
+}
+
+impl Deref for TestCell {
+    type Target = Cell;
+    fn deref(&self) -> &Cell {
+        &self.cell
+    }
+}
+
+impl Drop for TestCell {
+    fn drop(&mut self) {
+        // By hand, not with what is tested: it must work after any failure.
+        for path in self.cell.leftovers().unwrap_or_default() {
+            let _ = std::fs::remove_file(path);
+        }
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// A second process; dropped, also by a panic, it is killed and waited for.
+pub struct Peer {
+    child: Child,
+    label: String,
+}
+
+impl Peer {
+    /// Starts this test program again as `part`, in the same cell.
+    pub fn start(cell: &Cell, part: &str, label: &str) -> Peer {
+        let child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "peer", "--test-threads", "1"])
+            .env(PART, part)
+            .env(FOLDER, cell.runtime_dir())
+            .env(LABEL, label)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        Peer {
+            child,
+            label: label.to_owned(),
+        }
+    }
+
+    /// As `start`, and waits until it has announced itself as a driver.
+    pub fn announced(cell: &Cell, part: &str, label: &str) -> (Peer, Announcement) {
+        let peer = Peer::start(cell, part, label);
+        let found = wait_for(|| {
+            let found = cell.announced(Role::Driver, label).unwrap();
+            found.filter(|found| found.pid == peer.child.id())
+        });
+        (peer, found)
+    }
+
+    /// SIGKILL, and waits until the process is gone.
+    pub fn kill(mut self) {
+        self.end();
+    }
+
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    fn end(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// Polls until something is there.
+pub fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> T {
+    let limit = Instant::now() + LIMIT;
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(Instant::now() < limit, "nothing came within {LIMIT:?}");
+        std::thread::yield_now();
+    }
+}
+
+/// In a second process: its part, cell and label. Nothing in the test program itself.
+pub fn part() -> Option<(String, Cell, String)> {
+    let part = std::env::var(PART).ok()?;
+    // Whatever happens to the test program, no second process stays.
+    nix::sys::prctl::set_pdeathsig(nix::sys::signal::Signal::SIGKILL).unwrap();
+    let cell = Cell::at("test", &PathBuf::from(std::env::var_os(FOLDER).unwrap())).unwrap();
+    Some((part, cell, std::env::var(LABEL).unwrap()))
+}
+
+/// Runs the janitor of this build.
+pub fn run_janitor(cell: &Cell) -> Result<clean::CleanReport, clean::CleanError> {
+    clean::run_janitor(cell, LIMIT)
+}
+
+/// The error of a call that must fail.
+pub fn refused<T: Debug, E>(result: Result<T, E>) -> E {
+    match result {
+        Ok(value) => panic!("{value:?} should have been refused"),
+        Err(error) => error,
+    }
+}

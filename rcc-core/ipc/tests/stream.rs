@@ -1,0 +1,132 @@
+//! Streams between processes. Run by the test program's threads and by second processes of it.
+
+mod common;
+
+use std::time::Duration;
+
+use bytemuck::{Pod, Zeroable};
+use common::{LIMIT, Peer, TestCell, part, refused, run_janitor};
+use rcc_ipc::stream::{BATCHES_MAX, batch_records_max};
+use rcc_ipc::{Announcement, Role, Session, StreamError};
+
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct Record {
+    sequence: u64,
+    values: [f64; 7],
+}
+
+fn records(from: u64, count: u64) -> Vec<Record> {
+    (from..from + count)
+        .map(|sequence| Record {
+            sequence,
+            values: [0.5; 7],
+        })
+        .collect()
+}
+
+/// The second process: 20 records each millisecond, for ever.
+#[test]
+fn peer() {
+    let Some((_, cell, label)) = part() else {
+        return;
+    };
+    let session = Session::join(&cell, Role::Driver, &label).unwrap();
+    let mut publisher = session.publisher::<Record>("values").unwrap();
+    let announcement = Announcement::of(&session).service("values", publisher.service());
+    let _announced = cell.announce(&announcement).unwrap();
+    for cycle in 0.. {
+        publisher.publish(&records(cycle * 20, 20)).unwrap();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_reader_that_looks_every_10_ms_loses_nothing_of_20_records_a_millisecond() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Monitor, "tail").unwrap();
+    let (peer, announcement) = Peer::announced(&cell, "publish", "lwr");
+    let mut reader = session
+        .subscribe::<Record>(&announcement.services["values"])
+        .unwrap();
+    let mut all: Vec<Record> = Vec::new();
+    let limit = std::time::Instant::now() + LIMIT;
+    while all.len() < 10_000 && std::time::Instant::now() < limit {
+        std::thread::sleep(Duration::from_millis(10));
+        while reader.read_into(&mut all).unwrap() {}
+    }
+    assert!(all.len() >= 10_000 && reader.publisher_is_alive());
+    let first = all[0].sequence;
+    assert_eq!(all, records(first, all.len() as u64));
+    peer.kill();
+    assert!(!reader.publisher_is_alive());
+    // What it sent before it died can still be read.
+    while reader.read_into(&mut all).unwrap() {}
+    assert_eq!(all, records(first, all.len() as u64));
+}
+
+#[test]
+fn long_lists_are_split_and_keep_their_order() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let mut publisher = session.publisher::<Record>("values").unwrap();
+    let mut reader = session.subscribe::<Record>(publisher.service()).unwrap();
+    assert_eq!(reader.next_batch().unwrap(), None);
+    let sent = records(0, 1000);
+    publisher.publish(&sent).unwrap();
+    assert_eq!(
+        reader.next_batch().unwrap().unwrap(),
+        &sent[..batch_records_max::<Record>()]
+    );
+    let mut got = sent[..batch_records_max::<Record>()].to_vec();
+    while reader.read_into(&mut got).unwrap() {}
+    assert_eq!(got, sent);
+}
+
+#[test]
+fn a_reader_that_never_looks_keeps_the_newest_and_blocks_nobody() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let mut publisher = session.publisher::<Record>("values").unwrap();
+    let mut reader = session.subscribe::<Record>(publisher.service()).unwrap();
+    for cycle in 0..5000 {
+        publisher.publish(&records(cycle * 20, 20)).unwrap();
+    }
+    let mut got = Vec::new();
+    while reader.read_into(&mut got).unwrap() {}
+    assert_eq!(got, records(5000 * 20 - got.len() as u64, got.len() as u64));
+    assert_eq!(got.len(), BATCHES_MAX * 20);
+}
+
+#[test]
+fn another_layout_or_name_is_refused() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let publisher = session.publisher::<Record>("values").unwrap();
+    let error = refused(session.subscribe::<[u64; 8]>(publisher.service()));
+    assert!(
+        matches!(error, StreamError::OtherLayout { size: 64, .. }),
+        "{error}"
+    );
+    let error = refused(session.subscribe::<Record>("executor-exec/0.0/none"));
+    assert!(matches!(error, StreamError::DoesNotExist { .. }), "{error}");
+}
+
+#[test]
+fn killed_publishers_leave_nothing() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Monitor, "tail").unwrap();
+    run_janitor(&cell).unwrap();
+    let before = cell.files();
+    for _ in 0..20 {
+        let (peer, announcement) = Peer::announced(&cell, "publish", "lwr");
+        let mut reader = session
+            .subscribe::<Record>(&announcement.services["values"])
+            .unwrap();
+        common::wait_for(|| reader.next_batch().unwrap());
+        peer.kill();
+        run_janitor(&cell).unwrap();
+    }
+    run_janitor(&cell).unwrap();
+    assert_eq!(cell.files(), before, "nothing but what lives");
+}
