@@ -1,1 +1,12 @@
-//! Placeholder until the first commit of this package.
+//! The one text parser, diagnostics with places, and the configuration of a cell.
+//! Used by every process at start-up and by the loader; nothing here is real-time.
+
+pub mod cell;
+pub mod device;
+pub mod ports;
+pub mod robot;
+
+pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
+pub use device::{ChannelConfig, DeviceConfig, OnRelease};
+pub use ports::{Protocol, free_port};
+pub use robot::{JointConfig, RobotConfig};

@@ -1,0 +1,156 @@
+//! A cell as its file describes it: timing, devices, simulators and ports, checked as a whole.
+//! Read once at start-up by every process that works with the cell; never by the real-time thread.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use rcc_core::frame::DeviceModel;
+
+use crate::device::{ChannelConfig, DeviceConfig, kind_name};
+use crate::robot::RobotConfig;
+
+/// Everything that the processes of one cell must agree on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellConfig {
+    /// Name of the cell; `[a-z0-9][a-z0-9_-]{0,31}`.
+    pub name: String,
+    /// Period of the executor, ns.
+    pub period_ns: u64,
+    /// A measurement older than this is stale, and the ports of its device are null; ns.
+    pub stale_after_ns: u64,
+    /// The real-time thread.
+    pub executor: ExecutorConfig,
+    /// At most 16, in the order of the file: the place is the device's index in plans.
+    pub devices: Vec<DeviceConfig>,
+    /// Robot-side programs that `up` starts; none in production.
+    pub simulators: Vec<SimulatorConfig>,
+    /// Every port of the file by its name, with the numbers that hold in this run.
+    pub ports: BTreeMap<String, u16>,
+    /// The file.
+    pub source: PathBuf,
+}
+
+/// How the executor's real-time thread runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExecutorConfig {
+    /// SCHED_FIFO priority, 1 to 99.
+    pub priority: u8,
+    /// The core that it is bound to, `None` = the system chooses.
+    pub core: Option<usize>,
+    /// After this many late cycles in a row the most expensive net ends; 0 = never.
+    pub late_in_a_row_max: u32,
+}
+
+/// A program that plays a device's part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SimulatorConfig {
+    /// Name, unique among the simulators of its cell.
+    pub name: String,
+    /// The program: a name beside our own programs, or a path.
+    pub program: String,
+    /// Its arguments; `${port}` is already replaced.
+    pub arguments: Vec<String>,
+}
+
+impl CellConfig {
+    /// The devices as the core knows them, in order of their index.
+    #[must_use]
+    pub fn models(&self) -> Vec<DeviceModel> {
+        self.devices.iter().map(DeviceConfig::model).collect()
+    }
+
+    /// Index and configuration of the device of this name.
+    #[must_use]
+    pub fn device(&self, name: &str) -> Option<(usize, &DeviceConfig)> {
+        self.devices
+            .iter()
+            .enumerate()
+            .find(|(_, device)| device.name == name)
+    }
+
+    /// A hash (FNV-1a, 64 bits) of everything that a plan depends on: the period; the devices in their order with name,
+    /// kinematics, joints and limits; the channels in their order with kind, name and unit. Ports, drivers, settings,
+    /// scales and the file's form do not count.
+    #[must_use]
+    pub fn fingerprint(&self) -> u64 {
+        let mut hash = Fnv::default();
+        hash.number(self.period_ns);
+        hash.number(self.devices.len() as u64);
+        for device in &self.devices {
+            hash.text(&device.name);
+            hash.number(device.first_tolerance_rad.to_bits());
+            hash.number(u64::from(device.robot.is_some()));
+            if let Some(robot) = &device.robot {
+                hash.robot(robot);
+            }
+            hash.number(device.channels.len() as u64);
+            for channel in &device.channels {
+                hash.channel(channel);
+            }
+        }
+        hash.0
+    }
+}
+
+/// FNV-1a, 64 bits (Fowler, Noll, Vo): stable across builds and machines, unlike the standard library's hashes.
+struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Self {
+        Fnv(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Fnv {
+    fn bytes(&mut self, bytes: impl IntoIterator<Item = u8>) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    }
+
+    fn number(&mut self, number: u64) {
+        self.bytes(number.to_le_bytes());
+    }
+
+    fn reals(&mut self, values: impl IntoIterator<Item = f64>) {
+        for value in values {
+            self.number(value.to_bits());
+        }
+    }
+
+    /// With its end, so that "ab", "c" and "a", "bc" differ.
+    fn text(&mut self, text: &str) {
+        self.bytes(text.bytes().chain([0]));
+    }
+
+    fn robot(&mut self, robot: &RobotConfig) {
+        let arm = &robot.arm;
+        self.reals([
+            arm.shoulder_height,
+            arm.upper_arm,
+            arm.forearm,
+            arm.wrist_to_flange,
+        ]);
+        self.reals(arm.signs);
+        self.number(robot.joints.len() as u64);
+        for joint in &robot.joints {
+            self.text(&joint.name);
+            self.reals([
+                joint.lower_rad,
+                joint.upper_rad,
+                joint.velocity_rad_s,
+                joint.acceleration_rad_s2,
+                joint.jerk_rad_s3,
+            ]);
+        }
+    }
+
+    fn channel(&mut self, channel: &ChannelConfig) {
+        self.text(&channel.name);
+        self.text(kind_name(channel.kind));
+        self.number(u64::from(channel.index));
+        self.bytes(channel.unit.exponents.map(|power| power.to_le_bytes()[0]));
+        let [lower, upper] = channel.range.unwrap_or([f64::NAN; 2]);
+        self.reals([lower, upper]);
+    }
+}
