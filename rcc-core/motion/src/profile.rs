@@ -1,0 +1,217 @@
+//! Motion of one axis in phases of constant jerk, and the fastest stop under an acceleration and a jerk limit.
+//! Plain numbers, no allocation, no failure; evaluated by the real-time thread and by drivers.
+
+/// Most phases of a time-optimal motion from rest to rest.
+pub(crate) const PHASES_MAX: usize = 7;
+
+/// Position, velocity and acceleration of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct State {
+    pub(crate) position: f64,
+    pub(crate) velocity: f64,
+    pub(crate) acceleration: f64,
+}
+
+impl State {
+    /// The state `t_s` later under constant jerk.
+    fn after(self, t_s: f64, jerk: f64) -> Self {
+        let Self {
+            position,
+            velocity,
+            acceleration,
+        } = self;
+        Self {
+            position: position + t_s * (velocity + t_s * (acceleration / 2.0 + t_s * jerk / 6.0)),
+            velocity: velocity + t_s * (acceleration + t_s * jerk / 2.0),
+            acceleration: acceleration + t_s * jerk,
+        }
+    }
+}
+
+/// The fastest stop from a velocity and an acceleration: three phases of jerk −J, 0, +J (or the opposite).
+///
+/// With the sign chosen so that the velocity left after letting the acceleration go is positive, the acceleration goes
+/// to −peak, stays there, and goes to 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stop {
+    /// Durations of the three phases, s.
+    durations_s: [f64; 3],
+    /// Jerk of the first phase; the third has the opposite one.
+    jerk: f64,
+}
+
+impl Stop {
+    /// From `velocity` and `acceleration` to rest within the limits (> 0). An acceleration beyond its limit is let go
+    /// at the jerk limit and not exceeded further. NaN in gives NaN durations.
+    pub(crate) fn new(
+        velocity: f64,
+        acceleration: f64,
+        acceleration_max: f64,
+        jerk_max: f64,
+    ) -> Self {
+        let left = velocity + acceleration * acceleration.abs() / (2.0 * jerk_max);
+        let direction = if left < 0.0 { -1.0 } else { 1.0 };
+        let (v, a) = (direction * velocity, direction * acceleration);
+        // With no phase at a limit the peak satisfies v + a²/2J = peak²/J; it is at least −a, but for rounding.
+        let free_peak = (jerk_max * v + a * a / 2.0).max(0.0).sqrt().max(-a);
+        let peak = free_peak.min(acceleration_max.max(-a));
+        let hold_s = if peak < free_peak {
+            (v + a * a / (2.0 * jerk_max) - peak * peak / jerk_max) / peak
+        } else {
+            0.0
+        };
+        let durations_s = [(a + peak) / jerk_max, hold_s, peak / jerk_max];
+        let nan_or = |t: f64| {
+            if (velocity + acceleration).is_nan() {
+                f64::NAN
+            } else {
+                t
+            }
+        };
+        Self {
+            durations_s: durations_s.map(nan_or),
+            jerk: -direction * jerk_max,
+        }
+    }
+
+    /// How long the stop takes, s.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.durations_s.iter().sum()
+    }
+
+    /// The motion of this stop, begun at `position`.
+    pub(crate) fn profile(&self, start: State) -> Profile {
+        let [first, hold, last] = self.durations_s;
+        Profile::new(start, [(first, self.jerk), (hold, 0.0), (last, -self.jerk)])
+    }
+}
+
+/// One phase: from `begin_s` on, `start` moves under `jerk`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Phase {
+    begin_s: f64,
+    start: State,
+    jerk: f64,
+}
+
+/// A motion to rest in phases of constant jerk.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Profile {
+    phases: [Phase; PHASES_MAX],
+    duration_s: f64,
+    end_position: f64,
+}
+
+impl Profile {
+    /// From `start` through phases of (duration s, jerk); behind the last one the axis rests.
+    pub(crate) fn new<const N: usize>(start: State, steps: [(f64, f64); N]) -> Self {
+        const { assert!(N <= PHASES_MAX) };
+        let mut profile = Self::default();
+        let (mut begin_s, mut state) = (0.0, start);
+        let mut steps = steps.into_iter();
+        for phase in &mut profile.phases {
+            let (length_s, jerk) = steps.next().unwrap_or((0.0, 0.0));
+            *phase = Phase {
+                begin_s,
+                start: state,
+                jerk,
+            };
+            begin_s += length_s;
+            state = state.after(length_s, jerk);
+        }
+        profile.duration_s = begin_s;
+        profile.end_position = state.position;
+        profile
+    }
+
+    /// How long the motion takes, s.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// Where the motion ends.
+    pub(crate) fn end_position(&self) -> f64 {
+        self.end_position
+    }
+
+    /// The state at `t_s` ≥ 0 from the beginning, `None` when the motion is over.
+    pub(crate) fn at(&self, t_s: f64) -> Option<State> {
+        if t_s >= self.duration_s {
+            return None;
+        }
+        let phase = self
+            .phases
+            .iter()
+            .rev()
+            .find(|phase| phase.begin_s <= t_s)?;
+        Some(phase.start.after(t_s - phase.begin_s, phase.jerk))
+    }
+
+    /// The states in which phases begin, where velocity and acceleration have their extrema (of the velocity those
+    /// with an acceleration of 0), and where the last phase ends.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = State> + '_ {
+        self.phases.iter().map(|phase| phase.start)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn rest(profile: &Profile) -> State {
+        let last = profile.phases[2];
+        last.start
+            .after(profile.duration_s - last.begin_s, last.jerk)
+    }
+
+    #[test]
+    fn a_stop_from_rest_takes_no_time() {
+        assert_eq!(Stop::new(0.0, 0.0, 1.0, 1.0).duration_s(), 0.0);
+    }
+
+    #[test]
+    fn a_long_stop_holds_the_acceleration_limit() {
+        // 2 m/s at 1 m/s² and 10 m/s³: v/A + A/J.
+        let stop = Stop::new(2.0, 0.0, 1.0, 10.0);
+        assert!((stop.duration_s() - 2.1).abs() < 1e-12);
+        let profile = stop.profile(State {
+            velocity: 2.0,
+            ..State::default()
+        });
+        // From a velocity without acceleration the way is half of velocity × time.
+        assert!((profile.end_position() - 2.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn null_gives_null() {
+        assert!(Stop::new(f64::NAN, 0.0, 1.0, 1.0).duration_s().is_nan());
+        assert!(Stop::new(0.0, f64::NAN, 1.0, 1.0).duration_s().is_nan());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5000))]
+
+        #[test]
+        fn a_stop_ends_at_rest_within_its_limits(
+            v in -3.0..3.0f64, share in -1.0..1.0f64, limit in 0.1..20.0f64, jerk in 1.0..1000.0f64,
+        ) {
+            let (a, stop) = (share * limit, Stop::new(v, share * limit, limit, jerk));
+            prop_assert!(stop.durations_s.iter().all(|t| *t >= 0.0), "{stop:?}");
+            let profile = stop.profile(State { position: 1.0, velocity: v, acceleration: a });
+            prop_assert!(rest(&profile).velocity.abs() < 1e-12 && rest(&profile).acceleration.abs() < 1e-12);
+            prop_assert!(profile.corners().all(|c| c.acceleration.abs() <= limit * (1.0 + 1e-12)));
+            // Never faster than at the beginning, but for what letting the acceleration go costs.
+            let peak = v.abs().max((v + a * a.abs() / (2.0 * jerk)).abs()) + 1e-12;
+            prop_assert!(profile.corners().all(|c| c.velocity.abs() <= peak));
+        }
+
+        #[test]
+        fn a_harder_stop_is_never_slower(
+            v in -3.0..3.0f64, a in -5.0..5.0f64, limit in 5.0..20.0f64, jerk in 1.0..1000.0f64, more in 1.0..3.0f64,
+        ) {
+            let slow = Stop::new(v, a, limit, jerk).duration_s();
+            prop_assert!(Stop::new(v, a, limit * more, jerk * more).duration_s() <= slow * (1.0 + 1e-12));
+        }
+    }
+}
