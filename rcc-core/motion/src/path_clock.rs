@@ -12,7 +12,7 @@ use crate::profile::{PHASES_MAX, Profile, State, Stop};
 const SHAPE_MAX: f64 = 1000.0;
 
 /// A plan may miss its length or a limit by this much, relative to it.
-const PLAN_TOLERANCE: f64 = 1e-9;
+const PLAN_TOLERANCE: f64 = 1e-12;
 
 /// Why limits cannot be planned with.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
