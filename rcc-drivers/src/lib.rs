@@ -2,3 +2,4 @@
 //! Every driver and every simulator is a process of its own; each module says which thread runs it.
 
 pub mod fri_lwr;
+pub mod sim;

@@ -1,0 +1,26 @@
+//! The KRC side of a KUKA LWR 4+: a controller that sends first, judges the answers, and moves a simulated arm.
+//! [`krc::Krc`] is the pure model in virtual time; [`program`] puts sockets, a clock and threads around it.
+
+pub mod arm;
+pub mod brake;
+pub mod control;
+pub mod fault;
+pub mod krc;
+pub mod model;
+pub mod options;
+pub mod program;
+pub mod quality;
+pub mod settings;
+pub mod statistics;
+pub mod stream;
+pub mod surroundings;
+pub mod trace;
+
+#[cfg(test)]
+mod tests;
+
+/// Joints of the arm.
+pub const JOINTS: usize = crate::fri_lwr::wire::JOINTS;
+
+/// One value for each joint, A1 to J7 in kinematic order; rad and its derivatives.
+pub type Joints = [f64; JOINTS];

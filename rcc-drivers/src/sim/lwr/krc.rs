@@ -1,0 +1,581 @@
+//! The simulated controller as a pure state machine: answers in, one tick, the next measurement datagram out.
+//! Runs in virtual time; the program's clock thread calls it at the pace of the clock, tests as fast as they can.
+//!
+//! A cycle: a measurement datagram goes out, [`Krc::receive`] takes what comes back, [`Krc::tick`] judges it, lets
+//! the KRL program decide, moves the arm, and builds the next datagram. A bad datagram is counted and never answered:
+//! a real controller is mute as well. The position strategy is the only one.
+//!
+//! What the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention), otherwise 0;
+//! `$FRI_TO_INT[2]` is the number of the fault that is not acknowledged ([`Fault::code`]), 0 without one.
+
+use super::Joints;
+use super::arm::Arm;
+use super::brake::Brake;
+use super::fault::{Fault, Waiting};
+use super::model::{Geometry, geometry};
+use super::quality::QualityMeter;
+use super::settings::{Acknowledge, Script, Settings, Wire};
+use super::statistics::{Counts, FAULTS_KEPT, FaultRecord};
+use super::stream::Stream;
+use super::surroundings::{Surroundings, wire_wrench};
+use super::trace::TraceRecord;
+use crate::fri_lwr::wire::{
+    CommandDatagram, ControlStrategy, KrlBlock, MSR_SIZE, MeasurementDatagram, Quality,
+    SessionState, WireError, flags,
+};
+
+/// Cycles in which the KRL program says that it ends.
+const FAREWELL_CYCLES: u32 = 20;
+
+/// What the set-point does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    Hold,
+    Follow(Stream),
+    Stop(Brake),
+}
+
+/// A simulated controller with its arm.
+#[derive(Clone, Debug)]
+pub struct Krc {
+    pub(super) settings: Settings,
+    pub(super) tick: u64,
+    pub(super) time_s: f64,
+    pub(super) command_state: bool,
+    pub(super) drives_wanted: bool,
+    pub(super) emergency_stop: bool,
+    pub(super) fault: Option<Fault>,
+    pub(super) waiting: Option<Waiting>,
+    pub(super) faults: Vec<FaultRecord>,
+    pub(super) counts: Counts,
+    pub(super) quality: QualityMeter,
+    pub(super) arm: Arm,
+    pub(super) surroundings: Surroundings,
+    pub(super) geometry: Geometry,
+    pub(super) wrench: [f64; 6],
+    pub(super) at_rest_for_s: f64,
+    pub(super) to_pc: KrlBlock,
+    pub(super) from_pc: KrlBlock,
+    pub(super) desired: Joints,
+    pub(super) last_stream: Stream,
+    /// Position of the controller's own interpolator; FRI's offset is on top of it.
+    base: Joints,
+    motion: Motion,
+    mirror_checked: bool,
+    wants_command: bool,
+    missed_in_a_row: u32,
+    answer: Option<(CommandDatagram, f64)>,
+    last_answer_sequence: Option<u16>,
+    withheld_ticks: u64,
+    drop_percent: f64,
+    chance: u64,
+    farewell: Option<u32>,
+    sent: Option<TraceRecord>,
+    exchanged: Option<TraceRecord>,
+}
+
+impl Krc {
+    /// A controller whose KRL program has just opened the interface: monitor state, drives on, arm at rest.
+    pub fn new(settings: Settings) -> Self {
+        let (start, period_s) = (settings.start, settings.period_s);
+        Self {
+            tick: 0,
+            time_s: 0.0,
+            command_state: false,
+            drives_wanted: true,
+            emergency_stop: false,
+            fault: None,
+            waiting: Some(Waiting::Answer),
+            faults: Vec::new(),
+            counts: Counts::default(),
+            quality: QualityMeter::new(settings.quality, period_s),
+            arm: Arm::new(start, settings.bandwidth_rad_s),
+            surroundings: Surroundings {
+                wall: settings.wall,
+                injected: [0.0; 6],
+            },
+            geometry: geometry(&start),
+            wrench: [0.0; 6],
+            at_rest_for_s: 0.0,
+            to_pc: KrlBlock::default(),
+            from_pc: KrlBlock::default(),
+            desired: start,
+            last_stream: Stream::at_rest(start, period_s),
+            base: start,
+            motion: Motion::Hold,
+            mirror_checked: false,
+            wants_command: false,
+            missed_in_a_row: 0,
+            answer: None,
+            last_answer_sequence: None,
+            withheld_ticks: 0,
+            drop_percent: 0.0,
+            chance: settings.seed,
+            farewell: None,
+            sent: None,
+            exchanged: None,
+            settings,
+        }
+    }
+
+    /// Takes a datagram in that came from the PC `delay_s` seconds after the last measurement datagram went out.
+    pub fn receive(&mut self, bytes: &[u8], delay_s: f64) {
+        let answer = match CommandDatagram::decode(bytes) {
+            Ok(answer) => answer,
+            Err(WireError::Size { .. }) => return self.counts.wrong_size += 1,
+            Err(_) => return self.counts.wrong_identity += 1,
+        };
+        if self.drop_percent > 0.0 && self.next_chance() * 100.0 < self.drop_percent {
+            return self.counts.dropped += 1;
+        }
+        if answer.reflected_sequence != self.sequence() || self.sent.is_none() {
+            return self.counts.late += 1;
+        }
+        // a PC that was started again counts from anew, which is no harm while monitoring
+        let backward = self
+            .last_answer_sequence
+            .is_some_and(|last| answer.send_sequence.wrapping_sub(last) as i16 <= 0);
+        if self.answer.is_some() || (backward && self.command_state) {
+            return self.counts.duplicate += 1;
+        }
+        if !self.command_state && answer.joint_position.iter().any(|q| !q.is_finite()) {
+            return self.counts.not_finite += 1;
+        }
+        self.answer = Some((answer, delay_s));
+    }
+
+    /// Counts a datagram that came from somewhere else.
+    pub fn receive_foreign(&mut self) {
+        self.counts.foreign += 1;
+    }
+
+    /// Ends the cycle and begins the next: the next measurement datagram, `None` while it is withheld on request.
+    ///
+    /// `periods_max` is 1, or more after a stall of the machine: the number of periods that went by on its clock. The
+    /// arm then moves on by the number of periods that fits the commanded stream best ([`Stream::accept`]).
+    pub fn tick(&mut self, periods_max: u64) -> Option<[u8; MSR_SIZE]> {
+        let answer = self.answer.take();
+        if self.sent.is_some() {
+            self.count(answer.as_ref(), periods_max);
+            self.exchanged = self.sent.map(|sent| self.pair(sent, answer.as_ref()));
+        }
+        let command = answer.map(|(command, _)| command);
+        let from = self.desired;
+        let periods = self.move_set_point(command.as_ref(), periods_max);
+        let step_s = periods as f64 * self.settings.period_s;
+        self.arm.follow(&from, &self.desired, step_s);
+        self.geometry = geometry(&self.arm.position);
+        self.wrench = self.surroundings.wrench(&self.geometry, &self.arm.velocity);
+        self.at_rest_for_s = if self.is_at_rest() {
+            self.at_rest_for_s + step_s
+        } else {
+            0.0
+        };
+        self.run_script(command.as_ref());
+        self.tick += 1;
+        self.time_s += step_s;
+        self.say()
+    }
+
+    /// What went over the wire in the cycle that the last tick has ended.
+    pub fn exchanged(&self) -> Option<&TraceRecord> {
+        self.exchanged.as_ref()
+    }
+
+    /// Sequence number of the last measurement datagram.
+    pub fn sequence(&self) -> u16 {
+        self.tick as u16
+    }
+
+    /// The KRL program has said that it ends.
+    pub fn is_closed(&self) -> bool {
+        self.farewell == Some(0)
+    }
+
+    /// Neither set-point nor arm moves.
+    pub fn is_at_rest(&self) -> bool {
+        self.arm.is_at_rest() && !matches!(self.motion, Motion::Stop(_))
+    }
+
+    /// The drives are on: wanted, no fault, no emergency stop.
+    pub fn drives_on(&self) -> bool {
+        self.drives_wanted && self.fault.is_none() && !self.emergency_stop
+    }
+
+    /// Presses the emergency stop; `ack` releases it.
+    pub(super) fn press_emergency_stop(&mut self) {
+        self.emergency_stop = true;
+        self.fail(Fault::EmergencyStop);
+    }
+
+    /// Switches the drives.
+    pub(super) fn switch_drives(&mut self, on: bool) {
+        self.drives_wanted = on;
+        if !on && self.command_state {
+            self.fail(Fault::DrivesOff);
+        }
+    }
+
+    /// Releases the emergency stop and acknowledges the fault; says whether the arm rests, otherwise nothing changes.
+    pub(super) fn acknowledge(&mut self) -> bool {
+        if self.is_at_rest() {
+            self.emergency_stop = false;
+            self.fault = None;
+        }
+        self.is_at_rest()
+    }
+
+    /// Sends nothing for this time, s; the controller goes on and misses the answers.
+    pub(super) fn withhold(&mut self, time_s: f64) {
+        self.withheld_ticks = (time_s / self.settings.period_s).round() as u64;
+    }
+
+    /// Drops this part of the answers, percent.
+    pub(super) fn drop_answers(&mut self, percent: f64) {
+        self.drop_percent = percent;
+    }
+
+    /// Lets the KRL program end: it stops, says so for some cycles, and then [`Krc::is_closed`].
+    pub(super) fn close(&mut self) {
+        self.farewell.get_or_insert(FAREWELL_CYCLES);
+    }
+
+    pub(super) fn reset_statistics(&mut self) {
+        self.counts = Counts::default();
+        self.faults.clear();
+        self.arm.reset_extremes();
+        self.last_stream.velocity_max = [0.0; super::JOINTS];
+        self.last_stream.acceleration_max = [0.0; super::JOINTS];
+        if let Motion::Follow(stream) = &mut self.motion {
+            stream.velocity_max = [0.0; super::JOINTS];
+            stream.acceleration_max = [0.0; super::JOINTS];
+        }
+    }
+
+    fn count(&mut self, answer: Option<&(CommandDatagram, f64)>, periods_max: u64) {
+        self.counts.stalls += u64::from(periods_max > 1);
+        self.counts.skipped += periods_max.saturating_sub(1);
+        self.quality.record(answer.map(|&(_, delay_s)| delay_s));
+        let Some((answer, _)) = answer else {
+            self.counts.missed += 1;
+            return;
+        };
+        self.counts.answered += 1;
+        self.last_answer_sequence = Some(answer.send_sequence);
+        self.from_pc = answer.krl;
+        for &Wire { from, to } in &self.settings.boolean_wires {
+            if let Some(value) = self.from_pc.boolean(from) {
+                self.to_pc.set_boolean(to, value);
+            }
+        }
+        for &Wire { from, to } in &self.settings.real_wires {
+            if let (Some(&value), Some(place)) = (
+                self.from_pc.reals.get(from.wrapping_sub(1)),
+                self.to_pc.reals.get_mut(to.wrapping_sub(1)),
+            ) {
+                *place = value;
+            }
+        }
+    }
+
+    fn pair(&self, sent: TraceRecord, answer: Option<&(CommandDatagram, f64)>) -> TraceRecord {
+        TraceRecord {
+            answered: answer.is_some(),
+            commanded: answer.map_or([f32::NAN; super::JOINTS], |(answer, _)| {
+                answer.joint_position
+            }),
+            booleans: self.from_pc.booleans,
+            ..sent
+        }
+    }
+
+    /// Moves the set-point on; says how many periods that took.
+    fn move_set_point(&mut self, command: Option<&CommandDatagram>, periods_max: u64) -> u64 {
+        match (self.motion, command) {
+            (Motion::Hold, _) => periods_max,
+            (Motion::Stop(mut brake), _) => {
+                self.desired = brake.advance(periods_max as f64 * self.settings.period_s);
+                self.motion = if brake.is_at_rest() {
+                    Motion::Hold
+                } else {
+                    Motion::Stop(brake)
+                };
+                periods_max
+            }
+            (Motion::Follow(stream), Some(command)) => {
+                match self.follow(stream, command, periods_max) {
+                    Ok(periods) => periods,
+                    Err(fault) => {
+                        self.fail(fault);
+                        self.move_set_point(None, 1)
+                    }
+                }
+            }
+            (Motion::Follow(stream), None) => {
+                self.bridge(stream);
+                1
+            }
+        }
+    }
+
+    fn follow(
+        &mut self,
+        mut stream: Stream,
+        command: &CommandDatagram,
+        periods_max: u64,
+    ) -> Result<u64, Fault> {
+        self.missed_in_a_row = 0;
+        if command.flags != flags::JOINT_POSITION {
+            return Err(Fault::Flags {
+                want: flags::JOINT_POSITION,
+                have: command.flags,
+            });
+        }
+        if !self.mirror_checked
+            && let Some((joint, value)) = self.not_mirrored(command)
+        {
+            let (own, tolerance) = (self.desired[joint], self.settings.mirror_tolerance_rad);
+            return Err(Fault::Mirror {
+                joint,
+                value,
+                own,
+                tolerance,
+            });
+        }
+        self.mirror_checked = true;
+        let target = command.joint_position.map(f64::from);
+        let periods = stream.accept(&target, periods_max, &self.settings)?;
+        self.desired = target;
+        self.last_stream = stream;
+        self.motion = Motion::Follow(stream);
+        Ok(periods)
+    }
+
+    /// Goes on with the last velocity, or stops after too many missed answers.
+    fn bridge(&mut self, mut stream: Stream) {
+        self.missed_in_a_row += 1;
+        self.counts.missed_in_a_row_max = self.counts.missed_in_a_row_max.max(self.missed_in_a_row);
+        if self.missed_in_a_row > self.settings.bridged_misses {
+            self.fail(Fault::Lost {
+                misses: self.missed_in_a_row,
+            });
+            self.move_set_point(None, 1);
+            return;
+        }
+        self.desired = stream.extrapolate(self.settings.period_s);
+        self.last_stream = stream;
+        self.motion = Motion::Follow(stream);
+    }
+
+    /// The first joint that the command does not hold where the controller is.
+    fn not_mirrored(&self, command: &CommandDatagram) -> Option<(usize, f64)> {
+        let values = command.joint_position.map(f64::from);
+        let tolerance = self.settings.mirror_tolerance_rad;
+        (0..super::JOINTS)
+            .find(|&joint| {
+                let distance = (values[joint] - self.desired[joint]).abs();
+                distance.is_nan() || distance > tolerance
+            })
+            .map(|joint| (joint, values[joint]))
+    }
+
+    fn run_script(&mut self, command: Option<&CommandDatagram>) {
+        if let (Some(command), Script::FirstApp) = (command, self.settings.script) {
+            match command.krl.integers[0] {
+                1 | 10 => self.wants_command = true,
+                0 | 2 => self.wants_command = false,
+                _ => {}
+            }
+        }
+        if self.settings.script == Script::Auto {
+            self.wants_command = true;
+        }
+        if let Some(cycles) = &mut self.farewell {
+            self.wants_command = false;
+            *cycles = cycles.saturating_sub(1);
+        }
+        if self.command_state {
+            if self.quality.quality() == Quality::Unacceptable {
+                self.fail(Fault::Quality {
+                    answered: self.quality.figures().answered,
+                });
+            } else if !self.wants_command {
+                self.stop();
+            }
+            self.waiting = self.waits_for(command).filter(|_| !self.command_state);
+            return;
+        }
+        self.acknowledge_by_script(command);
+        self.waiting = self.waits_for(command);
+        if self.waiting.is_none() {
+            self.enter_command_state();
+        }
+    }
+
+    fn enter_command_state(&mut self) {
+        self.command_state = true;
+        self.mirror_checked = false;
+        self.missed_in_a_row = 0;
+        self.base = self.desired;
+        self.last_stream = Stream::at_rest(self.desired, self.settings.period_s);
+        self.motion = Motion::Follow(self.last_stream);
+        self.counts.entries += 1;
+    }
+
+    fn acknowledge_by_script(&mut self, command: Option<&CommandDatagram>) {
+        let rested = self.at_rest_for_s >= self.settings.acknowledge_after_s;
+        let mirrors = command.is_some_and(|command| self.not_mirrored(command).is_none());
+        if self.settings.acknowledge == Acknowledge::Auto
+            && !self.emergency_stop
+            && rested
+            && mirrors
+        {
+            self.fault = None;
+        }
+    }
+
+    fn waits_for(&self, command: Option<&CommandDatagram>) -> Option<Waiting> {
+        let quality = self.quality.quality();
+        match command {
+            _ if self.farewell.is_some() => Some(Waiting::Closing),
+            _ if self.emergency_stop => Some(Waiting::EmergencyStop),
+            _ if self.fault.is_some() => Some(Waiting::Acknowledgement),
+            _ if !self.drives_wanted => Some(Waiting::Drives),
+            _ if !self.is_at_rest() => Some(Waiting::Rest),
+            None => Some(Waiting::Answer),
+            _ if quality < Quality::Ok => Some(Waiting::Quality(quality)),
+            Some(command) if !self.wants_command => Some(Waiting::Request(command.krl.integers[0])),
+            Some(command) if command.flags != flags::JOINT_POSITION => Some(Waiting::Flags {
+                want: flags::JOINT_POSITION,
+                have: command.flags,
+            }),
+            Some(command) => self
+                .not_mirrored(command)
+                .map(|(joint, value)| Waiting::Mirror {
+                    joint,
+                    value,
+                    own: self.desired[joint],
+                }),
+        }
+    }
+
+    /// Brakes, drives off, monitor state; the first cause of a stop is the one that is kept.
+    fn fail(&mut self, fault: Fault) {
+        if self.fault.is_none() {
+            self.fault = Some(fault);
+            self.counts.faults += 1;
+            if self.faults.len() == FAULTS_KEPT {
+                self.faults.remove(0);
+            }
+            self.faults.push(FaultRecord {
+                tick: self.tick,
+                time_s: self.time_s,
+                code: fault.code(),
+                reason: fault.to_string(),
+            });
+        }
+        self.stop();
+    }
+
+    /// Monitor state; a moving set-point is brought to rest.
+    fn stop(&mut self) {
+        self.command_state = false;
+        if let Motion::Follow(stream) = self.motion {
+            let brake = Brake::new(
+                self.desired,
+                stream.velocity(),
+                self.settings.brake_deceleration,
+                self.settings.brake_jerk,
+            );
+            self.motion = Motion::Stop(brake);
+        }
+    }
+
+    fn say(&mut self) -> Option<[u8; MSR_SIZE]> {
+        if !self.command_state {
+            // what FRI had added is now the controller's own position, so a mirroring PC sees no jump
+            self.base = self.desired;
+        }
+        self.to_pc.integers[0] = if self.farewell.is_some() { -1 } else { 0 };
+        self.to_pc.integers[1] = self.fault.map_or(0, |fault| fault.code());
+        let datagram = self.datagram();
+        self.sent = Some(TraceRecord {
+            tick: self.tick,
+            time_s: self.time_s,
+            sequence: datagram.send_sequence,
+            state: datagram.state as u16,
+            quality: datagram.quality as u16,
+            answered: false,
+            measured: self.arm.position,
+            commanded: [f32::NAN; super::JOINTS],
+            booleans: 0,
+            flange: self.geometry.position,
+            force: [self.wrench[0], self.wrench[1], self.wrench[2]],
+        });
+        if self.withheld_ticks > 0 {
+            self.withheld_ticks -= 1;
+            self.counts.withheld += 1;
+            return None;
+        }
+        self.counts.sent += 1;
+        Some(datagram.encode())
+    }
+
+    /// Approximate are the torques (the external wrench only: no gravity, no inertia) and the temperature (constant);
+    /// mass matrix and gravity are zero.
+    fn datagram(&self) -> MeasurementDatagram {
+        let figures = self.quality.figures();
+        let (base, desired) = (geometry(&self.base), geometry(&self.desired));
+        let torque = self.geometry.joint_torque(&self.wrench).map(|t| t as f32);
+        let narrow = |values: &Joints| values.map(|value| value as f32);
+        let answered = figures.answered as f32 / super::quality::WINDOW as f32;
+        MeasurementDatagram {
+            send_sequence: self.sequence(),
+            reflected_sequence: self.last_answer_sequence.unwrap_or(0),
+            krl: self.to_pc,
+            timestamp: self.time_s as f32,
+            state: if self.command_state {
+                SessionState::Command
+            } else {
+                SessionState::Monitor
+            },
+            quality: self.quality.quality(),
+            measurement_period: self.settings.period_s as f32,
+            command_period: self.settings.period_s as f32,
+            safety_limits: self.settings.safety_limits as f32,
+            answer_rate: answered,
+            latency: figures.latency_s as f32,
+            jitter: figures.jitter_s as f32,
+            miss_rate: 1.0 - answered,
+            miss_count: self.counts.missed as u32,
+            power: if self.drives_on() { 0x7f } else { 0 },
+            control: ControlStrategy::Position,
+            error: self.fault.map_or(0, |fault| fault.drive_bits()),
+            warning: 0,
+            temperature: [30.0; super::JOINTS],
+            measured_position: narrow(&self.arm.position),
+            measured_pose: self.geometry.pose(),
+            commanded_position: narrow(&self.base),
+            commanded_position_offset: std::array::from_fn(|i| {
+                (self.desired[i] - self.base[i]) as f32
+            }),
+            commanded_pose: base.pose(),
+            commanded_pose_offset: desired.offset_from(&base),
+            measured_torque: torque,
+            external_torque: torque,
+            external_tcp_wrench: wire_wrench(&self.wrench),
+            jacobian: self.geometry.wire_jacobian(),
+            mass_matrix: [0.0; 49],
+            gravity: [0.0; super::JOINTS],
+        }
+    }
+
+    /// SplitMix64: the next number from 0 to 1.
+    fn next_chance(&mut self) -> f64 {
+        self.chance = self.chance.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.chance;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}

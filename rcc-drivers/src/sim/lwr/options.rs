@@ -1,0 +1,350 @@
+//! The command line of `lwr-sim`. Every threshold that KUKA does not publish is ours, and says so.
+//! Read once, by the main thread.
+
+use super::settings::{Acknowledge, Limits, QualityRules, Script, Settings, Wire};
+use super::surroundings::{Wall, WallError};
+use super::{JOINTS, Joints};
+use clap::Parser;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// The controller's side of a KUKA LWR 4+: speaks FRI 1.0 over UDP, sends first, and moves a simulated arm.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "lwr-sim", version)]
+pub struct Options {
+    /// Where the PC (the driver) listens; nobody else is listened to
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub driver: SocketAddr,
+    /// Where to send from; port 0 lets the system choose
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    pub bind: SocketAddr,
+    /// Where the control port listens (one JSON object a line); a loopback address
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    pub control: SocketAddr,
+    /// Period of both directions, ms (KUKA: 1 to 100)
+    #[arg(long, value_name = "MS", default_value_t = 1.0)]
+    pub period_ms: f64,
+    /// How the KRL program decides about command mode: with first-app the PC writes $FRI_FRM_INT[1],
+    /// 1 and 10 ask for it, 0 and 2 end it; with auto it begins as soon as its conditions hold
+    #[arg(long, value_enum, default_value = "first-app")]
+    pub krl: Script,
+    /// Who acknowledges a fault: the KRL program once the arm has rested for 0.5 s and the PC mirrors, or the
+    /// control port (the 0.5 s are ours)
+    #[arg(long, value_enum, default_value = "auto")]
+    pub ack: Acknowledge,
+    /// Joint positions at the start, rad
+    #[arg(
+        long,
+        value_name = "Q1,…,Q7",
+        default_value = "0,0.5236,0,-1.5708,0,1.0472,0",
+        allow_hyphen_values = true
+    )]
+    pub start: Numbers<JOINTS>,
+    /// Supervised positions, ±degrees (read by others from a controller's files)
+    #[arg(
+        long,
+        value_name = "J1,…,J7",
+        default_value = "170,120,170,120,170,120,170"
+    )]
+    pub position_limits: Numbers<JOINTS>,
+    /// Supervised velocities, degrees/s (read by others from a controller's files)
+    #[arg(
+        long,
+        value_name = "J1,…,J7",
+        default_value = "120,120,160,160,250,220,220"
+    )]
+    pub velocity_limits: Numbers<JOINTS>,
+    /// Supervised accelerations, degrees/s² (read by others from a controller's files)
+    #[arg(
+        long,
+        value_name = "J1,…,J7",
+        default_value = "1200,1200,1600,1600,2500,4400,4400"
+    )]
+    pub acceleration_limits: Numbers<JOINTS>,
+    /// Factor on the supervised velocities and accelerations, above 0 up to 1
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    pub safety_limits: f64,
+    /// Largest difference to the mirrored position when command mode begins, rad (ours)
+    #[arg(long, value_name = "RAD", default_value_t = 0.01)]
+    pub mirror_tolerance: f64,
+    /// Missed answers in a row that are bridged; one more stops the arm (ours)
+    #[arg(long, value_name = "COUNT", default_value_t = 5)]
+    pub bridge: u32,
+    /// Largest deceleration of a stop, rad/s² (ours)
+    #[arg(long, value_name = "RAD/S²", default_value_t = 8.0)]
+    pub brake_deceleration: f64,
+    /// Largest jerk of a stop, rad/s³ (ours)
+    #[arg(long, value_name = "RAD/S³", default_value_t = 200.0)]
+    pub brake_jerk: f64,
+    /// Bandwidth of the simulated position control, rad/s: the arm lags 2 v / bandwidth behind (ours)
+    #[arg(long, value_name = "RAD/S", default_value_t = 80.0)]
+    pub bandwidth: f64,
+    /// Least answered part of the last 100 cycles for PERFECT, OK and BAD (ours)
+    #[arg(long, value_name = "PERFECT,OK,BAD", default_value = "0.99,0.95,0.8")]
+    pub quality: Numbers<3>,
+    /// Cycles for which a better quality must have lasted before it is believed (ours)
+    #[arg(long, value_name = "COUNT", default_value_t = 50)]
+    pub quality_raise_cycles: u32,
+    /// Wires $FRI_FRM_BOOL[FROM] back to $FRI_TO_BOOL[TO]
+    #[arg(long, value_name = "FROM=TO")]
+    pub wire_bool: Vec<Wire>,
+    /// Wires $FRI_FRM_REA[FROM] back to $FRI_TO_REA[TO]
+    #[arg(long, value_name = "FROM=TO")]
+    pub wire_real: Vec<Wire>,
+    /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
+    #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ,K,D", allow_hyphen_values = true)]
+    pub wall: Option<Numbers<8>>,
+    /// Appends every exchanged pair of datagrams to this file as comma-separated values
+    #[arg(long, value_name = "FILE")]
+    pub trace: Option<PathBuf>,
+    /// Seed of the answers that are dropped on request
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Ends when the thread that started it ends
+    #[arg(long)]
+    pub parent_death: bool,
+}
+
+/// Numbers in one argument, with commas between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbers<const N: usize>(pub [f64; N]);
+
+/// Why an option is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OptionError {
+    /// Not the right count of numbers.
+    #[error("{have} numbers, {want} are expected with commas between them")]
+    Count {
+        /// Expected.
+        want: usize,
+        /// Given.
+        have: usize,
+    },
+    /// Not a finite number.
+    #[error("`{0}` is not a finite number")]
+    Number(String),
+    /// Not a wire.
+    #[error("`{0}` is not FROM=TO with numbers from 1 to 16")]
+    Wire(String),
+    /// A number is out of range.
+    #[error("--{option} is {value}, it must be {range}")]
+    Range {
+        /// Name of the option.
+        option: &'static str,
+        /// Given.
+        value: f64,
+        /// Allowed.
+        range: &'static str,
+    },
+    /// The start is outside of the supervised positions.
+    #[error("--start: joint {} at {value} rad is outside of ±{limit} rad", joint + 1)]
+    Start {
+        /// Index of the joint.
+        joint: usize,
+        /// Given, rad.
+        value: f64,
+        /// Allowed, rad.
+        limit: f64,
+    },
+    /// The wall is impossible.
+    #[error("--wall: {0}")]
+    Wall(#[from] WallError),
+    /// The control port is no loopback address.
+    #[error(
+        "--control {0}: the control port asks for no password, so it takes a loopback address only"
+    )]
+    Control(SocketAddr),
+}
+
+impl<const N: usize> FromStr for Numbers<N> {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        let numbers = text
+            .split(',')
+            .map(|part| {
+                let number = part
+                    .trim()
+                    .parse::<f64>()
+                    .ok()
+                    .filter(|number| number.is_finite());
+                number.ok_or_else(|| OptionError::Number(part.trim().to_owned()))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let have = numbers.len();
+        numbers
+            .try_into()
+            .map(Self)
+            .map_err(|_| OptionError::Count { want: N, have })
+    }
+}
+
+impl FromStr for Wire {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        let number = |part: &str| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|number| (1..=16).contains(number))
+        };
+        text.split_once('=')
+            .and_then(|(from, to)| {
+                Some(Self {
+                    from: number(from)?,
+                    to: number(to)?,
+                })
+            })
+            .ok_or_else(|| OptionError::Wire(text.to_owned()))
+    }
+}
+
+impl Options {
+    /// The controller's settings.
+    ///
+    /// # Errors
+    /// The first number that is out of range.
+    pub fn settings(&self) -> Result<Settings, OptionError> {
+        if !self.control.ip().is_loopback() {
+            return Err(OptionError::Control(self.control));
+        }
+        let range = |option, value: f64, range, inside: bool| {
+            if inside {
+                Ok(())
+            } else {
+                Err(OptionError::Range {
+                    option,
+                    value,
+                    range,
+                })
+            }
+        };
+        range(
+            "period-ms",
+            self.period_ms,
+            "from 1 to 100",
+            (1.0..=100.0).contains(&self.period_ms),
+        )?;
+        let safety = self.safety_limits;
+        range(
+            "safety-limits",
+            safety,
+            "above 0 and at most 1",
+            safety > 0.0 && safety <= 1.0,
+        )?;
+        for (option, value) in [
+            ("mirror-tolerance", self.mirror_tolerance),
+            ("brake-deceleration", self.brake_deceleration),
+            ("brake-jerk", self.brake_jerk),
+            ("bandwidth", self.bandwidth),
+        ] {
+            range(
+                option,
+                value,
+                "finite and above 0",
+                value.is_finite() && value > 0.0,
+            )?;
+        }
+        let radians = |numbers: &Numbers<JOINTS>| -> Joints { numbers.0.map(f64::to_radians) };
+        let limits = Limits {
+            position: radians(&self.position_limits),
+            velocity: radians(&self.velocity_limits),
+            acceleration: radians(&self.acceleration_limits),
+        };
+        let start = self.start.0;
+        if let Some(joint) = (0..JOINTS).find(|&joint| start[joint].abs() > limits.position[joint])
+        {
+            return Err(OptionError::Start {
+                joint,
+                value: start[joint],
+                limit: limits.position[joint],
+            });
+        }
+        let [perfect, ok, bad] = self.quality.0;
+        Ok(Settings {
+            period_s: self.period_ms * 1e-3,
+            start,
+            script: self.krl,
+            acknowledge: self.ack,
+            limits,
+            safety_limits: safety,
+            mirror_tolerance_rad: self.mirror_tolerance,
+            bridged_misses: self.bridge,
+            brake_deceleration: self.brake_deceleration,
+            brake_jerk: self.brake_jerk,
+            bandwidth_rad_s: self.bandwidth,
+            quality: QualityRules {
+                perfect,
+                ok,
+                bad,
+                raise_cycles: self.quality_raise_cycles,
+            },
+            boolean_wires: self.wire_bool.clone(),
+            real_wires: self.wire_real.clone(),
+            wall: self.wall.map(wall).transpose()?,
+            seed: self.seed,
+            ..Settings::default()
+        })
+    }
+}
+
+fn wall(
+    Numbers([px, py, pz, nx, ny, nz, stiffness, damping]): Numbers<8>,
+) -> Result<Wall, WallError> {
+    Wall {
+        point: [px, py, pz],
+        normal: [nx, ny, nz],
+        stiffness,
+        damping,
+    }
+    .checked()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(arguments: &[&str]) -> Options {
+        let fixed = ["lwr-sim", "--driver", "127.0.0.1:1"];
+        Options::try_parse_from(fixed.iter().chain(arguments)).unwrap()
+    }
+
+    #[test]
+    fn without_options_the_settings_are_the_documented_defaults() {
+        assert_eq!(parsed(&[]).settings(), Ok(Settings::default()));
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_by_name() {
+        for (arguments, part) in [
+            (["--period-ms", "0.5"], "period-ms"),
+            (["--safety-limits", "0"], "safety-limits"),
+            (["--bandwidth", "nan"], "bandwidth"),
+            (["--start", "0,0,0,-3,0,0,0"], "joint 4"),
+            (["--wall", "0,0,0,0,0,0,1,1"], "normal"),
+            (["--control", "0.0.0.0:0"], "loopback"),
+        ] {
+            let error = parsed(&arguments).settings().unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_list_of_the_wrong_length_and_a_wire_out_of_range_are_refused() {
+        assert_eq!(
+            "1,2".parse::<Numbers<3>>(),
+            Err(OptionError::Count { want: 3, have: 2 })
+        );
+        assert_eq!(
+            "1,inf,2".parse::<Numbers<3>>(),
+            Err(OptionError::Number("inf".into()))
+        );
+        assert_eq!(
+            "1=17".parse::<Wire>(),
+            Err(OptionError::Wire("1=17".into()))
+        );
+        assert_eq!("3=4".parse::<Wire>(), Ok(Wire { from: 3, to: 4 }));
+    }
+}

@@ -1,0 +1,272 @@
+//! Sockets, a clock and threads around the simulated controller.
+//! Clock thread: sleeps to an absolute deadline, takes what has come, ticks, sends. Receiver thread: stamps what comes.
+//!
+//! After a stall of the machine the clock goes on at the next deadline that is at least half a period away: ticks are
+//! skipped, never sent in a burst.
+
+use super::control::{self, Answer, Command, ControlError, TraceFile};
+use super::krc::Krc;
+use super::options::{OptionError, Options};
+use super::trace::{TraceError, TraceSink};
+use crate::fri_lwr::wire::CMD_SIZE;
+use crate::sim::lines;
+use crate::sim::process::{Stop, request_stop};
+use nix::errno::Errno;
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+/// Datagrams between receiver and clock thread.
+const ARRIVALS: usize = 64;
+/// Commands that the clock thread obeys in one tick.
+const REQUESTS_PER_TICK: usize = 4;
+
+/// Why the simulator could not start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// An option is impossible.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// An address is taken or does not exist.
+    #[error("{what} {address}: {source}")]
+    Address {
+        /// Which address.
+        what: &'static str,
+        /// The address.
+        address: SocketAddr,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The system refuses a thread or a socket's option.
+    #[error("the system refuses: {0}")]
+    System(#[from] io::Error),
+    /// The system refuses signals or the clock.
+    #[error("the system refuses: {0}")]
+    Signals(#[from] Errno),
+    /// The trace cannot be written.
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    /// A thread has panicked.
+    #[error("the simulator's {0} thread has died")]
+    Thread(&'static str),
+}
+
+/// A datagram with the moment at which it came.
+struct Arrival {
+    /// One byte more than a command datagram, so that a longer one is seen as such.
+    bytes: [u8; CMD_SIZE + 1],
+    length: usize,
+    foreign: bool,
+    /// CLOCK_MONOTONIC.
+    time_ns: i64,
+}
+
+type Request = (Command, SyncSender<Result<Answer, ControlError>>);
+
+/// Runs the simulator until SIGTERM, SIGINT, `quit`, or (if asked to) the end of its parent.
+///
+/// `ready` gets the line that says where it sends from and where its control port is.
+///
+/// # Errors
+/// It could not start; or a thread has died.
+pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
+    let stop = Stop::prepare(options.parent_death)?;
+    let krc = Krc::new(options.settings()?);
+    let socket = UdpSocket::bind(options.bind).map_err(|source| RunError::Address {
+        what: "--bind",
+        address: options.bind,
+        source,
+    })?;
+    let trace = TraceSink::start()?;
+    if let Some(path) = &options.trace {
+        trace.open(path.clone())?;
+    }
+    let (requests, obeyed) = sync_channel(16);
+    let control =
+        lines::serve(options.control, answer_with(requests, trace.clone())).map_err(|source| {
+            RunError::Address {
+                what: "--control",
+                address: options.control,
+                source,
+            }
+        })?;
+    let ending = Arc::new(AtomicBool::new(false));
+    let (arrived, arrivals) = sync_channel(ARRIVALS);
+    let receiver = {
+        let (socket, driver, ending) = (socket.try_clone()?, options.driver, ending.clone());
+        socket.set_read_timeout(Some(Duration::from_millis(100)))?;
+        thread::Builder::new()
+            .name("receive".into())
+            .spawn(move || receive(&socket, driver, &arrived, &ending))?
+    };
+    let address = socket.local_addr()?;
+    let clock = {
+        let ending = ending.clone();
+        let mut clock = Clock {
+            krc,
+            socket,
+            driver: options.driver,
+            arrivals,
+            obeyed,
+            trace: trace.clone(),
+        };
+        thread::Builder::new().name("clock".into()).spawn(move || {
+            let result = clock.run(&ending);
+            request_stop();
+            result
+        })?
+    };
+    ready(&format!(
+        "lwr-sim ready fri={address} driver={} control={control}",
+        options.driver
+    ));
+    stop.wait()?;
+    // Release pairs with the Acquire loads of clock and receiver; nothing else is handed over by it
+    ending.store(true, Ordering::Release);
+    clock.join().map_err(|_| RunError::Thread("clock"))??;
+    receiver.join().map_err(|_| RunError::Thread("receive"))?;
+    Ok(trace.close()?)
+}
+
+/// What the control port answers: the trace's commands here, all others on the clock thread.
+fn answer_with(requests: SyncSender<Request>, trace: TraceSink) -> lines::Answer {
+    Arc::new(move |line| {
+        control::to_line(
+            serde_json::from_str(line)
+                .map_err(ControlError::from)
+                .and_then(|command| match command {
+                    Command::Trace(Some(TraceFile { path })) => {
+                        Ok(trace.open(path).map(|()| Answer::Done)?)
+                    }
+                    Command::Trace(None) => Ok(trace.close().map(|()| Answer::Done)?),
+                    Command::Flush => Ok(trace.flush().map(|()| Answer::Done)?),
+                    command => {
+                        let (answer, answered) = sync_channel(1);
+                        requests
+                            .send((command, answer))
+                            .map_err(|_| ControlError::NoAnswer)?;
+                        answered
+                            .recv_timeout(Duration::from_secs(5))
+                            .map_err(|_| ControlError::NoAnswer)?
+                    }
+                }),
+        )
+    })
+}
+
+fn receive(
+    socket: &UdpSocket,
+    driver: SocketAddr,
+    arrived: &SyncSender<Arrival>,
+    ending: &AtomicBool,
+) {
+    while !ending.load(Ordering::Acquire) {
+        let mut bytes = [0; CMD_SIZE + 1];
+        let (length, source) = match socket.recv_from(&mut bytes) {
+            Ok(received) => received,
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+                ) =>
+            {
+                continue;
+            }
+            Err(error) => {
+                tracing::warn!(%error, "nothing can be received");
+                continue;
+            }
+        };
+        let time_ns = now_ns().unwrap_or(0);
+        // a full queue means that the clock thread is far behind; a lost datagram is what a real wire does as well
+        let _ = arrived.try_send(Arrival {
+            bytes,
+            length,
+            foreign: source != driver,
+            time_ns,
+        });
+    }
+}
+
+struct Clock {
+    krc: Krc,
+    socket: UdpSocket,
+    driver: SocketAddr,
+    arrivals: Receiver<Arrival>,
+    obeyed: Receiver<Request>,
+    trace: TraceSink,
+}
+
+impl Clock {
+    fn run(&mut self, ending: &AtomicBool) -> Result<(), RunError> {
+        let period_ns = (self.krc.settings.period_s * 1e9).round() as i64;
+        let start_ns = now_ns()?;
+        let (mut index, mut sent_ns, mut unrecorded) = (0, start_ns, 0_u64);
+        self.send(1);
+        while !ending.load(Ordering::Acquire) && !self.krc.is_closed() {
+            let earliest = now_ns()? - start_ns + period_ns / 2;
+            let next = (index + 1)
+                .max(earliest.div_euclid(period_ns) + i64::from(earliest % period_ns != 0));
+            sleep_until(start_ns + next * period_ns)?;
+            for arrival in self.arrivals.try_iter() {
+                if arrival.foreign {
+                    self.krc.receive_foreign();
+                } else {
+                    let delay_s = (arrival.time_ns - sent_ns).max(0) as f64 * 1e-9;
+                    self.krc.receive(&arrival.bytes[..arrival.length], delay_s);
+                }
+            }
+            for (command, answer) in self.obeyed.try_iter().take(REQUESTS_PER_TICK) {
+                // who asked may be gone by now
+                let _ = answer.send(self.krc.obey(command));
+            }
+            sent_ns = now_ns()?;
+            let present = (sent_ns - start_ns).div_euclid(period_ns).max(next);
+            self.send(present.abs_diff(index));
+            index = present;
+            if let Some(&record) = self.krc.exchanged() {
+                unrecorded += u64::from(!self.trace.record(record));
+            }
+        }
+        if unrecorded > 0 {
+            tracing::warn!(
+                unrecorded,
+                "the trace has gaps: its file is slower than the wire"
+            );
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, periods_max: u64) {
+        if let Some(datagram) = self.krc.tick(periods_max)
+            && let Err(error) = self.socket.send_to(&datagram, self.driver)
+        {
+            tracing::warn!(%error, driver = %self.driver, "a datagram could not be sent");
+        }
+    }
+}
+
+fn now_ns() -> Result<i64, Errno> {
+    let now = clock_gettime(ClockId::CLOCK_MONOTONIC)?;
+    Ok(now.tv_sec() * 1_000_000_000 + now.tv_nsec())
+}
+
+fn sleep_until(deadline_ns: i64) -> Result<(), Errno> {
+    let deadline = TimeSpec::new(deadline_ns / 1_000_000_000, deadline_ns % 1_000_000_000);
+    loop {
+        match clock_nanosleep(
+            ClockId::CLOCK_MONOTONIC,
+            ClockNanosleepFlags::TIMER_ABSTIME,
+            &deadline,
+        ) {
+            Err(Errno::EINTR) => {}
+            result => return result.map(|_| ()),
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! What the simulated controller has counted, and its snapshot for the control port.
+//! Plain data; written by the clock thread, turned into JSON by the control port's threads.
+
+use super::Joints;
+use super::surroundings::Wall;
+use serde::Serialize;
+
+/// Faults that are remembered.
+pub const FAULTS_KEPT: usize = 16;
+
+/// Datagrams and events since the start or the last `reset_statistics`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
+pub struct Counts {
+    /// Measurement datagrams sent.
+    pub sent: u64,
+    /// Cycles with a valid answer.
+    pub answered: u64,
+    /// Cycles without a valid answer.
+    pub missed: u64,
+    /// Longest run of cycles without a valid answer while commanding.
+    pub missed_in_a_row_max: u32,
+    /// Answers to another datagram than the last.
+    pub late: u64,
+    /// Further answers to the last datagram, and answers whose counter went backward while commanding.
+    pub duplicate: u64,
+    /// Datagrams of a wrong size.
+    pub wrong_size: u64,
+    /// Datagrams with a wrong identity or `packetSize`.
+    pub wrong_identity: u64,
+    /// Answers with a commanded position that is no number, while monitoring.
+    pub not_finite: u64,
+    /// Datagrams from another address than the PC's.
+    pub foreign: u64,
+    /// Answers dropped on request.
+    pub dropped: u64,
+    /// Cycles whose datagram was withheld on request.
+    pub withheld: u64,
+    /// Times at which the machine below let the clock sleep for more than a period.
+    pub stalls: u64,
+    /// Ticks that were skipped in them.
+    pub skipped: u64,
+    /// Entries into command state.
+    pub entries: u64,
+    /// Faults.
+    pub faults: u64,
+}
+
+/// A fault that has happened.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FaultRecord {
+    /// Tick in which it was noticed.
+    pub tick: u64,
+    /// Controller's time, s.
+    pub time_s: f64,
+    /// Number as in `$FRI_TO_INT[2]`.
+    pub code: i32,
+    /// Cause with numbers.
+    pub reason: String,
+}
+
+/// KRL variables of one direction.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KrlVariables {
+    /// Number 1 first.
+    pub booleans: [bool; 16],
+    /// Number 1 first.
+    pub reals: [f32; 16],
+    /// Number 1 first.
+    pub integers: [i32; 16],
+}
+
+/// Everything at one moment.
+#[derive(Clone, Debug, Serialize)]
+pub struct Snapshot {
+    /// Cycles since the start.
+    pub tick: u64,
+    /// Controller's time since the start, s.
+    pub time_s: f64,
+    /// `monitor` or `command`.
+    pub fri_state: &'static str,
+    /// `unacceptable`, `bad`, `ok` or `perfect`.
+    pub quality: &'static str,
+    /// Why it is not commanding; null while it is.
+    pub waiting_for: Option<String>,
+    /// The fault that is not acknowledged yet.
+    pub fault: Option<String>,
+    /// The last faults, oldest first.
+    pub faults: Vec<FaultRecord>,
+    /// The drives are on.
+    pub drives_on: bool,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// Measured joint positions, rad.
+    pub q: Joints,
+    /// Joint velocities, rad/s.
+    pub velocity: Joints,
+    /// Set-point of the joints, rad.
+    pub q_cmd: Joints,
+    /// Largest joint velocities of the arm since the last reset, rad/s.
+    pub velocity_max: Joints,
+    /// Largest joint accelerations of the arm since the last reset, rad/s².
+    pub acceleration_max: Joints,
+    /// Largest velocities of the commanded stream since the last reset or entry, rad/s.
+    pub commanded_velocity_max: Joints,
+    /// Largest accelerations of the commanded stream since the last reset or entry, rad/s².
+    pub commanded_acceleration_max: Joints,
+    /// Neither set-point nor arm moves.
+    pub at_rest: bool,
+    /// For how long, s.
+    pub at_rest_for_s: f64,
+    /// Flange in the base frame, m.
+    pub flange_position: [f64; 3],
+    /// Rotation flange → base, row by row.
+    pub flange_rotation: [[f64; 3]; 3],
+    /// Wrench on the flange, N and Nm, base axes, in the order fx fy fz tx ty tz.
+    pub wrench: [f64; 6],
+    /// The obstacle.
+    pub wall: Option<Wall>,
+    /// Answered part of the last 100 cycles.
+    pub answer_rate: f64,
+    /// Mean delay of the answers, s.
+    pub latency_s: f64,
+    /// Standard deviation of that delay, s.
+    pub jitter_s: f64,
+    /// Counters.
+    pub counts: Counts,
+    /// `$FRI_TO_…`, controller to PC.
+    pub krl_to_pc: KrlVariables,
+    /// `$FRI_FRM_…`, PC to controller; kept when the PC is silent.
+    pub krl_from_pc: KrlVariables,
+}

@@ -1,0 +1,237 @@
+//! The commanded positions as a stream: supervised for range, velocity and acceleration, extrapolated when one is missed.
+//! Pure; the clock thread runs it.
+
+use super::fault::Fault;
+use super::settings::Settings;
+use super::{JOINTS, Joints};
+
+/// Longest stall of the machine that is considered, in periods.
+const STALL_MAX: u64 = 100;
+
+/// Steps of binary32 by which rounding may move a position in the second difference.
+const ROUNDING_STEPS: f64 = 4.0;
+
+/// Position, velocity and spacing of the last accepted command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stream {
+    position: Joints,
+    velocity: Joints,
+    /// Seconds between the last accepted command and the one before.
+    spacing_s: f64,
+    /// Periods since the last accepted command.
+    missed: u64,
+    /// Largest magnitude since the last reset, rad/s.
+    pub velocity_max: Joints,
+    /// Largest magnitude since the last reset, rad/s².
+    pub acceleration_max: Joints,
+}
+
+impl Stream {
+    /// A stream that begins at rest at `position` (rad).
+    pub fn at_rest(position: Joints, period_s: f64) -> Self {
+        Self {
+            position,
+            velocity: [0.0; JOINTS],
+            spacing_s: period_s,
+            missed: 0,
+            velocity_max: [0.0; JOINTS],
+            acceleration_max: [0.0; JOINTS],
+        }
+    }
+
+    /// Last velocity, rad/s.
+    pub fn velocity(&self) -> Joints {
+        self.velocity
+    }
+
+    /// Where the stream is expected now, if one more command has been missed: on with the last velocity, rad.
+    pub fn extrapolate(&mut self, period_s: f64) -> Joints {
+        self.missed += 1;
+        let time_s = self.missed as f64 * period_s;
+        std::array::from_fn(|joint| self.position[joint] + self.velocity[joint] * time_s)
+    }
+
+    /// Takes a command in and says how many periods have passed since the last tick (1 to `periods_max`).
+    ///
+    /// A real controller never stalls, the machine below this one may. Then nobody knows whether the PC's time stood
+    /// still as well; of all the times that may have passed the one that fits the stream best is taken.
+    ///
+    /// # Errors
+    /// The first joint that violates a limit. The stream is unchanged then.
+    pub fn accept(
+        &mut self,
+        command: &Joints,
+        periods_max: u64,
+        settings: &Settings,
+    ) -> Result<u64, Fault> {
+        if let Some(joint) = command.iter().position(|q| !q.is_finite()) {
+            return Err(Fault::NotFinite { joint });
+        }
+        check(
+            command,
+            &settings.limits.position,
+            1.0,
+            |joint, value, limit| Fault::Position {
+                joint,
+                value,
+                limit,
+            },
+        )?;
+        let (mut periods, mut best) = (1, f64::INFINITY);
+        for candidate in (1..=periods_max.clamp(1, STALL_MAX)).rev() {
+            let effort = self.accelerations(command, candidate, settings.period_s);
+            let effort = effort.iter().fold(0.0_f64, |max, a| max.max(a.abs()));
+            if effort < best {
+                (periods, best) = (candidate, effort);
+            }
+        }
+        let spacing_s = (self.missed + periods) as f64 * settings.period_s;
+        let velocity = self.velocities(command, spacing_s);
+        let acceleration = self.accelerations(command, periods, settings.period_s);
+        let scale = settings.safety_limits;
+        check(
+            &velocity,
+            &settings.limits.velocity,
+            scale,
+            |joint, value, limit| Fault::Velocity {
+                joint,
+                value,
+                limit,
+            },
+        )?;
+        let rounding =
+            ROUNDING_STEPS * f64::from(f32::EPSILON) * std::f64::consts::PI / spacing_s.powi(2);
+        let allowed = settings
+            .limits
+            .acceleration
+            .map(|limit| limit * scale + rounding);
+        check(&acceleration, &allowed, 1.0, |joint, value, limit| {
+            Fault::Acceleration {
+                joint,
+                value,
+                limit,
+            }
+        })?;
+        for joint in 0..JOINTS {
+            self.velocity_max[joint] = self.velocity_max[joint].max(velocity[joint].abs());
+            self.acceleration_max[joint] =
+                self.acceleration_max[joint].max(acceleration[joint].abs());
+        }
+        *self = Self {
+            position: *command,
+            velocity,
+            spacing_s,
+            missed: 0,
+            ..*self
+        };
+        Ok(periods)
+    }
+
+    fn velocities(&self, command: &Joints, spacing_s: f64) -> Joints {
+        std::array::from_fn(|joint| (command[joint] - self.position[joint]) / spacing_s)
+    }
+
+    /// Second difference over unequal spacings: the velocities belong to the middles of their intervals.
+    fn accelerations(&self, command: &Joints, periods: u64, period_s: f64) -> Joints {
+        let spacing_s = (self.missed + periods) as f64 * period_s;
+        let velocity = self.velocities(command, spacing_s);
+        std::array::from_fn(|joint| {
+            (velocity[joint] - self.velocity[joint]) * 2.0 / (spacing_s + self.spacing_s)
+        })
+    }
+}
+
+fn check(
+    values: &Joints,
+    limits: &Joints,
+    scale: f64,
+    fault: impl Fn(usize, f64, f64) -> Fault,
+) -> Result<(), Fault> {
+    for (joint, (&value, &limit)) in values.iter().zip(limits).enumerate() {
+        let limit = limit * scale;
+        if value.abs() > limit {
+            return Err(fault(joint, value, limit));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const T: f64 = 1e-3;
+
+    fn moving(velocity: f64) -> Stream {
+        Stream {
+            velocity: [velocity; JOINTS],
+            ..Stream::at_rest([0.0; JOINTS], T)
+        }
+    }
+
+    #[test]
+    fn a_velocity_above_the_limit_is_a_fault_that_names_joint_and_limit() {
+        let mut stream = moving(2.05);
+        let settings = Settings::default();
+        let fault = stream.accept(&[0.0025; JOINTS], 1, &settings).unwrap_err();
+        assert!(
+            matches!(fault, Fault::Velocity { joint: 0, limit, .. } if (limit - 2.0944).abs() < 1e-4)
+        );
+    }
+
+    #[test]
+    fn a_jump_within_the_velocity_is_a_fault_of_acceleration() {
+        let fault = moving(0.0)
+            .accept(&[1e-3; JOINTS], 1, &Settings::default())
+            .unwrap_err();
+        assert!(matches!(fault, Fault::Acceleration { joint: 0, .. }));
+    }
+
+    #[test]
+    fn a_position_out_of_range_is_a_fault() {
+        let mut command = [0.0; JOINTS];
+        command[1] = 2.1;
+        let fault = moving(0.0)
+            .accept(&command, 1, &Settings::default())
+            .unwrap_err();
+        assert!(matches!(fault, Fault::Position { joint: 1, .. }));
+    }
+
+    #[test]
+    fn rounding_to_binary32_is_no_acceleration() {
+        let mut stream = Stream::at_rest([1.9; JOINTS], T);
+        let settings = Settings {
+            limits: super::super::settings::Limits {
+                acceleration: [0.2; JOINTS],
+                ..Default::default()
+            },
+            ..Settings::default()
+        };
+        for i in 1..1900 {
+            let q = 1.9 + 0.05 * (f64::from(i) * T).powi(2);
+            stream
+                .accept(&[f64::from(q as f32); JOINTS], 1, &settings)
+                .unwrap();
+        }
+    }
+
+    #[test]
+    fn missed_commands_count_as_time() {
+        let mut stream = moving(1.0);
+        assert!((stream.extrapolate(T)[0] - 1e-3).abs() < 1e-12);
+        assert!((stream.extrapolate(T)[0] - 2e-3).abs() < 1e-12);
+        assert_eq!(
+            stream.accept(&[3e-3; JOINTS], 1, &Settings::default()),
+            Ok(1)
+        );
+        assert!((stream.velocity()[0] - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn after_a_stall_the_time_that_fits_the_stream_is_taken() {
+        let settings = Settings::default();
+        assert_eq!(moving(1.0).accept(&[1e-3; JOINTS], 8, &settings), Ok(1));
+        assert_eq!(moving(1.0).accept(&[5e-3; JOINTS], 8, &settings), Ok(5));
+        assert_eq!(moving(0.0).accept(&[0.0; JOINTS], 8, &settings), Ok(8));
+    }
+}

@@ -1,0 +1,292 @@
+//! A record of what went over the wire, cycle by cycle, as lines of comma-separated values.
+//! A thread of its own writes it: the clock thread only hands records over and never waits.
+
+use super::{JOINTS, Joints};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Records under way between the two threads.
+const QUEUE: usize = 8192;
+/// Time after which written lines reach the file without being asked for.
+const FLUSH_EVERY: Duration = Duration::from_millis(100);
+
+/// First line of a trace.
+pub const HEADER: &str = "tick,time_s,sequence,state,quality,answered,\
+    q1,q2,q3,q4,q5,q6,q7,c1,c2,c3,c4,c5,c6,c7,frm_bool,x,y,z,fx,fy,fz";
+
+/// One measurement datagram and the answer to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceRecord {
+    /// Cycles since the start.
+    pub tick: u64,
+    /// Controller's time, s.
+    pub time_s: f64,
+    /// `send_sequence` of the measurement datagram.
+    pub sequence: u16,
+    /// 1 monitor, 2 command.
+    pub state: u16,
+    /// 0 unacceptable to 3 perfect.
+    pub quality: u16,
+    /// There was a valid answer.
+    pub answered: bool,
+    /// Joint positions that were sent as measured, rad, before rounding to binary32.
+    pub measured: Joints,
+    /// Joint positions of the answer as received, rad; NaN without an answer.
+    pub commanded: [f32; JOINTS],
+    /// `$FRI_FRM_BOOL` of the answer; without one the last.
+    pub booleans: u16,
+    /// Flange in the base frame that belongs to `measured`, m.
+    pub flange: [f64; 3],
+    /// Force on the flange that was sent, N, base axes.
+    pub force: [f64; 3],
+}
+
+impl TraceRecord {
+    /// Appends the record as one line; every number reads back to the same bits.
+    pub fn write_to(&self, line: &mut String) -> std::fmt::Result {
+        write!(
+            line,
+            "{},{:?},{},{},{},{}",
+            self.tick,
+            self.time_s,
+            self.sequence,
+            self.state,
+            self.quality,
+            u8::from(self.answered)
+        )?;
+        self.measured
+            .iter()
+            .try_for_each(|q| write!(line, ",{q:?}"))?;
+        self.commanded
+            .iter()
+            .try_for_each(|q| write!(line, ",{q:?}"))?;
+        write!(line, ",{}", self.booleans)?;
+        self.flange
+            .iter()
+            .chain(&self.force)
+            .try_for_each(|value| write!(line, ",{value:?}"))?;
+        line.push('\n');
+        Ok(())
+    }
+
+    /// The record in one line; `None` if it is not a whole line of a trace.
+    pub fn parse(line: &str) -> Option<Self> {
+        let mut fields = line.trim_end().split(',');
+        let mut next = || fields.next();
+        let record = Self {
+            tick: next()?.parse().ok()?,
+            time_s: next()?.parse().ok()?,
+            sequence: next()?.parse().ok()?,
+            state: next()?.parse().ok()?,
+            quality: next()?.parse().ok()?,
+            answered: next()? == "1",
+            measured: read(&mut next)?,
+            commanded: read(&mut next)?,
+            booleans: next()?.parse().ok()?,
+            flange: read(&mut next)?,
+            force: read(&mut next)?,
+        };
+        fields.next().is_none().then_some(record)
+    }
+}
+
+fn read<'a, T: std::str::FromStr + Copy + Default, const N: usize>(
+    next: &mut impl FnMut() -> Option<&'a str>,
+) -> Option<[T; N]> {
+    let mut values = [T::default(); N];
+    for value in &mut values {
+        *value = next()?.parse().ok()?;
+    }
+    Some(values)
+}
+
+enum Message {
+    Record(TraceRecord),
+    Open(PathBuf, SyncSender<io::Result<()>>),
+    Close(SyncSender<io::Result<()>>),
+    Flush(SyncSender<io::Result<()>>),
+}
+
+/// Where records are handed over; clones reach the same writer.
+#[derive(Clone)]
+pub struct TraceSink {
+    queue: SyncSender<Message>,
+}
+
+/// Why a trace could not be opened, closed or flushed.
+#[derive(Debug, thiserror::Error)]
+pub enum TraceError {
+    /// The file refuses.
+    #[error("the trace cannot be written: {0}")]
+    File(#[from] io::Error),
+    /// The writer does not answer.
+    #[error("the trace's writer does not answer within 5 s")]
+    NoAnswer,
+}
+
+impl TraceSink {
+    /// Starts the writer; it ends when every sink is gone. [`TraceSink::close`] makes sure that all is in the file.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn start() -> io::Result<Self> {
+        let (queue, records) = sync_channel(QUEUE);
+        thread::Builder::new()
+            .name("trace".into())
+            .spawn(move || write_all(&records))?;
+        Ok(Self { queue })
+    }
+
+    /// Hands a record over without waiting; `false` means that the queue was full and the record is lost.
+    pub fn record(&self, record: TraceRecord) -> bool {
+        !matches!(
+            self.queue.try_send(Message::Record(record)),
+            Err(TrySendError::Full(_))
+        )
+    }
+
+    /// Traces into `path` from now on: appends, with a header line if the file is empty.
+    ///
+    /// # Errors
+    /// The file cannot be opened.
+    pub fn open(&self, path: PathBuf) -> Result<(), TraceError> {
+        self.ask(|answer| Message::Open(path, answer))
+    }
+
+    /// Ends the trace; what was handed over so far is in the file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn close(&self) -> Result<(), TraceError> {
+        self.ask(Message::Close)
+    }
+
+    /// Waits until what was handed over so far is in the file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush(&self) -> Result<(), TraceError> {
+        self.ask(Message::Flush)
+    }
+
+    fn ask(
+        &self,
+        message: impl FnOnce(SyncSender<io::Result<()>>) -> Message,
+    ) -> Result<(), TraceError> {
+        let (answer, answered) = sync_channel(1);
+        self.queue
+            .send(message(answer))
+            .map_err(|_| TraceError::NoAnswer)?;
+        match answered.recv_timeout(Duration::from_secs(5)) {
+            Ok(result) => Ok(result?),
+            Err(_) => Err(TraceError::NoAnswer),
+        }
+    }
+}
+
+/// The file that is written at present; a write that fails ends it and is told at the next request.
+#[derive(Default)]
+struct Output {
+    file: Option<BufWriter<File>>,
+    failure: Option<io::Error>,
+}
+
+impl Output {
+    fn open(&mut self, path: PathBuf) -> io::Result<()> {
+        self.close()?;
+        let file = File::options().create(true).append(true).open(path)?;
+        let empty = file.metadata()?.len() == 0;
+        let mut file = BufWriter::new(file);
+        if empty {
+            writeln!(file, "{HEADER}")?;
+        }
+        self.file = Some(file);
+        Ok(())
+    }
+
+    fn write(&mut self, record: &TraceRecord, line: &mut String) {
+        let Some(file) = &mut self.file else { return };
+        line.clear();
+        // writing to a String cannot fail
+        let _ = record.write_to(line);
+        if let Err(error) = file.write_all(line.as_bytes()) {
+            self.failure = Some(error);
+            self.file = None;
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if let Some(failure) = self.failure.take() {
+            return Err(failure);
+        }
+        self.file.as_mut().map_or(Ok(()), BufWriter::flush)
+    }
+
+    fn close(&mut self) -> io::Result<()> {
+        let result = self.flush();
+        self.file = None;
+        result
+    }
+}
+
+fn write_all(records: &Receiver<Message>) {
+    let mut output = Output::default();
+    let mut line = String::with_capacity(512);
+    let mut flushed = Instant::now();
+    // who asked may be gone by now: an answer that nobody takes is no failure
+    loop {
+        match records.recv_timeout(FLUSH_EVERY) {
+            Ok(Message::Record(record)) => output.write(&record, &mut line),
+            Ok(Message::Open(path, answer)) => drop(answer.send(output.open(path))),
+            Ok(Message::Close(answer)) => drop(answer.send(output.close())),
+            Ok(Message::Flush(answer)) => drop(answer.send(output.flush())),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+        if flushed.elapsed() >= FLUSH_EVERY {
+            flushed = Instant::now();
+            if let Err(error) = output.flush() {
+                output.failure = Some(error);
+            }
+        }
+    }
+    if let Err(error) = output.close() {
+        tracing::error!(%error, "the trace is incomplete");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_reads_back_to_the_same_bits() {
+        let record = TraceRecord {
+            tick: 12,
+            time_s: 0.1 + 0.2,
+            sequence: 65_535,
+            state: 2,
+            quality: 3,
+            answered: true,
+            measured: std::array::from_fn(|i| 1.0 / (i as f64 + 3.0)),
+            commanded: std::array::from_fn(|i| 1.0 / (i as f32 - 9.5)),
+            booleans: 0x8001,
+            flange: [0.1, -0.2, 1e-9],
+            force: [0.0, -0.0, 1e300],
+        };
+        let mut line = String::new();
+        record.write_to(&mut line).unwrap();
+        assert_eq!(TraceRecord::parse(&line), Some(record));
+        assert_eq!(line.split(',').count(), HEADER.split(',').count());
+        assert_eq!(
+            TraceRecord::parse(line.trim_end().rsplit_once(',').unwrap().0),
+            None
+        );
+        assert_eq!(TraceRecord::parse(HEADER), None);
+    }
+}
