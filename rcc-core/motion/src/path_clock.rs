@@ -7,8 +7,8 @@ use thiserror::Error;
 
 use crate::profile::{PHASES_MAX, Profile, State, Stop};
 
-/// The planner loses its footing where a²/j is this many times v (it fails in 1e-4 of random states there), and no real
-/// machine has such limits: its acceleration could never be reached.
+/// Where a²/j is more than this many times v, the planner fails now and then (measured: one in 10⁴ of random states, all
+/// of them there), and no real machine has such limits: its acceleration could never be reached.
 const SHAPE_MAX: f64 = 1000.0;
 
 /// A plan may miss its length or a limit by this much, relative to it.

@@ -18,7 +18,7 @@ fn log_even(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.ln()..high.ln()).prop_map(f64::exp)
 }
 
-/// Limits of six orders of magnitude each; the shape that `new` refuses is left out.
+/// Limits over four to six orders of magnitude; the shape that `new` refuses is left out.
 fn any_limits() -> impl Strategy<Value = PathLimits> {
     let all = (
         log_even(1e-5, 10.0),
