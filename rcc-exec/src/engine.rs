@@ -1,0 +1,321 @@
+//! The real-time thread's work of one cycle, without clock, boards and sleep: the same code runs in
+//! tests in virtual time. Owns the command table, every running net and every device's commands.
+//!
+//! Order within a cycle: latch (done by the caller into [`Engine::latch`]) → orders → nets → guard →
+//! images and tables → records. Nothing here allocates, locks, formats or calls the system.
+
+mod devices;
+mod life;
+
+use bytemuck::Zeroable;
+use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
+use rcc_core::guard::Guard;
+use rcc_core::message::{
+    COMMANDS_MAX, CommandImage, CommandState, CycleStatus, DEVICES_MAX, DeviceState, FaultCode,
+    FaultRecord, MAGIC, Measurement, SET_POINTS, SetPoint, Tables,
+};
+use rcc_core::plan::Resources;
+
+use rcc_ipc::BoardReader;
+
+use crate::net::Nets;
+use crate::queue::{Event, Outcome, RtEnds};
+
+/// Orders taken in one cycle.
+pub const ORDERS_PER_CYCLE: usize = 8;
+/// The tables are written when they change and at least every so many cycles.
+pub const TABLES_EVERY: u64 = 16;
+/// How long a driver may take to follow its first set-points, and to settle after the last.
+pub const SETTLE_MAX_NS: u64 = 1_000_000_000;
+
+/// What the engine must know about the cell.
+#[derive(Clone, Debug)]
+pub struct EngineConfig {
+    /// Incarnation of this executor.
+    pub incarnation: u64,
+    /// Base period.
+    pub period_ns: u64,
+    /// A board older than this is a lost device.
+    pub stale_after_ns: u64,
+    /// After so many late cycles in a row the most expensive net ends; 0 = never.
+    pub late_in_a_row_max: u32,
+    /// Devices in the order of the configuration.
+    pub models: Vec<DeviceModel>,
+}
+
+/// One device as the engine sees it.
+#[derive(Debug)]
+struct Device {
+    guard: Guard,
+    /// The command that holds the arm and commands it now, and the number of that engagement.
+    engagement: Option<Engagement>,
+    /// Set-point of this cycle.
+    output: DeviceOutput,
+    image: Box<CommandImage>,
+}
+
+/// One stretch of cycles in which a net commands an arm without a gap.
+#[derive(Clone, Copy, Debug)]
+struct Engagement {
+    row: usize,
+    number: u64,
+    since_cycle: u64,
+    followed: bool,
+}
+
+/// A row that was started or terminated and waits for something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Pending {
+    Nothing,
+    /// The first evaluation decides about START.
+    Start {
+        ticket: u64,
+    },
+    /// Over, but its arms still play the last set-points.
+    Settle {
+        since_cycle: u64,
+    },
+}
+
+/// Everything the real-time thread owns.
+#[derive(Debug)]
+pub struct Engine {
+    config: EngineConfig,
+    dt_s: f64,
+    ends: RtEnds,
+    inputs: Vec<DeviceInput>,
+    devices: Vec<Device>,
+    boards: Vec<Option<(u64, Box<BoardReader<Measurement>>)>>,
+    nets: Box<Nets>,
+    pending: [Pending; COMMANDS_MAX],
+    status: CycleStatus,
+    tables: Box<Tables>,
+    tables_changed: bool,
+    next_id: u64,
+    next_engagement: u64,
+    next_record: u64,
+    late_in_a_row: u32,
+    stopping: bool,
+}
+
+impl Engine {
+    /// All memory of the real-time thread. `first_id` is the first command id that will be given out.
+    pub fn new(config: EngineConfig, ends: RtEnds, grants: u32) -> Engine {
+        let mut status = CycleStatus::zeroed();
+        status.magic = MAGIC;
+        status.incarnation = config.incarnation;
+        status.period_ns = config.period_ns;
+        status.grants = grants;
+        let mut tables: Box<Tables> = bytemuck::zeroed_box();
+        tables.magic = MAGIC;
+        let absent = DeviceInput {
+            present: false,
+            measurement: Measurement::zeroed(),
+        };
+        let device = |model: &DeviceModel| {
+            let mut image: Box<CommandImage> = bytemuck::zeroed_box();
+            image.magic = MAGIC;
+            image.executor = config.incarnation;
+            image.period_ns = config.period_ns;
+            image.set_points = [SetPoint::NONE; SET_POINTS];
+            let guard = Guard::new(model.limits, model.first_tolerance_rad);
+            Device {
+                guard,
+                engagement: None,
+                output: DeviceOutput::NONE,
+                image,
+            }
+        };
+        Engine {
+            dt_s: config.period_ns as f64 * 1e-9,
+            ends,
+            inputs: vec![absent; config.models.len()],
+            devices: config.models.iter().take(DEVICES_MAX).map(device).collect(),
+            boards: config.models.iter().map(|_| None).collect(),
+            nets: Box::new([const { None }; COMMANDS_MAX]),
+            pending: [Pending::Nothing; COMMANDS_MAX],
+            status,
+            tables,
+            tables_changed: true,
+            next_id: 1,
+            next_engagement: 1,
+            next_record: 1,
+            late_in_a_row: 0,
+            stopping: false,
+            config,
+        }
+    }
+
+    /// The counters, as of the last cycle.
+    pub fn status(&self) -> &CycleStatus {
+        &self.status
+    }
+
+    /// The tables, as of the last cycle.
+    pub fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// True if the tables should be written in this cycle.
+    pub fn tables_due(&self) -> bool {
+        self.tables_changed || self.status.cycle % TABLES_EVERY == 0
+    }
+
+    /// What a device is told.
+    pub fn image(&self, device: usize) -> Option<&CommandImage> {
+        self.devices.get(device).map(|device| &*device.image)
+    }
+
+    /// No net is active.
+    pub fn is_idle(&self) -> bool {
+        self.status.running == 0
+    }
+
+    /// From now on no net is started; running ones are cancelled, or aborted if they cannot be.
+    pub fn begin_stop(&mut self) {
+        if !std::mem::replace(&mut self.stopping, true) {
+            self.cancel_all();
+        }
+    }
+
+    /// Latches all devices from their boards.
+    pub fn latch_boards(&mut self, now_ns: u64) {
+        for index in 0..self.boards.len() {
+            let board = self.boards.get(index).and_then(Option::as_ref);
+            let newest = board.map(|(incarnation, board)| (*incarnation, board.read()));
+            self.latch(index, newest, now_ns);
+        }
+    }
+
+    /// One cycle, after the devices were latched. `now_ns` is when it woke.
+    pub fn cycle(&mut self, now_ns: u64) {
+        self.status.cycle += 1;
+        self.status.stamp_ns = now_ns;
+        self.tables_changed = false;
+        for device in &mut self.devices {
+            device.output = DeviceOutput::NONE;
+        }
+        self.take_orders();
+        for row in 0..COMMANDS_MAX {
+            self.run_row(row, now_ns);
+        }
+        self.write_images(now_ns);
+        self.write_tables();
+    }
+
+    /// After the cycle: how long it took, and whether it was late (woke or ended after the next deadline).
+    pub fn account(&mut self, wake_ns: u64, exec_ns: u64, skipped_periods: u64) {
+        let status = &mut self.status;
+        status.exec_last_ns = exec_ns;
+        status.exec_max_ns = status.exec_max_ns.max(exec_ns);
+        status.worst_wake_ns = status.worst_wake_ns.max(wake_ns);
+        if skipped_periods == 0 {
+            self.late_in_a_row = 0;
+            return;
+        }
+        status.late += 1;
+        status.skipped_periods += skipped_periods;
+        status.last_late_cycle = status.cycle;
+        if status.first_late_cycle == 0 {
+            status.first_late_cycle = status.cycle;
+        }
+        let cycle = status.cycle;
+        self.log(Event::Late {
+            cycle,
+            wake_ns,
+            exec_ns,
+        });
+        self.late_in_a_row += 1;
+        if self.late_in_a_row == self.config.late_in_a_row_max {
+            self.late_in_a_row = 0;
+            self.end_most_expensive();
+        }
+    }
+
+    fn take_orders(&mut self) {
+        for _ in 0..ORDERS_PER_CYCLE {
+            // Each order has at most three outcomes now or later; without room none is taken, and none is lost.
+            if self.ends.outcomes.slots() < COMMANDS_MAX + 3 {
+                return;
+            }
+            match self.ends.orders.pop() {
+                Ok(order) => self.obey(order),
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Hands something to the intake thread. There is room: see [`Engine::take_orders`].
+    fn give_back(&mut self, outcome: Outcome) {
+        if let Err(rtrb::PushError::Full(outcome)) = self.ends.outcomes.push(outcome) {
+            // Unreachable by the rule above; leaking is the one reaction that does not free memory here.
+            std::mem::forget(outcome);
+        }
+    }
+
+    fn log(&mut self, event: Event) {
+        if self.ends.events.push(event).is_err() {
+            self.status.dropped_records += 1;
+        }
+    }
+
+    fn write_images(&mut self, now_ns: u64) {
+        let sequence = self.status.cycle;
+        for device in &mut self.devices {
+            let image = &mut *device.image;
+            image.sequence = sequence;
+            image.stamp_ns = now_ns;
+            if let Some(place) = image
+                .set_points
+                .get_mut((sequence % SET_POINTS as u64) as usize)
+            {
+                *place = SetPoint {
+                    logical_ns: sequence * self.config.period_ns,
+                    owner: device.engagement.map_or(0, |engagement| engagement.number),
+                    has_position: u64::from(device.output.has_position),
+                    position: device.output.position,
+                    digital: device.output.digital,
+                    digital_commanded: device.output.digital_commanded,
+                    analog: device.output.analog,
+                };
+            }
+        }
+    }
+
+    fn write_tables(&mut self) {
+        self.tables.cycle = self.status.cycle;
+        let active = |pending: &Pending| *pending != Pending::Nothing;
+        self.status.running = self
+            .tables
+            .commands
+            .iter()
+            .zip(&self.pending)
+            .filter(|(entry, pending)| is_active(entry.state) || active(pending))
+            .count() as u32;
+    }
+
+    /// What a net claims, by row.
+    fn claims(&self, row: usize) -> Option<&Resources> {
+        self.nets.get(row)?.as_ref().map(|net| net.resources())
+    }
+
+    fn fault(&self, code: FaultCode) -> FaultRecord {
+        FaultRecord {
+            code: code as u32,
+            cycle: self.status.cycle,
+            ..FaultRecord::NONE
+        }
+    }
+
+    /// The state of a device: what its driver says, or offline if it is not present.
+    fn device_state(&self, device: usize) -> DeviceState {
+        match self.inputs.get(device) {
+            Some(input) if input.present => DeviceState::from_number(input.measurement.state),
+            _ => DeviceState::Offline,
+        }
+    }
+}
+
+fn is_active(state: u32) -> bool {
+    CommandState::from_number(state).is_active()
+}

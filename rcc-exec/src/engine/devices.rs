@@ -1,0 +1,229 @@
+//! Devices in the engine: latching what drivers measure, and passing what nets command through the
+//! guard. Real-time thread.
+
+use rcc_core::frame::DeviceOutput;
+use rcc_core::guard::{Violation, ViolationKind};
+use rcc_core::message::{DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC, Measurement};
+
+use rcc_ipc::BoardReader;
+
+use super::{Engagement, Engine, SETTLE_MAX_NS};
+use crate::queue::{Event, Outcome};
+
+impl Engine {
+    /// Latches a device for this cycle: its newest measurement, or `None` without a board.
+    pub fn latch(&mut self, index: usize, board: Option<(u64, Measurement)>, now_ns: u64) {
+        let Some(input) = self.inputs.get_mut(index) else {
+            return;
+        };
+        let before = (input.present, input.measurement.state);
+        input.present = false;
+        if let Some((_, measurement)) = board {
+            let age_ns = now_ns.saturating_sub(measurement.stamp_ns);
+            let online = DeviceState::from_number(measurement.state) != DeviceState::Offline;
+            let fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
+            input.present = fresh && online;
+            input.measurement = measurement;
+        }
+        let (present, measurement) = (input.present, input.measurement);
+        let state = if present {
+            DeviceState::from_number(measurement.state)
+        } else {
+            DeviceState::Offline
+        };
+        let Some(entry) = self.tables.devices.get_mut(index) else {
+            return;
+        };
+        entry.attached = u32::from(board.is_some());
+        entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
+        entry.sequence = measurement.sequence;
+        entry.stamp_ns = measurement.stamp_ns;
+        entry.quality_permille = measurement.quality_permille;
+        entry.reason = measurement.reason;
+        if before.0 && !present {
+            entry.losses += 1;
+        }
+        if entry.state != state as u32 {
+            entry.state = state as u32;
+            self.tables_changed = true;
+            let cycle = self.status.cycle + 1;
+            let reason = measurement.reason;
+            self.log(Event::Device {
+                cycle,
+                device: index as u32,
+                state: state as u32,
+                reason,
+            });
+        }
+    }
+
+    /// A driver announced itself: its board replaces the last one, which goes back.
+    pub(super) fn attach(
+        &mut self,
+        device: usize,
+        incarnation: u64,
+        board: Box<BoardReader<Measurement>>,
+    ) {
+        let old = match self.boards.get_mut(device) {
+            Some(place) => place.replace((incarnation, board)).map(|(_, board)| board),
+            None => Some(board),
+        };
+        if let Some(board) = old {
+            self.give_back(Outcome::Board(board));
+        }
+    }
+
+    /// A driver is dead: its board goes back, unless another one took its place.
+    pub(super) fn detach(&mut self, device: usize, incarnation: u64) {
+        let Some(place) = self.boards.get_mut(device) else {
+            return;
+        };
+        if let Some((_, board)) = place.take_if(|(attached, _)| *attached == incarnation) {
+            self.give_back(Outcome::Board(board));
+        }
+    }
+
+    /// Passes what the net in `row` commands on to its devices: all of it, or a fault and nothing.
+    pub(super) fn pass_commands(&mut self, row: usize) -> Result<(), FaultRecord> {
+        for index in 0..self.devices.len() {
+            let claimed = self
+                .claims(row)
+                .map_or(0, |claims| claims.arms >> index & 1);
+            if claimed == 1 {
+                self.guard_arm(row, index)?;
+            }
+        }
+        let Some(net) = self.nets.get(row).and_then(Option::as_ref) else {
+            return Ok(());
+        };
+        for (device, output) in self.devices.iter_mut().zip(net.outputs()) {
+            merge(&mut device.output, output);
+        }
+        Ok(())
+    }
+
+    /// Checks an arm's set-point: the first of an engagement against the hold set-point, others against the last.
+    fn guard_arm(&mut self, row: usize, index: usize) -> Result<(), FaultRecord> {
+        let state = self.device_state(index);
+        let output = self
+            .nets
+            .get(row)
+            .and_then(Option::as_ref)
+            .and_then(|net| net.outputs().get(index));
+        let (Some(output), Some(device), Some(input)) =
+            (output, self.devices.get_mut(index), self.inputs.get(index))
+        else {
+            return Ok(());
+        };
+        let cycle = self.status.cycle;
+        if !output.has_position {
+            device.engagement = None;
+            return Ok(());
+        }
+        let Some(engagement) = &mut device.engagement else {
+            // A device that becomes commanded must rest at its hold set-point, and the net must begin there.
+            if state != DeviceState::Ready {
+                return Err(fault_at(FaultCode::DeviceLost, index, cycle));
+            }
+            let first = device
+                .guard
+                .first(&output.position, &input.measurement.hold);
+            first.map_err(|violation| fault_of(FaultCode::Jump, index, cycle, violation))?;
+            let number = self.next_engagement;
+            self.next_engagement += 1;
+            device.engagement = Some(Engagement {
+                row,
+                number,
+                since_cycle: cycle,
+                followed: false,
+            });
+            return Ok(());
+        };
+        let waited_ns = (cycle - engagement.since_cycle) * self.config.period_ns;
+        let follows = match state {
+            DeviceState::Commanded => true,
+            // The driver lets some set-points gather before it follows the first.
+            DeviceState::Ready => !engagement.followed && waited_ns < SETTLE_MAX_NS,
+            _ => false,
+        };
+        if !follows {
+            return Err(fault_at(FaultCode::DeviceLost, index, cycle));
+        }
+        engagement.followed |= state == DeviceState::Commanded;
+        let next = device.guard.check(&output.position, self.dt_s);
+        next.map_err(|violation| fault_of(FaultCode::Limit, index, cycle, violation))
+    }
+
+    /// The first device, if any, that the net in `row` commands and that cannot be commanded now.
+    pub(super) fn lost_device(&self, row: usize) -> Option<usize> {
+        let claims = self.claims(row)?;
+        (0..self.devices.len())
+            .find(|index| claims.uses(*index) && self.device_state(*index) == DeviceState::Offline)
+    }
+
+    /// All arms of the net in `row` have played everything up to `logical_ns` and rest.
+    pub(super) fn arms_settled(&self, row: usize, logical_ns: u64) -> bool {
+        let Some(claims) = self.claims(row) else {
+            return true;
+        };
+        self.inputs.iter().enumerate().all(|(index, input)| {
+            let settled = input.measurement.settled_ns >= logical_ns
+                && self.device_state(index) == DeviceState::Ready;
+            claims.arms >> index & 1 == 0 || settled
+        })
+    }
+
+    /// Nobody commands the arms of the net in `row` any more.
+    pub(super) fn disengage(&mut self, row: usize) {
+        for device in &mut self.devices {
+            if device
+                .engagement
+                .is_some_and(|engagement| engagement.row == row)
+            {
+                device.engagement = None;
+            }
+        }
+    }
+}
+
+fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
+    if one.has_position {
+        all.has_position = true;
+        all.position = one.position;
+    }
+    all.digital |= one.digital & one.digital_commanded;
+    all.digital_commanded |= one.digital_commanded;
+    for (place, value) in all.analog.iter_mut().zip(one.analog) {
+        if !value.is_nan() {
+            *place = value;
+        }
+    }
+}
+
+fn fault_at(code: FaultCode, device: usize, cycle: u64) -> FaultRecord {
+    FaultRecord {
+        code: code as u32,
+        device: device as u32,
+        cycle,
+        ..FaultRecord::NONE
+    }
+}
+
+fn fault_of(code: FaultCode, device: usize, cycle: u64, violation: Violation) -> FaultRecord {
+    // A first set-point that breaks a limit is a matter of the limit, not of where the device is.
+    let code = if violation.kind == ViolationKind::Jump {
+        FaultCode::Jump
+    } else if code == FaultCode::Jump {
+        FaultCode::Limit
+    } else {
+        code
+    };
+    debug_assert!(usize::from(violation.joint) < JOINTS_MAX);
+    FaultRecord {
+        joint: u32::from(violation.joint) + 1,
+        violation: violation.kind.number(),
+        value: violation.value,
+        limit: violation.limit,
+        ..fault_at(code, device, cycle)
+    }
+}

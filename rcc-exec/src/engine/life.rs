@@ -1,0 +1,472 @@
+//! The life cycle of the paper's figure 2: orders, evaluation of rows, and how they end. Real-time thread.
+
+use bytemuck::Zeroable;
+use rcc_core::message::{
+    COMMANDS_MAX, CommandEntry, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
+};
+use rcc_ipc::clock::monotonic_ns;
+use rcc_ipc::control::{Answer, Refusal};
+
+use super::{Engine, Pending, SETTLE_MAX_NS};
+use crate::net::{Evaluation, Net, record};
+use crate::queue::{Event, Order, Outcome};
+
+impl Engine {
+    pub(super) fn obey(&mut self, order: Order) {
+        let (ticket, result) = match order {
+            Order::Reserve { ticket } => (ticket, self.reserve().map(Some)),
+            Order::Install { ticket, id, net } => (ticket, self.install(id, net).map(|()| None)),
+            Order::Reject { ticket, id } => (ticket, self.reject(id).map(|()| None)),
+            Order::Start { ticket, id } => match self.begin(ticket, id) {
+                // Answered after the first evaluation.
+                Ok(()) => return,
+                Err(refusal) => (ticket, Err(refusal)),
+            },
+            Order::Cancel { ticket, id } => (ticket, self.cancel(id).map(|()| None)),
+            Order::Abort { ticket, id } => (ticket, self.abort(id).map(|()| None)),
+            Order::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
+            Order::Attach {
+                device,
+                incarnation,
+                board,
+            } => return self.attach(device, incarnation, board),
+            Order::Detach {
+                device,
+                incarnation,
+            } => return self.detach(device, incarnation),
+        };
+        let cycle = self.status.cycle;
+        let answer = match result {
+            Ok(Some(id)) => Answer::Reserved { id },
+            Ok(None) => Answer::Done { cycle },
+            Err(refusal) => Answer::Refused(refusal),
+        };
+        self.give_back(Outcome::Answer { ticket, answer });
+    }
+
+    fn reserve(&mut self) -> Result<u64, Refusal> {
+        let row = self
+            .tables
+            .commands
+            .iter()
+            .position(|entry| entry.id == 0)
+            .ok_or(Refusal::TableFull)?;
+        let id = self.next_id;
+        self.next_id += 1;
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            *entry = CommandEntry {
+                id,
+                fault: FaultRecord::NONE,
+                ..CommandEntry::zeroed()
+            };
+        }
+        self.set_state(row, CommandState::Loading);
+        Ok(id)
+    }
+
+    fn install(&mut self, id: u64, net: Box<Net>) -> Result<(), Refusal> {
+        let row = self.row_in(id, |state| state == CommandState::Loading);
+        let place =
+            row.and_then(|row| Ok((row, self.nets.get_mut(row).ok_or(Refusal::UnknownCommand)?)));
+        match place {
+            Ok((row, place)) => {
+                let can_cancel = net.can_cancel();
+                *place = Some(net);
+                if let Some(entry) = self.tables.commands.get_mut(row) {
+                    entry.can_cancel = u64::from(can_cancel);
+                }
+                self.set_state(row, CommandState::Ready);
+                Ok(())
+            }
+            Err(refusal) => {
+                self.give_back(Outcome::Net(net));
+                Err(refusal)
+            }
+        }
+    }
+
+    fn reject(&mut self, id: u64) -> Result<(), Refusal> {
+        let row = self.row_in(id, |state| state == CommandState::Loading)?;
+        self.set_state(row, CommandState::Rejected);
+        Ok(())
+    }
+
+    fn begin(&mut self, ticket: u64, id: u64) -> Result<(), Refusal> {
+        let row = self.row_in(id, |state| state == CommandState::Ready)?;
+        if self.stopping {
+            return Err(Refusal::Stopping);
+        }
+        if self.pending.get(row) != Some(&Pending::Nothing) {
+            return Err(Refusal::WrongState {
+                state: CommandState::Ready as u32,
+            });
+        }
+        self.check_free(row)?;
+        self.check_devices(row)?;
+        self.pending[row] = Pending::Start { ticket };
+        Ok(())
+    }
+
+    /// No other active command holds what this one claims.
+    fn check_free(&self, row: usize) -> Result<(), Refusal> {
+        let Some(claims) = self.claims(row) else {
+            return Err(Refusal::UnknownCommand);
+        };
+        for (other, entry) in self.tables.commands.iter().enumerate() {
+            let state = CommandState::from_number(entry.state);
+            let holds = state.is_active() || self.pending.get(other) != Some(&Pending::Nothing);
+            if other == row || !holds {
+                continue;
+            }
+            if let Some(resource) = self.claims(other).and_then(|held| claims.common(held)) {
+                return Err(Refusal::Busy {
+                    holder: entry.id,
+                    resource,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Each arm rests and each other device answers.
+    fn check_devices(&self, row: usize) -> Result<(), Refusal> {
+        let Some(claims) = self.claims(row) else {
+            return Err(Refusal::UnknownCommand);
+        };
+        for (index, input) in self.inputs.iter().enumerate() {
+            let state = self.device_state(index);
+            let arm = claims.arms >> index & 1 == 1;
+            let ready = if arm {
+                state == DeviceState::Ready
+            } else {
+                state != DeviceState::Offline
+            };
+            if claims.uses(index) && !ready {
+                let reason = input.measurement.reason;
+                return Err(Refusal::DeviceNotReady {
+                    device: index as u32,
+                    state: state as u32,
+                    reason,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn cancel(&mut self, id: u64) -> Result<(), Refusal> {
+        let row = self.row_in(id, |state| state == CommandState::Running)?;
+        match self.nets.get_mut(row).and_then(Option::as_mut) {
+            Some(net) if net.can_cancel() => net.cancel_requested = true,
+            _ => return Err(Refusal::NotCancelable),
+        }
+        self.set_state(row, CommandState::Canceling);
+        Ok(())
+    }
+
+    fn abort(&mut self, id: u64) -> Result<(), Refusal> {
+        let row = self.row_in(id, CommandState::is_active)?;
+        self.end(row, EndReason::Aborted, FaultRecord::NONE);
+        Ok(())
+    }
+
+    fn unload(&mut self, id: u64) -> Result<(), Refusal> {
+        let row = self.row_in(id, |state| !state.is_active())?;
+        if self.pending.get(row) != Some(&Pending::Nothing) {
+            return Err(Refusal::WrongState {
+                state: CommandState::Running as u32,
+            });
+        }
+        if let Some(net) = self.nets.get_mut(row).and_then(Option::take) {
+            self.give_back(Outcome::Net(net));
+        }
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            *entry = CommandEntry::zeroed();
+        }
+        self.tables_changed = true;
+        Ok(())
+    }
+
+    /// Cancels every net that can be, and aborts the others.
+    pub(super) fn cancel_all(&mut self) {
+        for row in 0..COMMANDS_MAX {
+            let Some(entry) = self.tables.commands.get(row) else {
+                continue;
+            };
+            let (id, state) = (entry.id, CommandState::from_number(entry.state));
+            if state == CommandState::Running && self.cancel(id).is_err() {
+                self.end(row, EndReason::Aborted, FaultRecord::NONE);
+            }
+        }
+    }
+
+    /// Aborts everything that is still active.
+    pub fn abort_all(&mut self) {
+        for row in 0..COMMANDS_MAX {
+            if self
+                .tables
+                .commands
+                .get(row)
+                .is_some_and(|entry| super::is_active(entry.state))
+            {
+                self.end(row, EndReason::Aborted, FaultRecord::NONE);
+            }
+        }
+    }
+
+    /// Ends the net that took longest in its last cycle: too many cycles were late.
+    pub(super) fn end_most_expensive(&mut self) {
+        let active = self
+            .tables
+            .commands
+            .iter()
+            .enumerate()
+            .filter(|(_, entry)| super::is_active(entry.state));
+        let most = active
+            .max_by_key(|(_, entry)| entry.exec_last_ns)
+            .map(|(row, _)| row);
+        if let Some(row) = most {
+            self.end(row, EndReason::Fault, self.fault(FaultCode::Overrun));
+        }
+    }
+
+    /// One cycle of one row of the command table.
+    pub(super) fn run_row(&mut self, row: usize, now_ns: u64) {
+        let (Some(entry), Some(&pending)) = (self.tables.commands.get(row), self.pending.get(row))
+        else {
+            return;
+        };
+        let active = super::is_active(entry.state);
+        match pending {
+            Pending::Settle { since_cycle } => self.settle(row, since_cycle),
+            Pending::Start { ticket } => self.first_cycle(row, ticket, now_ns),
+            Pending::Nothing if active => self.next_cycle(row, now_ns),
+            Pending::Nothing => {}
+        }
+    }
+
+    fn next_cycle(&mut self, row: usize, now_ns: u64) {
+        let survives = self
+            .nets
+            .get(row)
+            .and_then(Option::as_ref)
+            .is_some_and(|net| net.survives_device_loss());
+        if let (Some(device), false) = (self.lost_device(row), survives) {
+            let fault = FaultRecord {
+                device: device as u32,
+                ..self.fault(FaultCode::DeviceLost)
+            };
+            return self.end(row, EndReason::Fault, fault);
+        }
+        match self.evaluate(row) {
+            Evaluation::Fault(code) => self.end(row, EndReason::Fault, self.fault(code)),
+            evaluation => match self.pass_commands(row) {
+                Err(fault) if survives && fault.code == FaultCode::DeviceLost as u32 => {
+                    self.disengage(row)
+                }
+                Err(fault) => self.end(row, EndReason::Fault, fault),
+                Ok(()) => {
+                    self.show(row, now_ns);
+                    if evaluation == Evaluation::Terminated {
+                        self.terminate(row);
+                    }
+                }
+            },
+        }
+    }
+
+    /// The first evaluation decides about START: its set-points must begin where the devices are held. If they do
+    /// not, nothing of this cycle is written and the command is as ready as before.
+    fn first_cycle(&mut self, row: usize, ticket: u64, now_ns: u64) {
+        self.pending[row] = Pending::Nothing;
+        let cycle = self.status.cycle;
+        let refusal = match self.evaluate(row) {
+            Evaluation::Fault(code) => {
+                self.set_state(row, CommandState::Running);
+                self.end(row, EndReason::Fault, self.fault(code));
+                Some(Refusal::FirstCycle { code: code as u32 })
+            }
+            evaluation => match self.pass_commands(row) {
+                Ok(()) => {
+                    if let Some(entry) = self.tables.commands.get_mut(row) {
+                        entry.started_cycle = cycle;
+                    }
+                    self.set_state(row, CommandState::Running);
+                    self.show(row, now_ns);
+                    if evaluation == Evaluation::Terminated {
+                        self.terminate(row);
+                    }
+                    None
+                }
+                Err(fault) => {
+                    self.disengage(row);
+                    if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
+                        net.reset();
+                    }
+                    Some(self.refusal_of(fault))
+                }
+            },
+        };
+        let answer = refusal.map_or(Answer::Done { cycle }, Answer::Refused);
+        self.give_back(Outcome::Answer { ticket, answer });
+    }
+
+    fn refusal_of(&self, fault: FaultRecord) -> Refusal {
+        if fault.code == FaultCode::DeviceLost as u32 {
+            let index = fault.device as usize;
+            let state = self.device_state(index) as u32;
+            let reason = self
+                .inputs
+                .get(index)
+                .map_or(0, |input| input.measurement.reason);
+            return Refusal::DeviceNotReady {
+                device: fault.device,
+                state,
+                reason,
+            };
+        }
+        Refusal::FirstSetPoint {
+            device: fault.device,
+            joint: fault.joint,
+            value: fault.value,
+            limit: fault.limit,
+            violation: fault.violation,
+        }
+    }
+
+    fn evaluate(&mut self, row: usize) -> Evaluation {
+        let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) else {
+            return Evaluation::Fault(FaultCode::Panic);
+        };
+        // The vDSO's clock, twice a net: no system call.
+        let begun_ns = monotonic_ns();
+        let evaluation = net.evaluate(&self.config.models, &self.inputs, self.dt_s);
+        let exec_ns = monotonic_ns() - begun_ns;
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            entry.cycles = net.cycles;
+            entry.exec_last_ns = exec_ns;
+            entry.exec_max_ns = entry.exec_max_ns.max(exec_ns);
+        }
+        evaluation
+    }
+
+    /// Sends the monitors that are due to the pump.
+    fn show(&mut self, row: usize, now_ns: u64) {
+        let (Some(Some(net)), Some(entry)) = (self.nets.get(row), self.tables.commands.get(row))
+        else {
+            return;
+        };
+        let (cycle, id) = (self.status.cycle, entry.id);
+        let (records, next, dropped) = (
+            &mut self.ends.records,
+            &mut self.next_record,
+            &mut self.status.dropped_records,
+        );
+        net.monitors(|monitor, values| {
+            let mut record = record(cycle, now_ns, id, monitor, values);
+            record.sequence = *next;
+            *next += 1;
+            if records.push(record).is_err() {
+                *dropped += 1;
+            }
+        });
+    }
+
+    /// The net said that it is over: its arms play their last set-points, then it is terminated.
+    fn terminate(&mut self, row: usize) {
+        let since_cycle = self.status.cycle;
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            entry.ended_cycle = since_cycle;
+        }
+        let commands_arms = self.claims(row).is_some_and(|claims| claims.arms != 0);
+        if commands_arms {
+            self.pending[row] = Pending::Settle { since_cycle };
+        } else {
+            self.finish(row);
+        }
+    }
+
+    fn settle(&mut self, row: usize, since_cycle: u64) {
+        let period_ns = self.config.period_ns;
+        self.disengage(row);
+        let waited_ns = (self.status.cycle - since_cycle) * period_ns;
+        // The first set-point that commands nothing is that of the cycle after the last evaluation.
+        if self.arms_settled(row, (since_cycle + 1) * period_ns) {
+            self.finish(row);
+        } else if self.lost_device(row).is_some() || waited_ns > SETTLE_MAX_NS {
+            let device = self
+                .claims(row)
+                .map_or(u32::MAX, |claims| claims.arms.trailing_zeros());
+            let device = self.lost_device(row).map_or(device, |device| device as u32);
+            self.end(
+                row,
+                EndReason::Fault,
+                FaultRecord {
+                    device,
+                    ..self.fault(FaultCode::DeviceLost)
+                },
+            );
+        }
+    }
+
+    fn finish(&mut self, row: usize) {
+        let canceled = self
+            .nets
+            .get(row)
+            .and_then(Option::as_ref)
+            .is_some_and(|net| net.cancel_requested);
+        let reason = if canceled {
+            EndReason::Canceled
+        } else {
+            EndReason::Finished
+        };
+        self.end(row, reason, FaultRecord::NONE);
+    }
+
+    /// Terminates a row, whatever it was doing. Its outputs of this cycle, if any were passed on, stay written; from
+    /// the next cycle on nothing is commanded.
+    fn end(&mut self, row: usize, reason: EndReason, fault: FaultRecord) {
+        self.pending[row] = Pending::Nothing;
+        self.disengage(row);
+        let cycle = self.status.cycle;
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            entry.reason = reason as u32;
+            entry.fault = fault;
+            if entry.ended_cycle == 0 {
+                entry.ended_cycle = cycle;
+            }
+        }
+        self.set_state(row, CommandState::Terminated);
+    }
+
+    fn set_state(&mut self, row: usize, state: CommandState) {
+        let cycle = self.status.cycle;
+        let Some(entry) = self.tables.commands.get_mut(row) else {
+            return;
+        };
+        entry.state = state as u32;
+        let event = Event::Command {
+            cycle,
+            id: entry.id,
+            state: state as u32,
+            reason: entry.reason,
+            fault: entry.fault,
+        };
+        self.tables_changed = true;
+        self.log(event);
+    }
+
+    /// The row of a command, if it is in a state that allows what is asked.
+    fn row_in(&self, id: u64, allowed: impl Fn(CommandState) -> bool) -> Result<usize, Refusal> {
+        let rows = self.tables.commands.iter().enumerate();
+        let (row, entry) = rows
+            .filter(|_| id != 0)
+            .find(|(_, entry)| entry.id == id)
+            .ok_or(Refusal::UnknownCommand)?;
+        let state = CommandState::from_number(entry.state);
+        if allowed(state) {
+            Ok(row)
+        } else {
+            Err(Refusal::WrongState { state: entry.state })
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! One loaded net with its arena: built by the intake thread, evaluated by the real-time thread.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use rcc_core::cycle::cycle;
+use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
+use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
+use rcc_core::path::PathLimits;
+use rcc_core::plan::{Checked, MonitorPoint, Resources};
+use rcc_core::primitives;
+use rcc_core::types::{NULL_BOOL, Store};
+use rcc_ipc::control::{PlanData, Refusal};
+use rcc_motion::{Clocks, PathClock};
+
+/// A net that can be run. All memory it needs is in it.
+#[derive(Debug)]
+pub struct Net {
+    data: PlanData,
+    checked: Checked,
+    reals: Box<[f64]>,
+    bools: Box<[u8]>,
+    ints: Box<[i64]>,
+    clocks: Clocks,
+    outputs: Box<[DeviceOutput]>,
+    /// Cycles evaluated since START.
+    pub cycles: u64,
+    /// CANCEL was requested.
+    pub cancel_requested: bool,
+    #[cfg(test)]
+    pub panics: bool,
+}
+
+/// What one evaluation came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Evaluation {
+    /// Goes on.
+    Running,
+    /// `Termination` said true.
+    Terminated,
+    /// The net cannot go on.
+    Fault(FaultCode),
+}
+
+impl Net {
+    /// Checks the plan, computes its start values from the devices' hold set-points and makes its memory.
+    /// Not for the real-time thread.
+    ///
+    /// # Errors
+    /// The plan does not check, or its start values cannot be computed.
+    pub fn build(
+        mut data: PlanData,
+        models: &[DeviceModel],
+        configuration: u64,
+        holds: &[Option<Joints>],
+        dt_s: f64,
+    ) -> Result<Box<Net>, Refusal> {
+        let checked = data
+            .plan()
+            .check(models, configuration)
+            .map_err(Refusal::Plan)?;
+        let clocks = prepare(&mut data, models, holds, dt_s).map_err(Refusal::Prepare)?;
+        Ok(Box::new(Net {
+            reals: data.reals.clone().into(),
+            bools: data.bools.clone().into(),
+            ints: data.ints.clone().into(),
+            outputs: vec![DeviceOutput::NONE; models.len()].into(),
+            clocks,
+            checked,
+            data,
+            cycles: 0,
+            cancel_requested: false,
+            #[cfg(test)]
+            panics: false,
+        }))
+    }
+
+    /// What the net claims.
+    pub fn resources(&self) -> &Resources {
+        &self.checked.resources
+    }
+
+    /// It has a `Cancel` primitive.
+    pub fn can_cancel(&self) -> bool {
+        self.checked.can_cancel
+    }
+
+    /// It goes on with null when a device that it commands is lost.
+    pub fn survives_device_loss(&self) -> bool {
+        self.data.survives_device_loss
+    }
+
+    /// What the last evaluation commands, by device.
+    pub fn outputs(&self) -> &[DeviceOutput] {
+        &self.outputs
+    }
+
+    /// Back to the state after `build`. Copies, allocates nothing.
+    pub fn reset(&mut self) {
+        self.reals.copy_from_slice(&self.data.reals);
+        self.bools.copy_from_slice(&self.data.bools);
+        self.ints.copy_from_slice(&self.data.ints);
+        self.clocks.reset();
+        self.cycles = 0;
+        self.cancel_requested = false;
+        self.outputs.fill(DeviceOutput::NONE);
+    }
+
+    /// Evaluates one cycle. Its commands are in [`Net::outputs`] and count only if it does not end in a fault.
+    pub fn evaluate(
+        &mut self,
+        models: &[DeviceModel],
+        devices: &[DeviceInput],
+        dt_s: f64,
+    ) -> Evaluation {
+        self.outputs.fill(DeviceOutput::NONE);
+        let mut frame = Frame {
+            reals: &mut self.reals,
+            bools: &mut self.bools,
+            ints: &mut self.ints,
+            models,
+            devices,
+            outputs: &mut self.outputs,
+            clocks: &mut self.clocks,
+            dt_s,
+            cycle: self.cycles,
+            cancel_requested: self.cancel_requested,
+            terminated: false,
+            motion_failed: false,
+        };
+        let plan = self.data.plan();
+        #[cfg(test)]
+        let panics = self.panics;
+        // A panic here would be a bug of ours; it ends this net and no other. Nothing of a net is used again after a
+        // panic, so that it need not be unwind safe.
+        let completed = catch_unwind(AssertUnwindSafe(|| {
+            #[cfg(test)]
+            assert!(!panics, "asked for by a test");
+            cycle(&plan, &mut frame);
+        }));
+        if completed.is_err() {
+            return Evaluation::Fault(FaultCode::Panic);
+        }
+        self.cycles = frame.cycle;
+        match (frame.motion_failed, frame.terminated) {
+            (true, _) => Evaluation::Fault(FaultCode::Motion),
+            (false, true) => Evaluation::Terminated,
+            (false, false) => Evaluation::Running,
+        }
+    }
+
+    /// Calls `push` with each monitor that is due in the cycle evaluated last.
+    pub fn monitors(&self, mut push: impl FnMut(u32, &[f64])) {
+        let evaluated = self.cycles.saturating_sub(1);
+        for (monitor, index) in self.data.monitors.iter().zip(0..) {
+            if evaluated % u64::from(monitor.every.max(1)) == 0 {
+                let mut values = [0.0; MONITOR_WIDTH_MAX];
+                let width = self.read(monitor, &mut values);
+                push(index, &values[..width]);
+            }
+        }
+    }
+
+    fn read(&self, monitor: &MonitorPoint, values: &mut [f64; MONITOR_WIDTH_MAX]) -> usize {
+        let (slot, width) = (
+            monitor.slot as usize,
+            (monitor.width as usize).min(MONITOR_WIDTH_MAX),
+        );
+        let places = values.iter_mut().take(width);
+        match monitor.store {
+            Store::Real => places
+                .zip(self.reals.iter().skip(slot))
+                .for_each(|(place, value)| *place = *value),
+            Store::Bool => places
+                .zip(self.bools.iter().skip(slot))
+                .for_each(|(place, value)| {
+                    *place = if value & NULL_BOOL != 0 {
+                        f64::NAN
+                    } else {
+                        f64::from(*value)
+                    };
+                }),
+            Store::Int => places
+                .zip(self.ints.iter().skip(slot))
+                .for_each(|(place, value)| *place = f64::from_bits(value.cast_unsigned())),
+        }
+        width
+    }
+}
+
+/// Fills a monitor record.
+pub fn record(
+    cycle: u64,
+    stamp_ns: u64,
+    command: u64,
+    monitor: u32,
+    values: &[f64],
+) -> MonitorRecord {
+    let mut all = [0.0; MONITOR_WIDTH_MAX];
+    for (place, value) in all.iter_mut().zip(values) {
+        *place = *value;
+    }
+    let width = values.len() as u32;
+    MonitorRecord {
+        sequence: 0,
+        cycle,
+        stamp_ns,
+        command,
+        monitor,
+        width,
+        values: all,
+    }
+}
+
+/// Runs the `prepare` of every primitive that has one, over the initial arena, and builds the path clocks.
+fn prepare(
+    data: &mut PlanData,
+    models: &[DeviceModel],
+    holds: &[Option<Joints>],
+    dt_s: f64,
+) -> Result<Clocks, PrepareFault> {
+    let nowhere = PathLimits {
+        length: 0.0,
+        velocity: 1.0,
+        acceleration: 1.0,
+        jerk: 1.0,
+    };
+    let mut paths = vec![nowhere; data.clocks as usize];
+    for run in &data.runs {
+        let Some((entry, kernel)) = primitives::kernel(run.kernel) else {
+            continue;
+        };
+        let Some(prepare) = entry.prepare else {
+            continue;
+        };
+        let group = entry.spec.operands(kernel.store).count().max(1);
+        let operands = &data.operands[run.first as usize..][..run.operands as usize];
+        for operands in operands.chunks_exact(group) {
+            let mut preparation = Preparation {
+                reals: &mut data.reals,
+                models,
+                holds,
+                paths: &mut paths,
+            };
+            prepare(&mut preparation, operands)?;
+        }
+    }
+    let clocks = paths.into_iter().map(|limits| {
+        PathClock::new(limits, dt_s).map_err(|_| PrepareFault::PathLimits { limits })
+    });
+    Ok(Clocks(clocks.collect::<Result<_, _>>()?))
+}
+
+/// Rows for nets, as many as there are commands.
+pub type Nets = [Option<Box<Net>>; COMMANDS_MAX];

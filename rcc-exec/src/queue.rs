@@ -1,0 +1,134 @@
+//! What crosses between the real-time thread and the helper threads, through preallocated rings.
+//! Whatever is handed to the real-time thread comes back and is freed elsewhere.
+
+use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
+use rcc_ipc::BoardReader;
+use rcc_ipc::control::Answer;
+use rtrb::{Consumer, Producer};
+
+use crate::net::Net;
+
+/// Orders to the real-time thread that may wait.
+pub const ORDERS: usize = 256;
+/// Outcomes that may wait for the intake thread; the real-time thread takes no order without room for its outcomes.
+pub const OUTCOMES: usize = 1024;
+/// Monitor records that may wait for the pump thread.
+pub const RECORDS: usize = 16_384;
+/// Events that may wait for the pump thread.
+pub const EVENTS: usize = 4096;
+
+/// To the real-time thread. `ticket` names the caller who waits for the answer.
+#[allow(missing_docs)] // The fields are named in the sentence of their variant.
+#[derive(Debug)]
+pub enum Order {
+    /// Gives out a row of the command table.
+    Reserve { ticket: u64 },
+    /// Makes a loading command ready.
+    Install { ticket: u64, id: u64, net: Box<Net> },
+    /// Makes a loading command rejected.
+    Reject { ticket: u64, id: u64 },
+    /// START.
+    Start { ticket: u64, id: u64 },
+    /// CANCEL.
+    Cancel { ticket: u64, id: u64 },
+    /// ABORT.
+    Abort { ticket: u64, id: u64 },
+    /// Frees the row of a command that is not active.
+    Unload { ticket: u64, id: u64 },
+    /// A driver announced itself; its board replaces the device's last one.
+    Attach {
+        device: usize,
+        incarnation: u64,
+        board: Box<BoardReader<Measurement>>,
+    },
+    /// The driver with this incarnation is dead; its board is given back.
+    Detach { device: usize, incarnation: u64 },
+}
+
+/// From the real-time thread to the intake thread.
+#[allow(missing_docs)] // The fields are named in the sentence of their variant.
+#[derive(Debug)]
+pub enum Outcome {
+    /// An order is done or refused.
+    Answer { ticket: u64, answer: Answer },
+    /// A net that is not needed any more.
+    Net(Box<Net>),
+    /// A board that is not read any more.
+    Board(Box<BoardReader<Measurement>>),
+}
+
+/// From the real-time thread to the log.
+#[allow(missing_docs)] // The fields are named in the sentence of their variant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// A command changed its state (numbers of `CommandState` and `EndReason`).
+    Command {
+        cycle: u64,
+        id: u64,
+        state: u32,
+        reason: u32,
+        fault: FaultRecord,
+    },
+    /// A device changed its state (number of `DeviceState`).
+    Device {
+        cycle: u64,
+        device: u32,
+        state: u32,
+        reason: u32,
+    },
+    /// A cycle was late: how long after its deadline it woke, and how long it computed.
+    Late {
+        cycle: u64,
+        wake_ns: u64,
+        exec_ns: u64,
+    },
+}
+
+/// The real-time thread's ends of all rings.
+#[derive(Debug)]
+pub struct RtEnds {
+    /// Orders in.
+    pub orders: Consumer<Order>,
+    /// Outcomes out.
+    pub outcomes: Producer<Outcome>,
+    /// Monitor records out.
+    pub records: Producer<MonitorRecord>,
+    /// Events out.
+    pub events: Producer<Event>,
+}
+
+/// The helper threads' ends.
+#[derive(Debug)]
+pub struct HelperEnds {
+    /// Orders out.
+    pub orders: Producer<Order>,
+    /// Outcomes in.
+    pub outcomes: Consumer<Outcome>,
+    /// Monitor records in.
+    pub records: Consumer<MonitorRecord>,
+    /// Events in.
+    pub events: Consumer<Event>,
+}
+
+/// Makes all rings.
+pub fn rings() -> (RtEnds, HelperEnds) {
+    let (order_in, orders) = rtrb::RingBuffer::new(ORDERS);
+    let (outcomes, outcome_out) = rtrb::RingBuffer::new(OUTCOMES);
+    let (records, record_out) = rtrb::RingBuffer::new(RECORDS);
+    let (events, event_out) = rtrb::RingBuffer::new(EVENTS);
+    let rt = RtEnds {
+        orders,
+        outcomes,
+        records,
+        events,
+    };
+    (
+        rt,
+        HelperEnds {
+            orders: order_in,
+            outcomes: outcome_out,
+            records: record_out,
+            events: event_out,
+        },
+    )
+}
