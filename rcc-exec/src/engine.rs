@@ -158,7 +158,7 @@ impl Engine {
 
     /// True if the tables should be written in this cycle.
     pub fn tables_due(&self) -> bool {
-        self.tables_changed || self.status.cycle % TABLES_EVERY == 0
+        self.tables_changed || self.status.cycle.is_multiple_of(TABLES_EVERY)
     }
 
     /// What a device is told.

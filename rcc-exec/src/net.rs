@@ -152,7 +152,7 @@ impl Net {
     pub fn monitors(&self, mut push: impl FnMut(u32, &[f64])) {
         let evaluated = self.cycles.saturating_sub(1);
         for (monitor, index) in self.data.monitors.iter().zip(0..) {
-            if evaluated % u64::from(monitor.every.max(1)) == 0 {
+            if evaluated.is_multiple_of(u64::from(monitor.every.max(1))) {
                 let mut values = [0.0; MONITOR_WIDTH_MAX];
                 let width = self.read(monitor, &mut values);
                 push(index, &values[..width]);

@@ -62,10 +62,9 @@ impl Pump {
         while let Ok(record) = self.records.pop() {
             self.batch.push(record);
         }
-        if !self.batch.is_empty() {
-            if let Err(error) = self.publisher.publish(&self.batch) {
-                warn!("monitor records were lost: {error}");
-            }
+        let published = self.publisher.publish(&self.batch);
+        if let Err(error) = published {
+            warn!("monitor records were lost: {error}");
         }
         while let Ok(event) = self.events.pop() {
             self.tell(event);
