@@ -156,6 +156,11 @@ impl Cell {
         self.runtime_dir.join("cell.lock")
     }
 
+    /// Held by the janitor while it works.
+    pub(crate) fn janitor_lock_file(&self) -> PathBuf {
+        self.runtime_dir.join("janitor.lock")
+    }
+
     /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
     pub(crate) fn make_folders(&self) -> Result<(), CellError> {
         for path in [

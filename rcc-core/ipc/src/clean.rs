@@ -13,6 +13,7 @@ use iceoryx2::prelude::{Config, FilePath, SemanticString};
 use crate::announce::{AnnounceError, Announcement};
 use crate::cell::{Cell, CellError};
 use crate::lock::{self, LockError};
+use crate::reap;
 use crate::room::SHM;
 use crate::session::{self, Role, SessionError};
 
@@ -32,10 +33,10 @@ const SWEEP_STEP: Duration = Duration::from_millis(50);
 pub struct CleanReport {
     /// Half-created shared-memory files removed before cleaning.
     pub half_created: usize,
-    /// Dead nodes whose files were removed.
+    /// Dead nodes that iceoryx2 cleaned up.
     pub dead_nodes: u64,
-    /// Dead nodes that could not be cleaned (another janitor may be at it): run it again.
-    pub failed: u64,
+    /// Files and folders of dead processes that iceoryx2 had left.
+    pub reaped: usize,
 }
 
 /// Why cleaning did not succeed.
@@ -261,11 +262,21 @@ pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
     });
     use_as_global_configuration(cell)?;
     let (_membership, node) = session::enter(cell)?;
-    let state = node.try_cleanup_dead_nodes();
+    // One at a time: a second one would fail on what the first removes.
+    let _alone =
+        lock::exclusive_within(&cell.janitor_lock_file(), JANITOR_TIMEOUT).map_err(|source| {
+            SessionError::Lock {
+                cell: cell.name().to_owned(),
+                source,
+            }
+        })?;
+    // First iceoryx2, which also strikes the dead out of what they shared with the living; then what it left.
+    let dead_nodes = node.try_cleanup_dead_nodes().cleanups;
+    let reaped = reap::reap(cell).map_err(|(path, source)| CleanError::File { path, source })?;
     Ok(CleanReport {
         half_created,
-        dead_nodes: state.cleanups,
-        failed: state.failed_cleanups,
+        dead_nodes,
+        reaped,
     })
 }
 
@@ -317,7 +328,11 @@ pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
 /// As [`wipe`].
 pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
     let (report, _alone) = wipe_alone(cell)?;
-    for path in [cell.config_copy(), cell.lock_file()] {
+    for path in [
+        cell.config_copy(),
+        cell.janitor_lock_file(),
+        cell.lock_file(),
+    ] {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
     }
     // Not empty: somebody else's files; they are not ours to remove.

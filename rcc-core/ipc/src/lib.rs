@@ -25,6 +25,7 @@ pub mod clock;
 pub mod control;
 pub mod life;
 pub mod lock;
+mod reap;
 pub mod request;
 pub mod room;
 pub mod session;

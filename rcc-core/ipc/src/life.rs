@@ -3,8 +3,14 @@
 
 use std::fs;
 
+use nix::time::{ClockId, clock_gettime};
+
+use crate::clock::monotonic_ns;
+
 /// Process ids of Linux are below 2^22 (`PID_MAX_LIMIT`), so the id and the start fit into one number.
 const PID_BITS: u32 = 22;
+/// `USER_HZ`, the unit of `/proc`: 100 on every architecture that this software runs on.
+const TICKS_PER_S: u64 = 100;
 
 /// One life of one process: a process id alone is reused, the pair with the start time is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -67,6 +73,18 @@ fn stat_of(pid: u32) -> Option<Stat> {
         start_time_ticks,
         runs: !matches!(state, "Z" | "X" | "x"),
     })
+}
+
+/// The earliest CLOCK_MONOTONIC time, in nanoseconds, at which the process `pid` may have begun; nothing if it is dead.
+/// The kernel counts starts with the time the machine slept and this clock does not, hence the doubt.
+pub(crate) fn started_ns(pid: u32) -> Option<u64> {
+    let stat = stat_of(pid).filter(|stat| stat.runs)?;
+    let since_boot_ns = stat
+        .start_time_ticks
+        .saturating_mul(1_000_000_000 / TICKS_PER_S);
+    let boot = clock_gettime(ClockId::CLOCK_BOOTTIME).ok()?;
+    let boot_ns = (boot.tv_sec() as u64).wrapping_mul(1_000_000_000) + boot.tv_nsec() as u64;
+    Some(since_boot_ns.saturating_sub(boot_ns.saturating_sub(monotonic_ns())))
 }
 
 #[cfg(test)]

@@ -33,10 +33,19 @@ pub enum LockError {
 }
 
 /// Shares the lock with any number of others, waiting at most `patience` for an exclusive holder.
-pub(crate) fn shared(path: &Path, patience: Duration) -> Result<Flock<File>, LockError> {
+pub(crate) fn shared_within(path: &Path, patience: Duration) -> Result<Flock<File>, LockError> {
+    within(path, FlockArg::LockSharedNonblock, patience)
+}
+
+/// The lock for us alone, waiting at most `patience` for it.
+pub(crate) fn exclusive_within(path: &Path, patience: Duration) -> Result<Flock<File>, LockError> {
+    within(path, FlockArg::LockExclusiveNonblock, patience)
+}
+
+fn within(path: &Path, kind: FlockArg, patience: Duration) -> Result<Flock<File>, LockError> {
     let limit = Instant::now() + patience;
     loop {
-        match attempt(path, FlockArg::LockSharedNonblock) {
+        match attempt(path, kind) {
             Err(LockError::Held { .. }) if Instant::now() < limit => std::thread::sleep(RETRY),
             result => return result,
         }

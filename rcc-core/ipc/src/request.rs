@@ -31,7 +31,10 @@ pub const CLIENTS_MAX: usize = 16;
 /// Calls of one client that a server may hold: one in progress, and one given up by a client that calls again.
 const ACTIVE_MAX: usize = 2;
 /// Memory is taken for messages of this size, and grows by powers of two for larger ones.
-const USUAL_SIZE: usize = 4 << 10;
+const USUAL_SIZE: usize = 1 << 10;
+/// Answers that a server has memory for at a time; iceoryx2 would reckon with 256 of the longest, and an executor
+/// locks all of its memory.
+const ANSWERS_MAX: usize = 2 * CLIENTS_MAX;
 /// Shared memory of a client or server beside large messages; measured below 600 kB.
 const PORT_ROOM: u64 = 1 << 20;
 /// A client looks for the answer at these intervals: at once, then in growing steps.
@@ -317,7 +320,7 @@ impl Client {
         }
         if size > USUAL_SIZE {
             // The memory grows by powers of two for each of the requests that may be under way.
-            room::require((size.next_power_of_two() * (ACTIVE_MAX + 2)) as u64)?;
+            room::require((size.next_power_of_two() * (ACTIVE_MAX + 4)) as u64)?;
         }
         if !self.server_is_alive() {
             return Err(CallError::ServerGone {
@@ -429,6 +432,8 @@ impl Session {
             .server_builder()
             .initial_max_slice_len(USUAL_SIZE)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .override_response_preallocation(|_| ANSWERS_MAX)
+            .max_loaned_responses_per_request(1)
             .backpressure_strategy(Backpressure::DiscardData)
             // A client that died half-way must not keep the others from being heard.
             .set_request_degradation_handler(|_, _| DegradationAction::Ignore)

@@ -24,7 +24,7 @@ const NODE_ROOM: u64 = 1 << 20;
 const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 /// How long joining waits for a wipe to end.
 const WIPE_WAIT: Duration = Duration::from_secs(5);
-/// How often one process looks at something again that is not there yet.
+/// Longest label.
 const LABEL_LENGTH_MAX: usize = 64;
 
 /// What a process does in its cell.
@@ -240,7 +240,7 @@ pub(crate) fn enter(
 ) -> Result<(Flock<File>, Node<ipc_threadsafe::Service>), SessionError> {
     cell.make_folders()?;
     let membership =
-        lock::shared(&cell.lock_file(), WIPE_WAIT).map_err(|source| SessionError::Lock {
+        lock::shared_within(&cell.lock_file(), WIPE_WAIT).map_err(|source| SessionError::Lock {
             cell: cell.name().to_owned(),
             source,
         })?;

@@ -1,0 +1,230 @@
+//! Removes the files of dead processes that iceoryx2's own cleaning leaves or fails on, by what their names tell.
+//! Run by the janitor's process only, after iceoryx2 had its turn.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use crate::cell::Cell;
+use crate::life::started_ns;
+
+/// Ticks, clocks and their reading differ by less than this.
+const CLOCK_SLACK_NS: u64 = 50_000_000;
+/// A file of iceoryx2 that is still empty after this time was never finished (it waits 100 ms itself).
+const UNFINISHED_AFTER: Duration = Duration::from_secs(1);
+
+/// The number in the names of files and nodes (`UniqueSystemId` of iceoryx2 0.10.0), least significant part first:
+/// seconds and nanoseconds of CLOCK_MONOTONIC when it was made, process id, counter; 32 bits each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Id {
+    made_ns: u64,
+    pid: u32,
+}
+
+impl Id {
+    fn from_value(value: u128) -> Id {
+        let part = |index: u32| (value >> (32 * index)) as u32;
+        Id {
+            made_ns: u64::from(part(0)) * 1_000_000_000 + u64::from(part(1)),
+            pid: part(2),
+        }
+    }
+
+    /// True while the process lives that made this number. Its process id alone may belong to another one by now: that
+    /// one started after the number was made.
+    fn maker_is_alive(self) -> bool {
+        started_ns(self.pid).is_some_and(|started| started <= self.made_ns + CLOCK_SLACK_NS)
+    }
+}
+
+/// The numbers in a file's name; all other digits in such names are far shorter.
+fn ids_in(name: &str) -> impl Iterator<Item = Id> {
+    name.split(['_', '.'])
+        .filter(|part| part.len() >= 15)
+        .filter_map(|part| part.parse().ok().map(Id::from_value))
+}
+
+/// Removes what dead processes left in shared memory and in iceoryx2's folders. Returns how many files went.
+///
+/// # Errors
+/// A folder cannot be read, or a file cannot be removed; with its path.
+pub(crate) fn reap(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+    Ok(reap_shared_memory(cell)? + reap_services(cell)? + reap_nodes(cell)?)
+}
+
+/// Shared memory that a dead process took part in and that nobody has mapped. What a living one still has mapped is
+/// left for it to clean.
+fn reap_shared_memory(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+    let here = |error| (PathBuf::from(crate::room::SHM), error);
+    let mut dead = cell.leftovers().map_err(here)?;
+    dead.retain(|path| ids_in(&name_of(path)).any(|id| !id.maker_is_alive()));
+    if dead.is_empty() {
+        return Ok(0);
+    }
+    let mapped = mapped_files(cell).map_err(|error| (PathBuf::from("/proc"), error))?;
+    dead.retain(|path| !mapped.contains(path));
+    remove_all(dead)
+}
+
+/// Descriptions of services whose creator is dead and whose shared memory is gone, or that were never finished.
+fn reap_services(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+    let shared = cell
+        .leftovers()
+        .map_err(|error| (PathBuf::from(crate::room::SHM), error))?;
+    let names: Vec<String> = shared.iter().map(|path| name_of(path)).collect();
+    let mut dead = files_in(&cell.iox_root().join("services"))?;
+    dead.retain(|path| {
+        match fs::read_to_string(path)
+            .ok()
+            .and_then(|text| service_id(&text))
+        {
+            Some(value) => {
+                let digits = value.to_string();
+                !Id::from_value(value).maker_is_alive()
+                    && !names.iter().any(|name| name.contains(digits.as_str()))
+            }
+            None => is_unfinished(path),
+        }
+    });
+    remove_all(dead)
+}
+
+/// Folders and lock files of nodes whose process is dead.
+fn reap_nodes(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+    let nodes = cell.iox_root().join("nodes");
+    let mut removed = 0;
+    for path in files_in(&nodes)? {
+        if !ids_in(&name_of(&path)).any(|id| !id.maker_is_alive()) {
+            continue;
+        }
+        if path.is_dir() {
+            match fs::remove_dir_all(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err((path, error)),
+                _ => removed += 1,
+            }
+        } else {
+            removed += remove_all(vec![path])?;
+        }
+    }
+    Ok(removed)
+}
+
+/// The number of a service as its description tells it.
+fn service_id(text: &str) -> Option<u128> {
+    let section = text.split_once("[unique_service_id]")?.1;
+    let value = |name: &str| -> Option<u128> {
+        let line = section.lines().find(|line| line.starts_with(name))?;
+        line.split_once('=')?.1.trim().parse().ok()
+    };
+    Some(value("unique_value")? << 64 | value("payload_value")?)
+}
+
+fn is_unfinished(path: &Path) -> bool {
+    let modified = fs::metadata(path).and_then(|found| found.modified()).ok();
+    modified
+        .and_then(|modified| SystemTime::now().duration_since(modified).ok())
+        .is_some_and(|age| age >= UNFINISHED_AFTER)
+}
+
+/// This cell's shared memory that any process we may look at has mapped.
+fn mapped_files(cell: &Cell) -> io::Result<BTreeSet<PathBuf>> {
+    let start = format!("{}/{}", crate::room::SHM, cell.prefix());
+    let mut mapped = BTreeSet::new();
+    for entry in fs::read_dir("/proc")? {
+        // Processes end meanwhile, and those of other users hide their maps: neither is in this cell.
+        let Ok(maps) = fs::read_to_string(entry?.path().join("maps")) else {
+            continue;
+        };
+        for line in maps.lines() {
+            if let Some(at) = line.find(&start) {
+                mapped.insert(PathBuf::from(line[at..].trim_end_matches(" (deleted)")));
+            }
+        }
+    }
+    Ok(mapped)
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+fn files_in(folder: &Path) -> Result<Vec<PathBuf>, (PathBuf, io::Error)> {
+    match fs::read_dir(folder) {
+        Ok(entries) => Ok(entries.flatten().map(|entry| entry.path()).collect()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err((folder.to_owned(), error)),
+    }
+}
+
+fn remove_all(paths: Vec<PathBuf>) -> Result<usize, (PathBuf, io::Error)> {
+    let mut removed = 0;
+    for path in paths {
+        match fs::remove_file(&path) {
+            Ok(()) => removed += 1,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => return Err((path, error)),
+        }
+    }
+    Ok(removed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::monotonic_ns;
+
+    fn id_of(pid: u32, made_ns: u64) -> u128 {
+        let seconds = u128::from(made_ns / 1_000_000_000);
+        let rest = u128::from(made_ns % 1_000_000_000);
+        7 << 96 | u128::from(pid) << 64 | rest << 32 | seconds
+    }
+
+    #[test]
+    fn the_numbers_in_a_name_tell_who_made_them_and_when() {
+        let (one, two) = (id_of(12, 5_000_000_123), id_of(34, 6_000_000_456));
+        let name =
+            format!("rcc_0f7541e085_b9fc73e5c1f646968758453273c6c65c_{one}_{two}__1.connection");
+        let found: Vec<Id> = ids_in(&name).collect();
+        assert_eq!(
+            found,
+            [
+                Id {
+                    made_ns: 5_000_000_123,
+                    pid: 12
+                },
+                Id {
+                    made_ns: 6_000_000_456,
+                    pid: 34
+                }
+            ]
+        );
+        assert_eq!(
+            ids_in("rcc_0f7541e085_9204dd183d1c_node.0_10_0.global_mgmt").count(),
+            0
+        );
+    }
+
+    #[test]
+    fn a_reused_process_id_is_not_its_maker() {
+        let pid = std::process::id();
+        assert!(Id::from_value(id_of(pid, monotonic_ns())).maker_is_alive());
+        assert!(
+            !Id::from_value(id_of(pid, 1)).maker_is_alive(),
+            "made before this process began"
+        );
+        assert!(!Id::from_value(id_of(u32::MAX, monotonic_ns())).maker_is_alive());
+    }
+
+    #[test]
+    fn a_description_tells_its_number() {
+        let text =
+            "name = \"x\"\n\n[unique_service_id]\npayload_value = 5\nunique_value = 3\n\n[y]\n";
+        assert_eq!(service_id(text), Some(3 << 64 | 5));
+        assert_eq!(service_id(""), None);
+    }
+}

@@ -1,0 +1,413 @@
+//! Cells: announcements, cleaning, wiping, and that two of them never meet. Run by the test program's threads and by
+//! second processes of it.
+
+mod common;
+
+use std::fs::{self, File, FileTimes};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, SystemTime};
+
+use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for};
+use rcc_ipc::clean::{self, CleanError, WipeError};
+use rcc_ipc::{
+    AnnounceError, Announcement, BoardError, Cell, Life, RequestError, Role, Session, SessionError,
+};
+
+/// The second process: in the cell, announced or not, until it is killed.
+#[test]
+fn peer() {
+    let Some((part, cell, label)) = part() else {
+        return;
+    };
+    if part == "busy" {
+        // Every kind of service, again and again, so that a kill strikes at any moment.
+        loop {
+            let session = Session::join(&cell, Role::Driver, &label).unwrap();
+            fs::write(cell.runtime_dir().join("started"), "").unwrap();
+            let mut board = session.create_board::<[u64; 64]>("board").unwrap();
+            let server = session.serve("server").unwrap();
+            let mut publisher = session.publisher::<[u64; 8]>("stream").unwrap();
+            let reader = session.open_board::<[u64; 64]>(board.service()).unwrap();
+            let mut subscriber = session.subscribe::<[u64; 8]>(publisher.service()).unwrap();
+            let client = session.client(server.service()).unwrap();
+            board.write(&[1; 64]);
+            assert_eq!(reader.read(), [1; 64]);
+            publisher.publish(&[[2; 8]; 100]).unwrap();
+            assert!(subscriber.next_batch().unwrap().is_some());
+            refused(client.call(&[0; 50_000], Duration::ZERO));
+        }
+    }
+    let session = Session::join(&cell, Role::Driver, &label).unwrap();
+    let board = session.create_board::<u64>("board").unwrap();
+    if part == "unannounced" {
+        fs::write(cell.runtime_dir().join("started"), board.service()).unwrap();
+        loop {
+            std::thread::park();
+        }
+    }
+    let announcement = Announcement::of(&session).service("board", board.service());
+    let _announced = cell.announce(&announcement).unwrap();
+    loop {
+        std::thread::park();
+    }
+}
+
+/// Waits for the file that an unannounced second process writes once it is in the cell.
+fn wait_until_started(cell: &Cell) -> PathBuf {
+    let path = cell.runtime_dir().join("started");
+    wait_for(|| path.exists().then_some(()));
+    path
+}
+
+fn of_this_process(label: &str) -> Announcement {
+    let life = Life::current();
+    Announcement {
+        role: Role::Driver,
+        label: label.to_owned(),
+        incarnation: life.incarnation(),
+        pid: life.pid,
+        start_time_ticks: life.start_time_ticks,
+        services: [("meas".to_owned(), "driver-lwr/0/meas".to_owned())].into(),
+        note: "online".to_owned(),
+    }
+}
+
+#[test]
+fn what_is_announced_is_found_until_it_is_dropped() {
+    let cell = TestCell::new();
+    let announcement = of_this_process("lwr");
+    assert_eq!(cell.announced(Role::Driver, "lwr").unwrap(), None);
+    let announced = cell.announce(&announcement).unwrap();
+    assert_eq!(
+        cell.announced(Role::Driver, "lwr").unwrap(),
+        Some(announcement.clone())
+    );
+    assert_eq!(cell.announced_all().unwrap(), [announcement]);
+    assert_eq!(cell.announced(Role::Monitor, "lwr").unwrap(), None);
+    drop(announced);
+    assert_eq!(cell.announced_all().unwrap(), []);
+    assert_eq!(
+        fs::read_dir(cell.processes_dir()).unwrap().count(),
+        0,
+        "no file stays"
+    );
+}
+
+#[test]
+fn an_announcement_can_be_replaced_by_its_owner() {
+    let cell = TestCell::new();
+    let mut announced = cell.announce(&of_this_process("lwr")).unwrap();
+    announced.update([].into(), "stopping").unwrap();
+    let found = cell.announced(Role::Driver, "lwr").unwrap().unwrap();
+    assert_eq!((found.note.as_str(), found.services.len()), ("stopping", 0));
+    assert_eq!(&found, announced.announcement());
+}
+
+#[test]
+fn a_second_living_process_of_the_same_role_and_label_is_refused() {
+    let cell = TestCell::new();
+    let (peer, _) = Peer::announced(&cell, "announced", "lwr");
+    let error = refused(cell.announce(&of_this_process("lwr")));
+    let pid = peer.id();
+    assert!(
+        matches!(&error, AnnounceError::AlreadyRunning { pid: found, .. } if *found == pid),
+        "{error}"
+    );
+    cell.announce(&of_this_process("other")).unwrap();
+}
+
+#[test]
+fn a_dead_process_is_replaced() {
+    let cell = TestCell::new();
+    let (peer, announcement) = Peer::announced(&cell, "announced", "lwr");
+    assert!(announcement.is_alive());
+    peer.kill();
+    let dead = cell.announced(Role::Driver, "lwr").unwrap().unwrap();
+    assert_eq!(
+        dead, announcement,
+        "its announcement stays until it is replaced"
+    );
+    assert!(!dead.is_alive());
+    let _announced = cell.announce(&of_this_process("lwr")).unwrap();
+    assert!(
+        cell.announced(Role::Driver, "lwr")
+            .unwrap()
+            .unwrap()
+            .is_alive()
+    );
+}
+
+#[test]
+fn of_many_that_announce_the_same_at_once_one_wins() {
+    let cell = TestCell::new();
+    let barrier = std::sync::Barrier::new(8);
+    for _ in 0..50 {
+        let won: Vec<_> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8)
+                .map(|_| {
+                    scope.spawn(|| {
+                        barrier.wait();
+                        cell.announce(&of_this_process("lwr")).ok()
+                    })
+                })
+                .collect();
+            threads
+                .into_iter()
+                .filter_map(|thread| thread.join().unwrap())
+                .collect()
+        });
+        assert_eq!(won.len(), 1);
+    }
+}
+
+#[test]
+fn a_broken_announcement_is_an_error_by_name_and_hides_no_other() {
+    let cell = TestCell::new();
+    let _announced = cell.announce(&of_this_process("lwr")).unwrap();
+    fs::write(cell.processes_dir().join("driver-bad.json"), "{").unwrap();
+    let error = refused(cell.announced(Role::Driver, "bad"));
+    assert!(matches!(error, AnnounceError::Malformed { .. }), "{error}");
+    assert_eq!(cell.announced_all().unwrap().len(), 1);
+}
+
+#[test]
+fn two_cells_never_see_each_other() {
+    let (one, two) = (TestCell::new(), TestCell::new());
+    assert_ne!(one.prefix(), two.prefix());
+    let in_one = Session::join(&one, Role::Driver, "lwr").unwrap();
+    let in_two = Session::join(&two, Role::Driver, "lwr").unwrap();
+    let board = in_one.create_board::<u64>("board").unwrap();
+    let server = in_one.serve("server").unwrap();
+    let _announced = one.announce(&Announcement::of(&in_one)).unwrap();
+    assert!(two.announced_all().unwrap().is_empty());
+    let error = refused(in_two.open_board::<u64>(board.service()));
+    assert!(matches!(error, BoardError::DoesNotExist { .. }), "{error}");
+    let error = refused(in_two.client(server.service()));
+    assert!(
+        matches!(error, RequestError::DoesNotExist { .. }),
+        "{error}"
+    );
+    drop(in_two);
+    let before = one.files();
+    clean::wipe(&two).unwrap();
+    assert!(two.files().is_empty());
+    assert_eq!(one.files(), before, "wiping one leaves the other alone");
+    in_one.open_board::<u64>(board.service()).unwrap();
+}
+
+#[test]
+fn a_living_cell_is_not_wiped_and_its_process_is_named() {
+    let cell = TestCell::new();
+    let (peer, announcement) = Peer::announced(&cell, "announced", "lwr");
+    let before = cell.files();
+    let error = refused(clean::wipe(&cell));
+    let words = error.to_string();
+    assert!(
+        matches!(error, WipeError::Living { pid, .. } if pid == announcement.pid),
+        "{words}"
+    );
+    assert!(words.contains("driver 'lwr'"), "{words}");
+    assert_eq!(cell.files(), before);
+    peer.kill();
+    let report = clean::wipe(&cell).unwrap();
+    assert_eq!(
+        (report.shared_memory, report.announcements),
+        (before.len(), 1)
+    );
+    assert!(cell.files().is_empty() && cell.announced_all().unwrap().is_empty());
+}
+
+#[test]
+fn a_cell_with_a_process_that_has_no_name_is_not_wiped() {
+    let cell = TestCell::new();
+    let peer = Peer::start(&cell, "unannounced", "lwr");
+    wait_until_started(&cell);
+    let error = refused(clean::wipe(&cell));
+    assert!(matches!(error, WipeError::InUse { .. }), "{error}");
+    peer.kill();
+    clean::wipe(&cell).unwrap();
+    assert!(cell.files().is_empty());
+}
+
+#[test]
+fn a_wiped_cell_can_be_used_again() {
+    let cell = TestCell::new();
+    for _ in 0..3 {
+        let (peer, _) = Peer::announced(&cell, "announced", "lwr");
+        peer.kill();
+        clean::wipe(&cell).unwrap();
+        let session = Session::join(&cell, Role::Loader, "loader").unwrap();
+        session.create_board::<u64>("board").unwrap();
+    }
+}
+
+#[test]
+fn a_removed_cell_leaves_no_file_and_foreign_files_alone() {
+    let cell = TestCell::new();
+    drop(Session::join(&cell, Role::Loader, "loader").unwrap());
+    fs::write(cell.config_copy(), "cell: test").unwrap();
+    let foreign = cell.runtime_dir().join("foreign.txt");
+    fs::write(&foreign, "").unwrap();
+    clean::remove_cell(&cell).unwrap();
+    let left: Vec<_> = fs::read_dir(cell.runtime_dir())
+        .unwrap()
+        .flatten()
+        .collect();
+    assert_eq!(left.len(), 1, "{left:?}");
+    fs::remove_file(foreign).unwrap();
+    clean::remove_cell(&cell).unwrap();
+    assert!(!cell.runtime_dir().exists() && cell.files().is_empty());
+}
+
+fn plant_empty_file(cell: &Cell, like: &Path, age: Duration) -> PathBuf {
+    let name = like.file_name().unwrap().to_str().unwrap();
+    let path = PathBuf::from("/dev/shm").join(format!("{}0000{}", cell.prefix(), &name[19..]));
+    let file = File::create(&path).unwrap();
+    file.set_times(FileTimes::new().set_modified(SystemTime::now() - age))
+        .unwrap();
+    path
+}
+
+#[test]
+fn half_created_files_are_removed_when_they_are_old() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Driver, "lwr").unwrap();
+    let _board = session.create_board::<u64>("board").unwrap();
+    let before = cell.files();
+    let old = plant_empty_file(&cell, &before[0], Duration::from_secs(1));
+    assert_eq!(clean::remove_half_created(&cell).unwrap(), 1);
+    assert!(!old.exists());
+    let young = plant_empty_file(&cell, &before[0], Duration::ZERO);
+    let removed = clean::remove_half_created(&cell).unwrap();
+    // Unless this test was held up here for longer than a file may stay empty.
+    assert_eq!(young.exists(), removed == 0);
+    clean::run_janitor(&cell, LIMIT).unwrap();
+    wait_for(|| {
+        clean::remove_half_created(&cell).unwrap();
+        (!young.exists()).then_some(())
+    });
+    assert_eq!(cell.files(), before, "files that hold something stay");
+}
+
+#[test]
+fn the_janitor_repairs_a_cell_whose_dead_process_left_an_empty_file() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    run_janitor(&cell).unwrap();
+    let before = cell.files();
+    let (peer, _) = Peer::announced(&cell, "announced", "lwr");
+    peer.kill();
+    // As if it had been killed between making and sizing its files: all it left are empty now.
+    let left: Vec<PathBuf> = cell
+        .files()
+        .into_iter()
+        .filter(|path| !before.contains(path))
+        .collect();
+    assert!(!left.is_empty());
+    let past = FileTimes::new().set_modified(SystemTime::now() - Duration::from_secs(1));
+    for path in &left {
+        let file = File::create(path).unwrap();
+        file.set_times(past).unwrap();
+    }
+    let report = run_janitor(&cell).unwrap();
+    assert_eq!(report.half_created, left.len());
+    assert_eq!(cell.files(), before);
+    drop(session);
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        found.push(entry.path());
+        if entry.path().is_dir() {
+            found.extend(files_below(&entry.path()));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn a_process_killed_at_any_moment_leaves_nothing_after_the_janitor() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let mut own = session.create_board::<u64>("own").unwrap();
+    run_janitor(&cell).unwrap();
+    let before = cell.files();
+    let before_on_disk = files_below(&cell.iox_root());
+    // Deterministic, but spread over everything a process does from its start on.
+    let seed: u64 = 0x5eed_0001;
+    let mut random = seed;
+    for round in 0..40_u64 {
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        let peer = Peer::start(&cell, "busy", "lwr");
+        fs::remove_file(wait_until_started(&cell)).unwrap();
+        std::thread::sleep(Duration::from_micros((random >> 33) % 20_000));
+        peer.kill();
+        // What was made a moment before the kill, and is still empty, is left for a later run.
+        wait_for(|| {
+            run_janitor(&cell).unwrap();
+            (cell.files() == before && files_below(&cell.iox_root()) == before_on_disk)
+                .then_some(())
+        });
+        own.write(&round);
+        assert_eq!(
+            session.open_board::<u64>(own.service()).unwrap().read(),
+            round,
+            "seed {seed}"
+        );
+    }
+}
+
+#[test]
+fn a_janitor_that_hangs_is_killed() {
+    let cell = TestCell::new();
+    // Only a janitor that has no time at all is sure to be too slow.
+    let error = refused(clean::run_janitor(&cell, Duration::ZERO));
+    assert!(matches!(error, CleanError::TimedOut { .. }), "{error}");
+}
+
+#[test]
+fn the_janitor_program_says_what_it_did_by_its_exit_code() {
+    let cell = TestCell::new();
+    let janitor = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-janitor"));
+        command
+            .args(arguments)
+            .arg("--runtime-dir")
+            .arg(cell.runtime_dir())
+            .output()
+            .unwrap()
+    };
+    let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert_eq!(janitor(&["--cell"]).status.code(), Some(2));
+    assert_eq!(janitor(&["--cell", "Bad"]).status.code(), Some(1));
+    assert_eq!(janitor(&["--cell", "test"]).status.code(), Some(0));
+    let (peer, _) = Peer::announced(&cell, "announced", "lwr");
+    let refused = janitor(&["--cell", "test", "--wipe"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(
+        words(&refused.stderr).contains("driver 'lwr' runs"),
+        "{}",
+        words(&refused.stderr)
+    );
+    peer.kill();
+    let wiped = janitor(&["--cell", "test", "--wipe"]);
+    assert_eq!(wiped.status.code(), Some(0), "{}", words(&wiped.stderr));
+    assert!(cell.files().is_empty());
+}
+
+#[test]
+fn labels_that_cannot_be_file_names_are_refused() {
+    let cell = TestCell::new();
+    for label in ["", "a/b", "../x", ".hidden", "two words", &"x".repeat(65)] {
+        let error = refused(Session::join(&cell, Role::Driver, label));
+        assert!(
+            matches!(error, SessionError::BadLabel { .. }),
+            "{label}: {error}"
+        );
+    }
+}
