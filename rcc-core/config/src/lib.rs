@@ -3,8 +3,11 @@
 
 pub mod cell;
 pub mod device;
+pub mod diagnostic;
 pub mod ports;
+pub mod quantity;
 pub mod robot;
+pub mod yaml;
 
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};

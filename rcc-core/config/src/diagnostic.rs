@@ -1,0 +1,559 @@
+//! Faults of a text: where they are, what is wrong, what to do; drawn for people or as rows for programs.
+//! Used by loader, command line and every reader of a configuration, never by the real-time thread.
+
+use std::fmt::{self, Write as _};
+
+use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
+use serde::{Deserialize, Serialize};
+
+/// Most faults that are drawn; the rest is counted.
+pub const DRAWN_MAX: usize = 100;
+/// Most faults that are kept; a text with more is broken in one way a thousand times.
+pub const KEPT_MAX: usize = 1000;
+/// Most characters of a line that are drawn; longer ones (JSON by machine) are cut around the place.
+const LINE_MAX: usize = 160;
+
+/// A place in a text, in bytes; `end` is behind the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Span {
+    /// First byte.
+    pub start: usize,
+    /// Behind the last byte.
+    pub end: usize,
+}
+
+impl Span {
+    /// From the first byte to behind the last one.
+    #[must_use]
+    pub const fn new(start: usize, end: usize) -> Span {
+        Span { start, end }
+    }
+}
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// The text is refused.
+    Error,
+    /// The text is accepted, but should be looked at.
+    Warning,
+}
+
+/// One thing that is wrong with a text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Stable code, `RCC1203`.
+    pub code: &'static str,
+    /// How bad it is.
+    pub severity: Severity,
+    /// What is wrong, one sentence without a full stop.
+    pub message: String,
+    /// Where; `None` if it concerns the text as a whole.
+    pub place: Option<Span>,
+    /// What to say at the place; empty: nothing.
+    pub label: String,
+    /// What to do.
+    pub help: Option<String>,
+    /// Index of the source that `place` refers to.
+    pub file: u32,
+}
+
+impl Diagnostic {
+    /// An error at a place of source 0.
+    pub fn error(code: &'static str, place: Span, message: impl Into<String>) -> Diagnostic {
+        Diagnostic {
+            code,
+            severity: Severity::Error,
+            message: message.into(),
+            place: Some(place),
+            label: String::new(),
+            help: None,
+            file: 0,
+        }
+    }
+
+    /// A warning at a place of source 0.
+    pub fn warning(code: &'static str, place: Span, message: impl Into<String>) -> Diagnostic {
+        Diagnostic {
+            severity: Severity::Warning,
+            ..Diagnostic::error(code, place, message)
+        }
+    }
+
+    /// Says this at the place.
+    #[must_use]
+    pub fn label(self, label: impl Into<String>) -> Diagnostic {
+        Diagnostic {
+            label: label.into(),
+            ..self
+        }
+    }
+
+    /// Says what to do.
+    #[must_use]
+    pub fn help(self, help: impl Into<String>) -> Diagnostic {
+        Diagnostic {
+            help: Some(help.into()),
+            ..self
+        }
+    }
+
+    /// Says what to do, if anything is known.
+    #[must_use]
+    pub fn help_if(self, help: Option<String>) -> Diagnostic {
+        Diagnostic { help, ..self }
+    }
+
+    /// Concerns the whole text.
+    #[must_use]
+    pub fn anywhere(self) -> Diagnostic {
+        Diagnostic {
+            place: None,
+            ..self
+        }
+    }
+}
+
+/// A text that faults refer to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// File name as the reader knows it.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// All faults of a text, or of a text and those that it names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Faults {
+    /// The texts; the first one is the one that was given.
+    pub sources: Vec<Source>,
+    /// The faults, in the order of their places.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+/// A fault as a row for programs; the same codes and texts as the drawing.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Row {
+    /// Stable code.
+    pub code: String,
+    /// How bad it is.
+    pub severity: Severity,
+    /// What is wrong.
+    pub message: String,
+    /// File name.
+    pub file: String,
+    /// Line, counted from 1; 0: the text as a whole.
+    pub line: usize,
+    /// Column in characters, counted from 1; 0: the text as a whole.
+    pub column: usize,
+    /// Length of the place in bytes, at most to the end of the line.
+    pub length: usize,
+    /// What is said at the place.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub label: String,
+    /// What to do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub help: Option<String>,
+}
+
+impl Faults {
+    /// Faults of one text, put in the order of their places; at most [`KEPT_MAX`], errors first if there are more.
+    pub fn new(
+        name: impl Into<String>,
+        text: impl Into<String>,
+        mut diagnostics: Vec<Diagnostic>,
+    ) -> Faults {
+        let source = Source {
+            name: name.into(),
+            text: text.into(),
+        };
+        if diagnostics.len() > KEPT_MAX {
+            diagnostics.sort_by_key(|fault| fault.severity == Severity::Warning);
+            diagnostics.truncate(KEPT_MAX);
+        }
+        diagnostics.sort_by_key(|fault| (fault.file, fault.place.unwrap_or_default(), fault.code));
+        Faults {
+            sources: vec![source],
+            diagnostics,
+        }
+    }
+
+    /// Takes the faults of another text over.
+    pub fn append(&mut self, mut other: Faults) {
+        // Nobody has 2^32 files.
+        let shift = self.sources.len() as u32;
+        for fault in &mut other.diagnostics {
+            fault.file += shift;
+        }
+        self.sources.append(&mut other.sources);
+        self.diagnostics.append(&mut other.diagnostics);
+    }
+
+    /// True if the text is refused.
+    #[must_use]
+    pub fn has_errors(&self) -> bool {
+        self.count(Severity::Error) > 0
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self, severity: Severity) -> usize {
+        let same = |fault: &&Diagnostic| fault.severity == severity;
+        self.diagnostics.iter().filter(same).count()
+    }
+
+    /// The rows for programs.
+    #[must_use]
+    pub fn rows(&self) -> Vec<Row> {
+        let lines: Vec<Lines<'_>> = self
+            .sources
+            .iter()
+            .map(|source| Lines::of(&source.text))
+            .collect();
+        let row = |fault: &Diagnostic| {
+            let place = fault
+                .place
+                .zip(lines.get(fault.file as usize))
+                .map(|(span, lines)| lines.place(span));
+            let file = self
+                .sources
+                .get(fault.file as usize)
+                .map_or("", |source| &source.name);
+            let place = place.unwrap_or_default();
+            Row {
+                code: fault.code.to_string(),
+                severity: fault.severity,
+                message: fault.message.clone(),
+                file: file.to_string(),
+                line: place.line,
+                column: place.column,
+                length: place.length,
+                label: fault.label.clone(),
+                help: fault.help.clone(),
+            }
+        };
+        self.diagnostics.iter().map(row).collect()
+    }
+
+    /// The drawing for people: each fault with its line, then how many there are.
+    #[must_use]
+    pub fn render(&self, colour: bool) -> String {
+        render(&self.rows(), &self.sources, colour)
+    }
+}
+
+impl fmt::Display for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.render(false))
+    }
+}
+
+impl std::error::Error for Faults {}
+
+/// Draws rows, also such as another process found; a row whose source is not here is drawn without its line.
+#[must_use]
+pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
+    let theme = if colour {
+        GraphicalTheme::unicode()
+    } else {
+        GraphicalTheme::unicode_nocolor()
+    };
+    let handler = GraphicalReportHandler::new_themed(theme)
+        .with_width(100)
+        .with_links(false);
+    let lines: Vec<Lines<'_>> = sources
+        .iter()
+        .map(|source| Lines::of(&source.text))
+        .collect();
+    let mut out = String::new();
+    for row in rows.iter().take(DRAWN_MAX) {
+        let source = sources.iter().position(|source| source.name == row.file);
+        let line = source
+            .and_then(|index| lines.get(index))
+            .and_then(|lines| lines.excerpt(row));
+        let report = Drawing { row, line };
+        // Drawing into a String fails only if the drawing itself does; then the words alone must do.
+        if handler.render_report(&mut out, &report).is_err() {
+            out.push_str(&row.message);
+        }
+        while out.ends_with("\n\n") {
+            out.pop();
+        }
+        out.push('\n');
+    }
+    let count = |severity| rows.iter().filter(|row| row.severity == severity).count();
+    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
+    if let Some(more) = rows.len().checked_sub(DRAWN_MAX).filter(|more| *more > 0) {
+        // Writing into a String cannot fail.
+        let _ = writeln!(out, "and {more} more");
+    }
+    // Writing into a String cannot fail.
+    let _ = writeln!(
+        out,
+        "{}, {}",
+        plural(errors, "error"),
+        plural(warnings, "warning")
+    );
+    out
+}
+
+fn plural(count: usize, word: &str) -> String {
+    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
+}
+
+/// The known name that an unknown one was most likely meant to be.
+pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let lower = name.to_lowercase();
+    let rated = known.into_iter().map(|candidate| {
+        let other = candidate.to_lowercase();
+        let rating = strsim::jaro_winkler(&lower, &other)
+            .max(strsim::normalized_damerau_levenshtein(&lower, &other));
+        (rating, candidate)
+    });
+    // `max_by` takes the last of equals; the first one is wanted, hence the strict comparison.
+    let best = rated.fold(None, |best: Option<(f64, &str)>, (rating, candidate)| {
+        if best.is_none_or(|(highest, _)| rating > highest) {
+            Some((rating, candidate))
+        } else {
+            best
+        }
+    });
+    best.filter(|(rating, _)| *rating >= 0.75)
+        .map(|(_, candidate)| candidate)
+}
+
+/// Where lines begin.
+struct Lines<'a> {
+    text: &'a str,
+    starts: Vec<usize>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Place {
+    line: usize,
+    column: usize,
+    length: usize,
+}
+
+impl<'a> Lines<'a> {
+    fn of(text: &'a str) -> Lines<'a> {
+        let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        let starts = std::iter::once(0)
+            .chain(breaks.map(|(index, _)| index + 1))
+            .collect();
+        Lines { text, starts }
+    }
+
+    /// The text of a line (counted from 0) without its end, and where it begins.
+    fn line(&self, number: usize) -> Option<(usize, &'a str)> {
+        let start = *self.starts.get(number)?;
+        let end = self
+            .starts
+            .get(number + 1)
+            .copied()
+            .unwrap_or(self.text.len());
+        let text = self.text.get(start..end)?;
+        Some((start, text.trim_end_matches(['\n', '\r'])))
+    }
+
+    fn place(&self, span: Span) -> Place {
+        let at = floor(self.text, span.start);
+        let number = self.starts.partition_point(|start| *start <= at) - 1;
+        let (start, line) = self.line(number).unwrap_or((0, ""));
+        let before = floor(line, at - start);
+        let end = floor(line, span.end.max(at) - start);
+        Place {
+            line: number + 1,
+            column: line[..before].chars().count() + 1,
+            length: end.saturating_sub(before),
+        }
+    }
+
+    /// The line of a row, cut around its place if it is long.
+    fn excerpt(&self, row: &Row) -> Option<Excerpt<'a>> {
+        let (_, line) = self.line(row.line.checked_sub(1)?)?;
+        let mut indices = line.char_indices().map(|(index, _)| index);
+        let at = indices
+            .nth(row.column.checked_sub(1)?)
+            .unwrap_or(line.len());
+        let fits = line.len() <= LINE_MAX;
+        let from = if fits {
+            0
+        } else {
+            floor(line, at.saturating_sub(LINE_MAX / 3))
+        };
+        let to = if fits {
+            line.len()
+        } else {
+            floor(line, at + LINE_MAX * 2 / 3)
+        };
+        let end = floor(line, at + row.length).min(to).max(at);
+        Some(Excerpt {
+            name: row.file.clone(),
+            text: &line[from..to],
+            label: (at - from, end - at),
+            line: row.line - 1,
+            column: row.column - 1,
+        })
+    }
+}
+
+/// The nearest place at or before `at` where a character begins.
+fn floor(text: &str, at: usize) -> usize {
+    let at = at.min(text.len());
+    (0..=at)
+        .rev()
+        .find(|at| text.is_char_boundary(*at))
+        .unwrap_or(0)
+}
+
+/// One line of a source, as the drawing wants it.
+#[derive(Debug)]
+struct Excerpt<'a> {
+    name: String,
+    text: &'a str,
+    label: (usize, usize),
+    line: usize,
+    column: usize,
+}
+
+impl miette::SourceCode for Excerpt<'_> {
+    fn read_span<'a>(
+        &'a self,
+        _span: &SourceSpan,
+        _before: usize,
+        _after: usize,
+    ) -> Result<Box<dyn miette::SpanContents<'a> + 'a>, miette::MietteError> {
+        Ok(Box::new(MietteSpanContents::new_named(
+            self.name.clone(),
+            self.text.as_bytes(),
+            (0, self.text.len()).into(),
+            self.line,
+            self.column,
+            1,
+        )))
+    }
+}
+
+#[derive(Debug)]
+struct Drawing<'a> {
+    row: &'a Row,
+    line: Option<Excerpt<'a>>,
+}
+
+impl fmt::Display for Drawing<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.row.message)?;
+        match (&self.line, self.row.line) {
+            (Some(_), _) => Ok(()),
+            (None, 0) => write!(f, " [{}]", self.row.file),
+            (None, line) => write!(f, " [{}:{line}:{}]", self.row.file, self.row.column),
+        }
+    }
+}
+
+impl std::error::Error for Drawing<'_> {}
+
+impl miette::Diagnostic for Drawing<'_> {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(&self.row.code))
+    }
+
+    fn severity(&self) -> Option<miette::Severity> {
+        Some(match self.row.severity {
+            Severity::Error => miette::Severity::Error,
+            Severity::Warning => miette::Severity::Warning,
+        })
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        let help = self.row.help.as_ref()?;
+        Some(Box::new(help))
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        self.line
+            .as_ref()
+            .map(|line| line as &dyn miette::SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let line = self.line.as_ref()?;
+        let text = (!self.row.label.is_empty()).then(|| self.row.label.clone());
+        let (at, length) = line.label;
+        Some(Box::new(std::iter::once(LabeledSpan::new(
+            text, at, length,
+        ))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults(text: &str, place: Span) -> Faults {
+        let fault = Diagnostic::error("RCC1203", place, "output port not found")
+            .label("no port `b`")
+            .help("did you mean `c`?");
+        Faults::new("a.yaml", text, vec![fault])
+    }
+
+    #[test]
+    fn a_row_counts_lines_and_characters_from_one() {
+        let rows = faults("é: 1\nü: a.b\n", Span::new(10, 11)).rows();
+        assert_eq!((rows[0].line, rows[0].column, rows[0].length), (2, 4, 1));
+    }
+
+    #[test]
+    fn a_place_outside_the_text_is_moved_into_it() {
+        for place in [
+            Span::new(0, 0),
+            Span::new(3, 90),
+            Span::new(900, 901),
+            Span::new(5, 2),
+        ] {
+            let faults = faults("net: ü\n", place);
+            assert!(faults.rows()[0].line >= 1);
+            assert!(faults.render(false).contains("RCC1203"));
+        }
+    }
+
+    #[test]
+    fn the_drawing_shows_code_place_cause_and_remedy() {
+        let text = faults("net: x\nin: a.b\n", Span::new(11, 14)).render(false);
+        for part in [
+            "RCC1203",
+            "a.yaml:2:5",
+            "in: a.b",
+            "no port `b`",
+            "did you mean `c`?",
+            "1 error, 0 warnings",
+        ] {
+            assert!(text.contains(part), "{part} is missing in\n{text}");
+        }
+    }
+
+    #[test]
+    fn a_long_line_is_cut_around_the_place() {
+        let text = format!("{}HERE{}", "é".repeat(100_000), "b".repeat(100_000));
+        let drawn = faults(&text, Span::new(200_000, 200_004)).render(false);
+        assert!(drawn.contains("HERE") && drawn.len() < 3000, "{drawn}");
+    }
+
+    #[test]
+    fn rows_survive_json_and_draw_the_same() {
+        let faults = faults("in: a.b\n", Span::new(4, 7));
+        let text = serde_json::to_string(&faults.rows()).unwrap();
+        let rows: Vec<Row> = serde_json::from_str(&text).unwrap();
+        assert_eq!(render(&rows, &faults.sources, false), faults.render(false));
+    }
+
+    #[test]
+    fn the_closest_name_is_near_or_none() {
+        assert_eq!(closest("postion", ["position", "torque"]), Some("position"));
+        assert_eq!(closest("greater", ["Greater", "Less"]), Some("Greater"));
+        assert_eq!(closest("xyz", ["position", "torque"]), None);
+    }
+}

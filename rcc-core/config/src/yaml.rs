@@ -1,0 +1,538 @@
+//! The one parser of nets and configurations, YAML by hand and JSON by machine, into a tree in which everything has a
+//! place. Refuses what would be read silently wrong (duplicate keys) or costs without bound. Never on the real-time thread.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+
+use serde_saphyr::granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
+
+use crate::diagnostic::{Diagnostic, Span};
+
+/// Longest text in bytes.
+pub const BYTES_MAX: usize = 4 << 20;
+/// Deepest nesting of lists and mappings.
+pub const DEPTH_MAX: usize = 32;
+
+/// The text is not YAML or JSON.
+pub const BROKEN: &str = "RCC1001";
+/// A key occurs twice in one mapping.
+pub const DUPLICATE_KEY: &str = "RCC1002";
+/// The text is too long or nested too deeply.
+pub const TOO_LARGE: &str = "RCC1003";
+/// YAML that has no meaning here: anchors, aliases, tags, several documents, keys that are no text.
+pub const NOT_SUPPORTED: &str = "RCC1004";
+
+/// A value and where it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// The value.
+    pub value: Value,
+    /// Its place; of a list or mapping from its first to its last character.
+    pub span: Span,
+}
+
+/// What a text says. Numbers follow JSON and YAML 1.2 but for octal, hexadecimal and leading zeros, which stay text.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// `null`, `~` or nothing.
+    Null,
+    /// `true` or `false`; `yes`, `on` and the like are text.
+    Bool(bool),
+    /// A whole number that fits.
+    Int(i64),
+    /// Any other finite number.
+    Real(f64),
+    /// Everything else, and all that is quoted.
+    Text(String),
+    /// A list.
+    List(Vec<Node>),
+    /// A mapping, in the order of the text; keys occur once.
+    Map(Vec<Entry>),
+}
+
+/// A key with its value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// The key.
+    pub key: Key,
+    /// The value.
+    pub value: Node,
+}
+
+/// A key and where it stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Key {
+    /// The text.
+    pub name: String,
+    /// Its place.
+    pub span: Span,
+}
+
+impl Node {
+    /// What it is, for messages: `a number`, `a mapping`, …
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self.value {
+            Value::Null => "null",
+            Value::Bool(_) => "a truth value",
+            Value::Int(_) | Value::Real(_) => "a number",
+            Value::Text(_) => "text",
+            Value::List(_) => "a list",
+            Value::Map(_) => "a mapping",
+        }
+    }
+
+    /// The text, if it is one.
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
+        match &self.value {
+            Value::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// The elements, if it is a list.
+    #[must_use]
+    pub fn list(&self) -> Option<&[Node]> {
+        match &self.value {
+            Value::List(nodes) => Some(nodes),
+            _ => None,
+        }
+    }
+
+    /// The entries, if it is a mapping.
+    #[must_use]
+    pub fn map(&self) -> Option<&[Entry]> {
+        match &self.value {
+            Value::Map(entries) => Some(entries),
+            _ => None,
+        }
+    }
+
+    /// The value of a key, if it is a mapping that has it.
+    #[must_use]
+    pub fn get(&self, key: &str) -> Option<&Node> {
+        let entry = self.map()?.iter().find(|entry| entry.key.name == key)?;
+        Some(&entry.value)
+    }
+
+    /// The keys of a mapping that are none of `known`.
+    pub fn unknown_keys<'a>(&'a self, known: &'a [&str]) -> impl Iterator<Item = &'a Key> {
+        let entries = self.map().unwrap_or(&[]).iter();
+        entries
+            .map(|entry| &entry.key)
+            .filter(|key| !known.contains(&key.name.as_str()))
+    }
+
+    /// The same without places.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        use serde_json::Value as Json;
+        match &self.value {
+            Value::Null => Json::Null,
+            Value::Bool(value) => Json::from(*value),
+            Value::Int(value) => Json::from(*value),
+            Value::Real(value) => Json::from(*value),
+            Value::Text(text) => Json::from(text.as_str()),
+            Value::List(nodes) => nodes.iter().map(Node::to_json).collect(),
+            Value::Map(entries) => {
+                let pairs = entries.iter();
+                let pairs = pairs.map(|entry| (entry.key.name.clone(), entry.value.to_json()));
+                Json::Object(pairs.collect())
+            }
+        }
+    }
+}
+
+/// Reads one document of YAML or JSON.
+///
+/// # Errors
+/// [`BROKEN`], [`TOO_LARGE`] or [`NOT_SUPPORTED`]: the text ends there; [`DUPLICATE_KEY`]: all of them.
+pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
+    if text.len() > BYTES_MAX {
+        let message = format!("the text has {} bytes, {BYTES_MAX} are allowed", text.len());
+        return Err(vec![
+            Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere(),
+        ]);
+    }
+    let mut builder = Builder::new(text);
+    for next in Parser::new_from_str(text) {
+        let step = match next {
+            Ok((event, span)) => builder.take(event, span),
+            Err(error) => {
+                let at = error.marker().byte_offset().unwrap_or(0);
+                Err(broken(text, at, error.info()))
+            }
+        };
+        if let Err(fault) = step {
+            builder.faults.push(fault);
+            return Err(builder.faults);
+        }
+    }
+    builder.finish()
+}
+
+fn broken(text: &str, at: usize, message: String) -> Diagnostic {
+    let at = at.min(text.len());
+    let line = message.split('\n').next().unwrap_or_default();
+    let fault = Diagnostic::error(BROKEN, Span::new(at, at + 1), "this is no YAML or JSON");
+    let fault = fault.label(line.to_string());
+    let tab = text.get(..at).is_some_and(|before| {
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        line.contains('\t')
+    }) || text.get(at..).is_some_and(|rest| rest.starts_with('\t'));
+    fault.help(if tab {
+        "YAML is indented with spaces, not with tabs"
+    } else {
+        "look at indentation, at brackets and quotes that are not closed, and at `: ` after keys"
+    })
+}
+
+/// What is being read.
+enum Open {
+    List(Vec<Node>),
+    Map {
+        entries: Vec<Entry>,
+        keys: HashSet<String>,
+        key: Option<Key>,
+    },
+}
+
+struct Builder<'a> {
+    text: &'a str,
+    stack: Vec<(Open, Span)>,
+    documents: usize,
+    root: Option<Node>,
+    faults: Vec<Diagnostic>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(text: &'a str) -> Builder<'a> {
+        Builder {
+            text,
+            stack: Vec::new(),
+            documents: 0,
+            root: None,
+            faults: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, event: Event<'_>, span: ParserSpan) -> Result<(), Diagnostic> {
+        let place = self.place(span);
+        let refuse = |what: &str, help: &str| {
+            Err(
+                Diagnostic::error(NOT_SUPPORTED, place, format!("{what} have no meaning here"))
+                    .help(help),
+            )
+        };
+        match event {
+            Event::DocumentStart(..) => {
+                self.documents += 1;
+                if self.documents > 1 {
+                    return refuse("several documents in one file", "use one file each");
+                }
+                Ok(())
+            }
+            Event::Alias(_) | Event::UnresolvedAlias(_) | Event::Anchor(..) => {
+                refuse("anchors and aliases", "write the value where it is used")
+            }
+            Event::Scalar(_, _, anchor, _)
+            | Event::SequenceStart(_, anchor, _)
+            | Event::MappingStart(_, anchor, _)
+                if anchor != 0 =>
+            {
+                refuse("anchors and aliases", "write the value where it is used")
+            }
+            Event::Scalar(_, _, _, Some(_))
+            | Event::SequenceStart(_, _, Some(_))
+            | Event::MappingStart(_, _, Some(_)) => refuse(
+                "tags (`!…`)",
+                "leave the tag out; text is quoted to stay text",
+            ),
+            Event::Scalar(text, style, ..) => self.scalar(text, style, place),
+            Event::SequenceStart(..) => self.open(Open::List(Vec::new()), place),
+            Event::MappingStart(..) => {
+                let (entries, keys) = (Vec::new(), HashSet::new());
+                self.open(
+                    Open::Map {
+                        entries,
+                        keys,
+                        key: None,
+                    },
+                    place,
+                )
+            }
+            Event::SequenceEnd | Event::MappingEnd => self.close(place),
+            _ => Ok(()),
+        }
+    }
+
+    fn place(&self, span: ParserSpan) -> Span {
+        let range = span.byte_range().unwrap_or_default();
+        let end = range.end.min(self.text.len());
+        Span::new(range.start.min(end), end)
+    }
+
+    fn scalar(
+        &mut self,
+        text: Cow<'_, str>,
+        style: ScalarStyle,
+        span: Span,
+    ) -> Result<(), Diagnostic> {
+        if let Some((
+            Open::Map {
+                key: key @ None,
+                keys,
+                ..
+            },
+            _,
+        )) = self.stack.last_mut()
+        {
+            let name = text.into_owned();
+            if !keys.insert(name.clone()) {
+                let message = format!("`{name}` is given twice in one mapping");
+                let fault = Diagnostic::error(DUPLICATE_KEY, span, message);
+                self.faults
+                    .push(fault.label("given before").help("keep one of them"));
+            }
+            *key = Some(Key { name, span });
+            return Ok(());
+        }
+        let value = if style == ScalarStyle::Plain {
+            plain(text)
+        } else {
+            Value::Text(text.into_owned())
+        };
+        self.put(Node { value, span })
+    }
+
+    fn open(&mut self, open: Open, span: Span) -> Result<(), Diagnostic> {
+        if let Some((Open::Map { key: None, .. }, _)) = self.stack.last() {
+            let fault =
+                Diagnostic::error(NOT_SUPPORTED, span, "a list or mapping is used as a key");
+            return Err(fault.help("a key is plain text"));
+        }
+        if self.stack.len() >= DEPTH_MAX {
+            let message = format!("lists and mappings are nested more than {DEPTH_MAX} deep");
+            return Err(Diagnostic::error(TOO_LARGE, span, message).label("here"));
+        }
+        self.stack.push((open, span));
+        Ok(())
+    }
+
+    fn close(&mut self, end: Span) -> Result<(), Diagnostic> {
+        let Some((open, start)) = self.stack.pop() else {
+            return Ok(());
+        };
+        // A block collection ends where the next thing begins; its text ends before that.
+        let inside = match &open {
+            Open::List(nodes) => nodes.last().map_or(start.end, |node| node.span.end),
+            Open::Map { entries, .. } => entries
+                .last()
+                .map_or(start.end, |entry| entry.value.span.end),
+        };
+        let span = Span::new(
+            start.start,
+            if end.end > end.start { end.end } else { inside },
+        );
+        let value = match open {
+            Open::List(nodes) => Value::List(nodes),
+            Open::Map { entries, .. } => Value::Map(entries),
+        };
+        self.put(Node { value, span })
+    }
+
+    fn put(&mut self, node: Node) -> Result<(), Diagnostic> {
+        match self.stack.last_mut() {
+            Some((Open::List(nodes), _)) => nodes.push(node),
+            Some((Open::Map { entries, key, .. }, _)) => match key.take() {
+                Some(key) => entries.push(Entry { key, value: node }),
+                None => {
+                    let message = "a list or mapping is used as a key";
+                    return Err(Diagnostic::error(NOT_SUPPORTED, node.span, message));
+                }
+            },
+            None => self.root = Some(node),
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Node, Vec<Diagnostic>> {
+        if !self.faults.is_empty() {
+            return Err(self.faults);
+        }
+        let null = Node {
+            value: Value::Null,
+            span: Span::new(0, 0),
+        };
+        Ok(self.root.unwrap_or(null))
+    }
+}
+
+fn plain(text: Cow<'_, str>) -> Value {
+    match text.as_ref() {
+        "" | "~" | "null" => return Value::Null,
+        "true" => return Value::Bool(true),
+        "false" => return Value::Bool(false),
+        _ => {}
+    }
+    number(&text).unwrap_or_else(|| Value::Text(text.into_owned()))
+}
+
+/// A number as JSON writes it, also with a leading `+` or with nothing on one side of the point.
+fn number(text: &str) -> Option<Value> {
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    let (mantissa, exponent) = match digits.split_once(['e', 'E']) {
+        Some((mantissa, exponent)) => (mantissa, Some(exponent)),
+        None => (digits, None),
+    };
+    let all_digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+    let well_formed = !(whole.is_empty() && fraction.is_empty())
+        && all_digits(whole)
+        && all_digits(fraction)
+        && (whole.len() <= 1 || !whole.starts_with('0'))
+        && exponent.is_none_or(|exponent| {
+            let exponent = exponent.strip_prefix(['+', '-']).unwrap_or(exponent);
+            !exponent.is_empty() && all_digits(exponent)
+        });
+    if !well_formed {
+        return None;
+    }
+    if exponent.is_none() && !mantissa.contains('.') {
+        // i64::MIN is the null of an Int.
+        if let Ok(value) = text.parse::<i64>()
+            && value != i64::MIN
+        {
+            return Some(Value::Int(value));
+        }
+    }
+    let value: f64 = text.parse().ok()?;
+    value.is_finite().then_some(Value::Real(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn codes(text: &str) -> Vec<&'static str> {
+        parse(text)
+            .unwrap_err()
+            .iter()
+            .map(|fault| fault.code)
+            .collect()
+    }
+
+    fn value(text: &str) -> Value {
+        parse(&format!("x: {text}\n"))
+            .unwrap()
+            .get("x")
+            .unwrap()
+            .value
+            .clone()
+    }
+
+    #[test]
+    fn scalars_are_what_they_look_like() {
+        let text = |text: &str| Value::Text(text.into());
+        for (given, expected) in [
+            ("null", Value::Null),
+            ("~", Value::Null),
+            ("", Value::Null),
+            ("true", Value::Bool(true)),
+            ("no", text("no")),
+            ("12", Value::Int(12)),
+            ("-3", Value::Int(-3)),
+            ("1.5e3", Value::Real(1500.0)),
+            ("010", text("010")),
+            ("0x10", text("0x10")),
+            (".inf", text(".inf")),
+            ("1e999", text("1e999")),
+            (
+                "9223372036854775808",
+                Value::Real(9_223_372_036_854_775_808.0),
+            ),
+            ("'12'", text("12")),
+            ("\"a\\u00e9\"", text("aé")),
+            ("deg(30)", text("deg(30)")),
+            ("0.25 m/s", text("0.25 m/s")),
+        ] {
+            assert_eq!(value(given), expected, "{given}");
+        }
+    }
+
+    #[test]
+    fn yaml_and_json_give_the_same_tree() {
+        let yaml = parse("net: a\nlist: [1, 2.5, b.c]\nmap:\n  x: {y: null}\n").unwrap();
+        let json = parse("{\n\t\"net\": \"a\",\n\t\"list\": [1, 2.5, \"b.c\"],\n\t\"map\": {\"x\": {\"y\": null}}\n}").unwrap();
+        assert_eq!(yaml.to_json(), json.to_json());
+    }
+
+    #[test]
+    fn every_value_knows_its_place() {
+        let text = "a: ü\nlist:\n  - one\n  - {b: two}\nend: 'x'\n";
+        let root = parse(text).unwrap();
+        let slice = |node: &Node| &text[node.span.start..node.span.end];
+        assert_eq!(slice(root.get("a").unwrap()), "ü");
+        let list = root.get("list").unwrap();
+        assert_eq!(slice(list), "- one\n  - {b: two}");
+        assert_eq!(slice(&list.list().unwrap()[1]), "{b: two}");
+        assert_eq!(slice(root.get("end").unwrap()), "'x'");
+        let key = &root.map().unwrap()[1].key;
+        assert_eq!(&text[key.span.start..key.span.end], "list");
+    }
+
+    #[test]
+    fn all_duplicate_keys_are_found() {
+        assert_eq!(
+            codes("a: 1\nb: {c: 1, c: 2}\na: 2\n"),
+            [DUPLICATE_KEY, DUPLICATE_KEY]
+        );
+        assert_eq!(codes("{\"a\": 1, \"a\": 2}"), [DUPLICATE_KEY]);
+    }
+
+    #[test]
+    fn broken_text_is_refused_with_a_place() {
+        for text in [
+            "a: [1, 2",
+            "a: b: c",
+            "{\"a\": 1,, }",
+            "a: 'x",
+            "a:\n\tb: 1",
+            "a: @b",
+        ] {
+            let faults = parse(text).unwrap_err();
+            assert_eq!(faults[0].code, BROKEN, "{text}");
+            assert!(faults[0].place.is_some(), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_meaning_here_is_refused() {
+        for text in [
+            "a: &x 1\nb: *x",
+            "a: !t 1",
+            "a: !!str 1",
+            "a: 1\n---\nb: 2",
+            "? [a]\n: 1",
+            "{[a]: 1}",
+        ] {
+            assert_eq!(codes(text), [NOT_SUPPORTED], "{text}");
+        }
+    }
+
+    #[test]
+    fn length_and_depth_are_bounded() {
+        assert_eq!(codes(&" ".repeat(BYTES_MAX + 1)), [TOO_LARGE]);
+        let deeper = format!("{}{}", "[".repeat(100), "]".repeat(100));
+        assert_eq!(codes(&deeper), [TOO_LARGE]);
+        let deep = format!("{}{}", "[".repeat(DEPTH_MAX), "]".repeat(DEPTH_MAX));
+        assert!(parse(&deep).is_ok());
+    }
+
+    #[test]
+    fn nothing_is_null() {
+        assert_eq!(parse("").unwrap().value, Value::Null);
+        assert_eq!(parse("# only a comment\n").unwrap().value, Value::Null);
+    }
+}
