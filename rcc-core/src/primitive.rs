@@ -266,6 +266,22 @@ pub enum Role {
     CommandsChannel,
 }
 
+/// How null passes from inputs to outputs, for the loader; [`Spec::null`] says it to people.
+///
+/// The loader asks it whether a loop can ever lose a null again, so it takes the best case: what the
+/// outputs may be if every known input has a helpful value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NullRule {
+    /// A null input gives null outputs.
+    Propagates,
+    /// One known input is enough for known outputs.
+    AnyKnown,
+    /// The first input must be known, and one of the others.
+    FirstAndAnyKnown,
+    /// Outputs are known whatever the inputs are.
+    Known,
+}
+
 /// Everything that people and the loader know about a primitive.
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
@@ -275,6 +291,8 @@ pub struct Spec {
     pub summary: &'static str,
     /// What null at an input does.
     pub null: &'static str,
+    /// The same for the loader.
+    pub null_rule: NullRule,
     /// Inputs, in operand order.
     pub inputs: &'static [Port],
     /// Outputs, in operand order.
@@ -296,6 +314,7 @@ impl Spec {
         name: "",
         summary: "",
         null: PROPAGATES,
+        null_rule: NullRule::Propagates,
         inputs: &[],
         outputs: &[],
         parameters: &[],

@@ -129,7 +129,7 @@ pub fn fingerprint() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::primitive::{ParameterKind, PortType, Role};
+    use crate::primitive::{NullRule, PROPAGATES, ParameterKind, PortType, Role};
 
     #[test]
     fn the_catalogue_is_sorted_and_free_of_duplicates() {
@@ -163,6 +163,16 @@ mod tests {
                 "{}",
                 spec.name
             );
+        }
+    }
+
+    #[test]
+    fn the_null_rule_agrees_with_its_words() {
+        for entry in CATALOGUE {
+            let spec = &entry.spec;
+            if spec.null == PROPAGATES {
+                assert_eq!(spec.null_rule, NullRule::Propagates, "{}", spec.name);
+            }
         }
     }
 

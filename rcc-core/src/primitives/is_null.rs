@@ -3,7 +3,7 @@
 //! A composite is null if its last element is.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -12,6 +12,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "IsNull",
         summary: "True while its input has no value.",
         null: "a null input gives true; the output is never null",
+        null_rule: NullRule::Known,
         inputs: &[Port::new(
             "in",
             PortType::Any,

@@ -10,8 +10,8 @@ use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::PathLimits;
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Role, Spec, State, UnitRule,
-    each,
+    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec, State,
+    UnitRule, each,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -24,6 +24,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "LinearMotion",
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
         null: "a null `stop` counts as true: who cannot say that the motion may go on, stops it",
+        null_rule: NullRule::Known,
         inputs: &[Port::bool(
             "stop",
             "brings the motion to rest on the path; once true, it stays stopped",

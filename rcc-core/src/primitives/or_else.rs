@@ -1,7 +1,7 @@
 //! `OrElse`: a value, or another one while it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -10,6 +10,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "OrElse",
         summary: "A value, or another one while the first is null.",
         null: "a null `in` gives `other`; null only if both are null",
+        null_rule: NullRule::AnyKnown,
         inputs: &[
             Port::new(
                 "in",

@@ -3,7 +3,7 @@
 //! Only the condition and the chosen value matter for null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
 /// The row of the catalogue.
@@ -12,6 +12,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "Select",
         summary: "One of two values, by a condition.",
         null: "a null condition gives null; of the values only the chosen one matters",
+        null_rule: NullRule::FirstAndAnyKnown,
         inputs: &[
             Port::bool("condition", "which value"),
             Port::new(
