@@ -21,7 +21,13 @@ impl Simulator {
     fn start(driver: &UdpSocket, more: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_lwr-sim"))
             .args(["--driver", &driver.local_addr().unwrap().to_string()])
-            .args(["--parent-death", "--period-ms", "5"])
+            .args([
+                "--parent-death",
+                "--period-ms",
+                "5",
+                "--start",
+                "0,0.5,0,-1.25,0,1,0",
+            ])
             .args(more)
             .stdout(Stdio::piped())
             .spawn()
@@ -102,7 +108,7 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
         state["counts"]["answered"].as_u64().unwrap() > 50,
         "{state}"
     );
-    assert_eq!(state["q"][3], -1.5708);
+    assert_eq!(state["q"][3], -1.25);
     assert_eq!(simulator.ask(r#"{"flush":null}"#)["ok"], true);
     let text = std::fs::read_to_string(&trace.0).unwrap();
     let records: Vec<TraceRecord> = text
@@ -113,7 +119,7 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
     assert!(
         records
             .iter()
-            .any(|record| record.answered && record.commanded[3] == -1.5708)
+            .any(|record| record.answered && record.commanded[3] == -1.25)
     );
     assert!(
         records

@@ -1,6 +1,7 @@
 //! A control port: a TCP server on which each line is a request and gets one line as its answer.
 //! One thread accepts, one thread serves each connection; none of them ever touches a simulator's clock thread.
 
+use super::process::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -9,8 +10,17 @@ use std::thread;
 /// Longest line that is read, in bytes.
 const LINE_MAX: u64 = 64 * 1024;
 
-/// Answers one line (without its end) with one line (without its end).
-pub type Answer = Arc<dyn Fn(&str) -> String + Send + Sync>;
+/// What follows a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reply {
+    /// The answer, without the line's end.
+    pub line: String,
+    /// The process ends once the answer is sent.
+    pub stop: bool,
+}
+
+/// Answers one line, which comes without its end.
+pub type Answer = Arc<dyn Fn(&str) -> Reply + Send + Sync>;
 
 /// Serves `answer` at `address` for the rest of the process's life; returns the address that was really taken.
 ///
@@ -65,9 +75,16 @@ fn answer_lines(stream: TcpStream, answer: &Answer) -> io::Result<()> {
         if line.trim().is_empty() {
             continue;
         }
-        let mut reply = answer(line.trim());
+        let Reply {
+            line: mut reply,
+            stop,
+        } = answer(line.trim());
         reply.push('\n');
-        writer.write_all(reply.as_bytes())?;
+        let written = writer.write_all(reply.as_bytes());
+        if stop {
+            request_stop();
+        }
+        written?;
     }
 }
 

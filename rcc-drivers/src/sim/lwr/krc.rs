@@ -8,21 +8,18 @@
 //! What the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention), otherwise 0;
 //! `$FRI_TO_INT[2]` is the number of the fault that is not acknowledged ([`Fault::code`]), 0 without one.
 
-use super::Joints;
 use super::arm::Arm;
 use super::brake::Brake;
 use super::fault::{Fault, Waiting};
 use super::model::{Geometry, geometry};
 use super::quality::QualityMeter;
-use super::settings::{Acknowledge, Script, Settings, Wire};
+use super::settings::{Settings, Wire};
 use super::statistics::{Counts, FAULTS_KEPT, FaultRecord};
 use super::stream::Stream;
-use super::surroundings::{Surroundings, wire_wrench};
+use super::surroundings::Surroundings;
 use super::trace::TraceRecord;
-use crate::fri_lwr::wire::{
-    CommandDatagram, ControlStrategy, KrlBlock, MSR_SIZE, MeasurementDatagram, Quality,
-    SessionState, WireError, flags,
-};
+use super::{JOINTS, Joints};
+use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError, flags};
 
 /// Cycles in which the KRL program says that it ends.
 const FAREWELL_CYCLES: u32 = 20;
@@ -59,17 +56,17 @@ pub struct Krc {
     pub(super) desired: Joints,
     pub(super) last_stream: Stream,
     /// Position of the controller's own interpolator; FRI's offset is on top of it.
-    base: Joints,
+    pub(super) base: Joints,
     motion: Motion,
     mirror_checked: bool,
-    wants_command: bool,
+    pub(super) wants_command: bool,
     missed_in_a_row: u32,
     answer: Option<(CommandDatagram, f64)>,
-    last_answer_sequence: Option<u16>,
+    pub(super) last_answer_sequence: Option<u16>,
     withheld_ticks: u64,
     drop_percent: f64,
     chance: u64,
-    farewell: Option<u32>,
+    pub(super) farewell: Option<u32>,
     sent: Option<TraceRecord>,
     exchanged: Option<TraceRecord>,
 }
@@ -244,11 +241,11 @@ impl Krc {
         self.counts = Counts::default();
         self.faults.clear();
         self.arm.reset_extremes();
-        self.last_stream.velocity_max = [0.0; super::JOINTS];
-        self.last_stream.acceleration_max = [0.0; super::JOINTS];
+        self.last_stream.velocity_max = [0.0; JOINTS];
+        self.last_stream.acceleration_max = [0.0; JOINTS];
         if let Motion::Follow(stream) = &mut self.motion {
-            stream.velocity_max = [0.0; super::JOINTS];
-            stream.acceleration_max = [0.0; super::JOINTS];
+            stream.velocity_max = [0.0; JOINTS];
+            stream.acceleration_max = [0.0; JOINTS];
         }
     }
 
@@ -281,9 +278,7 @@ impl Krc {
     fn pair(&self, sent: TraceRecord, answer: Option<&(CommandDatagram, f64)>) -> TraceRecord {
         TraceRecord {
             answered: answer.is_some(),
-            commanded: answer.map_or([f32::NAN; super::JOINTS], |(answer, _)| {
-                answer.joint_position
-            }),
+            commanded: answer.map_or([f32::NAN; JOINTS], |(answer, _)| answer.joint_position),
             booleans: self.from_pc.booleans,
             ..sent
         }
@@ -368,10 +363,10 @@ impl Krc {
     }
 
     /// The first joint that the command does not hold where the controller is.
-    fn not_mirrored(&self, command: &CommandDatagram) -> Option<(usize, f64)> {
+    pub(super) fn not_mirrored(&self, command: &CommandDatagram) -> Option<(usize, f64)> {
         let values = command.joint_position.map(f64::from);
         let tolerance = self.settings.mirror_tolerance_rad;
-        (0..super::JOINTS)
+        (0..JOINTS)
             .find(|&joint| {
                 let distance = (values[joint] - self.desired[joint]).abs();
                 distance.is_nan() || distance > tolerance
@@ -379,40 +374,7 @@ impl Krc {
             .map(|joint| (joint, values[joint]))
     }
 
-    fn run_script(&mut self, command: Option<&CommandDatagram>) {
-        if let (Some(command), Script::FirstApp) = (command, self.settings.script) {
-            match command.krl.integers[0] {
-                1 | 10 => self.wants_command = true,
-                0 | 2 => self.wants_command = false,
-                _ => {}
-            }
-        }
-        if self.settings.script == Script::Auto {
-            self.wants_command = true;
-        }
-        if let Some(cycles) = &mut self.farewell {
-            self.wants_command = false;
-            *cycles = cycles.saturating_sub(1);
-        }
-        if self.command_state {
-            if self.quality.quality() == Quality::Unacceptable {
-                self.fail(Fault::Quality {
-                    answered: self.quality.figures().answered,
-                });
-            } else if !self.wants_command {
-                self.stop();
-            }
-            self.waiting = self.waits_for(command).filter(|_| !self.command_state);
-            return;
-        }
-        self.acknowledge_by_script(command);
-        self.waiting = self.waits_for(command);
-        if self.waiting.is_none() {
-            self.enter_command_state();
-        }
-    }
-
-    fn enter_command_state(&mut self) {
+    pub(super) fn enter_command_state(&mut self) {
         self.command_state = true;
         self.mirror_checked = false;
         self.missed_in_a_row = 0;
@@ -422,45 +384,8 @@ impl Krc {
         self.counts.entries += 1;
     }
 
-    fn acknowledge_by_script(&mut self, command: Option<&CommandDatagram>) {
-        let rested = self.at_rest_for_s >= self.settings.acknowledge_after_s;
-        let mirrors = command.is_some_and(|command| self.not_mirrored(command).is_none());
-        if self.settings.acknowledge == Acknowledge::Auto
-            && !self.emergency_stop
-            && rested
-            && mirrors
-        {
-            self.fault = None;
-        }
-    }
-
-    fn waits_for(&self, command: Option<&CommandDatagram>) -> Option<Waiting> {
-        let quality = self.quality.quality();
-        match command {
-            _ if self.farewell.is_some() => Some(Waiting::Closing),
-            _ if self.emergency_stop => Some(Waiting::EmergencyStop),
-            _ if self.fault.is_some() => Some(Waiting::Acknowledgement),
-            _ if !self.drives_wanted => Some(Waiting::Drives),
-            _ if !self.is_at_rest() => Some(Waiting::Rest),
-            None => Some(Waiting::Answer),
-            _ if quality < Quality::Ok => Some(Waiting::Quality(quality)),
-            Some(command) if !self.wants_command => Some(Waiting::Request(command.krl.integers[0])),
-            Some(command) if command.flags != flags::JOINT_POSITION => Some(Waiting::Flags {
-                want: flags::JOINT_POSITION,
-                have: command.flags,
-            }),
-            Some(command) => self
-                .not_mirrored(command)
-                .map(|(joint, value)| Waiting::Mirror {
-                    joint,
-                    value,
-                    own: self.desired[joint],
-                }),
-        }
-    }
-
     /// Brakes, drives off, monitor state; the first cause of a stop is the one that is kept.
-    fn fail(&mut self, fault: Fault) {
+    pub(super) fn fail(&mut self, fault: Fault) {
         if self.fault.is_none() {
             self.fault = Some(fault);
             self.counts.faults += 1;
@@ -478,7 +403,7 @@ impl Krc {
     }
 
     /// Monitor state; a moving set-point is brought to rest.
-    fn stop(&mut self) {
+    pub(super) fn stop(&mut self) {
         self.command_state = false;
         if let Motion::Follow(stream) = self.motion {
             let brake = Brake::new(
@@ -507,7 +432,7 @@ impl Krc {
             quality: datagram.quality as u16,
             answered: false,
             measured: self.arm.position,
-            commanded: [f32::NAN; super::JOINTS],
+            commanded: [f32::NAN; JOINTS],
             booleans: 0,
             flange: self.geometry.position,
             force: [self.wrench[0], self.wrench[1], self.wrench[2]],
@@ -519,55 +444,6 @@ impl Krc {
         }
         self.counts.sent += 1;
         Some(datagram.encode())
-    }
-
-    /// Approximate are the torques (the external wrench only: no gravity, no inertia) and the temperature (constant);
-    /// mass matrix and gravity are zero.
-    fn datagram(&self) -> MeasurementDatagram {
-        let figures = self.quality.figures();
-        let (base, desired) = (geometry(&self.base), geometry(&self.desired));
-        let torque = self.geometry.joint_torque(&self.wrench).map(|t| t as f32);
-        let narrow = |values: &Joints| values.map(|value| value as f32);
-        let answered = figures.answered as f32 / super::quality::WINDOW as f32;
-        MeasurementDatagram {
-            send_sequence: self.sequence(),
-            reflected_sequence: self.last_answer_sequence.unwrap_or(0),
-            krl: self.to_pc,
-            timestamp: self.time_s as f32,
-            state: if self.command_state {
-                SessionState::Command
-            } else {
-                SessionState::Monitor
-            },
-            quality: self.quality.quality(),
-            measurement_period: self.settings.period_s as f32,
-            command_period: self.settings.period_s as f32,
-            safety_limits: self.settings.safety_limits as f32,
-            answer_rate: answered,
-            latency: figures.latency_s as f32,
-            jitter: figures.jitter_s as f32,
-            miss_rate: 1.0 - answered,
-            miss_count: self.counts.missed as u32,
-            power: if self.drives_on() { 0x7f } else { 0 },
-            control: ControlStrategy::Position,
-            error: self.fault.map_or(0, |fault| fault.drive_bits()),
-            warning: 0,
-            temperature: [30.0; super::JOINTS],
-            measured_position: narrow(&self.arm.position),
-            measured_pose: self.geometry.pose(),
-            commanded_position: narrow(&self.base),
-            commanded_position_offset: std::array::from_fn(|i| {
-                (self.desired[i] - self.base[i]) as f32
-            }),
-            commanded_pose: base.pose(),
-            commanded_pose_offset: desired.offset_from(&base),
-            measured_torque: torque,
-            external_torque: torque,
-            external_tcp_wrench: wire_wrench(&self.wrench),
-            jacobian: self.geometry.wire_jacobian(),
-            mass_matrix: [0.0; 49],
-            gravity: [0.0; super::JOINTS],
-        }
     }
 
     /// SplitMix64: the next number from 0 to 1.

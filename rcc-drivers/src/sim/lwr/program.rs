@@ -137,27 +137,35 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
 /// What the control port answers: the trace's commands here, all others on the clock thread.
 fn answer_with(requests: SyncSender<Request>, trace: TraceSink) -> lines::Answer {
     Arc::new(move |line| {
-        control::to_line(
-            serde_json::from_str(line)
-                .map_err(ControlError::from)
-                .and_then(|command| match command {
-                    Command::Trace(Some(TraceFile { path })) => {
-                        Ok(trace.open(path).map(|()| Answer::Done)?)
-                    }
-                    Command::Trace(None) => Ok(trace.close().map(|()| Answer::Done)?),
-                    Command::Flush => Ok(trace.flush().map(|()| Answer::Done)?),
-                    command => {
-                        let (answer, answered) = sync_channel(1);
-                        requests
-                            .send((command, answer))
-                            .map_err(|_| ControlError::NoAnswer)?;
-                        answered
-                            .recv_timeout(Duration::from_secs(5))
-                            .map_err(|_| ControlError::NoAnswer)?
-                    }
-                }),
-        )
+        let command = serde_json::from_str(line).map_err(ControlError::from);
+        let answer = command.and_then(|command| answer_command(command, &requests, &trace));
+        // `quit` ends the clock thread after its farewell, and that ends the process
+        lines::Reply {
+            line: control::to_line(answer),
+            stop: false,
+        }
     })
+}
+
+fn answer_command(
+    command: Command,
+    requests: &SyncSender<Request>,
+    trace: &TraceSink,
+) -> Result<Answer, ControlError> {
+    match command {
+        Command::Trace(Some(TraceFile { path })) => trace.open(path)?,
+        Command::Trace(None) => trace.close()?,
+        Command::Flush => trace.flush()?,
+        command => {
+            let (answer, answered) = sync_channel(1);
+            requests
+                .send((command, answer))
+                .map_err(|_| ControlError::NoAnswer)?;
+            let waited = answered.recv_timeout(Duration::from_secs(5));
+            return waited.map_err(|_| ControlError::NoAnswer)?;
+        }
+    }
+    Ok(Answer::Done)
 }
 
 fn receive(

@@ -1,0 +1,29 @@
+//! `io-sim`: an I/O station that speaks Modbus TCP.
+//! The main thread reads the command line and waits for the end; see `rcc_drivers::sim::io`.
+
+use clap::Parser;
+use rcc_drivers::sim::io::{options::Options, program};
+use std::io::Write;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .init();
+    let options = Options::parse();
+    let result = program::run(&options, |line| {
+        // whoever started it may not care to read; that is no reason to end
+        let _ = writeln!(std::io::stdout(), "{line}");
+    });
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("io-sim: {error}");
+            ExitCode::from(if matches!(error, program::RunError::Control(_)) {
+                2
+            } else {
+                1
+            })
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! The points of the simulated I/O station, and what a Modbus request does to them.
+//! Pure; the server's thread runs it under a lock that nobody holds for long.
+
+use serde::Serialize;
+use std::str::FromStr;
+use tokio_modbus::{ExceptionCode, Request, Response};
+
+/// Points of each kind.
+pub const POINTS: usize = 64;
+
+/// An output that is wired back to an input of the same type, both counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// Coil to discrete input.
+    Bit {
+        /// Address of the coil.
+        coil: usize,
+        /// Address of the discrete input.
+        discrete: usize,
+    },
+    /// Holding register to input register.
+    Word {
+        /// Address of the holding register.
+        holding: usize,
+        /// Address of the input register.
+        input: usize,
+    },
+}
+
+/// A wire that cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no wire: coil:N=discrete:N or holding:N=input:N with N from 0 to 63")]
+pub struct WireError(pub String);
+
+impl FromStr for Wire {
+    type Err = WireError;
+
+    fn from_str(text: &str) -> Result<Self, WireError> {
+        let point = |part: &'_ str| -> Option<(String, usize)> {
+            let (kind, address) = part.trim().split_once(':')?;
+            let address = address.parse().ok().filter(|&address| address < POINTS)?;
+            Some((kind.to_owned(), address))
+        };
+        let wire = text.split_once('=').and_then(|(from, to)| {
+            let ((from, output), (to, input)) = (point(from)?, point(to)?);
+            match (from.as_str(), to.as_str()) {
+                ("coil", "discrete") => Some(Self::Bit {
+                    coil: output,
+                    discrete: input,
+                }),
+                ("holding", "input") => Some(Self::Word {
+                    holding: output,
+                    input,
+                }),
+                _ => None,
+            }
+        });
+        wire.ok_or_else(|| WireError(text.to_owned()))
+    }
+}
+
+/// All points of the station and what has been asked of it; addresses count from 0.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Image {
+    /// Digital outputs.
+    pub coils: Vec<bool>,
+    /// Digital inputs.
+    pub discrete: Vec<bool>,
+    /// Analog outputs.
+    pub holding: Vec<u16>,
+    /// Analog inputs.
+    pub input: Vec<u16>,
+    /// Requests since the start.
+    pub requests: u64,
+    /// Of these, the ones that wrote.
+    pub writes: u64,
+    /// Of these, the ones that were refused.
+    pub refused: u64,
+    #[serde(skip)]
+    wires: Vec<Wire>,
+}
+
+impl Image {
+    /// A station with everything at 0.
+    pub fn new(wires: Vec<Wire>) -> Self {
+        Self {
+            coils: vec![false; POINTS],
+            discrete: vec![false; POINTS],
+            holding: vec![0; POINTS],
+            input: vec![0; POINTS],
+            requests: 0,
+            writes: 0,
+            refused: 0,
+            wires,
+        }
+    }
+
+    /// Does what a Modbus request says: all of it, or nothing.
+    ///
+    /// # Errors
+    /// `IllegalFunction` for what a simple I/O station does not know, `IllegalDataAddress` outside of the points.
+    pub fn answer(&mut self, request: &Request<'_>) -> Result<Response, ExceptionCode> {
+        self.requests += 1;
+        let answer = self.serve(request);
+        self.refused += u64::from(answer.is_err());
+        answer
+    }
+
+    fn serve(&mut self, request: &Request<'_>) -> Result<Response, ExceptionCode> {
+        match request {
+            Request::ReadCoils(first, count) => {
+                Ok(Response::ReadCoils(read(&self.coils, *first, *count)?))
+            }
+            Request::ReadDiscreteInputs(first, count) => Ok(Response::ReadDiscreteInputs(read(
+                &self.discrete,
+                *first,
+                *count,
+            )?)),
+            Request::ReadHoldingRegisters(first, count) => Ok(Response::ReadHoldingRegisters(
+                read(&self.holding, *first, *count)?,
+            )),
+            Request::ReadInputRegisters(first, count) => Ok(Response::ReadInputRegisters(read(
+                &self.input,
+                *first,
+                *count,
+            )?)),
+            Request::WriteSingleCoil(address, value) => {
+                self.write_coils(*address, &[*value])?;
+                Ok(Response::WriteSingleCoil(*address, *value))
+            }
+            Request::WriteMultipleCoils(first, values) => {
+                self.write_coils(*first, values)?;
+                Ok(Response::WriteMultipleCoils(*first, values.len() as u16))
+            }
+            Request::WriteSingleRegister(address, value) => {
+                self.write_holding(*address, &[*value])?;
+                Ok(Response::WriteSingleRegister(*address, *value))
+            }
+            Request::WriteMultipleRegisters(first, values) => {
+                self.write_holding(*first, values)?;
+                Ok(Response::WriteMultipleRegisters(
+                    *first,
+                    values.len() as u16,
+                ))
+            }
+            _ => Err(ExceptionCode::IllegalFunction),
+        }
+    }
+
+    fn write_coils(&mut self, first: u16, values: &[bool]) -> Result<(), ExceptionCode> {
+        write(&mut self.coils, first, values)?;
+        self.follow_wires();
+        Ok(())
+    }
+
+    fn write_holding(&mut self, first: u16, values: &[u16]) -> Result<(), ExceptionCode> {
+        write(&mut self.holding, first, values)?;
+        self.follow_wires();
+        Ok(())
+    }
+
+    /// After a write: every wired input takes the value of its output.
+    fn follow_wires(&mut self) {
+        self.writes += 1;
+        for wire in &self.wires {
+            match *wire {
+                Wire::Bit { coil, discrete } => self.discrete[discrete] = self.coils[coil],
+                Wire::Word { holding, input } => self.input[input] = self.holding[holding],
+            }
+        }
+    }
+}
+
+fn read<T: Copy>(points: &[T], first: u16, count: u16) -> Result<Vec<T>, ExceptionCode> {
+    if count == 0 {
+        return Err(ExceptionCode::IllegalDataValue);
+    }
+    let (first, count) = (usize::from(first), usize::from(count));
+    points
+        .get(first..first + count)
+        .map(<[T]>::to_vec)
+        .ok_or(ExceptionCode::IllegalDataAddress)
+}
+
+fn write<T: Copy>(points: &mut [T], first: u16, values: &[T]) -> Result<(), ExceptionCode> {
+    let first = usize::from(first);
+    let range = points
+        .get_mut(first..first + values.len())
+        .ok_or(ExceptionCode::IllegalDataAddress)?;
+    range.copy_from_slice(values);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_can_be_read_and_reaches_wired_inputs() {
+        let wires = ["coil:0=discrete:5", "holding:63=input:0"].map(|wire| wire.parse().unwrap());
+        let mut image = Image::new(wires.to_vec());
+        image.answer(&Request::WriteSingleCoil(0, true)).unwrap();
+        image
+            .answer(&Request::WriteMultipleRegisters(62, vec![7, 8].into()))
+            .unwrap();
+        assert_eq!(
+            image.answer(&Request::ReadCoils(0, 2)),
+            Ok(Response::ReadCoils(vec![true, false]))
+        );
+        assert_eq!(
+            image.answer(&Request::ReadDiscreteInputs(5, 1)),
+            Ok(Response::ReadDiscreteInputs(vec![true]))
+        );
+        assert_eq!(
+            image.answer(&Request::ReadInputRegisters(0, 1)),
+            Ok(Response::ReadInputRegisters(vec![8]))
+        );
+        assert_eq!((image.requests, image.writes, image.refused), (5, 2, 0));
+    }
+
+    #[test]
+    fn a_request_beyond_the_last_point_is_refused_and_changes_nothing() {
+        let mut image = Image::new(Vec::new());
+        let before = image.coils.clone();
+        let beyond = Request::WriteMultipleCoils(63, vec![true, true].into());
+        assert_eq!(
+            image.answer(&beyond),
+            Err(ExceptionCode::IllegalDataAddress)
+        );
+        assert_eq!(image.coils, before);
+        assert_eq!(
+            image.answer(&Request::ReadInputRegisters(65_535, 2)),
+            Err(ExceptionCode::IllegalDataAddress)
+        );
+        assert_eq!(
+            image.answer(&Request::ReadCoils(0, 0)),
+            Err(ExceptionCode::IllegalDataValue)
+        );
+        assert_eq!(
+            image.answer(&Request::MaskWriteRegister(0, 0, 0)),
+            Err(ExceptionCode::IllegalFunction)
+        );
+        assert_eq!(image.refused, 4);
+    }
+
+    #[test]
+    fn a_wire_between_different_types_or_beyond_the_last_point_is_refused() {
+        for text in [
+            "coil:0=input:0",
+            "coil:64=discrete:0",
+            "coil:0",
+            "discrete:0=coil:0",
+            "holding:0=input:-1",
+        ] {
+            assert_eq!(text.parse::<Wire>(), Err(WireError(text.to_owned())));
+        }
+    }
+}

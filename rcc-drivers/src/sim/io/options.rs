@@ -1,0 +1,24 @@
+//! The command line of `io-sim`.
+//! Read once, by the main thread.
+
+use super::image::Wire;
+use clap::Parser;
+use std::net::SocketAddr;
+
+/// An I/O station that speaks Modbus TCP: 64 coils, discrete inputs, holding registers and input registers.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "io-sim", version)]
+pub struct Options {
+    /// Where the Modbus server listens; port 0 lets the system choose
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    pub bind: SocketAddr,
+    /// Where the control port listens (one JSON object a line); a loopback address
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    pub control: SocketAddr,
+    /// Wires an output back to an input: coil:N=discrete:N or holding:N=input:N, from 0
+    #[arg(long, value_name = "OUTPUT=INPUT")]
+    pub wire: Vec<Wire>,
+    /// Ends when the thread that started it ends
+    #[arg(long)]
+    pub parent_death: bool,
+}

@@ -1,0 +1,168 @@
+//! The Modbus TCP server and the control port around the simulated I/O station.
+//! One thread runs the server and all its connections; the control port has its own; the main thread waits for the end.
+
+use super::control::{Command, ControlError};
+use super::image::Image;
+use super::options::Options;
+use crate::sim::lines;
+use crate::sim::process::{Stop, request_stop};
+use nix::errno::Errno;
+use std::future::Future;
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+use tokio::net::TcpStream;
+use tokio_modbus::server::{Service, tcp::Server};
+use tokio_modbus::{ExceptionCode, Request, Response};
+
+/// Why the simulator could not start or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The control port is no loopback address.
+    #[error(
+        "--control {0}: the control port asks for no password, so it takes a loopback address only"
+    )]
+    Control(SocketAddr),
+    /// An address is taken or does not exist.
+    #[error("{what} {address}: {source}")]
+    Address {
+        /// Which address.
+        what: &'static str,
+        /// The address.
+        address: SocketAddr,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The system refuses a thread or a socket.
+    #[error("the system refuses: {0}")]
+    System(#[from] io::Error),
+    /// The system refuses signals.
+    #[error("the system refuses: {0}")]
+    Signals(#[from] Errno),
+}
+
+/// The station, shared by server and control port.
+#[derive(Debug)]
+struct Station {
+    image: Mutex<Image>,
+    frozen_until: Mutex<Option<Instant>>,
+}
+
+/// A lock that outlives a panic: points are written whole or not at all.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Runs the simulator until SIGTERM, SIGINT, `quit`, or (if asked to) the end of its parent.
+///
+/// `ready` gets the line that says where the Modbus server and the control port are.
+///
+/// # Errors
+/// It could not start.
+pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
+    let stop = Stop::prepare(options.parent_death)?;
+    if !options.control.ip().is_loopback() {
+        return Err(RunError::Control(options.control));
+    }
+    let station = Arc::new(Station {
+        image: Mutex::new(Image::new(options.wire.clone())),
+        frozen_until: Mutex::new(None),
+    });
+    let listener = TcpListener::bind(options.bind).map_err(|source| RunError::Address {
+        what: "--bind",
+        address: options.bind,
+        source,
+    })?;
+    listener.set_nonblocking(true)?;
+    let address = listener.local_addr()?;
+    let control =
+        lines::serve(options.control, answer_with(station.clone())).map_err(|source| {
+            RunError::Address {
+                what: "--control",
+                address: options.control,
+                source,
+            }
+        })?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    thread::Builder::new()
+        .name("modbus".into())
+        .spawn(move || {
+            if let Err(error) = runtime.block_on(serve(listener, station)) {
+                tracing::error!(%error, "the Modbus server has ended");
+                request_stop();
+            }
+        })?;
+    ready(&format!("io-sim ready modbus={address} control={control}"));
+    stop.wait()?;
+    Ok(())
+}
+
+fn answer_with(station: Arc<Station>) -> lines::Answer {
+    Arc::new(move |line| {
+        let command: Result<Command, _> = serde_json::from_str(line);
+        let stop = matches!(command, Ok(Command::Quit));
+        let answer = command
+            .map_err(ControlError::from)
+            .and_then(|command| obey(&station, command));
+        let line = answer.unwrap_or_else(|error| serde_json::json!({ "error": error.to_string() }));
+        lines::Reply {
+            line: line.to_string(),
+            stop,
+        }
+    })
+}
+
+fn obey(station: &Station, command: Command) -> Result<serde_json::Value, ControlError> {
+    match command {
+        Command::State => return Ok(serde_json::to_value(&*lock(&station.image))?),
+        Command::Set(input) => lock(&station.image).set(&input)?,
+        Command::FreezeMs(time_ms) => {
+            *lock(&station.frozen_until) =
+                Instant::now().checked_add(Duration::from_millis(time_ms));
+        }
+        Command::Quit => {}
+    }
+    Ok(serde_json::json!({ "ok": true }))
+}
+
+/// What one connection's requests go to.
+#[derive(Clone)]
+struct Connection(Arc<Station>);
+
+impl Service for Connection {
+    type Request = Request<'static>;
+    type Response = Response;
+    type Exception = ExceptionCode;
+    type Future = Pin<Box<dyn Future<Output = Result<Response, ExceptionCode>> + Send>>;
+
+    fn call(&self, request: Request<'static>) -> Self::Future {
+        let station = self.0.clone();
+        Box::pin(async move {
+            // bound first, so that no lock is held while waiting
+            let until = *lock(&station.frozen_until);
+            if let Some(until) = until {
+                tokio::time::sleep_until(until.into()).await;
+            }
+            lock(&station.image).answer(&request)
+        })
+    }
+}
+
+async fn serve(listener: TcpListener, station: Arc<Station>) -> io::Result<()> {
+    let server = Server::new(tokio::net::TcpListener::from_std(listener)?);
+    let connected = |stream: TcpStream, _peer: SocketAddr| {
+        let connection = Connection(station.clone());
+        async move {
+            // a client that is gone already ends its own connection, never the server
+            let _ = stream.set_nodelay(true);
+            Ok(Some((connection, stream)))
+        }
+    };
+    let failed = |error: io::Error| tracing::debug!(%error, "a connection has ended");
+    server.serve(&connected, failed).await
+}

@@ -1,0 +1,60 @@
+//! What the simulated controller says: its measurement datagram.
+//! Pure; the clock thread runs it once a tick.
+
+use super::krc::Krc;
+use super::model::geometry;
+use super::quality::WINDOW;
+use super::surroundings::wire_wrench;
+use super::{JOINTS, Joints};
+use crate::fri_lwr::wire::{ControlStrategy, MeasurementDatagram, SessionState};
+
+impl Krc {
+    /// Approximate are the torques (the external wrench only: no gravity, no inertia) and the temperature (constant);
+    /// mass matrix and gravity are zero.
+    pub(super) fn datagram(&self) -> MeasurementDatagram {
+        let figures = self.quality.figures();
+        let (base, desired) = (geometry(&self.base), geometry(&self.desired));
+        let torque = self.geometry.joint_torque(&self.wrench).map(|t| t as f32);
+        let narrow = |values: &Joints| values.map(|value| value as f32);
+        let answered = figures.answered as f32 / WINDOW as f32;
+        MeasurementDatagram {
+            send_sequence: self.sequence(),
+            reflected_sequence: self.last_answer_sequence.unwrap_or(0),
+            krl: self.to_pc,
+            timestamp: self.time_s as f32,
+            state: if self.command_state {
+                SessionState::Command
+            } else {
+                SessionState::Monitor
+            },
+            quality: self.quality.quality(),
+            measurement_period: self.settings.period_s as f32,
+            command_period: self.settings.period_s as f32,
+            safety_limits: self.settings.safety_limits as f32,
+            answer_rate: answered,
+            latency: figures.latency_s as f32,
+            jitter: figures.jitter_s as f32,
+            miss_rate: 1.0 - answered,
+            miss_count: self.counts.missed as u32,
+            power: if self.drives_on() { 0x7f } else { 0 },
+            control: ControlStrategy::Position,
+            error: self.fault.map_or(0, |fault| fault.drive_bits()),
+            warning: 0,
+            temperature: [30.0; JOINTS],
+            measured_position: narrow(&self.arm.position),
+            measured_pose: self.geometry.pose(),
+            commanded_position: narrow(&self.base),
+            commanded_position_offset: std::array::from_fn(|i| {
+                (self.desired[i] - self.base[i]) as f32
+            }),
+            commanded_pose: base.pose(),
+            commanded_pose_offset: desired.offset_from(&base),
+            measured_torque: torque,
+            external_torque: torque,
+            external_tcp_wrench: wire_wrench(&self.wrench),
+            jacobian: self.geometry.wire_jacobian(),
+            mass_matrix: [0.0; 49],
+            gravity: [0.0; JOINTS],
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! What goes over the wire: counters, variables, forces, the record of it.
+//! Runs in the test harness.
+
+use super::*;
+
+#[test]
+fn wrong_datagrams_are_counted_and_change_nothing() {
+    let mut pc = Pc::commanding(Settings::default());
+    let good = pc.mirror();
+    let good_bytes = good.encode();
+    pc.krc.receive(&good_bytes[..375], 1e-4);
+    let mut other_id = good_bytes;
+    other_id[6] ^= 1;
+    pc.krc.receive(&other_id, 1e-4);
+    let late = CommandDatagram {
+        reflected_sequence: good.reflected_sequence.wrapping_sub(1),
+        ..good
+    };
+    pc.krc.receive(&late.encode(), 1e-4);
+    let backward = CommandDatagram {
+        send_sequence: good.send_sequence.wrapping_sub(9),
+        ..good
+    };
+    pc.krc.receive(&backward.encode(), 1e-4);
+    pc.krc.receive(&good_bytes, 1e-4);
+    pc.krc.receive(&good_bytes, 1e-4);
+    pc.krc.receive_foreign();
+    pc.go_on(1);
+    let counts = pc.krc.counts;
+    assert_eq!(
+        (
+            counts.wrong_size,
+            counts.wrong_identity,
+            counts.late,
+            counts.duplicate,
+            counts.foreign
+        ),
+        (1, 1, 1, 2, 1)
+    );
+    assert_eq!(
+        (pc.state(), pc.krc.fault, counts.missed),
+        (SessionState::Command, None, 0)
+    );
+}
+
+#[test]
+fn the_counters_wrap_without_a_miss() {
+    let mut pc = Pc::new(Settings::default());
+    pc.sequence = 65_000;
+    pc.mirror_for(66_000);
+    assert_eq!((pc.krc.counts.missed, pc.krc.counts.faults), (0, 0));
+    assert_eq!(pc.state(), SessionState::Command);
+    assert_eq!(pc.seen.send_sequence, 66_001_u32 as u16);
+    assert_eq!(pc.seen.reflected_sequence, pc.sequence);
+}
+
+#[test]
+fn a_wall_pushes_the_tool_and_is_sent_in_kukas_order() {
+    let mut pc = Pc::new(Settings::default());
+    let [x, y, z] = pc.krc.geometry.position;
+    pc.obey(&format!(
+        r#"{{"wall":{{"point":[{x},{y},{}],"normal":[0,0,1],"stiffness":5000}}}}"#,
+        z + 0.002
+    ));
+    pc.mirror_for(1);
+    assert!((pc.seen.external_tcp_wrench[2] - 10.0).abs() < 1e-3);
+    pc.obey(r#"{"wall":null}"#);
+    pc.obey(r#"{"wrench":{"force":[1,2,3],"torque":[4,5,6]}}"#);
+    pc.mirror_for(1);
+    assert_eq!(pc.seen.external_tcp_wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
+    let power: f64 = pc
+        .krc
+        .geometry
+        .joint_torque(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])[0];
+    assert!((f64::from(pc.seen.external_torque[0]) - power).abs() < 1e-5);
+}
+
+#[test]
+fn krl_variables_are_latched_and_wired_back() {
+    let wires = Settings {
+        boolean_wires: vec![Wire { from: 1, to: 3 }],
+        real_wires: vec![Wire { from: 16, to: 2 }],
+        ..Settings::default()
+    };
+    let mut pc = Pc::new(wires);
+    let mut answer = pc.mirror();
+    answer.krl.set_boolean(1, true);
+    answer.krl.reals[15] = 2.5;
+    pc.answer(&answer);
+    pc.miss();
+    assert_eq!(
+        (pc.seen.krl.boolean(3), pc.seen.krl.reals[1]),
+        (Some(true), 2.5)
+    );
+    assert_eq!(pc.krc.from_pc.boolean(1), Some(true));
+    pc.obey(r#"{"set_bool":{"number":5,"value":true}}"#);
+    pc.mirror_for(1);
+    assert_eq!(
+        (pc.seen.krl.boolean(5), pc.seen.krl.boolean(3)),
+        (Some(true), Some(false))
+    );
+}
+
+#[test]
+fn a_withheld_datagram_is_not_sent_and_its_answer_is_missed() {
+    let mut pc = Pc::moving(Settings::default(), 0.5);
+    pc.obey(r#"{"freeze_ms":20}"#);
+    let sent = pc.krc.counts.sent;
+    (0..20).for_each(|_| pc.miss());
+    assert_eq!((pc.krc.counts.sent, pc.krc.counts.withheld), (sent, 20));
+    assert_eq!(pc.krc.fault, Some(Fault::Lost { misses: 6 }));
+    pc.miss();
+    assert_eq!(pc.krc.counts.sent, sent + 1);
+}
+
+#[test]
+fn dropped_answers_count_as_missed() {
+    let mut pc = Pc::new(Settings::default());
+    pc.obey(r#"{"drop":{"percent":25}}"#);
+    pc.mirror_for(4000);
+    let counts = pc.krc.counts;
+    assert_eq!(counts.dropped, counts.missed);
+    assert!((800..1200).contains(&counts.dropped), "{}", counts.dropped);
+}
+
+#[test]
+fn the_record_of_a_cycle_pairs_what_was_measured_with_the_answer_to_it() {
+    let mut pc = Pc::commanding(Settings::default());
+    let mut answer = pc.mirror();
+    answer.krl.booleans = 0x21;
+    let seen = pc.seen;
+    pc.answer(&answer);
+    let record = pc.krc.exchanged().unwrap();
+    assert_eq!(
+        (
+            record.sequence,
+            record.booleans,
+            record.state,
+            record.answered
+        ),
+        (seen.send_sequence, 0x21, 2, true)
+    );
+    assert_eq!(record.commanded, answer.joint_position);
+    assert_eq!(record.measured.map(|q| q as f32), seen.measured_position);
+    pc.miss();
+    let record = pc.krc.exchanged().unwrap();
+    assert!(!record.answered && record.commanded[0].is_nan() && record.booleans == 0x21);
+}
+
+#[test]
+fn a_program_that_ends_says_so_and_closes() {
+    let mut pc = Pc::commanding(Settings::default());
+    pc.obey(r#"{"quit":null}"#);
+    pc.mirror_for(1);
+    assert_eq!(
+        (pc.seen.krl.integers[0], pc.state()),
+        (-1, SessionState::Monitor)
+    );
+    pc.mirror_for(30);
+    assert!(pc.krc.is_closed());
+}
