@@ -1,0 +1,15 @@
+//! The loader as a server: REST on the cell's Unix socket, names of commands, and the link to the executor.
+//! One thread serves connections, blocking threads do the work, one thread tends the link to the executor.
+
+pub mod api;
+pub mod catalogue;
+pub mod codes;
+pub mod compile;
+pub mod error;
+pub mod executor;
+pub mod routes;
+pub mod service;
+mod show;
+pub mod socket;
+pub mod store;
+pub mod words;

@@ -1,0 +1,328 @@
+//! What travels over HTTP: the same structures for the server and for the command line.
+//! Plain data, used by threads that are not real-time. All values SI, all times in nanoseconds.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// An error, with the same codes as on the command line.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ErrorBody {
+    /// `RCC1xxx` language, `RCC2xxx` configuration, `RCC3xxx` life cycle, `RCC4xxx` processes.
+    pub code: String,
+    /// What is wrong, and where.
+    pub message: String,
+    /// What to do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub help: Option<String>,
+    /// All faults of a text.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub diagnostics: Vec<Finding>,
+}
+
+/// One fault or warning in a text.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Finding {
+    /// `RCC1xxx` and others.
+    pub code: String,
+    /// `error` or `warning`.
+    pub severity: String,
+    /// What is wrong.
+    pub message: String,
+    /// Where.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<Place>,
+    /// What to do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub help: Option<String>,
+    /// For people: with a snippet of the text, without colour.
+    #[serde(default)]
+    pub rendered: String,
+}
+
+/// A place in a text, counted from 1.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Place {
+    /// The text's name.
+    pub file: String,
+    /// Line.
+    pub line: usize,
+    /// Column, in characters.
+    pub column: usize,
+    /// Length in bytes, at most to the end of the line.
+    #[serde(default)]
+    pub length: usize,
+    /// What is said at the place.
+    #[serde(default)]
+    pub label: String,
+}
+
+/// Answer to LOAD.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Loaded {
+    /// The command's id.
+    pub id: u64,
+    /// `loading`.
+    pub state: String,
+}
+
+/// Answer to START, CANCEL, ABORT and UNLOAD.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Done {
+    /// The command's id.
+    pub id: u64,
+    /// The net's name.
+    pub net: String,
+    /// Executor cycle in which it took effect, 0 if none was involved.
+    pub cycle: u64,
+}
+
+/// A command.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CommandView {
+    /// Its id.
+    pub id: u64,
+    /// The net's name.
+    pub net: String,
+    /// The net's description.
+    #[serde(default)]
+    pub description: String,
+    /// `loading rejected ready running canceling terminated`.
+    pub state: String,
+    /// Of a terminated command: `finished canceled aborted fault`.
+    #[serde(default)]
+    pub reason: Option<String>,
+    /// Of a fault: what happened.
+    #[serde(default)]
+    pub fault: Option<FaultView>,
+    /// It has a `Cancel` primitive.
+    pub can_cancel: bool,
+    /// Cycles evaluated since START.
+    pub cycles: u64,
+    /// Executor cycle of the first evaluation, 0 = none.
+    pub started_cycle: u64,
+    /// Executor cycle of the last evaluation, 0 = none.
+    pub ended_cycle: u64,
+    /// Time of the last evaluation, ns.
+    pub exec_last_ns: u64,
+    /// Longest evaluation, ns.
+    pub exec_max_ns: u64,
+    /// Number of primitives.
+    #[serde(default)]
+    pub primitives: u32,
+    /// Unique resources, for people: `lwr`, `lwr.torch`.
+    #[serde(default)]
+    pub uses: Vec<String>,
+    /// Seconds since the epoch at which it was loaded.
+    #[serde(default)]
+    pub loaded_at: u64,
+    /// Faults and warnings of its text.
+    #[serde(default)]
+    pub diagnostics: Vec<Finding>,
+}
+
+/// A command with its text.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CommandDetail {
+    /// The command.
+    #[serde(flatten)]
+    pub command: CommandView,
+    /// The text that was loaded.
+    pub text: String,
+    /// Where every port and monitor lies in the plan.
+    #[serde(default)]
+    #[schema(value_type = Object)]
+    pub names: serde_json::Value,
+}
+
+/// What ended a net.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FaultView {
+    /// `device lost`, `jump`, `limit`, `panic`, `motion`, `overrun`.
+    pub fault: String,
+    /// The device, if one is concerned.
+    #[serde(default)]
+    pub device: Option<String>,
+    /// The joint, if one is concerned.
+    #[serde(default)]
+    pub joint: Option<String>,
+    /// What was asked for, SI.
+    pub value: f64,
+    /// What is allowed, SI.
+    pub limit: f64,
+    /// Executor cycle.
+    pub cycle: u64,
+    /// The whole in one sentence.
+    pub words: String,
+}
+
+/// A device.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct DeviceView {
+    /// Its name.
+    pub name: String,
+    /// Its driver's name.
+    pub driver: String,
+    /// `offline online ready commanded stopping`, as the executor sees it.
+    pub state: String,
+    /// Why it is not ready, in the driver's words; empty when it is fine.
+    #[serde(default)]
+    pub reason: String,
+    /// The net that holds it, as `net#id`.
+    #[serde(default)]
+    pub holder: Option<String>,
+    /// Quality of the connection in thousandths, 1000 is best.
+    pub quality_permille: u32,
+    /// Times that the executor found its board stale.
+    pub losses: u64,
+    /// Process of the driver, 0 = none.
+    pub pid: u32,
+    /// Names of its joints.
+    pub joints: Vec<String>,
+    /// Its channels.
+    pub channels: Vec<ChannelView>,
+}
+
+/// A channel of a device.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ChannelView {
+    /// Its name.
+    pub name: String,
+    /// `digital input`, `digital output`, `analog input`, `analog output`.
+    pub kind: String,
+    /// Its unit.
+    pub unit: String,
+    /// Of an output: what becomes of it when nobody commands it.
+    #[serde(default)]
+    pub on_release: Option<String>,
+}
+
+/// The whole cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StatusView {
+    /// The cell's name.
+    pub cell: String,
+    /// The configuration's file.
+    pub config: String,
+    /// The executor.
+    pub executor: ExecutorView,
+    /// All announced processes.
+    pub processes: Vec<ProcessView>,
+}
+
+/// The executor.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ExecutorView {
+    /// Its process.
+    pub pid: u32,
+    /// Which life of a process, 16 hexadecimal digits.
+    pub incarnation: String,
+    /// Number of the newest cycle, without gaps from 1.
+    pub cycle: u64,
+    /// Base period.
+    pub period_ns: u64,
+    /// Late cycles since its start.
+    pub late: u64,
+    /// First late cycle, 0 = none.
+    pub first_late_cycle: u64,
+    /// Last late cycle, 0 = none.
+    pub last_late_cycle: u64,
+    /// Worst wake-up after the deadline.
+    pub worst_wake_ns: u64,
+    /// Time that the last cycle computed.
+    pub exec_last_ns: u64,
+    /// Longest that a cycle computed.
+    pub exec_max_ns: u64,
+    /// Periods skipped because of late cycles.
+    pub skipped_periods: u64,
+    /// Monitor records lost before they left the executor.
+    pub dropped_records: u64,
+    /// Commands running now.
+    pub running: u32,
+    /// SCHED_FIFO was granted.
+    pub fifo: bool,
+    /// Memory is locked.
+    pub locked: bool,
+    /// Pinned to a core.
+    pub pinned: bool,
+    /// `RT: granted (…)` or `RT: degraded, because …`.
+    pub grade: String,
+}
+
+/// A process of the cell.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct ProcessView {
+    /// `executor`, `loader`, `driver`, …
+    pub role: String,
+    /// Which one.
+    pub label: String,
+    /// Its process id.
+    pub pid: u32,
+    /// Which life of a process, 16 hexadecimal digits.
+    pub incarnation: String,
+    /// False if it died and nobody cleaned up yet.
+    pub alive: bool,
+    /// Its word for people.
+    pub note: String,
+}
+
+/// A primitive of the catalogue.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PrimitiveView {
+    /// Name of the type in nets.
+    pub name: String,
+    /// What it does.
+    pub summary: String,
+    /// What null does.
+    pub null: String,
+    /// Inputs.
+    pub inputs: Vec<PortView>,
+    /// Outputs.
+    pub outputs: Vec<PortView>,
+    /// Parameters.
+    pub parameters: Vec<ParameterView>,
+    /// True if it claims a resource for its net alone.
+    pub unique: bool,
+}
+
+/// A port of a primitive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PortView {
+    /// Its name.
+    pub name: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Its unit; equal letters stand for equal units.
+    pub unit: String,
+    /// What it carries.
+    pub doc: String,
+    /// Value of an input that nothing feeds; none: it must be connected.
+    #[serde(default)]
+    pub default: Option<String>,
+    /// An output that may be left unread.
+    #[serde(default)]
+    pub diagnostic: bool,
+}
+
+/// A parameter of a primitive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ParameterView {
+    /// Its name.
+    pub name: String,
+    /// Its type, or what it names.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Its unit.
+    pub unit: String,
+    /// What it means.
+    pub doc: String,
+    /// Its value when it is left out; none: it must be given.
+    #[serde(default)]
+    pub default: Option<String>,
+    /// It must be greater than this.
+    #[serde(default)]
+    pub above: Option<f64>,
+    /// It must not be less than this.
+    #[serde(default)]
+    pub at_least: Option<f64>,
+}

@@ -1,0 +1,119 @@
+//! The one table of codes beyond those of the language (RCC1xxx) and the configuration (RCC2xxx): what a code means
+//! over HTTP and as the exit code of a command. Used by the server's threads and by the command line.
+
+/// Exit codes of the command line.
+pub mod exit {
+    /// Done.
+    pub const OK: u8 = 0;
+    /// The operation failed, or the net ended with a fault or an abort.
+    pub const FAILED: u8 = 1;
+    /// Wrong arguments.
+    pub const USAGE: u8 = 2;
+    /// A net or a configuration is not valid.
+    pub const INVALID: u8 = 3;
+    /// Loader or executor cannot be reached.
+    pub const UNREACHABLE: u8 = 4;
+    /// A resource is busy, or the command is in a state that does not allow it.
+    pub const CONFLICT: u8 = 5;
+    /// No answer in time.
+    pub const TIMEOUT: u8 = 6;
+    /// Not permitted.
+    pub const PERMISSION: u8 = 7;
+    /// Ended by Ctrl-C.
+    pub const INTERRUPTED: u8 = 130;
+}
+
+/// One row of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// As shown.
+    pub code: &'static str,
+    /// HTTP status.
+    pub status: u16,
+    /// Exit code of the command line.
+    pub exit: u8,
+    /// What it stands for, in a few words.
+    pub title: &'static str,
+}
+
+macro_rules! codes {
+    ($($name:ident = $code:literal, $status:literal, $exit:ident, $title:literal;)*) => {
+        $(#[doc = $title] pub const $name: Code = Code { code: $code, status: $status, exit: exit::$exit, title: $title };)*
+        /// Every row, sorted by code.
+        pub const TABLE: &[Code] = &[$($name),*];
+    };
+}
+
+codes! {
+    UNKNOWN_COMMAND = "RCC3001", 404, FAILED, "There is no such command.";
+    TABLE_FULL = "RCC3002", 409, CONFLICT, "The executor's command table is full.";
+    WRONG_STATE = "RCC3003", 409, CONFLICT, "The command's state does not allow it.";
+    BUSY = "RCC3004", 409, CONFLICT, "Another command holds a resource.";
+    NOT_CANCELABLE = "RCC3007", 409, CONFLICT, "The net has no Cancel primitive.";
+    DEVICE_NOT_READY = "RCC3008", 409, CONFLICT, "A device cannot be commanded now.";
+    FIRST_SET_POINT = "RCC3011", 409, CONFLICT, "The first set-point is not where the device is held.";
+    FIRST_CYCLE = "RCC3012", 409, CONFLICT, "The first cycle ended with a fault.";
+    PLAN_REFUSED = "RCC3013", 422, INVALID, "The executor refused the plan.";
+    NOT_PREPARED = "RCC3014", 409, CONFLICT, "The start values could not be computed.";
+    OVERLOADED = "RCC3015", 503, CONFLICT, "No room for it now.";
+    STOPPING = "RCC3016", 503, UNREACHABLE, "The executor is stopping.";
+    LOADER_DIED = "RCC3017", 409, FAILED, "The loader died while it loaded the command.";
+    NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
+    EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";
+    OTHER_BUILD = "RCC4003", 502, UNREACHABLE, "Loader and executor are of different builds.";
+    NO_LOADER = "RCC4004", 503, UNREACHABLE, "The loader cannot be reached.";
+    LOADER_SILENT = "RCC4005", 504, TIMEOUT, "The loader did not answer in time.";
+    TOO_LARGE = "RCC4006", 413, USAGE, "The text is too large.";
+    NO_ROUTE = "RCC4007", 404, USAGE, "There is no such address.";
+    NOT_STORED = "RCC4008", 500, FAILED, "A file could not be written.";
+    NOT_PERMITTED = "RCC4009", 403, PERMISSION, "Not permitted.";
+    TOO_MANY = "RCC4010", 429, CONFLICT, "Too many requests at a time.";
+    BAD_REQUEST = "RCC4011", 400, USAGE, "The request is not understood.";
+    CELL_LIVES = "RCC4012", 409, CONFLICT, "The cell is in use.";
+    PROCESS_FAILED = "RCC4013", 500, FAILED, "A process of the cell failed.";
+    NO_SPACE = "RCC4014", 507, FAILED, "There is too little shared memory.";
+}
+
+/// HTTP status of a text that is not valid.
+pub const INVALID_STATUS: u16 = 422;
+
+/// The exit code that belongs to a code, also of the language and of the configuration.
+#[must_use]
+pub fn exit_code(code: &str) -> u8 {
+    match TABLE.iter().find(|row| row.code == code) {
+        Some(row) => row.exit,
+        None if code.starts_with("RCC1") || code.starts_with("RCC2") => exit::INVALID,
+        None => exit::FAILED,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_sorted_and_every_row_is_a_sentence() {
+        assert!(TABLE.windows(2).all(|pair| pair[0].code < pair[1].code));
+        assert!(
+            TABLE
+                .iter()
+                .all(|row| row.title.ends_with('.') && row.code.len() == 7)
+        );
+    }
+
+    #[test]
+    fn every_code_has_an_error_status_and_an_exit_code() {
+        for row in TABLE {
+            assert!((400..600).contains(&row.status), "{}", row.code);
+            assert!(row.exit != exit::OK, "{}", row.code);
+            assert_eq!(exit_code(row.code), row.exit);
+        }
+    }
+
+    #[test]
+    fn codes_of_texts_mean_an_invalid_text() {
+        assert_eq!(exit_code("RCC1203"), exit::INVALID);
+        assert_eq!(exit_code("RCC2001"), exit::INVALID);
+        assert_eq!(exit_code("RCC9999"), exit::FAILED);
+    }
+}

@@ -1,0 +1,155 @@
+//! From a text to a plan with everything the server keeps beside it.
+//! Run by blocking threads of the server, and by `rcc-cli check` without a server.
+
+use rcc_config::CellConfig;
+use rcc_config::diagnostic::{Faults, Row, Severity, render};
+use rcc_core::message::DEVICES_MAX;
+use rcc_core::plan::Resource;
+use rcc_ipc::control::PlanData;
+
+use super::api::{Finding, Place};
+
+/// A net that the language accepts.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// The net's name.
+    pub net: String,
+    /// Its description.
+    pub description: String,
+    /// Its plan.
+    pub plan: PlanData,
+    /// Where every port and monitor lies in the plan.
+    pub names: serde_json::Value,
+    /// Warnings.
+    pub warnings: Vec<Finding>,
+    /// What it claims for itself alone.
+    pub uses: Vec<Resource>,
+    /// It has a `Cancel` primitive.
+    pub can_cancel: bool,
+    /// Number of primitives with a kernel.
+    pub primitives: u32,
+}
+
+/// Compiles a text for a cell.
+///
+/// # Errors
+/// All faults of the text.
+pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Vec<Finding>> {
+    let compiled = stub::compile(text, file, cell).map_err(|faults| findings(&faults))?;
+    let checked = compiled
+        .plan
+        .plan()
+        .check(&cell.models(), cell.fingerprint())
+        .map_err(|error| {
+            vec![Finding {
+                code: super::codes::PLAN_REFUSED.code.to_owned(),
+                severity: "error".to_owned(),
+                message: format!("the plan does not check: {error:?}"),
+                help: Some("this is a fault of the loader: report it with the net".to_owned()),
+                ..Finding::default()
+            }]
+        })?;
+    let claims = &checked.resources;
+    let bits = |bits: u64| (0..u64::BITS).filter(move |bit| bits >> bit & 1 == 1);
+    let mut uses: Vec<Resource> = bits(claims.arms)
+        .map(|device| Resource::Arm { device })
+        .collect();
+    for device in 0..DEVICES_MAX {
+        let of = |table: &[u64; DEVICES_MAX]| table.get(device).copied().unwrap_or(0);
+        let number = device as u32;
+        uses.extend(bits(of(&claims.digital)).map(|channel| Resource::Digital {
+            device: number,
+            channel,
+        }));
+        uses.extend(bits(of(&claims.analog)).map(|channel| Resource::Analog {
+            device: number,
+            channel,
+        }));
+    }
+    Ok(Compiled {
+        net: compiled.net,
+        description: compiled.description,
+        names: serde_json::to_value(&compiled.names).unwrap_or_default(),
+        warnings: findings(&compiled.warnings),
+        plan: compiled.plan,
+        uses,
+        can_cancel: checked.can_cancel,
+        primitives: checked.primitives,
+    })
+}
+
+/// Faults as they travel.
+#[must_use]
+pub fn findings(faults: &Faults) -> Vec<Finding> {
+    let drawn = |row: &Row| render(std::slice::from_ref(row), &faults.sources, false);
+    faults
+        .rows()
+        .into_iter()
+        .map(|row| Finding {
+            rendered: drawn(&row),
+            ..finding(row)
+        })
+        .collect()
+}
+
+fn finding(row: Row) -> Finding {
+    Finding {
+        code: row.code,
+        severity: match row.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        }
+        .to_owned(),
+        message: row.message,
+        place: (row.line > 0).then_some(Place {
+            file: row.file,
+            line: row.line,
+            column: row.column,
+            length: row.length,
+            label: row.label,
+        }),
+        help: row.help,
+        rendered: String::new(),
+    }
+}
+
+/// The name that a text gives its net, as far as that can be told of a text with faults.
+#[must_use]
+pub fn name_of(text: &str) -> String {
+    let named = text.lines().find_map(|line| {
+        let line = line.trim_start_matches(['{', ' ']).replace('"', "");
+        let value = line.strip_prefix("net:")?.trim();
+        let end = value.find([' ', ',', '#', '}']).unwrap_or(value.len());
+        Some(value[..end].trim().to_owned())
+    });
+    let mut name = named.unwrap_or_default();
+    if name.len() > 64 || !name.bytes().all(|byte| byte.is_ascii_graphic()) {
+        name.clear();
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_is_found_in_broken_texts_too() {
+        assert_eq!(name_of("# x\nnet: line # a line\nprimitives: [\n"), "line");
+        assert_eq!(name_of("{\"net\": \"line\", \"primitives\": {"), "line");
+        assert_eq!(name_of("nothing"), "");
+    }
+}
+mod stub {
+    use super::*;
+    pub struct C {
+        pub net: String,
+        pub description: String,
+        pub names: u32,
+        pub warnings: Faults,
+        pub plan: PlanData,
+    }
+    pub fn compile(_: &str, _: &str, _: &CellConfig) -> Result<C, Faults> {
+        Err(Faults::new("", "", vec![]))
+    }
+}

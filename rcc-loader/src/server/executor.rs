@@ -1,0 +1,178 @@
+//! The loader's link to the executor of its cell: found by its announcement, lost with its life, found again.
+//! Used by blocking threads of the server; it never waits for the real-time thread, only for the intake thread.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
+use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES};
+use rcc_ipc::{Announcement, BoardReader, Cell, Client, Role, Session, wire};
+
+use super::codes;
+use super::error::ApiError;
+
+/// Label of the executor in its announcement.
+pub const EXECUTOR_LABEL: &str = "exec";
+
+/// How long the executor may take for an answer: it allocates arenas and plans paths meanwhile.
+const CALL_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// One life of the executor, with what it offers.
+pub struct Attached {
+    /// What it announced.
+    pub announcement: Announcement,
+    client: Mutex<Client>,
+    status: Mutex<BoardReader<CycleStatus>>,
+    tables: Mutex<BoardReader<Tables>>,
+}
+
+impl Attached {
+    /// The executor's counters.
+    pub fn status(&self) -> CycleStatus {
+        locked(&self.status).read()
+    }
+
+    /// The executor's tables; boxed, as they are large. Empty before the first cycle.
+    pub fn tables(&self) -> Box<Snapshot> {
+        let tables = locked(&self.tables).read();
+        let written = tables.magic == MAGIC;
+        Box::new(Snapshot {
+            commands: tables
+                .commands
+                .into_iter()
+                .filter(|row| written && row.id != 0)
+                .filter(|row| CommandState::from_number(row.state) != CommandState::None)
+                .collect(),
+            devices: if written {
+                tables.devices.to_vec()
+            } else {
+                Vec::new()
+            },
+        })
+    }
+
+    /// True while that very process runs.
+    pub fn is_alive(&self) -> bool {
+        self.announcement.is_alive()
+    }
+
+    fn call(&self, cell: &str, call: &Call) -> Result<Answer, ApiError> {
+        let other_build = |error: &dyn std::fmt::Display| {
+            ApiError::new(
+                codes::OTHER_BUILD,
+                format!("loader and executor do not understand each other: {error}"),
+                "install both from one build and restart them",
+            )
+        };
+        let bytes = wire::encode_serde(call).map_err(|error| other_build(&error))?;
+        let answer = locked(&self.client)
+            .call(&bytes, CALL_TIMEOUT)
+            .map_err(|error| ApiError::of_call(cell, &error))?;
+        wire::decode_serde(&answer).map_err(|error| other_build(&error))
+    }
+}
+
+/// The executor's tables at one moment.
+#[derive(Clone, Debug, Default)]
+pub struct Snapshot {
+    /// Commands that exist.
+    pub commands: Vec<CommandEntry>,
+    /// Devices, in the order of the configuration; empty before the first cycle.
+    pub devices: Vec<DeviceEntry>,
+}
+
+impl Snapshot {
+    /// The row of a command.
+    pub fn command(&self, id: u64) -> Option<&CommandEntry> {
+        self.commands.iter().find(|row| row.id == id)
+    }
+}
+
+/// The link.
+pub struct Executor {
+    session: Session,
+    attached: Mutex<Option<Arc<Attached>>>,
+}
+
+impl Executor {
+    /// A link that has found nothing yet.
+    #[must_use]
+    pub fn new(session: Session) -> Executor {
+        Executor {
+            session,
+            attached: Mutex::new(None),
+        }
+    }
+
+    /// The cell.
+    #[must_use]
+    pub fn cell(&self) -> &Cell {
+        self.session.cell()
+    }
+
+    /// The living executor, looked for anew when the one we knew is dead. The second value is true when it is another
+    /// one than before.
+    ///
+    /// # Errors
+    /// [`codes::NO_EXECUTOR`] when none lives or it cannot be reached.
+    pub fn attach(&self) -> Result<(Arc<Attached>, bool), ApiError> {
+        let mut attached = locked(&self.attached);
+        if let Some(known) = attached.as_ref().filter(|known| known.is_alive()) {
+            return Ok((Arc::clone(known), false));
+        }
+        *attached = None;
+        let cell = self.session.cell();
+        let announcement = cell
+            .announced(Role::Executor, EXECUTOR_LABEL)
+            .ok()
+            .flatten()
+            .filter(Announcement::is_alive)
+            .ok_or_else(|| ApiError::no_executor(cell.name()))?;
+        let found = Arc::new(self.open(announcement)?);
+        *attached = Some(Arc::clone(&found));
+        Ok((found, true))
+    }
+
+    /// Asks the executor.
+    ///
+    /// # Errors
+    /// It is not there, does not answer, or does not understand.
+    pub fn call(&self, call: &Call) -> Result<Answer, ApiError> {
+        let (attached, _) = self.attach()?;
+        attached.call(self.session.cell().name(), call)
+    }
+
+    fn open(&self, announcement: Announcement) -> Result<Attached, ApiError> {
+        let cell = self.session.cell().name();
+        let service = |name: &str| {
+            announcement.services.get(name).ok_or_else(|| {
+                ApiError::new(
+                    codes::OTHER_BUILD,
+                    format!("the executor of cell '{cell}' does not offer `{name}`"),
+                    "install loader and executor from one build and restart them",
+                )
+            })
+        };
+        let failed = |error: &dyn std::fmt::Display| {
+            ApiError::new(
+                codes::NO_EXECUTOR,
+                format!("the executor of cell '{cell}' cannot be opened: {error}"),
+                "try again; if it stays so, restart the cell",
+            )
+        };
+        let client = self.session.client(service(CONTROL)?);
+        let status = self.session.open_board(service(STATUS)?);
+        let tables = self.session.open_board(service(TABLES)?);
+        Ok(Attached {
+            client: Mutex::new(client.map_err(|error| failed(&error))?),
+            status: Mutex::new(status.map_err(|error| failed(&error))?),
+            tables: Mutex::new(tables.map_err(|error| failed(&error))?),
+            announcement,
+        })
+    }
+}
+
+/// A panic in another thread leaves these values whole: each is one handle.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

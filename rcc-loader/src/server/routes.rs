@@ -1,0 +1,304 @@
+//! The addresses of the REST interface (paper, section IV-B) and their OpenAPI document.
+//! Run by the one thread that serves connections; everything that may block goes to blocking threads.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
+use axum::http::StatusCode;
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use serde::Deserialize;
+use tokio::sync::Semaphore;
+use utoipa::OpenApi;
+
+use super::api;
+use super::api::{
+    CommandDetail, CommandView, DeviceView, Done, ErrorBody, Loaded, PrimitiveView, StatusView,
+};
+use super::catalogue;
+use super::codes;
+use super::error::ApiError;
+use super::service::{Operation, Service};
+
+/// Longest text of a net, bytes.
+pub const TEXT_MAX: usize = 4 << 20;
+/// Texts that are compiled at a time; further ones wait.
+const COMPILING_MAX: usize = 2;
+/// Texts that are compiled or wait for it; further ones are refused.
+const LOADING_MAX: usize = 32;
+/// Requests that are answered at a time; further ones are refused.
+const REQUESTS_MAX: usize = 64;
+/// No request takes longer, a slowly sent one included.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// What all requests share.
+#[derive(Clone)]
+struct Shared {
+    service: Arc<Service>,
+    requests: Arc<Semaphore>,
+    loading: Arc<Semaphore>,
+    compiling: Arc<Semaphore>,
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "RCC",
+        description = "Robot Control Core: load a net as a command, start it, cancel it, look at it."
+    ),
+    paths(
+        load, list, detail, start, cancel, abort, unload, devices, primitives, status
+    ),
+    components(schemas(ErrorBody, api::Finding, api::Place))
+)]
+struct Document;
+
+/// The OpenAPI document of this interface.
+///
+/// # Errors
+/// It cannot be written as JSON (by test it can).
+pub fn document() -> Result<String, serde_json::Error> {
+    Document::openapi().to_pretty_json()
+}
+
+/// All addresses.
+pub fn router(service: Arc<Service>) -> Router {
+    let shared = Shared {
+        service,
+        requests: Arc::new(Semaphore::new(REQUESTS_MAX)),
+        loading: Arc::new(Semaphore::new(LOADING_MAX)),
+        compiling: Arc::new(Semaphore::new(COMPILING_MAX)),
+    };
+    Router::new()
+        .route("/commands", post(load).get(list))
+        .route("/commands/{name}", get(detail).delete(unload))
+        .route("/commands/{name}/start", post(start))
+        .route("/commands/{name}/cancel", post(cancel))
+        .route("/commands/{name}/abort", post(abort))
+        .route("/devices", get(devices))
+        .route("/primitives", get(primitives))
+        .route("/status", get(status))
+        .route("/openapi.json", get(openapi))
+        .fallback(no_route)
+        .method_not_allowed_fallback(no_route)
+        .layer(DefaultBodyLimit::max(TEXT_MAX))
+        .layer(middleware::from_fn_with_state(shared.clone(), limited))
+        .with_state(shared)
+}
+
+/// Bounds the number of requests and the time of each.
+async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    let Ok(_place) = shared.requests.try_acquire() else {
+        return too_many(REQUESTS_MAX).into_response();
+    };
+    match tokio::time::timeout(REQUEST_TIMEOUT, next.run(request)).await {
+        Ok(response) if response.status() == StatusCode::PAYLOAD_TOO_LARGE => {
+            let message = format!("a text has at most {TEXT_MAX} bytes");
+            ApiError::new(codes::TOO_LARGE, message, "divide the net into several").into_response()
+        }
+        Ok(response) => response,
+        Err(_) => ApiError::new(
+            codes::LOADER_SILENT,
+            format!("the request took longer than {REQUEST_TIMEOUT:?}"),
+            "try again; whether it was carried out is not known",
+        )
+        .into_response(),
+    }
+}
+
+fn too_many(most: usize) -> ApiError {
+    ApiError::new(
+        codes::TOO_MANY,
+        format!("{most} requests of this kind are under way, more are not taken"),
+        "try again in a moment",
+    )
+}
+
+/// Runs what may block where it may block.
+async fn blocking<T: Send + 'static>(
+    shared: Shared,
+    what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
+) -> Result<T, ApiError> {
+    tokio::task::spawn_blocking(move || what(&shared.service))
+        .await
+        .unwrap_or_else(|panic| {
+            Err(ApiError::new(
+                codes::PROCESS_FAILED,
+                format!("the loader could not do it: {panic}"),
+                "this is a fault of the loader: report it",
+            ))
+        })
+}
+
+#[derive(Deserialize)]
+struct LoadQuery {
+    /// How diagnostics name the text.
+    #[serde(default)]
+    file: Option<String>,
+}
+
+/// LOAD: the body is the text of a net, YAML or JSON. Answers at once; the state goes from `loading` to `ready` or
+/// `rejected`.
+#[utoipa::path(post, path = "/commands", request_body(content = String, content_type = "application/yaml"),
+    params(("file" = Option<String>, Query, description = "how diagnostics name the text")),
+    responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+async fn load(
+    State(shared): State<Shared>,
+    Query(query): Query<LoadQuery>,
+    body: Bytes,
+) -> Result<Response, ApiError> {
+    let text = String::from_utf8(body.to_vec()).map_err(|_| {
+        ApiError::new(
+            codes::BAD_REQUEST,
+            "the text is not UTF-8",
+            "send YAML or JSON as UTF-8",
+        )
+    })?;
+    let place = Arc::clone(&shared.loading)
+        .try_acquire_owned()
+        .map_err(|_| too_many(LOADING_MAX))?;
+    let id = blocking(shared.clone(), move |service| service.reserve(&text)).await?;
+    let file = query.file.unwrap_or_else(|| "net".to_owned());
+    tokio::spawn(async move {
+        // The semaphores are never closed.
+        let _turn = shared.compiling.acquire().await;
+        let service = Arc::clone(&shared.service);
+        let compiled = tokio::task::spawn_blocking(move || service.install(id, &file));
+        if let Err(error) = compiled.await {
+            tracing::error!(id, %error, "a load panicked");
+        }
+        drop(place);
+    });
+    let state = "loading".to_owned();
+    Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
+}
+
+/// All commands, by id.
+#[utoipa::path(get, path = "/commands",
+    responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
+async fn list(State(shared): State<Shared>) -> Result<Json<Vec<CommandView>>, ApiError> {
+    blocking(shared, Service::list).await.map(Json)
+}
+
+/// STATE: one command, by id or by the net's name (then the newest of that name).
+#[utoipa::path(get, path = "/commands/{name}", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody)))]
+async fn detail(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+) -> Result<Json<CommandDetail>, ApiError> {
+    blocking(shared, move |service| service.detail(&name))
+        .await
+        .map(Json)
+}
+
+async fn operate(shared: Shared, name: String, what: Operation) -> Result<Json<Done>, ApiError> {
+    blocking(shared, move |service| service.operate(&name, what))
+        .await
+        .map(Json)
+}
+
+/// START: evaluated from the next cycle on.
+#[utoipa::path(post, path = "/commands/{name}/start", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+async fn start(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+) -> Result<Json<Done>, ApiError> {
+    operate(shared, name, Operation::Start).await
+}
+
+/// CANCEL: the net's `Cancel` says true from the next cycle on.
+#[utoipa::path(post, path = "/commands/{name}/cancel", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+async fn cancel(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+) -> Result<Json<Done>, ApiError> {
+    operate(shared, name, Operation::Cancel).await
+}
+
+/// ABORT: the devices get no command any more, and their drivers bring them to rest.
+#[utoipa::path(post, path = "/commands/{name}/abort", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+async fn abort(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+) -> Result<Json<Done>, ApiError> {
+    operate(shared, name, Operation::Abort).await
+}
+
+/// UNLOAD: forgets a command that is not active.
+#[utoipa::path(delete, path = "/commands/{name}", params(("name" = String, Path, description = "id or name")),
+    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+async fn unload(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+) -> Result<Json<Done>, ApiError> {
+    operate(shared, name, Operation::Unload).await
+}
+
+/// The devices, in the order of the cell's configuration.
+#[utoipa::path(get, path = "/devices",
+    responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
+async fn devices(State(shared): State<Shared>) -> Result<Json<Vec<DeviceView>>, ApiError> {
+    blocking(shared, Service::devices).await.map(Json)
+}
+
+/// Every primitive with its ports and parameters.
+#[utoipa::path(get, path = "/primitives", responses((status = 200, body = Vec<PrimitiveView>)))]
+async fn primitives() -> Json<Vec<PrimitiveView>> {
+    Json(catalogue::primitives())
+}
+
+/// The executor's health and the processes of the cell.
+#[utoipa::path(get, path = "/status",
+    responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
+async fn status(State(shared): State<Shared>) -> Result<Json<StatusView>, ApiError> {
+    blocking(shared, Service::status).await.map(Json)
+}
+
+async fn openapi() -> Result<Response, ApiError> {
+    let text = document()
+        .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))?;
+    Ok(([("content-type", "application/json")], text).into_response())
+}
+
+async fn no_route() -> ApiError {
+    ApiError::new(
+        codes::NO_ROUTE,
+        "there is no such address or method",
+        "GET /openapi.json lists all",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_document_has_every_address() -> Result<(), serde_json::Error> {
+        let document: serde_json::Value = serde_json::from_str(&document()?)?;
+        let paths = document["paths"].as_object().map(|paths| {
+            let mut names: Vec<_> = paths.keys().cloned().collect();
+            names.sort();
+            names
+        });
+        let expected = [
+            "/commands",
+            "/commands/{name}",
+            "/commands/{name}/abort",
+            "/commands/{name}/cancel",
+            "/commands/{name}/start",
+            "/devices",
+            "/primitives",
+            "/status",
+        ];
+        assert_eq!(paths.as_deref(), Some(&expected.map(String::from)[..]));
+        Ok(())
+    }
+}

@@ -1,0 +1,355 @@
+//! What the loader does for its clients: the life cycle by name, and everything there is to see.
+//! Every function may block for a while and is run by blocking threads, never by the thread that serves connections.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use rcc_config::CellConfig;
+use rcc_core::message::{CommandEntry, CommandState, EndReason};
+use rcc_ipc::control::{Answer, Call};
+
+use super::api::{CommandDetail, CommandView, Done, Finding};
+use super::codes;
+use super::compile::{self, Compiled};
+use super::error::ApiError;
+use super::executor::{Attached, Executor};
+use super::store::{CommandFile, Store};
+use super::words::{self, Namer};
+
+/// A file of a command that is not in the table is removed when it is older than this.
+const SWEEP_AGE: Duration = Duration::from_secs(5);
+
+/// The loader of one cell.
+pub struct Service {
+    pub(super) executor: Executor,
+    pub(super) config: CellConfig,
+    /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
+    loading: Mutex<BTreeMap<u64, CommandFile>>,
+}
+
+/// An operation on a command that exists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// START.
+    Start,
+    /// CANCEL.
+    Cancel,
+    /// ABORT.
+    Abort,
+    /// UNLOAD.
+    Unload,
+}
+
+impl Operation {
+    fn call(self, id: u64) -> Call {
+        match self {
+            Operation::Start => Call::Start { id },
+            Operation::Cancel => Call::Cancel { id },
+            Operation::Abort => Call::Abort { id },
+            Operation::Unload => Call::Unload { id },
+        }
+    }
+}
+
+impl Service {
+    /// The loader of the cell that `executor` belongs to.
+    #[must_use]
+    pub fn new(executor: Executor, config: CellConfig) -> Service {
+        Service {
+            executor,
+            config,
+            loading: Mutex::new(BTreeMap::new()),
+        }
+    }
+
+    /// The living executor and the files of its commands. A new one is taken over first: what a dead loader was loading
+    /// there is rejected, and the files of dead executors go.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn attach(&self) -> Result<(Arc<Attached>, Store), ApiError> {
+        let (attached, new) = self.executor.attach()?;
+        let store = Store::of(self.executor.cell(), attached.announcement.incarnation);
+        if new {
+            tracing::info!(pid = attached.announcement.pid, "the executor is attached");
+            store.remove_others();
+            self.reject_orphans(&attached, &store);
+        }
+        Ok((attached, store))
+    }
+
+    /// What is due from time to time: attaching, and forgetting what was unloaded.
+    pub fn tend(&self) {
+        if let Ok((attached, store)) = self.attach() {
+            let snapshot = attached.tables();
+            store.sweep(|id| snapshot.command(id).is_some(), SWEEP_AGE);
+        }
+    }
+
+    fn reject_orphans(&self, attached: &Attached, store: &Store) {
+        for row in attached.tables().commands {
+            let state = CommandState::from_number(row.state);
+            if state != CommandState::Loading || self.loading().contains_key(&row.id) {
+                continue;
+            }
+            let lost = ApiError::new(
+                codes::LOADER_DIED,
+                "the loader died while it loaded this command",
+                "load the text again",
+            );
+            let mut file = store.read(row.id).unwrap_or_default();
+            file.id = row.id;
+            file.diagnostics.push(lost.finding());
+            if let Err(error) = store.write(&file) {
+                tracing::warn!(%error, "a rejected command has no file");
+            }
+            match self.executor.call(&Call::Reject { id: row.id }) {
+                Ok(_) => tracing::info!(id = row.id, "a command of a dead loader is rejected"),
+                Err(error) => tracing::warn!(message = error.message, "not rejected"),
+            }
+        }
+    }
+
+    /// LOAD, first half: gives the text an id. The second half is [`Service::install`].
+    ///
+    /// # Errors
+    /// No executor, or no row left in its table.
+    pub fn reserve(&self, text: &str) -> Result<u64, ApiError> {
+        self.attach()?;
+        match self.executor.call(&Call::Reserve)? {
+            Answer::Reserved { id } => {
+                let file = CommandFile {
+                    id,
+                    net: compile::name_of(text),
+                    text: text.to_owned(),
+                    loaded_at: seconds_now(),
+                    ..CommandFile::default()
+                };
+                self.loading().insert(id, file);
+                Ok(id)
+            }
+            Answer::Refused(refusal) => {
+                Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
+            }
+            Answer::Done { .. } => Err(unexpected()),
+        }
+    }
+
+    /// LOAD, second half: compiles, writes the names, hands the plan over. The command becomes ready or rejected;
+    /// what was wrong is in its file.
+    pub fn install(&self, id: u64, file_name: &str) {
+        let file = self.loading().get(&id).cloned().unwrap_or_default();
+        if let Err(error) = self.try_install(id, file, file_name) {
+            tracing::warn!(
+                id,
+                code = error.code.code,
+                message = error.message,
+                "a load failed"
+            );
+        }
+        self.loading().remove(&id);
+    }
+
+    fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
+        let (_, store) = self.attach()?;
+        let stored = |file: &CommandFile| {
+            store.write(file).map_err(|error| {
+                ApiError::new(
+                    codes::NOT_STORED,
+                    error.to_string(),
+                    "make room there, or set RCC_RUNTIME_DIR to another folder",
+                )
+            })
+        };
+        let Compiled {
+            net,
+            description,
+            plan,
+            names,
+            warnings,
+            uses,
+            primitives,
+            ..
+        } = match compile::compile(&file.text, name, &self.config) {
+            Ok(compiled) => compiled,
+            Err(diagnostics) => {
+                file.diagnostics = diagnostics;
+                stored(&file)?;
+                self.executor.call(&Call::Reject { id })?;
+                return Ok(());
+            }
+        };
+        file.uses = self.with_namer(None, |namer| {
+            uses.into_iter().map(|use_| namer.resource(use_)).collect()
+        });
+        (file.net, file.description, file.names) = (net, description, names);
+        (file.diagnostics, file.primitives) = (warnings, primitives);
+        let handed_over =
+            stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
+        let refused = match handed_over {
+            Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
+            Ok(Answer::Refused(refusal)) => {
+                self.with_namer(Some(&store), |namer| namer.refusal(id, refusal))
+            }
+            Err(error) => {
+                // It must not stay `loading`; if the executor is gone, so is the command.
+                let _ = self.executor.call(&Call::Reject { id });
+                error
+            }
+        };
+        file.diagnostics.push(refused.finding());
+        stored(&file)
+    }
+
+    /// All commands, by id.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn list(&self) -> Result<Vec<CommandView>, ApiError> {
+        let (attached, store) = self.attach()?;
+        let mut rows = attached.tables().commands;
+        rows.sort_by_key(|row| row.id);
+        Ok(rows.iter().map(|row| self.view(&store, row).0).collect())
+    }
+
+    /// One command, by id or by name (then the newest of that name).
+    ///
+    /// # Errors
+    /// There is no executor or no such command.
+    pub fn detail(&self, name: &str) -> Result<CommandDetail, ApiError> {
+        let (attached, store) = self.attach()?;
+        let id = self.resolve(&attached, &store, name)?;
+        let row = attached.tables().command(id).copied();
+        let row = row.or_else(|| self.loading_row(id));
+        let (command, file) = self.view(&store, &row.ok_or_else(|| words::unknown(name))?);
+        Ok(CommandDetail {
+            command,
+            text: file.text,
+            names: file.names,
+        })
+    }
+
+    /// START, CANCEL, ABORT or UNLOAD.
+    ///
+    /// # Errors
+    /// There is no executor or no such command, or the executor refuses.
+    pub fn operate(&self, name: &str, operation: Operation) -> Result<Done, ApiError> {
+        let (attached, store) = self.attach()?;
+        let id = self.resolve(&attached, &store, name)?;
+        let net = store.read(id).map(|file| file.net).unwrap_or_default();
+        match self.executor.call(&operation.call(id))? {
+            Answer::Done { cycle } => {
+                if operation == Operation::Unload {
+                    store.remove(id);
+                }
+                Ok(Done { id, net, cycle })
+            }
+            Answer::Refused(refusal) => {
+                Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+            }
+            Answer::Reserved { .. } => Err(unexpected()),
+        }
+    }
+
+    /// `7`, `line` and `line#7` name a command.
+    fn resolve(&self, attached: &Attached, store: &Store, name: &str) -> Result<u64, ApiError> {
+        let number = name.rsplit_once('#').map_or(name, |(_, number)| number);
+        if let Ok(id) = number.parse() {
+            return Ok(id);
+        }
+        // Collected first: `file` locks what is loading, too.
+        let mut ids: Vec<u64> = self.loading().keys().copied().collect();
+        ids.extend(attached.tables().commands.iter().map(|row| row.id));
+        let named = |id: &u64| self.file(store, *id).is_some_and(|file| file.net == name);
+        ids.into_iter()
+            .filter(named)
+            .max()
+            .ok_or_else(|| words::unknown(name))
+    }
+
+    fn file(&self, store: &Store, id: u64) -> Option<CommandFile> {
+        store.read(id).or_else(|| self.loading().get(&id).cloned())
+    }
+
+    /// A command that is so new that the snapshot of the table does not have it.
+    fn loading_row(&self, id: u64) -> Option<CommandEntry> {
+        self.loading().contains_key(&id).then(|| CommandEntry {
+            id,
+            state: CommandState::Loading as u32,
+            ..bytemuck::Zeroable::zeroed()
+        })
+    }
+
+    fn view(&self, store: &Store, row: &CommandEntry) -> (CommandView, CommandFile) {
+        let file = self.file(store, row.id).unwrap_or_default();
+        let state = CommandState::from_number(row.state);
+        let reason = EndReason::from_number(row.reason);
+        let view = CommandView {
+            id: row.id,
+            net: file.net.clone(),
+            description: file.description.clone(),
+            state: state.name().to_owned(),
+            reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
+            fault: self.with_namer(Some(store), |namer| namer.fault(&row.fault)),
+            can_cancel: row.can_cancel == 1,
+            cycles: row.cycles,
+            started_cycle: row.started_cycle,
+            ended_cycle: row.ended_cycle,
+            exec_last_ns: row.exec_last_ns,
+            exec_max_ns: row.exec_max_ns,
+            primitives: file.primitives,
+            uses: file.uses.clone(),
+            loaded_at: file.loaded_at,
+            diagnostics: file.diagnostics.clone(),
+        };
+        (view, file)
+    }
+
+    pub(super) fn with_namer<T>(
+        &self,
+        store: Option<&Store>,
+        what: impl FnOnce(&Namer<'_>) -> T,
+    ) -> T {
+        let net = |id: u64| {
+            let file = store.and_then(|store| self.file(store, id));
+            match file {
+                Some(file) if !file.net.is_empty() => format!("{}#{id}", file.net),
+                _ => format!("#{id}"),
+            }
+        };
+        let reason = |device: &str, reason: u32| self.reason_words(device, reason);
+        what(&Namer {
+            config: &self.config,
+            net: &net,
+            reason: &reason,
+        })
+    }
+
+    fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, CommandFile>> {
+        // A panic between two insertions leaves a whole map.
+        self.loading.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The diagnostics of a text without loading it anywhere.
+///
+/// # Errors
+/// All faults of the text.
+pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
+    compile::compile(text, file, config)
+}
+
+fn unexpected() -> ApiError {
+    ApiError::new(
+        codes::OTHER_BUILD,
+        "the executor gave an answer to another question",
+        "install loader and executor from one build and restart them",
+    )
+}
+
+fn seconds_now() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_secs())
+}

@@ -1,0 +1,200 @@
+//! What there is to see of a cell besides commands: devices, processes, the executor's health.
+//! Read from boards and announcements by blocking threads of the server; never asks the real-time thread.
+
+use rcc_config::device::kind_name;
+use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
+use rcc_core::message::{DEVICES_MAX, DeviceEntry, DeviceState, MAGIC};
+use rcc_ipc::{Announcement, Role};
+
+use super::api::{ChannelView, DeviceView, ExecutorView, ProcessView, StatusView};
+use super::error::ApiError;
+use super::executor::Attached;
+use super::service::Service;
+
+/// Bits of `CycleStatus::grants`, with what they grant.
+const GRANTS: [(u32, &str); 3] = [(1, "SCHED_FIFO"), (2, "memory locked"), (4, "own core")];
+
+impl Service {
+    /// The devices of the cell, in the order of its configuration.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn devices(&self) -> Result<Vec<DeviceView>, ApiError> {
+        let (attached, store) = self.attach()?;
+        let rows = attached.tables().devices;
+        let drivers = self.announced(Role::Driver);
+        let net = |id: u64| {
+            let net = store.read(id).map(|file| file.net).unwrap_or_default();
+            format!("{net}#{id}")
+        };
+        let view = |(device, row): (&DeviceConfig, Option<&DeviceEntry>)| {
+            let state = row.map_or(DeviceState::Offline, |row| {
+                DeviceState::from_number(row.state)
+            });
+            let reason = match row {
+                Some(row) if row.attached == 1 => self.reason_words(&device.name, row.reason),
+                _ => "no driver is attached".to_owned(),
+            };
+            let driver = drivers
+                .iter()
+                .find(|driver| driver.label == device.name && driver.is_alive());
+            let joints = device.robot.iter().flat_map(|robot| &robot.joints);
+            DeviceView {
+                name: device.name.clone(),
+                driver: device.driver.clone(),
+                state: state.name().to_owned(),
+                reason,
+                holder: row.filter(|row| row.holder != 0).map(|row| net(row.holder)),
+                quality_permille: row.map_or(0, |row| row.quality_permille),
+                losses: row.map_or(0, |row| row.losses),
+                pid: driver.map_or(0, |driver| driver.pid),
+                joints: joints.map(|joint| joint.name.clone()).collect(),
+                channels: device.channels.iter().map(channel).collect(),
+            }
+        };
+        let rows = (0..DEVICES_MAX).map(|index| rows.get(index));
+        Ok(self.config.devices.iter().zip(rows).map(view).collect())
+    }
+
+    /// The executor's health and all processes.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn status(&self) -> Result<StatusView, ApiError> {
+        let (attached, _) = self.attach()?;
+        let cell = self.executor.cell();
+        let processes = cell.announced_all().unwrap_or_default();
+        Ok(StatusView {
+            cell: cell.name().to_owned(),
+            config: self.config.source.display().to_string(),
+            executor: executor(&attached),
+            processes: processes.iter().map(process).collect(),
+        })
+    }
+
+    /// A driver's words for a reason number; empty for 0.
+    pub(super) fn reason_words(&self, device: &str, reason: u32) -> String {
+        if reason == 0 {
+            return String::new();
+        }
+        let announced = self.executor.cell().announced(Role::Driver, device);
+        let note = announced.ok().flatten().map(|driver| driver.note);
+        let words = note
+            .as_deref()
+            .and_then(|note| reason_in(note, reason))
+            .map(str::to_owned);
+        words.unwrap_or_else(|| format!("reason {reason}"))
+    }
+
+    fn announced(&self, role: Role) -> Vec<Announcement> {
+        let mut all = self.executor.cell().announced_all().unwrap_or_default();
+        all.retain(|found| found.role == role);
+        all
+    }
+}
+
+/// Drivers explain their reason numbers in their announcement's note, one `number: words` a line.
+fn reason_in(note: &str, reason: u32) -> Option<&str> {
+    note.lines().find_map(|line| {
+        let (number, words) = line.split_once(':')?;
+        (number.trim().parse() == Ok(reason)).then(|| words.trim())
+    })
+}
+
+fn executor(attached: &Attached) -> ExecutorView {
+    let status = attached.status();
+    let announcement = &attached.announcement;
+    let granted = |bit: u32| status.grants & bit != 0;
+    ExecutorView {
+        pid: announcement.pid,
+        incarnation: format!("{:016x}", announcement.incarnation),
+        cycle: status.cycle,
+        period_ns: status.period_ns,
+        late: status.late,
+        first_late_cycle: status.first_late_cycle,
+        last_late_cycle: status.last_late_cycle,
+        worst_wake_ns: status.worst_wake_ns,
+        exec_last_ns: status.exec_last_ns,
+        exec_max_ns: status.exec_max_ns,
+        skipped_periods: status.skipped_periods,
+        dropped_records: status.dropped_records,
+        running: status.running,
+        fifo: granted(1),
+        locked: granted(2),
+        pinned: granted(4),
+        grade: if status.magic == MAGIC {
+            grade(status.grants, &announcement.note)
+        } else {
+            "RT: not yet running".to_owned()
+        },
+    }
+}
+
+/// What was really obtained, in words. A core of its own is a plus, not a condition.
+fn grade(grants: u32, note: &str) -> String {
+    let has = |bit: u32| grants & bit != 0;
+    let got: Vec<&str> = GRANTS
+        .iter()
+        .filter(|(bit, _)| has(*bit))
+        .map(|(_, words)| *words)
+        .collect();
+    if has(1) && has(2) {
+        return format!("RT: granted ({})", got.join(", "));
+    }
+    let because = if note.is_empty() {
+        let missing = [
+            (1, "SCHED_FIFO was refused"),
+            (2, "memory could not be locked"),
+        ];
+        let words = missing.iter().filter(|(bit, _)| !has(*bit));
+        words
+            .map(|(_, words)| *words)
+            .collect::<Vec<_>>()
+            .join(" and ")
+    } else {
+        note.to_owned()
+    };
+    format!("RT: degraded, because {because}")
+}
+
+fn process(announcement: &Announcement) -> ProcessView {
+    ProcessView {
+        role: announcement.role.to_string(),
+        label: announcement.label.clone(),
+        pid: announcement.pid,
+        incarnation: format!("{:016x}", announcement.incarnation),
+        alive: announcement.is_alive(),
+        note: announcement.note.clone(),
+    }
+}
+
+fn channel(channel: &ChannelConfig) -> ChannelView {
+    ChannelView {
+        name: channel.name.clone(),
+        kind: kind_name(channel.kind).to_owned(),
+        unit: channel.unit.to_string(),
+        on_release: channel.on_release.map(|release| match release {
+            OnRelease::Hold => "hold".to_owned(),
+            OnRelease::Safe(value) => format!("safe: {value}"),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_grade_tells_what_is_missing() {
+        assert_eq!(grade(3, ""), "RT: granted (SCHED_FIFO, memory locked)");
+        assert_eq!(grade(2, ""), "RT: degraded, because SCHED_FIFO was refused");
+        assert_eq!(grade(0, "no rights"), "RT: degraded, because no rights");
+    }
+
+    #[test]
+    fn a_reason_number_is_looked_up_in_the_drivers_note() {
+        let note = "KUKA LWR over FRI\n1: drives are off\n12: quality is bad";
+        assert_eq!(reason_in(note, 12), Some("quality is bad"));
+        assert_eq!(reason_in(note, 2), None);
+    }
+}

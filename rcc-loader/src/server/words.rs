@@ -1,0 +1,361 @@
+//! Words for numbers: why the executor refused a call, and what ended a net, with the names of this cell.
+//! Pure; used by the server's threads.
+
+use rcc_config::{CellConfig, DeviceConfig};
+use rcc_core::frame::PrepareFault;
+use rcc_core::guard::ViolationKind;
+use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
+use rcc_core::plan::{PlanError, Resource};
+use rcc_core::primitive::ChannelKind;
+use rcc_ipc::control::Refusal;
+
+use super::api::FaultView;
+use super::codes::{self, Code};
+use super::error::ApiError;
+
+/// What names numbers: the configuration, the nets, and the reasons that drivers give.
+pub struct Namer<'a> {
+    /// The cell.
+    pub config: &'a CellConfig,
+    /// `net#id` of a command.
+    pub net: &'a dyn Fn(u64) -> String,
+    /// The words of a driver for a reason number of its device.
+    pub reason: &'a dyn Fn(&str, u32) -> String,
+}
+
+impl Namer<'_> {
+    fn device(&self, index: u32) -> Option<&DeviceConfig> {
+        self.config.devices.get(index as usize)
+    }
+
+    /// A device's name, or its number when the configuration does not have it.
+    #[must_use]
+    pub fn device_name(&self, index: u32) -> String {
+        self.device(index)
+            .map_or_else(|| format!("device {index}"), |device| device.name.clone())
+    }
+
+    /// A joint's name; `joint` is counted from 1.
+    #[must_use]
+    pub fn joint_name(&self, device: u32, joint: u32) -> String {
+        let row = (joint as usize).checked_sub(1);
+        self.device(device)
+            .and_then(|device| device.robot.as_ref())
+            .and_then(|robot| robot.joints.get(row?))
+            .map_or_else(|| format!("joint {joint}"), |joint| joint.name.clone())
+    }
+
+    fn channel_name(&self, device: u32, kind: ChannelKind, channel: u32) -> String {
+        let name = self.device(device).and_then(|device| {
+            device
+                .channels_of(kind)
+                .find(|row| row.index == channel)
+                .map(|row| row.name.clone())
+        });
+        let name = name.unwrap_or_else(|| format!("channel {channel}"));
+        format!("{}.{name}", self.device_name(device))
+    }
+
+    /// A resource: `lwr` for an arm, `lwr.torch` for an output.
+    #[must_use]
+    pub fn resource(&self, resource: Resource) -> String {
+        match resource {
+            Resource::Arm { device } => self.device_name(device),
+            Resource::Digital { device, channel } => {
+                self.channel_name(device, ChannelKind::DigitalOutput, channel)
+            }
+            Resource::Analog { device, channel } => {
+                self.channel_name(device, ChannelKind::AnalogOutput, channel)
+            }
+        }
+    }
+
+    /// The error that a refusal is, with names, values, units and a remedy. `id` is the command it was about.
+    #[must_use]
+    pub fn refusal(&self, id: u64, refusal: Refusal) -> ApiError {
+        let net = (self.net)(id);
+        let (code, message, help): (Code, String, String) = match refusal {
+            Refusal::NotUnderstood => (
+                codes::OTHER_BUILD,
+                "the executor does not understand the loader".into(),
+                "install both from one build and restart them".into(),
+            ),
+            Refusal::TableFull => (
+                codes::TABLE_FULL,
+                format!(
+                    "the command table has {} rows and all are in use",
+                    rcc_core::message::COMMANDS_MAX
+                ),
+                "unload commands that are over: `rcc-cli ls`, then `rcc-cli unload NAME`".into(),
+            ),
+            Refusal::UnknownCommand => return unknown(&id.to_string()),
+            Refusal::WrongState { state } => wrong_state(&net, CommandState::from_number(state)),
+            Refusal::Busy { holder, resource } => {
+                let (holder, resource) = ((self.net)(holder), self.resource(resource));
+                (
+                    codes::BUSY,
+                    format!("{net} needs {resource}, which {holder} holds"),
+                    format!("wait until {holder} is over, or end it: `rcc-cli cancel {holder}`"),
+                )
+            }
+            Refusal::NotCancelable => (
+                codes::NOT_CANCELABLE,
+                format!("{net} has no Cancel primitive and can only be aborted"),
+                format!(
+                    "`rcc-cli abort {net}`, or give the net a `Cancel` that stops its motion"
+                ),
+            ),
+            Refusal::DeviceNotReady {
+                device,
+                state,
+                reason,
+            } => self.not_ready(&net, device, DeviceState::from_number(state), reason),
+            Refusal::FirstSetPoint {
+                device,
+                joint,
+                value,
+                limit,
+                violation,
+            } => (
+                codes::FIRST_SET_POINT,
+                format!(
+                    "{net} cannot start: {}",
+                    self.violation(device, joint, value, limit, violation)
+                ),
+                "begin where the device is held (a LinearMotion without `from` does): load the net again and start it; \
+                 there is deliberately no flag to skip this check"
+                    .into(),
+            ),
+            Refusal::FirstCycle { code } => (
+                codes::FIRST_CYCLE,
+                format!(
+                    "{net} cannot start: its first cycle ends with a fault ({})",
+                    FaultCode::from_number(code).name()
+                ),
+                "nothing was written to the devices; correct the net or its parameters and load it again".into(),
+            ),
+            Refusal::Plan(error) => self.plan(&net, error),
+            Refusal::Prepare(fault) => self.prepare(&net, fault),
+            Refusal::Overloaded => (
+                codes::OVERLOADED,
+                format!("the executor has no room for {net} now"),
+                "try again, or unload other commands first".into(),
+            ),
+            Refusal::Stopping => (
+                codes::STOPPING,
+                "the executor is stopping".into(),
+                "start the cell again: `rcc-cli up FILE`".into(),
+            ),
+        };
+        ApiError::new(code, message, help)
+    }
+
+    fn not_ready(
+        &self,
+        net: &str,
+        device: u32,
+        state: DeviceState,
+        reason: u32,
+    ) -> (Code, String, String) {
+        let name = self.device_name(device);
+        let words = (self.reason)(&name, reason);
+        let because = if words.is_empty() {
+            String::new()
+        } else {
+            format!(" ({words})")
+        };
+        let help = match state {
+            DeviceState::Offline => format!(
+                "is its driver running, and the device switched on? `rcc-cli devices` shows {name}"
+            ),
+            DeviceState::Online => {
+                format!("make {name} ready at its own controller, then start again")
+            }
+            DeviceState::Ready => "start again".to_owned(),
+            DeviceState::Commanded | DeviceState::Stopping => {
+                format!("wait until {name} rests, then start again")
+            }
+        };
+        (
+            codes::DEVICE_NOT_READY,
+            format!("{net} needs {name}, which is {}{because}", state.name()),
+            help,
+        )
+    }
+
+    fn plan(&self, net: &str, error: PlanError) -> (Code, String, String) {
+        let restart = "install loader and executor from one build, start both with one configuration file, and load the \
+                       net again";
+        let (message, help) = match error {
+            PlanError::OtherCatalogue => (
+                "loader and executor know different primitives".to_owned(),
+                restart.to_owned(),
+            ),
+            PlanError::OtherConfiguration => (
+                "loader and executor have different configurations of devices".to_owned(),
+                restart.to_owned(),
+            ),
+            PlanError::TooLarge => (
+                "the plan is too large".to_owned(),
+                "divide the net into several".to_owned(),
+            ),
+            PlanError::ClaimedTwice { resource } => (
+                format!("{} is commanded twice", self.resource(resource)),
+                "let one primitive command it".to_owned(),
+            ),
+            other => (
+                format!("the plan does not check ({other:?})"),
+                "this is a fault of the loader: report it with the net".to_owned(),
+            ),
+        };
+        (
+            codes::PLAN_REFUSED,
+            format!("{net} is rejected: {message}"),
+            help,
+        )
+    }
+
+    fn prepare(&self, net: &str, fault: PrepareFault) -> (Code, String, String) {
+        let (message, help) = match fault {
+            PrepareFault::HoldUnknown { device } => {
+                let name = self.device_name(device);
+                (
+                    format!("the position of {name} is not known"),
+                    format!(
+                        "start its driver and switch the device on, then load again: `rcc-cli devices` shows {name}"
+                    ),
+                )
+            }
+            PrepareFault::NoArm { device } => (
+                format!("{} has no arm", self.device_name(device)),
+                "name a device with `robot:` in the cell's configuration".to_owned(),
+            ),
+            PrepareFault::AmbiguousRotation => (
+                "a motion turns by 180°, and both ways are equally short".to_owned(),
+                "divide it into two motions, or change the orientation a little".to_owned(),
+            ),
+            PrepareFault::PathLimits { limits } => (
+                format!(
+                    "a motion cannot be planned: length {} with velocity {}, acceleration {}, jerk {}",
+                    limits.length, limits.velocity, limits.acceleration, limits.jerk
+                ),
+                "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3".to_owned(),
+            ),
+        };
+        (
+            codes::NOT_PREPARED,
+            format!("{net} is rejected: {message}"),
+            help,
+        )
+    }
+
+    /// A broken rule of the guard in words.
+    fn violation(&self, device: u32, joint: u32, value: f64, limit: f64, kind: u32) -> String {
+        let what = format!(
+            "{} joint {}",
+            self.device_name(device),
+            self.joint_name(device, joint)
+        );
+        match ViolationKind::from_number(kind) {
+            Some(ViolationKind::NotFinite) => {
+                format!("{what}: the set-point is not a finite number")
+            }
+            Some(ViolationKind::Range) => format!(
+                "{what}: position {} is beyond the limit {}",
+                angle(value, ""),
+                angle(limit, "")
+            ),
+            Some(ViolationKind::Velocity) => format!(
+                "{what}: velocity {} exceeds {}",
+                angle(value, "/s"),
+                angle(limit, "/s")
+            ),
+            Some(ViolationKind::Acceleration) => format!(
+                "{what}: acceleration {} exceeds {}",
+                angle(value, "/s²"),
+                angle(limit, "/s²")
+            ),
+            Some(ViolationKind::Jump) | None => format!(
+                "{what}: the set-point is {} away from where the device is held (allowed {})",
+                angle(value, ""),
+                angle(limit, "")
+            ),
+        }
+    }
+
+    /// What ended a net, `None` when nothing did.
+    #[must_use]
+    pub fn fault(&self, fault: &FaultRecord) -> Option<FaultView> {
+        let code = FaultCode::from_number(fault.code);
+        if code == FaultCode::None {
+            return None;
+        }
+        let device = (fault.device != u32::MAX).then(|| self.device_name(fault.device));
+        let joint = (fault.joint != 0).then(|| self.joint_name(fault.device, fault.joint));
+        let words = match (code, &device) {
+            (FaultCode::DeviceLost, Some(device)) => {
+                format!("device {device} was lost in cycle {}", fault.cycle)
+            }
+            (FaultCode::Jump | FaultCode::Limit, Some(_)) => self.violation(
+                fault.device,
+                fault.joint,
+                fault.value,
+                fault.limit,
+                fault.violation,
+            ),
+            (FaultCode::Panic, _) => "a primitive panicked: report it with the net".to_owned(),
+            (FaultCode::Motion, _) => "a motion could not be computed".to_owned(),
+            (FaultCode::Overrun, _) => {
+                format!(
+                    "too many late cycles in a row, the last was {}",
+                    fault.cycle
+                )
+            }
+            _ => code.name().to_owned(),
+        };
+        Some(FaultView {
+            fault: code.name().to_owned(),
+            device,
+            joint,
+            value: fault.value,
+            limit: fault.limit,
+            cycle: fault.cycle,
+            words,
+        })
+    }
+}
+
+/// The error of a name or id that nothing has.
+#[must_use]
+pub fn unknown(name: &str) -> ApiError {
+    ApiError::new(
+        codes::UNKNOWN_COMMAND,
+        format!("there is no command `{name}`"),
+        "`rcc-cli ls` shows all commands; `rcc-cli load FILE` makes one",
+    )
+}
+
+fn wrong_state(net: &str, state: CommandState) -> (Code, String, String) {
+    let help = match state {
+        CommandState::Loading => "wait until it is ready: `rcc-cli state`".to_owned(),
+        CommandState::Rejected => {
+            format!("`rcc-cli state {net}` shows why; correct the text and load it again")
+        }
+        CommandState::Ready => format!("start it first: `rcc-cli start {net}`"),
+        CommandState::Running | CommandState::Canceling => {
+            format!("wait until it is over, or end it: `rcc-cli cancel {net}`")
+        }
+        CommandState::Terminated | CommandState::None => {
+            "a command runs once: load its text again".to_owned()
+        }
+    };
+    (
+        codes::WRONG_STATE,
+        format!("{net} is {}", state.name()),
+        help,
+    )
+}
+
+fn angle(rad: f64, per: &str) -> String {
+    format!("{:.3}°{per} ({rad:.6} rad{per})", rad.to_degrees())
+}
