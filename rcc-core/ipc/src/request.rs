@@ -34,8 +34,12 @@ const ACTIVE_MAX: usize = 2;
 const USUAL_SIZE: usize = 1 << 10;
 /// Answers that a server has memory for at a time; iceoryx2 would reckon with 256 of the longest, and an executor
 /// locks all of its memory.
-const ANSWERS_MAX: usize = 2 * CLIENTS_MAX;
-/// Shared memory of a client or server beside large messages; measured below 600 kB.
+const ANSWERS_MAX: usize = CLIENTS_MAX;
+/// Requests that iceoryx2 takes memory for in a client.
+const REQUESTS_MAX: usize = ACTIVE_MAX + 3;
+/// More than iceoryx2 puts before each message.
+const HEADER_SIZE: usize = 256;
+/// Shared memory of a client or server beside large messages; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
 /// A client looks for the answer at these intervals: at once, then in growing steps.
 const POLL_FIRST: Duration = Duration::from_micros(20);
@@ -94,7 +98,10 @@ pub enum AnswerError {
         /// The limit.
         max: usize,
     },
-    /// Anything else that iceoryx2 says.
+    /// Too little shared memory for this answer.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
+    /// Anything else that iceoryx2 says; that memory ran out means that clients do not take their answers.
     #[error("the answer cannot be sent: {cause}")]
     Failed {
         /// What iceoryx2 said.
@@ -231,6 +238,7 @@ impl Request {
                 max: RESPONSE_MAX,
             });
         }
+        require_room(bytes.len(), ANSWERS_MAX)?;
         let failed = |cause| AnswerError::Failed { cause };
         let response = self
             .active
@@ -318,10 +326,7 @@ impl Client {
                 max: REQUEST_MAX,
             });
         }
-        if size > USUAL_SIZE {
-            // The memory grows by powers of two for each of the requests that may be under way.
-            room::require((size.next_power_of_two() * (ACTIVE_MAX + 4)) as u64)?;
-        }
+        require_room(size, REQUESTS_MAX)?;
         if !self.server_is_alive() {
             return Err(CallError::ServerGone {
                 service: self.service.clone(),
@@ -389,6 +394,14 @@ impl Client {
             cause: Cause::of(error),
         }
     }
+}
+
+/// Memory for messages longer than the usual ones comes in powers of two, for all that may be under way at once.
+fn require_room(size: usize, count: usize) -> Result<(), NoRoom> {
+    if size <= USUAL_SIZE {
+        return Ok(());
+    }
+    room::require(((size + HEADER_SIZE).next_power_of_two() * count) as u64)
 }
 
 type Factory = PortFactory<Service, [u8], (), [u8], ()>;

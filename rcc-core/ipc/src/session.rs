@@ -14,6 +14,7 @@ use iceoryx2::prelude::{
 use nix::fcntl::Flock;
 
 use crate::cell::{Cell, CellError};
+use crate::clean;
 use crate::life::Life;
 use crate::lock::{self, LockError};
 use crate::room::{self, NoRoom};
@@ -114,7 +115,7 @@ pub enum SessionError {
     },
     /// iceoryx2 could not make its node.
     #[error(
-        "cell '{cell}' cannot be joined: {cause}; if it is dead, rcc-janitor --wipe repairs it"
+        "cell '{cell}' cannot be joined: {cause}; stop its processes and run rcc-janitor --wipe"
     )]
     Node {
         /// The cell.
@@ -234,8 +235,18 @@ pub(crate) fn owner_of(service: &str) -> Option<Life> {
         .map(Life::from_incarnation)
 }
 
-/// Takes the shared lock of the cell and makes a node.
+/// Takes the shared lock of the cell and makes a node. The first process of a cell may have died while it made what
+/// all share; then nobody can enter until that is wiped, which is done here when nobody else is in.
 pub(crate) fn enter(
+    cell: &Cell,
+) -> Result<(Flock<File>, Node<ipc_threadsafe::Service>), SessionError> {
+    match enter_as_it_is(cell) {
+        Err(SessionError::Node { .. }) if clean::wipe(cell).is_ok() => enter_as_it_is(cell),
+        result => result,
+    }
+}
+
+fn enter_as_it_is(
     cell: &Cell,
 ) -> Result<(Flock<File>, Node<ipc_threadsafe::Service>), SessionError> {
     cell.make_folders()?;
@@ -244,6 +255,7 @@ pub(crate) fn enter(
             cell: cell.name().to_owned(),
             source,
         })?;
+    // Again: a wipe may have ended between the two.
     cell.make_folders()?;
     let node = NodeBuilder::new()
         .config(&config(cell)?)

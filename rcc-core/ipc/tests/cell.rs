@@ -263,6 +263,20 @@ fn a_wiped_cell_can_be_used_again() {
 }
 
 #[test]
+fn a_cell_whose_first_process_died_while_it_made_the_common_segment_can_be_joined() {
+    let cell = TestCell::new();
+    drop(Session::join(&cell, Role::Loader, "loader").unwrap());
+    let common = cell.files();
+    assert!(common.len() == 1 && common[0].to_string_lossy().ends_with("global_mgmt"));
+    // Sized, but not filled in: its version is zero.
+    fs::write(&common[0], [0; 16]).unwrap();
+    Session::join(&cell, Role::Loader, "loader")
+        .unwrap()
+        .create_board::<u64>("board")
+        .unwrap();
+}
+
+#[test]
 fn a_removed_cell_leaves_no_file_and_foreign_files_alone() {
     let cell = TestCell::new();
     drop(Session::join(&cell, Role::Loader, "loader").unwrap());

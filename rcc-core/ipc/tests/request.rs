@@ -167,13 +167,18 @@ fn requests_that_were_given_up_are_not_served() {
 fn an_answer_to_a_request_given_up_is_not_taken_for_the_next_one() {
     let cell = TestCell::new();
     let (_session, server, client) = in_one_process(&cell);
+    let taken = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let call = scope.spawn(|| client.call(b"old", SOON));
+        // Asks until the server has one of its requests and it gave that one up.
+        let call = scope.spawn(|| {
+            while !taken.load(Ordering::Relaxed) {
+                let error = refused(client.call(b"old", SOON));
+                assert!(matches!(error, CallError::Timeout { .. }), "{error}");
+            }
+        });
         let kept = wait_for(|| server.poll().unwrap());
-        assert!(matches!(
-            refused(call.join().unwrap()),
-            CallError::Timeout { .. }
-        ));
+        taken.store(true, Ordering::Relaxed);
+        call.join().unwrap();
         assert!(!kept.is_awaited());
         let next = scope.spawn(|| client.call(b"new", LIMIT));
         let request = wait_for(|| server.poll().unwrap());
