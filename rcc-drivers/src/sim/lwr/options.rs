@@ -25,7 +25,7 @@ pub struct Options {
     /// Period of both directions, ms (KUKA: 1 to 100)
     #[arg(long, value_name = "MS", default_value_t = 1.0)]
     pub period_ms: f64,
-    /// How the KRL program decides about command mode: with first-app the PC writes $FRI_FRM_INT[1],
+    /// How the KRL program decides about command mode: with first-app the PC writes `$FRI_FRM_INT[1]`,
     /// 1 and 10 ask for it, 0 and 2 end it; with auto it begins as soon as its conditions hold
     #[arg(long, value_enum, default_value = "first-app")]
     pub krl: Script,
@@ -86,10 +86,10 @@ pub struct Options {
     /// Cycles for which a better quality must have lasted before it is believed (ours)
     #[arg(long, value_name = "COUNT", default_value_t = 50)]
     pub quality_raise_cycles: u32,
-    /// Wires $FRI_FRM_BOOL[FROM] back to $FRI_TO_BOOL[TO]
+    /// Wires `$FRI_FRM_BOOL[FROM]` back to `$FRI_TO_BOOL[TO]`
     #[arg(long, value_name = "FROM=TO")]
     pub wire_bool: Vec<Wire>,
-    /// Wires $FRI_FRM_REA[FROM] back to $FRI_TO_REA[TO]
+    /// Wires `$FRI_FRM_REA[FROM]` back to `$FRI_TO_REA[TO]`
     #[arg(long, value_name = "FROM=TO")]
     pub wire_real: Vec<Wire>,
     /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
@@ -207,6 +207,35 @@ impl Options {
     /// # Errors
     /// The first number that is out of range.
     pub fn settings(&self) -> Result<Settings, OptionError> {
+        self.check_ranges()?;
+        let [perfect, ok, bad] = self.quality.0;
+        Ok(Settings {
+            period_s: self.period_ms * 1e-3,
+            start: self.start.0,
+            script: self.krl,
+            acknowledge: self.ack,
+            limits: self.limits()?,
+            safety_limits: self.safety_limits,
+            mirror_tolerance_rad: self.mirror_tolerance,
+            bridged_misses: self.bridge,
+            brake_deceleration: self.brake_deceleration,
+            brake_jerk: self.brake_jerk,
+            bandwidth_rad_s: self.bandwidth,
+            quality: QualityRules {
+                perfect,
+                ok,
+                bad,
+                raise_cycles: self.quality_raise_cycles,
+            },
+            boolean_wires: self.wire_bool.clone(),
+            real_wires: self.wire_real.clone(),
+            wall: self.wall.map(wall).transpose()?,
+            seed: self.seed,
+            ..Settings::default()
+        })
+    }
+
+    fn check_ranges(&self) -> Result<(), OptionError> {
         if !self.control.ip().is_loopback() {
             return Err(OptionError::Control(self.control));
         }
@@ -247,6 +276,11 @@ impl Options {
                 value.is_finite() && value > 0.0,
             )?;
         }
+        Ok(())
+    }
+
+    /// The supervised limits; the start lies within them.
+    fn limits(&self) -> Result<Limits, OptionError> {
         let radians = |numbers: &Numbers<JOINTS>| -> Joints { numbers.0.map(f64::to_radians) };
         let limits = Limits {
             position: radians(&self.position_limits),
@@ -262,31 +296,7 @@ impl Options {
                 limit: limits.position[joint],
             });
         }
-        let [perfect, ok, bad] = self.quality.0;
-        Ok(Settings {
-            period_s: self.period_ms * 1e-3,
-            start,
-            script: self.krl,
-            acknowledge: self.ack,
-            limits,
-            safety_limits: safety,
-            mirror_tolerance_rad: self.mirror_tolerance,
-            bridged_misses: self.bridge,
-            brake_deceleration: self.brake_deceleration,
-            brake_jerk: self.brake_jerk,
-            bandwidth_rad_s: self.bandwidth,
-            quality: QualityRules {
-                perfect,
-                ok,
-                bad,
-                raise_cycles: self.quality_raise_cycles,
-            },
-            boolean_wires: self.wire_bool.clone(),
-            real_wires: self.wire_real.clone(),
-            wall: self.wall.map(wall).transpose()?,
-            seed: self.seed,
-            ..Settings::default()
-        })
+        Ok(limits)
     }
 }
 

@@ -77,41 +77,11 @@ impl Stream {
                 limit,
             },
         )?;
-        let (mut periods, mut best) = (1, f64::INFINITY);
-        for candidate in (1..=periods_max.clamp(1, STALL_MAX)).rev() {
-            let effort = self.accelerations(command, candidate, settings.period_s);
-            let effort = effort.iter().fold(0.0_f64, |max, a| max.max(a.abs()));
-            if effort < best {
-                (periods, best) = (candidate, effort);
-            }
-        }
+        let periods = self.passed(command, periods_max, settings.period_s);
         let spacing_s = (self.missed + periods) as f64 * settings.period_s;
         let velocity = self.velocities(command, spacing_s);
         let acceleration = self.accelerations(command, periods, settings.period_s);
-        let scale = settings.safety_limits;
-        check(
-            &velocity,
-            &settings.limits.velocity,
-            scale,
-            |joint, value, limit| Fault::Velocity {
-                joint,
-                value,
-                limit,
-            },
-        )?;
-        let rounding =
-            ROUNDING_STEPS * f64::from(f32::EPSILON) * std::f64::consts::PI / spacing_s.powi(2);
-        let allowed = settings
-            .limits
-            .acceleration
-            .map(|limit| limit * scale + rounding);
-        check(&acceleration, &allowed, 1.0, |joint, value, limit| {
-            Fault::Acceleration {
-                joint,
-                value,
-                limit,
-            }
-        })?;
+        supervise(&velocity, &acceleration, spacing_s, settings)?;
         for joint in 0..JOINTS {
             self.velocity_max[joint] = self.velocity_max[joint].max(velocity[joint].abs());
             self.acceleration_max[joint] =
@@ -127,6 +97,19 @@ impl Stream {
         Ok(periods)
     }
 
+    /// The number of periods, 1 to `periods_max`, with which the command needs the least acceleration.
+    fn passed(&self, command: &Joints, periods_max: u64, period_s: f64) -> u64 {
+        let (mut periods, mut best) = (1, f64::INFINITY);
+        for candidate in (1..=periods_max.clamp(1, STALL_MAX)).rev() {
+            let effort = self.accelerations(command, candidate, period_s);
+            let effort = effort.iter().fold(0.0_f64, |max, a| max.max(a.abs()));
+            if effort < best {
+                (periods, best) = (candidate, effort);
+            }
+        }
+        periods
+    }
+
     fn velocities(&self, command: &Joints, spacing_s: f64) -> Joints {
         std::array::from_fn(|joint| (command[joint] - self.position[joint]) / spacing_s)
     }
@@ -139,6 +122,40 @@ impl Stream {
             (velocity[joint] - self.velocity[joint]) * 2.0 / (spacing_s + self.spacing_s)
         })
     }
+}
+
+/// The limits of velocity and acceleration, the latter with room for rounding to binary32.
+fn supervise(
+    velocity: &Joints,
+    acceleration: &Joints,
+    spacing_s: f64,
+    settings: &Settings,
+) -> Result<(), Fault> {
+    let scale = settings.safety_limits;
+    check(
+        velocity,
+        &settings.limits.velocity,
+        scale,
+        |joint, value, limit| Fault::Velocity {
+            joint,
+            value,
+            limit,
+        },
+    )?;
+    let rounding =
+        ROUNDING_STEPS * f64::from(f32::EPSILON) * std::f64::consts::PI / spacing_s.powi(2);
+    let allowed = settings
+        .limits
+        .acceleration
+        .map(|limit| limit * scale + rounding);
+    check(acceleration, &allowed, 1.0, |joint, value, limit| {
+        Fault::Acceleration {
+            joint,
+            value,
+            limit,
+        }
+    })?;
+    Ok(())
 }
 
 fn check(
