@@ -2,12 +2,17 @@
 //! Read once at start-up by every process that works with the cell; never by the real-time thread.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rcc_core::frame::DeviceModel;
 
 use crate::device::{ChannelConfig, DeviceConfig, kind_name};
+use crate::diagnostic::Faults;
+use crate::file::{self, Text};
+use crate::ports::Numbers;
 use crate::robot::RobotConfig;
+
+mod read;
 
 /// Everything that the processes of one cell must agree on.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +57,54 @@ pub struct SimulatorConfig {
     pub arguments: Vec<String>,
 }
 
+impl Default for ExecutorConfig {
+    fn default() -> Self {
+        ExecutorConfig {
+            priority: 80,
+            core: None,
+            late_in_a_row_max: 100,
+        }
+    }
+}
+
 impl CellConfig {
+    /// Reads a cell's file and the robots' files that it names. `ports` are the numbers that the program which started
+    /// the cell has chosen: every automatic port needs one; a fixed port takes it instead of its own.
+    ///
+    /// # Errors
+    /// All faults of all these files.
+    pub fn load(path: &Path, ports: &BTreeMap<String, u16>) -> Result<CellConfig, Faults> {
+        CellConfig::read(path, Numbers::Chosen(ports))
+    }
+
+    /// As [`CellConfig::load`], for those who open no port and only check or compile: automatic ports are 0.
+    ///
+    /// # Errors
+    /// All faults of all these files.
+    pub fn load_offline(path: &Path) -> Result<CellConfig, Faults> {
+        CellConfig::read(path, Numbers::Offline)
+    }
+
+    /// Reads a cell's text; `file` is its name for people, `base` the folder that paths in it begin at.
+    ///
+    /// # Errors
+    /// All faults of the text and of the files that it names.
+    pub fn parse(
+        text: &str,
+        file: &str,
+        base: &Path,
+        ports: &BTreeMap<String, u16>,
+    ) -> Result<CellConfig, Faults> {
+        let (name, text) = (file.to_owned(), text.to_owned());
+        read::cell(&Text { name, text }, base, Numbers::Chosen(ports))
+    }
+
+    fn read(path: &Path, numbers: Numbers<'_>) -> Result<CellConfig, Faults> {
+        let file = file::read(path)?;
+        let base = path.parent().unwrap_or(Path::new(""));
+        read::cell(&file, base, numbers)
+    }
+
     /// The devices as the core knows them, in order of their index.
     #[must_use]
     pub fn models(&self) -> Vec<DeviceModel> {

@@ -7,6 +7,10 @@ use rcc_core::unit::Unit;
 
 use crate::robot::{NO_JOINTS, RobotConfig};
 
+mod read;
+
+pub(crate) use read::channels;
+
 /// One device and how its driver reaches it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceConfig {

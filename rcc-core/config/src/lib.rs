@@ -2,14 +2,17 @@
 //! Used by every process at start-up and by the loader; nothing here is real-time.
 
 pub mod cell;
+pub mod codes;
 pub mod device;
 pub mod diagnostic;
+mod file;
 pub mod ports;
 pub mod quantity;
+mod reader;
 pub mod robot;
 pub mod yaml;
 
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
-pub use ports::{Protocol, free_port};
+pub use ports::{Protocol, auto_ports, free_port};
 pub use robot::{JointConfig, RobotConfig};

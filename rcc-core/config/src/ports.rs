@@ -1,8 +1,16 @@
 //! Network ports of a cell: fixed numbers, or numbers that are chosen when the cell is started.
 //! Used by the program that starts a cell and by every process that reads the cell's file; never real-time.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::net::{Ipv4Addr, TcpListener, UdpSocket};
+use std::path::Path;
+use std::str::FromStr;
+
+use crate::codes;
+use crate::diagnostic::{Diagnostic, Faults, Span, closest};
+use crate::reader::{ID, Reader, error};
+use crate::yaml::{Node, Value};
 
 /// What a port is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -25,4 +33,194 @@ pub fn free_port(protocol: Protocol) -> io::Result<u16> {
         Protocol::Tcp => TcpListener::bind(any)?.local_addr()?,
     };
     Ok(address.port())
+}
+
+/// `name=number` on a command line: a port that the program which started the cell has chosen.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PortArgument {
+    /// As the cell's file calls it.
+    pub name: String,
+    /// Its number.
+    pub number: u16,
+}
+
+/// Text that is not `name=number`.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{given}' is no port: write name=number, for example fri=49938")]
+pub struct PortArgumentError {
+    /// What was given.
+    pub given: String,
+}
+
+impl FromStr for PortArgument {
+    type Err = PortArgumentError;
+
+    fn from_str(given: &str) -> Result<PortArgument, PortArgumentError> {
+        let parts = given.split_once('=').filter(|(name, _)| !name.is_empty());
+        let port = parts.and_then(|(name, number)| Some((name, number.parse().ok()?)));
+        let (name, number) = port.ok_or_else(|| PortArgumentError {
+            given: given.to_owned(),
+        })?;
+        Ok(PortArgument {
+            name: name.to_owned(),
+            number,
+        })
+    }
+}
+
+/// How a file declares a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Declared {
+    Fixed(u16),
+    Automatic(Protocol),
+}
+
+/// Where the numbers of automatic ports come from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Numbers<'a> {
+    /// From the program that started the cell.
+    Chosen(&'a BTreeMap<String, u16>),
+    /// Nothing will be opened: they are 0.
+    Offline,
+}
+
+/// The ports of the file that must be chosen when its cell is started, in the order of the file.
+///
+/// # Errors
+/// The file cannot be read, or a port is declared wrongly. Other faults are left to [`crate::CellConfig::load`].
+pub fn auto_ports(path: &Path) -> Result<Vec<(String, Protocol)>, Faults> {
+    let file = crate::file::read(path)?;
+    let root = crate::file::tree(&file)?;
+    let mut reader = Reader::default();
+    let declared = declared(&mut reader, root.get("ports"));
+    file.faults(reader)?;
+    let automatic = declared
+        .into_iter()
+        .filter_map(|(name, _, port)| match port {
+            Declared::Automatic(protocol) => Some((name, protocol)),
+            Declared::Fixed(_) => None,
+        });
+    Ok(automatic.collect())
+}
+
+fn declared(reader: &mut Reader, node: Option<&Node>) -> Vec<(String, Span, Declared)> {
+    let node = node.filter(|node| node.value != Value::Null);
+    let entries = node.and_then(|node| reader.entries(node, "ports"));
+    let mut ports = Vec::new();
+    for entry in entries.unwrap_or_default() {
+        let name = reader.key_name(&entry.key, "a port", ID);
+        let port = declaration(reader, &entry.value);
+        if let Some(name) = name {
+            // A faulty one is still declared, so that its uses are no faults too.
+            let port = port.unwrap_or(Declared::Fixed(0));
+            ports.push((name, entry.key.span, port));
+        }
+    }
+    ports
+}
+
+fn declaration(reader: &mut Reader, node: &Node) -> Option<Declared> {
+    let found = match &node.value {
+        Value::Int(number) => u16::try_from(*number)
+            .ok()
+            .filter(|number| *number > 0)
+            .map(Declared::Fixed),
+        Value::Text(text) => match text.as_str() {
+            "auto udp" => Some(Declared::Automatic(Protocol::Udp)),
+            "auto tcp" => Some(Declared::Automatic(Protocol::Tcp)),
+            _ => None,
+        },
+        _ => None,
+    };
+    if found.is_none() {
+        let message = "a port is a number from 1 to 65535, `auto udp` or `auto tcp`";
+        let fault = error(codes::BAD_PORT, node.span, message);
+        reader.keep(fault.help("with `auto` a free one is chosen when the cell is started"));
+    }
+    found
+}
+
+/// The numbers of all declared ports.
+pub(crate) fn numbers(
+    reader: &mut Reader,
+    node: Option<&Node>,
+    given: Numbers<'_>,
+) -> BTreeMap<String, u16> {
+    let declared = declared(reader, node);
+    let mut numbers = BTreeMap::new();
+    for (name, span, port) in declared {
+        let chosen = match given {
+            Numbers::Chosen(chosen) => chosen.get(&name).copied(),
+            Numbers::Offline => Some(0),
+        };
+        let number = match (port, given, chosen) {
+            (Declared::Fixed(number), Numbers::Offline, _)
+            | (Declared::Fixed(number), _, None)
+            | (Declared::Automatic(_), _, Some(number))
+            | (Declared::Fixed(_), _, Some(number)) => number,
+            (Declared::Automatic(_), _, None) => {
+                let message =
+                    format!("the port `{name}` is automatic, and no number was given for it");
+                let help = format!(
+                    "`rcc-cli up` chooses one and passes it on; by hand: `--port {name}=NUMBER`"
+                );
+                reader.keep(error(codes::PORT_NOT_CHOSEN, span, message).help(help));
+                0
+            }
+        };
+        numbers.insert(name, number);
+    }
+    if let Numbers::Chosen(chosen) = given {
+        for name in chosen.keys().filter(|name| !numbers.contains_key(*name)) {
+            let message = format!(
+                "a number was given for the port `{name}`, but the cell has none of this name"
+            );
+            let fault = error(codes::PORT_NOT_DECLARED, Span::default(), message).anywhere();
+            reader.keep(fault.help(known_ports(name, &numbers)));
+        }
+    }
+    numbers
+}
+
+fn known_ports(name: &str, numbers: &BTreeMap<String, u16>) -> String {
+    let known = numbers.keys().map(String::as_str);
+    match closest(name, known.clone()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if numbers.is_empty() => format!("declare it: `ports: {{{name}: auto tcp}}`"),
+        None => format!("its ports are: {}", known.collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Replaces each `${name}` by the number of that port.
+pub(crate) fn substitute(
+    reader: &mut Reader,
+    text: &str,
+    span: Span,
+    numbers: &BTreeMap<String, u16>,
+) -> Option<String> {
+    let mut result = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once("${") {
+        result.push_str(before);
+        let Some((name, after)) = after.split_once('}') else {
+            let fault = error(codes::BROKEN_PLACEHOLDER, span, "`${` is not closed");
+            reader.keep(fault.help("write `${name}` for the number of a port"));
+            return None;
+        };
+        match numbers.get(name) {
+            Some(number) => result.push_str(&number.to_string()),
+            None => {
+                reader.keep(unknown_port(name, span, numbers));
+                return None;
+            }
+        }
+        rest = after;
+    }
+    result.push_str(rest);
+    Some(result)
+}
+
+fn unknown_port(name: &str, span: Span, numbers: &BTreeMap<String, u16>) -> Diagnostic {
+    let message = format!("`${{{name}}}` names no port of this cell");
+    error(codes::UNKNOWN_PORT, span, message).help(known_ports(name, numbers))
 }

@@ -5,6 +5,10 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::SrsArm;
 use rcc_core::message::JOINTS_MAX;
 
+mod read;
+
+pub(crate) use read::robot as read;
+
 /// An arm: kinematics and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotConfig {

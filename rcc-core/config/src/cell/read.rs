@@ -1,0 +1,363 @@
+//! Reads the file of a cell, and the files that it names.
+//! Run at start-up by whoever reads it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rcc_core::message::{DEVICES_MAX, SET_POINTS};
+use rcc_core::unit::Unit;
+
+use super::{CellConfig, ExecutorConfig, SimulatorConfig};
+use crate::codes;
+use crate::device::{DeviceConfig, channels};
+use crate::diagnostic::{Faults, Span};
+use crate::file::{self, Text};
+use crate::ports::{self, Numbers};
+use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
+use crate::robot::{self, RobotConfig};
+use crate::yaml::{Entry, Node, Value};
+
+const KEYS: [&str; 7] = [
+    "cell",
+    "period",
+    "stale_after",
+    "executor",
+    "ports",
+    "simulators",
+    "devices",
+];
+const EXECUTOR_KEYS: [&str; 3] = ["priority", "core", "late_in_a_row_max"];
+const SIMULATOR_KEYS: [&str; 2] = ["program", "arguments"];
+const DEVICE_KEYS: [&str; 7] = [
+    "driver",
+    "robot",
+    "settings",
+    "channels",
+    "first_tolerance",
+    "command_timeout",
+    "delay",
+];
+
+const MS: u64 = 1_000_000;
+const PERIOD_NS: [u64; 2] = [MS / 10, 1000 * MS];
+const STALE_AFTER_NS: u64 = 50 * MS;
+const STALE_AFTER_NS_MAX: u64 = 10_000 * MS;
+const COMMAND_TIMEOUT_NS: u64 = 50 * MS;
+const COMMAND_TIMEOUT_NS_MAX: u64 = 10_000 * MS;
+const DELAY_NS: u64 = 10 * MS;
+const DELAY_NS_MAX: u64 = 12_000 * MS;
+/// A board holds 16 set-points; the others are for an executor that is early or a driver that is late.
+const DELAY_PERIODS_MAX: u64 = SET_POINTS as u64 - 4;
+const FIRST_TOLERANCE_RAD: f64 = std::f64::consts::PI / 180.0 * 0.1;
+const FIRST_TOLERANCE_RAD_MAX: f64 = std::f64::consts::PI / 180.0;
+/// Far beyond any machine; a core that is not there is found out when the thread is bound.
+const CORE_MAX: i64 = 4095;
+
+/// What reading needs beside the tree.
+struct Reading<'a> {
+    reader: Reader,
+    base: &'a Path,
+    ports: BTreeMap<String, u16>,
+    period_ns: u64,
+    /// Each robot's file is read once, `None` if it is faulty.
+    robots: BTreeMap<PathBuf, Option<RobotConfig>>,
+    /// Faults of the robots' files.
+    others: Vec<Faults>,
+}
+
+/// Reads the text of a cell's file.
+pub(super) fn cell(file: &Text, base: &Path, numbers: Numbers<'_>) -> Result<CellConfig, Faults> {
+    let root = file::tree(file)?;
+    let mut reader = Reader::default();
+    let ports = ports::numbers(&mut reader, root.get("ports"), numbers);
+    let mut reading = Reading {
+        reader,
+        base,
+        ports,
+        period_ns: MS,
+        robots: BTreeMap::new(),
+        others: Vec::new(),
+    };
+    let cell = reading.cell(&root, PathBuf::from(&file.name));
+    let own = file.faults(reading.reader);
+    let mut all = reading.others.into_iter();
+    let faults = match (own, all.next()) {
+        (Err(mut own), other) => {
+            other
+                .into_iter()
+                .chain(all)
+                .for_each(|more| own.append(more));
+            Some(own)
+        }
+        (Ok(()), Some(mut first)) => {
+            all.for_each(|more| first.append(more));
+            Some(first)
+        }
+        (Ok(()), None) => None,
+    };
+    match (cell, faults) {
+        (Some(cell), None) => Ok(cell),
+        (_, Some(faults)) => Err(faults),
+        // Not reached: whoever gives no value keeps a fault. An empty list is still a refusal.
+        (None, None) => Err(Faults::new(&*file.name, &*file.text, Vec::new())),
+    }
+}
+
+impl Reading<'_> {
+    fn cell(&mut self, root: &Node, source: PathBuf) -> Option<CellConfig> {
+        let fields = self.reader.fields(root, root.span, "a cell", &KEYS)?;
+        let name = self.reader.need(&fields, "cell");
+        let name = name.and_then(|node| self.name(node, "a cell"));
+        let period_ns = self.reader.need(&fields, "period").and_then(|node| {
+            let [least, most] = PERIOD_NS;
+            self.reader.nanoseconds(node, "period", least, most)
+        });
+        // With a faulty period, the rest is judged by the usual one.
+        self.period_ns = period_ns.unwrap_or(MS);
+        let stale_after_ns =
+            self.timeout(&fields, "stale_after", STALE_AFTER_NS, STALE_AFTER_NS_MAX);
+        let executor = self.executor(&fields);
+        let simulators = self.simulators(&fields);
+        let devices = self.devices(&fields);
+        Some(CellConfig {
+            name: name?,
+            period_ns: period_ns?,
+            stale_after_ns: stale_after_ns?,
+            executor: executor?,
+            devices: devices?,
+            simulators: simulators?,
+            ports: self.ports.clone(),
+            source,
+        })
+    }
+
+    fn name(&mut self, node: &Node, what: &str) -> Option<String> {
+        let form = if what == "a cell" {
+            CELL_NAME
+        } else {
+            DEVICE_NAME
+        };
+        let text = self.reader.text(node, &format!("the name of {what}"))?;
+        self.reader.name(text, node.span, what, form)
+    }
+
+    /// How old something may be: at least two periods, or it would be stale between two cycles.
+    fn timeout(&mut self, fields: &Fields<'_>, key: &str, usual: u64, most: u64) -> Option<u64> {
+        match fields.get(key) {
+            Some(node) => self.reader.nanoseconds(node, key, 2 * self.period_ns, most),
+            None => Some(usual.max(3 * self.period_ns)),
+        }
+    }
+
+    fn executor(&mut self, cell: &Fields<'_>) -> Option<ExecutorConfig> {
+        let mut executor = ExecutorConfig::default();
+        let Some(entry) = cell.entry("executor") else {
+            return Some(executor);
+        };
+        let (node, place) = (&entry.value, entry.key.span);
+        let fields = self
+            .reader
+            .fields(node, place, "the executor", &EXECUTOR_KEYS)?;
+        let mut whole = |key, least, most| {
+            let node = fields.get(key)?;
+            self.reader.whole(node, key, least, most)
+        };
+        if let Some(priority) = whole("priority", 1, 99) {
+            executor.priority = u8::try_from(priority).ok()?;
+        }
+        if let Some(core) = whole("core", 0, CORE_MAX) {
+            executor.core = usize::try_from(core).ok();
+        }
+        if let Some(late) = whole("late_in_a_row_max", 0, i64::from(u32::MAX)) {
+            executor.late_in_a_row_max = u32::try_from(late).ok()?;
+        }
+        Some(executor)
+    }
+
+    fn simulators(&mut self, cell: &Fields<'_>) -> Option<Vec<SimulatorConfig>> {
+        let Some(node) = cell.get("simulators") else {
+            return Some(Vec::new());
+        };
+        let entries = self.reader.entries(node, "simulators")?;
+        let simulators = entries.iter().filter_map(|entry| self.simulator(entry));
+        Some(simulators.collect())
+    }
+
+    fn simulator(&mut self, Entry { key, value }: &Entry) -> Option<SimulatorConfig> {
+        let reader = &mut self.reader;
+        let name = reader.key_name(key, "a simulator", DEVICE_NAME);
+        let fields = reader.fields(value, key.span, "a simulator", &SIMULATOR_KEYS)?;
+        let program = reader.need(&fields, "program");
+        let program = program.and_then(|node| Some((reader.text(node, "program")?, node.span)));
+        let list = fields.get("arguments");
+        let list = list.and_then(|node| reader.list(node, "arguments"));
+        let list = list.unwrap_or_default().iter();
+        let arguments = list.filter_map(|node| self.argument(node)).collect();
+        let (program, span) = program?;
+        Some(SimulatorConfig {
+            name: name?,
+            program: ports::substitute(&mut self.reader, program, span, &self.ports)?,
+            arguments,
+        })
+    }
+
+    /// Text, or a whole number: other numbers would not be passed on as they are written.
+    fn argument(&mut self, node: &Node) -> Option<String> {
+        match &node.value {
+            Value::Int(number) => Some(number.to_string()),
+            Value::Text(text) => ports::substitute(&mut self.reader, text, node.span, &self.ports),
+            _ => {
+                self.reader
+                    .shape(node, "an argument", "text (put it in quotes)");
+                None
+            }
+        }
+    }
+
+    fn devices(&mut self, cell: &Fields<'_>) -> Option<Vec<DeviceConfig>> {
+        let node = self.reader.need(cell, "devices")?;
+        let entries = self.reader.entries(node, "devices")?;
+        let places: Vec<Span> = entries.iter().map(|entry| entry.key.span).collect();
+        self.reader
+            .at_most(DEVICES_MAX, "devices in one cell", &places);
+        let devices = entries.iter().filter_map(|entry| self.device(entry));
+        Some(devices.collect())
+    }
+
+    fn device(&mut self, Entry { key, value }: &Entry) -> Option<DeviceConfig> {
+        let name = self.reader.key_name(key, "a device", DEVICE_NAME);
+        let fields = self
+            .reader
+            .fields(value, key.span, "a device", &DEVICE_KEYS)?;
+        let driver = self.reader.need(&fields, "driver");
+        let driver = driver.and_then(|node| self.name(node, "a driver"));
+        let robot = match fields.get("robot") {
+            Some(node) => self.robot(node).map(Some),
+            None => {
+                self.refuse_keys_of_arms(&fields);
+                Some(None)
+            }
+        };
+        let settings = match fields.get("settings") {
+            Some(node) => {
+                self.reader.entries(node, "settings");
+                self.json(node)
+            }
+            None => Some(serde_json::Value::Object(serde_json::Map::new())),
+        };
+        let channels = match fields.get("channels") {
+            Some(node) => channels(&mut self.reader, node),
+            None => Some(Vec::new()),
+        };
+        let tolerance = match fields.get("first_tolerance") {
+            Some(node) => {
+                let wanted = Wanted {
+                    most: FIRST_TOLERANCE_RAD_MAX,
+                    ..Wanted::positive(Unit::RADIAN)
+                };
+                self.reader.quantity(node, "first_tolerance", wanted)
+            }
+            None => Some(FIRST_TOLERANCE_RAD),
+        };
+        let timeout = self.timeout(
+            &fields,
+            "command_timeout",
+            COMMAND_TIMEOUT_NS,
+            COMMAND_TIMEOUT_NS_MAX,
+        );
+        let delay = self.delay(&fields);
+        Some(DeviceConfig {
+            name: name?,
+            driver: driver?,
+            robot: robot?,
+            settings: settings?,
+            channels: channels?,
+            first_tolerance_rad: tolerance?,
+            command_timeout_ns: timeout?,
+            delay_ns: delay?,
+        })
+    }
+
+    fn refuse_keys_of_arms(&mut self, fields: &Fields<'_>) {
+        for key in ["first_tolerance", "delay"] {
+            if let Some(entry) = fields.entry(key) {
+                let message = format!("`{key}` has no meaning for a device without a robot");
+                let help = "remove it, or name the robot's file: `robot: …`";
+                let fault = error(codes::KEY_OF_OTHER_KIND, entry.key.span, message);
+                self.reader.keep(fault.help(help));
+            }
+        }
+    }
+
+    fn delay(&mut self, fields: &Fields<'_>) -> Option<u64> {
+        let most = DELAY_PERIODS_MAX * self.period_ns;
+        let Some(node) = fields.get("delay") else {
+            return Some(DELAY_NS.min(most));
+        };
+        let delay = self.reader.nanoseconds(node, "delay", 0, DELAY_NS_MAX)?;
+        if delay <= most {
+            return Some(delay);
+        }
+        let message = format!("the delay is longer than {DELAY_PERIODS_MAX} periods");
+        let label = format!("at most {} ms", most as f64 / MS as f64);
+        let help = format!(
+            "a board holds the last {SET_POINTS} set-points; choose a shorter delay or a longer period"
+        );
+        let fault = error(codes::DELAY_TOO_LONG, node.span, message);
+        self.reader.keep(fault.label(label).help(help));
+        None
+    }
+
+    fn robot(&mut self, node: &Node) -> Option<RobotConfig> {
+        let name = self.reader.text(node, "robot")?;
+        let path = self.base.join(name);
+        if let Some(known) = self.robots.get(&path) {
+            return known.clone();
+        }
+        let robot = self.robot_file(node, name, &path);
+        self.robots.insert(path, robot.clone());
+        robot
+    }
+
+    fn robot_file(&mut self, node: &Node, source: &str, path: &Path) -> Option<RobotConfig> {
+        let text = match file::text(path) {
+            Ok(text) => text,
+            Err(cause) => {
+                let mut fault = file::unreadable(path, &cause);
+                fault.place = Some(node.span);
+                self.reader.keep(fault);
+                return None;
+            }
+        };
+        let name = path.display().to_string();
+        let file = Text { name, text };
+        let mut reader = Reader::default();
+        let result = file::tree(&file).and_then(|root| {
+            let robot = robot::read(&mut reader, &root, source);
+            file.faults(reader).map(|()| robot)
+        });
+        result.unwrap_or_else(|faults| {
+            self.others.push(faults);
+            None
+        })
+    }
+
+    /// Settings as the driver gets them: places are lost, ports are put in.
+    fn json(&mut self, node: &Node) -> Option<serde_json::Value> {
+        use serde_json::Value as Json;
+        match &node.value {
+            Value::Text(text) => {
+                let text = ports::substitute(&mut self.reader, text, node.span, &self.ports)?;
+                Some(Json::String(text))
+            }
+            Value::List(nodes) => nodes.iter().map(|node| self.json(node)).collect(),
+            Value::Map(entries) => {
+                let pairs = entries
+                    .iter()
+                    .map(|Entry { key, value }| Some((key.name.clone(), self.json(value)?)));
+                Some(Json::Object(pairs.collect::<Option<_>>()?))
+            }
+            _ => Some(node.to_json()),
+        }
+    }
+}

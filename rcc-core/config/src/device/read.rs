@@ -1,0 +1,271 @@
+//! Reads a device and its channels.
+//! Run at start-up by whoever reads the cell's file.
+
+use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX};
+use rcc_core::primitive::ChannelKind;
+use rcc_core::unit::Unit;
+
+use super::{CHANNEL_KINDS, ChannelConfig, OnRelease, is_digital, is_output, kind_name};
+use crate::codes;
+use crate::diagnostic::Span;
+use crate::reader::{Fields, ID, Reader, Wanted, error};
+use crate::yaml::{Entry, Node, Value};
+
+const KEYS: [&str; 7] = [
+    "kind",
+    "address",
+    "unit",
+    "scale",
+    "offset",
+    "range",
+    "on_release",
+];
+
+/// Reads the channels of a device.
+pub(crate) fn channels(reader: &mut Reader, node: &Node) -> Option<Vec<ChannelConfig>> {
+    let entries = reader.entries(node, "channels")?;
+    let mut places: [Vec<Span>; 4] = Default::default();
+    let mut outputs: Vec<(ChannelKind, &Node, &str)> = Vec::new();
+    let mut channels = Vec::new();
+    for entry in entries {
+        let Some(mut channel) = channel(reader, entry) else {
+            continue;
+        };
+        let kind = CHANNEL_KINDS.iter().position(|kind| *kind == channel.kind);
+        if let Some(places) = kind.and_then(|kind| places.get_mut(kind)) {
+            // A device with more than 2^32 channels does not fit into a text of 4 MiB.
+            channel.index = places.len() as u32;
+            places.push(entry.key.span);
+        }
+        let address = entry.value.get("address");
+        if let Some(address) = address.filter(|_| is_output(channel.kind)) {
+            refuse_taken_address(reader, &outputs, channel.kind, address);
+            outputs.push((channel.kind, address, &entry.key.name));
+        }
+        channels.push(channel);
+    }
+    for (kind, places) in CHANNEL_KINDS.into_iter().zip(&places) {
+        let most = if is_digital(kind) {
+            DIGITAL_MAX
+        } else {
+            ANALOG_MAX
+        };
+        reader.at_most(most, &format!("{}s of one device", kind_name(kind)), places);
+    }
+    Some(channels)
+}
+
+/// Two outputs that write the same place would fight.
+fn refuse_taken_address(
+    reader: &mut Reader,
+    outputs: &[(ChannelKind, &Node, &str)],
+    kind: ChannelKind,
+    address: &Node,
+) {
+    let same = |(other, node, _): &&(ChannelKind, &Node, &str)| {
+        *other == kind && node.value == address.value
+    };
+    if let Some((_, _, other)) = outputs.iter().find(same) {
+        let message = format!("the output `{other}` has this address already");
+        let fault = error(codes::ADDRESS_TAKEN, address.span, message);
+        reader.keep(fault.help("two outputs at one address would overwrite each other; keep one"));
+    }
+}
+
+fn channel(reader: &mut Reader, Entry { key, value }: &Entry) -> Option<ChannelConfig> {
+    let name = reader.key_name(key, "a channel", ID);
+    let fields = reader.fields(value, key.span, "a channel", &KEYS)?;
+    let kinds = CHANNEL_KINDS.map(|kind| (kind_name(kind), kind));
+    let kind = reader
+        .need(&fields, "kind")
+        .and_then(|node| reader.word(node, "kind of channel", &kinds));
+    let address = reader
+        .need(&fields, "address")
+        .and_then(|node| address(reader, node));
+    let kind = kind?;
+    refuse_keys_of_other_kinds(reader, &fields, kind);
+    let form = if is_digital(kind) {
+        Some(DIGITAL)
+    } else {
+        analog(reader, &fields)
+    };
+    // Without a form, what is safe cannot be judged; that it is missing can.
+    let on_release = match (is_output(kind), fields.get("on_release"), form) {
+        (true, Some(node), Some(form)) => on_release(reader, node, &form).map(Some),
+        (true, Some(_), None) => None,
+        (true, None, _) => {
+            no_on_release(reader, &fields, &key.name);
+            None
+        }
+        (false, ..) => Some(None),
+    };
+    let form = form?;
+    Some(ChannelConfig {
+        name: name?,
+        kind,
+        index: 0,
+        address: address?,
+        unit: form.unit,
+        scale: form.scale,
+        offset: form.offset,
+        range: form.range,
+        on_release: on_release?,
+    })
+}
+
+fn address(reader: &mut Reader, node: &Node) -> Option<serde_json::Value> {
+    match &node.value {
+        Value::Int(_) => Some(node.to_json()),
+        Value::Text(text) if !text.trim().is_empty() => Some(node.to_json()),
+        _ => {
+            reader.shape(
+                node,
+                "an address",
+                "a whole number or text such as `coil 3`",
+            );
+            None
+        }
+    }
+}
+
+fn refuse_keys_of_other_kinds(reader: &mut Reader, fields: &Fields<'_>, kind: ChannelKind) {
+    let mut refuse = |key: &str, reason: &str| {
+        if let Some(entry) = fields.entry(key) {
+            let message = format!("`{key}` has no meaning for a {}", kind_name(kind));
+            let fault = error(codes::KEY_OF_OTHER_KIND, entry.key.span, message);
+            reader.keep(fault.help(format!("remove it: {reason}")));
+        }
+    };
+    if is_digital(kind) {
+        for key in ["unit", "scale", "offset", "range"] {
+            refuse(key, "a digital channel is true or false");
+        }
+    }
+    if !is_output(kind) {
+        refuse("on_release", "nobody commands an input");
+    }
+}
+
+/// A unit without a factor: what stands before it would be ambiguous.
+fn unit(reader: &mut Reader, node: &Node) -> Option<Unit> {
+    if node.value == Value::Int(1) {
+        return Some(Unit::ONE);
+    }
+    let text = reader.text(node, "a unit")?;
+    match Unit::parse(text) {
+        Some((unit, 1.0)) => Some(unit),
+        Some((unit, _)) => {
+            let message =
+                format!("the unit of a channel is an SI unit, `{text}` is a multiple of {unit}");
+            let help = format!(
+                "write `unit: {unit}` and, if one raw step is one {text}, `scale: 1 {text}`"
+            );
+            reader.keep(error(codes::WRONG_UNIT, node.span, message).help(help));
+            None
+        }
+        None => {
+            let message = format!("`{text}` is no known unit");
+            let fault = error(codes::NOT_A_QUANTITY, node.span, message);
+            reader.keep(
+                fault.help(
+                    "units are written like `m/s`, `N`, `rad/s^2`, `V`; 1 for a plain number",
+                ),
+            );
+            None
+        }
+    }
+}
+
+/// What a value of a channel may be and how it is made from a raw one.
+#[derive(Clone, Copy)]
+struct Form {
+    digital: bool,
+    unit: Unit,
+    scale: f64,
+    offset: f64,
+    range: Option<[f64; 2]>,
+}
+
+const DIGITAL: Form = Form {
+    digital: true,
+    unit: Unit::ONE,
+    scale: 1.0,
+    offset: 0.0,
+    range: None,
+};
+
+fn analog(reader: &mut Reader, fields: &Fields<'_>) -> Option<Form> {
+    let unit = match fields.get("unit") {
+        Some(node) => unit(reader, node)?,
+        None => Unit::ONE,
+    };
+    let range = match fields.get("range") {
+        Some(node) => reader.bounds(node, "range", unit).map(Some),
+        None => Some(None),
+    };
+    let (scale, offset) = scale_and_offset(reader, fields, unit)?;
+    Some(Form {
+        digital: false,
+        unit,
+        scale,
+        offset,
+        range: range?,
+    })
+}
+
+fn scale_and_offset(reader: &mut Reader, fields: &Fields<'_>, unit: Unit) -> Option<(f64, f64)> {
+    let mut number = |key, default| match fields.get(key) {
+        Some(node) => Some((reader.quantity(node, key, Wanted::any(unit))?, node.span)),
+        None => Some((default, fields.place)),
+    };
+    let (scale, offset) = (number("scale", 1.0), number("offset", 0.0));
+    let ((scale, span), (offset, _)) = (scale?, offset?);
+    if scale == 0.0 {
+        let message = "scale is 0: every raw value would mean the same";
+        reader.keep(error(codes::OUT_OF_RANGE, span, message));
+        return None;
+    }
+    Some((scale, offset))
+}
+
+fn no_on_release(reader: &mut Reader, fields: &Fields<'_>, name: &str) {
+    let message =
+        format!("the output `{name}` does not say what it does when nobody commands it any more");
+    let fault = error(codes::NO_ON_RELEASE, fields.place, message).label("`on_release` is missing");
+    reader.keep(fault.help(
+        "add `on_release: {safe: VALUE}` or `on_release: hold`. It takes effect when a net ends, sends null or dies. \
+         There is no default because both can do harm: a torch must not burn on, a gripper must not let go",
+    ));
+}
+
+fn on_release(reader: &mut Reader, node: &Node, form: &Form) -> Option<OnRelease> {
+    if node.map().is_none() {
+        return reader.word(
+            node,
+            "on_release (`hold` or `{safe: VALUE}`)",
+            &[("hold", OnRelease::Hold)],
+        );
+    }
+    let fields = reader.fields(node, node.span, "on_release", &["safe"])?;
+    let safe = reader.need(&fields, "safe")?;
+    if form.digital {
+        return reader
+            .bool(safe, "the safe value of a digital output")
+            .map(|value| OnRelease::Safe(f64::from(u8::from(value))));
+    }
+    let value = reader.quantity(safe, "the safe value", Wanted::any(form.unit))?;
+    if let Some([lower, upper]) = form.range
+        && !(lower..=upper).contains(&value)
+    {
+        let unit = form.unit;
+        let message = format!(
+            "the safe value {value} {unit} is outside of the channel's range, {lower} {unit} to {upper} {unit}"
+        );
+        let fault = error(codes::UNSAFE_VALUE, safe.span, message);
+        reader.keep(
+            fault.help("a value outside of the range is refused, also this one: choose one inside"),
+        );
+        return None;
+    }
+    Some(OnRelease::Safe(value))
+}

@@ -1,0 +1,67 @@
+//! A file of a configuration: its text, and where its faults go.
+//! Read at start-up by whoever reads a configuration; nothing here is real-time.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use crate::codes;
+use crate::diagnostic::{Diagnostic, Faults, Severity, Span};
+use crate::reader::Reader;
+use crate::yaml::{self, Node};
+
+/// A text with the name that people know it by.
+pub(crate) struct Text {
+    pub name: String,
+    pub text: String,
+}
+
+impl Text {
+    /// Nothing if there are no faults.
+    pub fn faults(&self, reader: Reader) -> Result<(), Faults> {
+        let refused = reader
+            .faults
+            .iter()
+            .any(|fault| fault.severity == Severity::Error);
+        if refused {
+            Err(Faults::new(&*self.name, &*self.text, reader.faults))
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// The text of a file.
+pub(crate) fn read(path: &Path) -> Result<Text, Faults> {
+    let name = path.display().to_string();
+    match text(path) {
+        Ok(text) => Ok(Text { name, text }),
+        Err(cause) => Err(Faults::new(name, "", vec![unreadable(path, &cause)])),
+    }
+}
+
+/// The tree of a text.
+pub(crate) fn tree(file: &Text) -> Result<Node, Faults> {
+    yaml::parse(&file.text).map_err(|faults| Faults::new(&*file.name, &*file.text, faults))
+}
+
+/// At most one byte more than the parser takes: it then says how much that is.
+pub(crate) fn text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    let most = yaml::BYTES_MAX as u64 + 1;
+    File::open(path)?.take(most).read_to_string(&mut text)?;
+    Ok(text)
+}
+
+/// A file that cannot be read; it has no place yet.
+pub(crate) fn unreadable(path: &Path, cause: &io::Error) -> Diagnostic {
+    let message = format!("{} cannot be read: {cause}", path.display());
+    let help = match cause.kind() {
+        io::ErrorKind::NotFound => "look at the path; in a cell's file it is relative to that file",
+        io::ErrorKind::PermissionDenied => "look at its permissions",
+        io::ErrorKind::InvalidData => "save it as UTF-8 text",
+        _ => "look at the file",
+    };
+    let fault = Diagnostic::error(codes::UNREADABLE.code, Span::default(), message);
+    fault.anywhere().help(help)
+}

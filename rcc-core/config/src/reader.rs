@@ -1,0 +1,376 @@
+//! Takes values out of a tree and keeps what is wrong with them, so that all faults of a file come at once.
+//! Whoever reads a configuration uses it at start-up; nothing here is real-time.
+
+use std::fmt::Display;
+
+use rcc_core::unit::Unit;
+
+use crate::codes::{self, Code};
+use crate::diagnostic::{Diagnostic, Span, closest};
+use crate::quantity::{self, QuantityError};
+use crate::yaml::{Entry, Key, Node, Value};
+
+/// Longest name, in characters.
+const NAME_LENGTH_MAX: usize = 32;
+
+/// Collects the faults of one file. Every method that returns `None` has kept a fault that says why.
+#[derive(Debug, Default)]
+pub(crate) struct Reader {
+    pub faults: Vec<Diagnostic>,
+}
+
+/// A mapping whose keys are known.
+#[derive(Clone, Copy)]
+pub(crate) struct Fields<'n> {
+    node: &'n Node,
+    /// Where it begins to be about it: the key before it.
+    pub place: Span,
+    what: &'static str,
+}
+
+impl<'n> Fields<'n> {
+    /// A value that may be left out; null counts as left out.
+    pub fn get(&self, key: &str) -> Option<&'n Node> {
+        let node = self.node.get(key)?;
+        (node.value != Value::Null).then_some(node)
+    }
+
+    /// Where a key stands; if it is left out, where it would belong.
+    pub fn place_of(&self, key: &str) -> Span {
+        self.entry(key).map_or(self.place, |entry| entry.key.span)
+    }
+
+    /// A key and its value, unless left out.
+    pub fn entry(&self, key: &str) -> Option<&'n Entry> {
+        let mut entries = self.node.map()?.iter();
+        entries.find(|entry| entry.key.name == key && entry.value.value != Value::Null)
+    }
+}
+
+/// A number with its unit and its bounds, both included.
+#[derive(Clone, Copy)]
+pub(crate) struct Wanted {
+    pub unit: Unit,
+    pub least: f64,
+    pub most: f64,
+}
+
+impl Wanted {
+    /// Any finite number of this unit.
+    pub const fn any(unit: Unit) -> Wanted {
+        Wanted {
+            unit,
+            least: f64::MIN,
+            most: f64::MAX,
+        }
+    }
+
+    /// Greater than 0.
+    pub const fn positive(unit: Unit) -> Wanted {
+        Wanted {
+            unit,
+            least: f64::MIN_POSITIVE,
+            most: f64::MAX,
+        }
+    }
+}
+
+/// The form of a name: may it begin with these, go on with those.
+#[derive(Clone, Copy)]
+pub(crate) struct NameForm {
+    pub first: fn(char) -> bool,
+    pub further: fn(char) -> bool,
+    pub words: &'static str,
+}
+
+/// Names of cells.
+pub(crate) const CELL_NAME: NameForm = NameForm {
+    first: |c| c.is_ascii_lowercase() || c.is_ascii_digit(),
+    further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-',
+    words: "1 to 32 of a-z 0-9 _ -, beginning with a letter or digit",
+};
+
+/// Names of devices, drivers and simulators.
+pub(crate) const DEVICE_NAME: NameForm = NameForm {
+    first: |c| c.is_ascii_lowercase(),
+    words: "1 to 32 of a-z 0-9 _ -, beginning with a letter",
+    ..CELL_NAME
+};
+
+/// Names of channels and ports.
+pub(crate) const ID: NameForm = NameForm {
+    first: |c| c.is_ascii_lowercase(),
+    further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_',
+    words: "1 to 32 of a-z 0-9 _, beginning with a letter",
+};
+
+/// Names of joints.
+pub(crate) const JOINT_NAME: NameForm = NameForm {
+    first: |c| c.is_ascii_alphabetic(),
+    further: |c| c.is_ascii_alphanumeric() || c == '_',
+    words: "1 to 32 of A-Z a-z 0-9 _, beginning with a letter",
+};
+
+impl Reader {
+    /// Keeps a fault.
+    pub fn keep(&mut self, fault: Diagnostic) {
+        self.faults.push(fault);
+    }
+
+    /// A mapping with these keys and no others.
+    pub fn fields<'n>(
+        &mut self,
+        node: &'n Node,
+        place: Span,
+        what: &'static str,
+        keys: &[&'static str],
+    ) -> Option<Fields<'n>> {
+        self.entries(node, what)?;
+        for key in node.unknown_keys(keys) {
+            let message = format!("{what} has no key `{}`", key.name);
+            let help = match closest(&key.name, keys.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("its keys are: {}", keys.join(", ")),
+            };
+            self.keep(error(codes::UNKNOWN_KEY, key.span, message).help(help));
+        }
+        Some(Fields { node, place, what })
+    }
+
+    /// The entries of a mapping.
+    pub fn entries<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n [Entry]> {
+        let entries = node.map();
+        if entries.is_none() {
+            self.shape(node, what, "a mapping (`key: value`)");
+        }
+        entries
+    }
+
+    /// A value that must be given.
+    pub fn need<'n>(&mut self, fields: &Fields<'n>, key: &str) -> Option<&'n Node> {
+        let node = fields.get(key);
+        if node.is_none() {
+            let message = format!("{} needs a key `{key}`", fields.what);
+            self.keep(
+                error(codes::MISSING_KEY, fields.place, message)
+                    .help(format!("add `{key}: …`; the files in configs/ show how")),
+            );
+        }
+        node
+    }
+
+    /// Text.
+    pub fn text<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n str> {
+        let text = node.text();
+        if text.is_none() {
+            self.shape(node, what, "text");
+        }
+        text
+    }
+
+    /// The elements of a list.
+    pub fn list<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n [Node]> {
+        let list = node.list();
+        if list.is_none() {
+            self.shape(node, what, "a list (`[a, b]`)");
+        }
+        list
+    }
+
+    /// A list of exactly `N` elements.
+    pub fn array<'n, const N: usize>(
+        &mut self,
+        node: &'n Node,
+        what: &str,
+    ) -> Option<&'n [Node; N]> {
+        let list = self.list(node, what)?;
+        let array = list.try_into().ok();
+        if array.is_none() {
+            let message = format!("{what} has {} elements, {N} are expected", list.len());
+            self.keep(error(codes::WRONG_SHAPE, node.span, message));
+        }
+        array
+    }
+
+    /// `true` or `false`.
+    pub fn bool(&mut self, node: &Node, what: &str) -> Option<bool> {
+        if let Value::Bool(value) = node.value {
+            return Some(value);
+        }
+        self.shape(node, what, "`true` or `false`");
+        None
+    }
+
+    /// A whole number without unit, bounds included.
+    pub fn whole(&mut self, node: &Node, what: &str, least: i64, most: i64) -> Option<i64> {
+        let Value::Int(value) = node.value else {
+            self.shape(node, what, "a whole number");
+            return None;
+        };
+        if (least..=most).contains(&value) {
+            return Some(value);
+        }
+        let message = format!("{what} is {value}, it must be from {least} to {most}");
+        self.keep(error(codes::OUT_OF_RANGE, node.span, message));
+        None
+    }
+
+    /// A number with its unit, in SI.
+    pub fn quantity(&mut self, node: &Node, what: &str, wanted: Wanted) -> Option<f64> {
+        let Wanted { unit, least, most } = wanted;
+        let quantity = match quantity::of(node) {
+            Ok(quantity) => quantity,
+            Err(QuantityError::NotANumber { .. }) => {
+                self.shape(node, what, format!("a number with a unit ({unit})"));
+                return None;
+            }
+            Err(other) => {
+                let help = format!(
+                    "write a number and its unit, for example `{}`",
+                    sample(unit)
+                );
+                self.keep(error(codes::NOT_A_QUANTITY, node.span, other.to_string()).help(help));
+                return None;
+            }
+        };
+        match quantity.unit {
+            None if unit != Unit::ONE => {
+                let message = format!("{what} is a number without its unit");
+                let help = format!(
+                    "write the unit behind it, for example `{}`",
+                    sample_of(quantity.value, unit)
+                );
+                let fault = error(codes::MISSING_UNIT, node.span, message);
+                self.keep(fault.label(format!("{unit}? {}?", scaled(unit))).help(help));
+                return None;
+            }
+            Some(have) if have != unit => {
+                let message = format!("{what} is measured in {unit}, not in {have}");
+                let help = format!("for example `{}`", sample(unit));
+                self.keep(error(codes::WRONG_UNIT, node.span, message).help(help));
+                return None;
+            }
+            _ => {}
+        }
+        let value = quantity.value;
+        if (least..=most).contains(&value) {
+            return Some(value);
+        }
+        let range = match (least, most) {
+            (f64::MIN_POSITIVE, f64::MAX) => "greater than 0".to_owned(),
+            (f64::MIN_POSITIVE, most) => format!("greater than 0 and at most {most} {unit}"),
+            _ => format!("from {least} {unit} to {most} {unit}"),
+        };
+        let message = format!("{what} is {value} {unit}, it must be {range}");
+        self.keep(error(codes::OUT_OF_RANGE, node.span, message));
+        None
+    }
+
+    /// A time in whole nanoseconds, bounds included.
+    pub fn nanoseconds(&mut self, node: &Node, what: &str, least: u64, most: u64) -> Option<u64> {
+        let wanted = Wanted {
+            unit: Unit::SECOND,
+            least: seconds(least),
+            most: seconds(most),
+        };
+        let value = self.quantity(node, what, wanted)?;
+        // Between 0 and 10 s: far below 2^53 ns. Rounding may cross a bound by less than 1 ns.
+        Some(((value * 1e9).round() as u64).clamp(least, most))
+    }
+
+    /// A lower and an upper bound.
+    pub fn bounds(&mut self, node: &Node, what: &str, unit: Unit) -> Option<[f64; 2]> {
+        let [lower, upper] = self.array(node, what)?;
+        let lower = self.quantity(lower, what, Wanted::any(unit));
+        let upper = self.quantity(upper, what, Wanted::any(unit));
+        let (lower, upper) = (lower?, upper?);
+        if lower < upper {
+            return Some([lower, upper]);
+        }
+        let message = format!("{what}: the lower bound must be less than the upper one");
+        let label = format!("{lower} {unit} is not less than {upper} {unit}");
+        let fault = error(codes::REVERSED, node.span, message).label(label);
+        self.keep(fault.help("write the lower bound first: `[lower, upper]`"));
+        None
+    }
+
+    /// A name that is a key.
+    pub fn key_name(&mut self, key: &Key, what: &str, form: NameForm) -> Option<String> {
+        self.name(&key.name, key.span, what, form)
+    }
+
+    /// A name.
+    pub fn name(&mut self, name: &str, span: Span, what: &str, form: NameForm) -> Option<String> {
+        let mut characters = name.chars();
+        let fits = characters.next().is_some_and(form.first)
+            && characters.all(form.further)
+            && name.len() <= NAME_LENGTH_MAX;
+        if fits {
+            return Some(name.to_owned());
+        }
+        let message = format!("`{name}` cannot name {what}");
+        self.keep(error(codes::BAD_NAME, span, message).help(format!("use {}", form.words)));
+        None
+    }
+
+    /// At most `most` of something; the first one too many is shown.
+    pub fn at_most(&mut self, most: usize, what: &str, places: &[Span]) {
+        if let Some(place) = places.get(most) {
+            let message = format!("{} {what}, at most {most} are possible", places.len());
+            self.keep(error(codes::TOO_MANY, *place, message).label("the first one too many"));
+        }
+    }
+
+    /// One of several words.
+    pub fn word<T: Copy>(&mut self, node: &Node, what: &str, words: &[(&str, T)]) -> Option<T> {
+        let text = self.text(node, what)?;
+        if let Some((_, value)) = words.iter().find(|(word, _)| *word == text) {
+            return Some(*value);
+        }
+        let known = words.iter().map(|(word, _)| *word);
+        let help = match closest(text, known.clone()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("known are: {}", known.collect::<Vec<_>>().join(", ")),
+        };
+        let message = format!("`{text}` is no known {what}");
+        self.keep(error(codes::UNKNOWN_KIND, node.span, message).help(help));
+        None
+    }
+
+    /// Keeps that a value is of another kind.
+    pub fn shape(&mut self, node: &Node, what: &str, expected: impl Display) {
+        let message = format!("{what} must be {expected}, found {}", node.kind());
+        self.keep(error(codes::WRONG_SHAPE, node.span, message));
+    }
+}
+
+/// A fault of this kind.
+pub(crate) fn error(code: Code, place: Span, message: impl Into<String>) -> Diagnostic {
+    Diagnostic::error(code.code, place, message)
+}
+
+/// Nanoseconds as the quotient that a reader of `1 ms` gets too.
+fn seconds(ns: u64) -> f64 {
+    ns as f64 / 1e9
+}
+
+/// The unit as people like to write it.
+fn scaled(unit: Unit) -> String {
+    match unit {
+        Unit::SECOND => "ms".to_owned(),
+        Unit::METRE => "mm".to_owned(),
+        _ => unit.to_string().replace("rad", "deg"),
+    }
+}
+
+fn sample_of(value: f64, unit: Unit) -> String {
+    if unit == Unit::RADIAN {
+        format!("deg({value})")
+    } else {
+        format!("{value} {}", scaled(unit))
+    }
+}
+
+fn sample(unit: Unit) -> String {
+    sample_of(10.0, unit)
+}
