@@ -1,5 +1,7 @@
 //! Device drivers, the host around them, and robot-side simulators that speak the same wire.
 //! Every driver and every simulator is a process of its own; each module says which thread runs it.
 
+pub mod driver;
 pub mod fri_lwr;
+pub mod host;
 pub mod sim;

@@ -1,0 +1,42 @@
+//! What an arm may do, from its robot's configuration.
+//! Plain data, read by the host's thread.
+
+use rcc_config::RobotConfig;
+use rcc_core::guard::JointLimits;
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_motion::RestLimits;
+
+/// The limits of an arm; elements beyond its joints are 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ArmLimits {
+    /// What the guard enforces.
+    pub joints: JointLimits,
+    /// Largest |jerk|, rad/s³.
+    pub jerk_max: Joints,
+}
+
+impl ArmLimits {
+    /// The limits of a robot.
+    #[must_use]
+    pub fn of(robot: &RobotConfig) -> Self {
+        let mut jerk_max = [0.0; JOINTS_MAX];
+        for (place, joint) in jerk_max.iter_mut().zip(&robot.joints) {
+            *place = joint.jerk_rad_s3;
+        }
+        Self {
+            joints: robot.limits(),
+            jerk_max,
+        }
+    }
+
+    /// What coming to rest may use.
+    #[must_use]
+    pub fn rest(&self) -> RestLimits {
+        RestLimits {
+            velocity_max: self.joints.velocity_max,
+            acceleration_max: self.joints.acceleration_max,
+            jerk_max: self.jerk_max,
+            joints: self.joints.joints,
+        }
+    }
+}

@@ -1,0 +1,530 @@
+//! Plays the executor's set-points to an arm on the arm's own clock, and brings the arm to rest when they end.
+//! Pure, in virtual time; run by the host's thread, once for each exchange with the device.
+//!
+//! The pointer counts the executor's cycles: logical time, one period each, whatever either wall clock did.
+
+use rcc_core::guard::{Guard, Violation};
+use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
+use rcc_motion::Rest;
+
+use super::blend::Blend;
+use super::limits::ArmLimits;
+use super::pace::{Motion, Pace};
+use super::reason;
+use super::track::{News, TRACK_LENGTH, Track, commands};
+
+mod follow;
+#[cfg(test)]
+mod tests;
+
+use follow::End;
+
+/// Most device periods that one step on the way to rest may take; a device away for longer is not commandable.
+const TICKS_MAX: u64 = 64;
+
+/// The fixed parameters of a player.
+#[derive(Clone, Copy, Debug)]
+pub struct PlayerSettings {
+    /// What the arm may do.
+    pub limits: ArmLimits,
+    /// How far the first set-point may be from where the arm is held, rad per joint.
+    pub first_tolerance_rad: f64,
+    /// How long set-points wait before they are played, ns of the executor's time.
+    pub delay_ns: u64,
+    /// A command image older than this is stale, ns.
+    pub command_timeout_ns: u64,
+}
+
+/// What the player needs to know about one exchange.
+#[derive(Clone, Copy, Debug)]
+pub struct Tick {
+    /// Device periods since the last one.
+    pub ticks: u64,
+    /// Period of the device, ns.
+    pub period_ns: u64,
+    /// The device follows what it is sent.
+    pub commandable: bool,
+    /// A net may begin.
+    pub startable: bool,
+    /// Where the device holds itself while not commandable, rad.
+    pub mirror: Joints,
+}
+
+impl Tick {
+    /// The device's period, s; greater than 0.
+    fn period_s(&self) -> f64 {
+        self.period_ns.max(1) as f64 * 1e-9
+    }
+
+    /// Time since the last exchange, s; greater than 0.
+    fn dt_s(&self) -> f64 {
+        self.ticks.max(1) as f64 * self.period_s()
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Phase {
+    /// At rest at `hold`.
+    Holding,
+    /// At rest, until enough set-points from `first` on are there.
+    Waiting { first: u64 },
+    /// The pointer moves along the set-points.
+    Following,
+    /// On the way to rest.
+    Stopping(Rest),
+}
+
+/// What was sent last, and how it moved; mean values over the last periods.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sent {
+    position: Joints,
+    motion: Motion,
+    dt_s: f64,
+}
+
+impl Sent {
+    fn at_rest(position: Joints) -> Self {
+        Self {
+            position,
+            ..Self::default()
+        }
+    }
+
+    fn then(&self, position: Joints, dt_s: f64) -> Self {
+        let between_s = if self.dt_s > 0.0 {
+            0.5 * (dt_s + self.dt_s)
+        } else {
+            dt_s
+        };
+        let mut motion = Motion::default();
+        for (joint, now) in position.iter().enumerate() {
+            motion.velocity[joint] = (now - self.position[joint]) / dt_s;
+            motion.acceleration[joint] =
+                (motion.velocity[joint] - self.motion.velocity[joint]) / between_s;
+        }
+        Self {
+            position,
+            motion,
+            dt_s,
+        }
+    }
+}
+
+/// Counters since the driver began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PlayerCounts {
+    /// Times that there was no set-point to play while the arm moved.
+    pub starved: u64,
+    /// Set-points that broke a limit, and nets refused at their first one.
+    pub violations: u64,
+}
+
+/// The player of one arm.
+#[derive(Clone, Debug)]
+pub struct Player {
+    settings: PlayerSettings,
+    guard: Guard,
+    track: Track,
+    phase: Phase,
+    /// The board is there and fresh.
+    live: bool,
+    /// Newest cycle that has been looked at for somebody who begins to command.
+    cursor: u64,
+    /// This owner is not followed, 0 = everybody is.
+    refused: u64,
+    /// A stop was asked for: nobody is followed any more.
+    terminating: bool,
+    commandable: bool,
+    startable: bool,
+    sent: Sent,
+    /// The device's, s.
+    period_s: f64,
+    /// Whose outputs hold now.
+    outputs: SetPoint,
+    entry: u64,
+    fraction: f64,
+    /// Stays at a set-point at rest until the margin is there again.
+    dwelling: bool,
+    pace: Pace,
+    blend: Blend,
+    reason: u32,
+    violation: Option<Violation>,
+    counts: PlayerCounts,
+}
+
+impl Player {
+    /// A player that has seen neither device nor executor.
+    #[must_use]
+    pub fn new(settings: PlayerSettings) -> Self {
+        Self {
+            guard: Guard::new(settings.limits.joints, settings.first_tolerance_rad),
+            settings,
+            track: Track::default(),
+            phase: Phase::Holding,
+            live: false,
+            cursor: 0,
+            refused: 0,
+            terminating: false,
+            commandable: false,
+            startable: false,
+            sent: Sent::default(),
+            period_s: 1e-3,
+            outputs: SetPoint::NONE,
+            entry: 0,
+            fraction: 0.0,
+            dwelling: false,
+            pace: Pace::EVEN,
+            blend: Blend::NONE,
+            reason: 0,
+            violation: None,
+            counts: PlayerCounts::default(),
+        }
+    }
+
+    /// Takes over what is new on the board (`None`: no executor), also between exchanges: it remembers more than the
+    /// board does. An executor that comes, or comes back, with a net already commanding is not followed.
+    pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
+        let news = image.map_or(News::None, |image| self.track.update(image));
+        let age_ns = now_ns.saturating_sub(self.track.stamp_ns());
+        let fresh = image.is_some()
+            && self.track.newest() > 0
+            && age_ns <= self.settings.command_timeout_ns;
+        if self.live && (!fresh || news == News::Other) {
+            self.break_off(match (image, news) {
+                (_, News::Other) => reason::EXECUTOR_CHANGED,
+                (None, _) => reason::NO_EXECUTOR,
+                _ => reason::STALE,
+            });
+        }
+        if fresh && (!self.live || news == News::Other) {
+            self.refused = 0;
+            self.refuse_the_newest(reason::ALREADY_COMMANDED);
+        }
+        self.live = fresh;
+    }
+
+    /// One exchange with the device: afterwards [`Player::position`] and [`Player::outputs`] are what it is told.
+    pub fn tick(&mut self, tick: &Tick) {
+        self.startable = tick.startable;
+        self.period_s = tick.period_s();
+        if !tick.commandable {
+            self.follow_the_device(tick);
+        } else {
+            self.commandable = true;
+            match &self.phase {
+                Phase::Stopping(_) => self.go_to_rest(tick),
+                Phase::Following => self.follow(tick),
+                Phase::Holding | Phase::Waiting { .. } => {}
+            }
+        }
+        self.look_for_a_beginning();
+        if matches!(self.phase, Phase::Holding | Phase::Stopping(_)) {
+            let newest = self.track.at(self.track.newest()).filter(|_| self.live);
+            self.outputs = newest.copied().unwrap_or(SetPoint::NONE);
+        }
+    }
+
+    /// The device was not reached for so long that nobody knows where it is.
+    pub fn lose(&mut self) {
+        self.commandable = false;
+        self.startable = false;
+        self.give_up(reason::DEVICE_STOPPED);
+        self.outputs = SetPoint::NONE;
+    }
+
+    /// Brings the arm to rest and follows nobody any more.
+    pub fn terminate(&mut self) {
+        if !self.terminating {
+            self.terminating = true;
+            self.break_off(reason::TERMINATING);
+        }
+    }
+
+    /// At rest: neither following nor on the way to rest.
+    #[must_use]
+    pub fn is_holding(&self) -> bool {
+        matches!(self.phase, Phase::Holding)
+    }
+
+    /// What the device is to be told, rad.
+    #[must_use]
+    pub fn position(&self) -> &Joints {
+        &self.sent.position
+    }
+
+    /// The set-point whose digital and analog outputs hold now.
+    #[must_use]
+    pub fn outputs(&self) -> &SetPoint {
+        &self.outputs
+    }
+
+    /// As told to the executor, for a device that is reached.
+    #[must_use]
+    pub fn state(&self) -> DeviceState {
+        match self.phase {
+            Phase::Stopping(_) => DeviceState::Stopping,
+            Phase::Waiting { .. } | Phase::Following => DeviceState::Commanded,
+            Phase::Holding if self.is_ready() => DeviceState::Ready,
+            Phase::Holding => DeviceState::Online,
+        }
+    }
+
+    /// Why it is not ready, or why it stopped or refused last; 0 = fine.
+    #[must_use]
+    pub fn reason(&self) -> u32 {
+        match (self.terminating, self.live) {
+            (true, _) => reason::TERMINATING,
+            (_, false) if self.reason == 0 => reason::NO_EXECUTOR,
+            _ => self.reason,
+        }
+    }
+
+    /// The limit that was broken last.
+    #[must_use]
+    pub fn violation(&self) -> Option<&Violation> {
+        self.violation.as_ref()
+    }
+
+    /// Incarnation of the executor whose set-points count, 0 = none.
+    #[must_use]
+    pub fn executor(&self) -> u64 {
+        if self.live { self.track.executor() } else { 0 }
+    }
+
+    /// Logical time of the set-point that was played last, ns; 0 before the first one.
+    #[must_use]
+    pub fn played_ns(&self) -> u64 {
+        let between = self.fraction * self.track.period_ns() as f64;
+        self.track
+            .at(self.entry)
+            .map_or(0, |entry| entry.logical_ns + between as u64)
+    }
+
+    /// Logical time up to which everything is played and the arm rests, ns; 0 while that is not so.
+    #[must_use]
+    pub fn settled_ns(&self) -> u64 {
+        let newest = self.track.at(self.track.newest());
+        match (&self.phase, newest) {
+            (Phase::Holding, Some(newest))
+                if self.live && self.cursor == self.track.newest() && !commands(newest) =>
+            {
+                newest.logical_ns
+            }
+            _ => 0,
+        }
+    }
+
+    /// Set-points left to play.
+    #[must_use]
+    pub fn margin(&self) -> u64 {
+        match self.phase {
+            Phase::Following => self.track.newest().saturating_sub(self.entry),
+            _ => 0,
+        }
+    }
+
+    /// Counters.
+    #[must_use]
+    pub fn counts(&self) -> PlayerCounts {
+        self.counts
+    }
+
+    fn is_ready(&self) -> bool {
+        let newest = self.track.at(self.track.newest());
+        self.live
+            && self.commandable
+            && self.startable
+            && !self.terminating
+            && newest.is_some_and(|newest| !commands(newest))
+    }
+
+    /// Set-points of logical time that wait before they are played, at least 1.
+    fn delay(&self) -> u64 {
+        self.settings
+            .delay_ns
+            .div_ceil(self.track.period_ns())
+            .max(1)
+    }
+
+    /// At rest where it is now.
+    fn hold(&mut self) {
+        self.sent = Sent::at_rest(self.sent.position);
+        self.phase = Phase::Holding;
+    }
+
+    fn follow_the_device(&mut self, tick: &Tick) {
+        self.commandable = false;
+        self.give_up(reason::DEVICE_STOPPED);
+        self.sent = Sent::at_rest(tick.mirror);
+    }
+
+    /// The device no longer follows; whoever commanded it does so no more, also when it can be commanded again.
+    fn give_up(&mut self, why: u32) {
+        if !self.is_holding() {
+            self.refuse_the_newest(why);
+            self.reason = why;
+            self.hold();
+        }
+    }
+
+    /// Nobody is to be followed any more: to rest.
+    fn break_off(&mut self, why: u32) {
+        match self.phase {
+            Phase::Following => self.stop(why),
+            Phase::Waiting { .. } => {
+                self.refuse_the_newest(why);
+                self.reason = why;
+                self.hold();
+            }
+            Phase::Holding | Phase::Stopping(_) => {}
+        }
+    }
+
+    /// From the motion of the last set-points to rest.
+    fn stop(&mut self, why: u32) {
+        self.reason = why;
+        self.refuse_the_newest(why);
+        let Sent {
+            position,
+            motion,
+            dt_s,
+        } = self.sent;
+        // Both are means, the velocity half a period old.
+        let mut velocity = motion.velocity;
+        for (velocity, acceleration) in velocity.iter_mut().zip(motion.acceleration) {
+            *velocity += 0.5 * dt_s * acceleration;
+        }
+        let rest = Rest::new(self.settings.limits.rest(), self.period_s)
+            .ok()
+            .and_then(|mut rest| {
+                rest.begin(&position, &velocity, &motion.acceleration)
+                    .ok()
+                    .map(|()| rest)
+            });
+        match rest {
+            Some(rest) => self.phase = Phase::Stopping(rest),
+            // Only numbers that are not finite are refused, and those are never sent.
+            None => self.hold(),
+        }
+    }
+
+    /// One exchange on the way to rest.
+    fn go_to_rest(&mut self, tick: &Tick) {
+        let Phase::Stopping(rest) = &mut self.phase else {
+            return;
+        };
+        let mut step = rest.step();
+        for _ in 1..tick.ticks.min(TICKS_MAX) {
+            step = rest.step();
+        }
+        let (position, resting) = step;
+        self.sent = self.sent.then(position, tick.dt_s());
+        if resting {
+            self.hold();
+        }
+    }
+
+    /// Whoever commands now is not followed, and what is there already is not looked at.
+    fn refuse_the_newest(&mut self, why: u32) {
+        self.cursor = self.track.newest();
+        if let Some(entry) = self.track.commanded(self.cursor) {
+            self.refuse(entry.owner, why);
+        }
+    }
+
+    fn refuse(&mut self, owner: u64, why: u32) {
+        self.refused = owner;
+        self.reason = why;
+    }
+
+    /// Looks through the new set-points for a net that begins to command; follows it as soon as its delay is over.
+    fn look_for_a_beginning(&mut self) {
+        // Each round but the last refuses somebody, and there are no more of them than set-points.
+        for _ in 0..TRACK_LENGTH {
+            self.look_through();
+            let Phase::Waiting { first } = self.phase else {
+                return;
+            };
+            if self.track.newest().saturating_sub(first) < self.delay() {
+                return;
+            }
+            self.begin(first);
+        }
+    }
+
+    fn look_through(&mut self) {
+        let may_begin = self.commandable && self.startable && self.live && !self.terminating;
+        while self.cursor < self.track.newest() {
+            if matches!(self.phase, Phase::Waiting { .. } | Phase::Following) {
+                return;
+            }
+            self.cursor = (self.cursor + 1).max(self.track.oldest());
+            let owner = match self.track.commanded(self.cursor) {
+                Some(entry) if entry.owner != self.refused => entry.owner,
+                _ => continue,
+            };
+            match self.phase {
+                Phase::Holding if may_begin => self.phase = Phase::Waiting { first: self.cursor },
+                _ => self.refuse(owner, reason::NOT_STARTABLE),
+            }
+        }
+    }
+
+    /// The first set-point is sent if it is where the arm is held.
+    fn begin(&mut self, first: u64) {
+        let Some(entry) = self.track.commanded(first).copied() else {
+            self.phase = Phase::Holding;
+            return self.refuse_the_newest(reason::SET_POINTS_LOST);
+        };
+        let hold = self.sent.position;
+        // The second time for the history: the blend begins at the hold position.
+        let checked = self
+            .guard
+            .first(&entry.position, &hold)
+            .and_then(|()| self.guard.first(&hold, &hold));
+        if let Err(violation) = checked {
+            self.counts.violations += 1;
+            self.violation = Some(violation);
+            self.phase = Phase::Holding;
+            return self.refuse(entry.owner, reason::FIRST_SET_POINT);
+        }
+        self.blend = Blend::new(&hold, &entry.position, &self.settings.limits);
+        self.pace = Pace::EVEN;
+        self.dwelling = false;
+        (self.entry, self.fraction) = (first, 0.0);
+        self.outputs = entry;
+        self.reason = 0;
+        self.violation = None;
+        self.phase = Phase::Following;
+    }
+
+    fn finish(&mut self, end: End, tick: &Tick) {
+        match end {
+            End::Released { entry } if self.is_slow() => {
+                let last = self.track.commanded(entry - 1).map(|last| last.position);
+                if let Some(last) = last.filter(|_| self.blend.is_over())
+                    && self.guard.check(&last, tick.dt_s()).is_ok()
+                {
+                    // A pointer between two set-points has not quite reached the last one.
+                    self.sent.position = last;
+                }
+                self.hold();
+                self.cursor = entry;
+                self.outputs = self.track.at(entry).copied().unwrap_or(SetPoint::NONE);
+            }
+            End::Released { .. } => self.stop(reason::RELEASED_MOVING),
+            End::Starved => {
+                self.counts.starved += 1;
+                self.stop(reason::STARVED);
+            }
+            End::Lost => self.stop(reason::SET_POINTS_LOST),
+            End::Violated(violation) => {
+                self.counts.violations += 1;
+                self.violation = Some(violation);
+                self.stop(reason::LIMIT);
+            }
+        }
+        // This exchange needs its set-point, too.
+        self.go_to_rest(tick);
+    }
+}

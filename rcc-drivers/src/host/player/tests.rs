@@ -1,0 +1,565 @@
+//! The rules of the player in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
+
+use rcc_core::guard::JointLimits;
+use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, MAGIC, SET_POINTS};
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+const DELAY: u64 = 10;
+const A_MAX: f64 = 20.0;
+const J_MAX: f64 = 2000.0;
+
+fn limits() -> ArmLimits {
+    ArmLimits {
+        joints: JointLimits {
+            lower: [-2.0; JOINTS_MAX],
+            upper: [2.0; JOINTS_MAX],
+            velocity_max: [2.0; JOINTS_MAX],
+            acceleration_max: [A_MAX; JOINTS_MAX],
+            joints: 7,
+        },
+        jerk_max: [J_MAX; JOINTS_MAX],
+    }
+}
+
+/// Executor, board, device and player in one virtual time.
+struct Bench {
+    player: Player,
+    image: CommandImage,
+    /// There is an executor.
+    connected: bool,
+    now_ns: u64,
+    /// What the device was sent, one row an exchange with its time, ms.
+    sent: Vec<(u64, Joints)>,
+    tick: Tick,
+}
+
+impl Bench {
+    /// An arm at 0 that is commandable, and an executor that runs without nets.
+    fn new() -> Self {
+        let settings = PlayerSettings {
+            limits: limits(),
+            first_tolerance_rad: 2e-3,
+            delay_ns: DELAY * MS,
+            command_timeout_ns: 50 * MS,
+        };
+        let mut bench = Self {
+            player: Player::new(settings),
+            image: CommandImage {
+                magic: MAGIC,
+                executor: 7,
+                sequence: 0,
+                stamp_ns: 0,
+                period_ns: MS,
+                set_points: [SetPoint::NONE; SET_POINTS],
+            },
+            connected: true,
+            now_ns: 1_000 * MS,
+            sent: Vec::new(),
+            tick: Tick {
+                ticks: 1,
+                period_ns: MS,
+                commandable: true,
+                startable: true,
+                mirror: [0.0; JOINTS_MAX],
+            },
+        };
+        bench.tick.commandable = false;
+        bench.exchange();
+        bench.tick.commandable = true;
+        bench.idle(20);
+        assert_eq!(bench.player.state(), DeviceState::Ready);
+        bench.sent.clear();
+        bench
+    }
+
+    /// The executor evaluates a cycle.
+    fn write(&mut self, mut entry: SetPoint) {
+        self.image.sequence += 1;
+        entry.logical_ns = self.image.sequence * MS;
+        self.image.stamp_ns = self.now_ns;
+        self.image.set_points[(self.image.sequence % SET_POINTS as u64) as usize] = entry;
+    }
+
+    fn observe(&mut self) {
+        let image = self.connected.then_some(&self.image);
+        self.player.observe(self.now_ns, image);
+    }
+
+    /// The device has its cycle.
+    fn exchange(&mut self) {
+        self.observe();
+        self.player.tick(&self.tick);
+        self.sent.push((self.now_ns / MS, *self.player.position()));
+    }
+
+    /// One millisecond in which both run.
+    fn both(&mut self, entry: SetPoint) {
+        self.now_ns += MS;
+        self.write(entry);
+        self.exchange();
+    }
+
+    fn idle(&mut self, cycles: u64) {
+        (0..cycles).for_each(|_| self.both(SetPoint::NONE));
+    }
+
+    /// The device goes on alone.
+    fn device_alone(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.now_ns += MS;
+            self.exchange();
+        }
+    }
+
+    /// Plays a whole motion of `owner`.
+    fn run(&mut self, owner: u64, motion: &[f64]) {
+        motion.iter().for_each(|q| self.both(at(owner, *q)));
+    }
+
+    /// Largest velocity, acceleration and jerk of joint 1 in what was sent, by differences over its periods.
+    fn peaks(&self) -> [f64; 3] {
+        let mut rows: Vec<f64> = self.sent.iter().map(|(_, q)| q[0]).collect();
+        let mut peak = || {
+            rows = rows
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]) * 1e3)
+                .collect();
+            rows.iter().fold(0.0_f64, |max, value| max.max(value.abs()))
+        };
+        [peak(), peak(), peak()]
+    }
+
+    fn check_peaks(&self) {
+        let [velocity, acceleration, jerk] = self.peaks();
+        assert!(
+            velocity <= 2.0 && acceleration <= A_MAX * 1.000_001,
+            "{velocity} {acceleration}"
+        );
+        assert!(jerk <= J_MAX * 2.0, "{jerk}");
+    }
+
+    fn last(&self) -> f64 {
+        self.player.position()[0]
+    }
+
+    fn positions(&self) -> Vec<f64> {
+        self.sent.iter().map(|(_, q)| q[0]).collect()
+    }
+}
+
+/// A set-point with joint 1 at `q` and joint 2 at half of it; output 0 is on beyond 0.1 rad.
+fn at(owner: u64, q: f64) -> SetPoint {
+    let mut position = [0.0; JOINTS_MAX];
+    (position[0], position[1]) = (q, 0.5 * q);
+    let mut analog = [f64::NAN; ANALOG_MAX];
+    analog[0] = q;
+    SetPoint {
+        owner,
+        has_position: 1,
+        position,
+        digital: u64::from(q > 0.1),
+        digital_commanded: 1,
+        analog,
+        ..SetPoint::NONE
+    }
+}
+
+/// Rest to rest from `from` by `way`, quintic, in `cycles` ms; with its first and last point.
+fn motion(from: f64, way: f64, cycles: u64) -> Vec<f64> {
+    let part = |x: f64| x * x * x * (10.0 - x * (15.0 - 6.0 * x));
+    (0..=cycles)
+        .map(|cycle| from + way * part(cycle as f64 / cycles as f64))
+        .collect()
+}
+
+/// 0.2 rad in 0.4 s: 0.94 rad/s, 7.2 rad/s², 750 rad/s³.
+fn usual() -> Vec<f64> {
+    motion(0.0, 0.2, 400)
+}
+
+#[test]
+fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
+    let mut bench = Bench::new();
+    let points = usual();
+    let mut outputs = Vec::new();
+    for cycle in 0..points.len() + DELAY as usize {
+        let q = points.get(cycle).or(points.last()).copied().unwrap_or(0.0);
+        bench.both(at(1, q));
+        outputs.push((bench.player.outputs().digital, bench.last()));
+        assert_eq!(bench.player.state(), DeviceState::Commanded);
+        assert_eq!(bench.player.settled_ns(), 0);
+    }
+    let delay = DELAY as usize;
+    assert_eq!(bench.positions()[delay..], points);
+    assert_eq!(bench.positions()[..delay], [0.0; DELAY as usize]);
+    assert_eq!(bench.player.margin(), DELAY);
+    for (digital, q) in outputs {
+        assert_eq!(digital, u64::from(q > 0.1), "at {q}");
+    }
+}
+
+#[test]
+fn a_net_that_ends_at_rest_leaves_the_arm_ready_and_settled() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual());
+    bench.idle(DELAY - 1);
+    assert_eq!(bench.player.state(), DeviceState::Commanded);
+    bench.idle(1);
+    assert_eq!(
+        (bench.last(), bench.player.state()),
+        (0.2, DeviceState::Commanded)
+    );
+    bench.idle(1);
+    assert_eq!(bench.player.state(), DeviceState::Ready);
+    assert_eq!(bench.player.settled_ns(), bench.image.sequence * MS);
+    assert_eq!(bench.player.reason(), 0);
+}
+
+#[test]
+fn outputs_are_those_of_the_newest_cycle_when_nobody_commands_the_joints() {
+    let mut bench = Bench::new();
+    let only_output = SetPoint {
+        digital: 0b10,
+        digital_commanded: 0b10,
+        ..SetPoint::NONE
+    };
+    bench.both(only_output);
+    assert_eq!(bench.player.outputs().digital, 0b10);
+    assert_eq!(bench.player.state(), DeviceState::Ready);
+}
+
+#[test]
+fn outputs_do_not_change_while_set_points_wait() {
+    let mut bench = Bench::new();
+    for _ in 0..DELAY {
+        bench.both(at(1, 0.0));
+        assert_eq!(bench.player.outputs().digital_commanded, 0);
+    }
+    bench.both(at(1, 0.0));
+    assert_eq!(bench.player.outputs().digital_commanded, 1);
+}
+
+#[test]
+fn a_first_set_point_elsewhere_is_refused_and_nothing_moves() {
+    let mut bench = Bench::new();
+    bench.run(1, &motion(0.01, 0.2, 400));
+    assert_eq!(bench.last(), 0.0);
+    assert_eq!(bench.player.reason(), reason::FIRST_SET_POINT);
+    assert_eq!(bench.player.state(), DeviceState::Online);
+    bench.idle(1);
+    assert_eq!(bench.player.state(), DeviceState::Ready);
+}
+
+#[test]
+fn what_the_tolerance_allows_is_bridged_smoothly() {
+    let mut bench = Bench::new();
+    let points = motion(0.0019, 0.2, 400);
+    bench.run(1, &points);
+    (0..DELAY).for_each(|_| bench.both(at(1, points[400])));
+    assert_eq!(bench.last(), points[400]);
+    bench.check_peaks();
+}
+
+#[test]
+fn a_late_executor_slows_the_motion_on_its_path_and_the_margin_comes_back() {
+    let mut bench = Bench::new();
+    let points = motion(0.0, 1.0, 2000);
+    let (early, rest) = points.split_at(800);
+    bench.run(1, early);
+    bench.device_alone(7);
+    assert!((DELAY - 7..DELAY - 5).contains(&bench.player.margin()));
+    bench.run(1, rest);
+    assert_eq!(bench.player.counts(), PlayerCounts::default());
+    assert!(
+        bench.player.margin() >= DELAY - 1,
+        "{}",
+        bench.player.margin()
+    );
+    bench.check_peaks();
+    for (_, q) in &bench.sent {
+        assert!((q[1] - 0.5 * q[0]).abs() < 1e-15, "off the path");
+    }
+    bench.idle(DELAY + 5);
+    assert_eq!(
+        (bench.last(), bench.player.state()),
+        (1.0, DeviceState::Ready)
+    );
+}
+
+#[test]
+fn a_device_that_stalled_loses_no_set_point_and_catches_up() {
+    let mut bench = Bench::new();
+    let points = motion(0.0, 1.0, 2000);
+    for (cycle, q) in points.iter().enumerate() {
+        bench.now_ns += MS;
+        bench.write(at(1, *q));
+        if (500..530).contains(&cycle) {
+            bench.observe();
+        } else {
+            bench.exchange();
+        }
+        if cycle == 530 {
+            assert_eq!(bench.player.margin(), DELAY + 30);
+        }
+    }
+    assert!(
+        bench.player.margin() <= DELAY + 1,
+        "{}",
+        bench.player.margin()
+    );
+    assert_eq!(bench.player.counts(), PlayerCounts::default());
+    bench.check_peaks();
+}
+
+#[test]
+fn lost_device_periods_count_as_time() {
+    let mut bench = Bench::new();
+    let points = usual();
+    for (cycle, q) in points.iter().enumerate() {
+        bench.now_ns += MS;
+        bench.write(at(1, *q));
+        match cycle {
+            200 | 201 => bench.observe(),
+            _ => {
+                bench.tick.ticks = if cycle == 202 { 3 } else { 1 };
+                bench.exchange();
+            }
+        }
+    }
+    assert_eq!(bench.last(), points[400 - DELAY as usize]);
+    assert_eq!(bench.player.margin(), DELAY);
+}
+
+#[test]
+fn when_set_points_end_in_motion_the_arm_comes_to_rest_within_its_limits() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    bench.device_alone(11);
+    assert_eq!(bench.player.state(), DeviceState::Stopping);
+    assert_eq!(bench.player.counts().starved, 1);
+    bench.device_alone(200);
+    assert_eq!(bench.player.state(), DeviceState::Online);
+    bench.check_peaks();
+    let rest = bench.last();
+    bench.run(1, &usual()[200..]);
+    assert_eq!(bench.last(), rest, "its owner is refused");
+    bench.idle(1);
+    bench.run(2, &motion(rest, 0.1, 300));
+    assert_eq!(bench.player.state(), DeviceState::Commanded);
+    assert!(bench.last() > rest, "another owner is followed");
+}
+
+#[test]
+fn null_in_motion_brings_the_arm_to_rest_and_releases_outputs_at_once() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..300]);
+    bench.idle(DELAY + 1);
+    assert_eq!(bench.player.state(), DeviceState::Stopping);
+    assert_eq!(bench.player.reason(), reason::RELEASED_MOVING);
+    assert_eq!(bench.player.outputs().digital_commanded, 0);
+    assert_eq!(bench.player.settled_ns(), 0);
+    bench.idle(300);
+    assert_eq!(bench.player.state(), DeviceState::Ready);
+    bench.check_peaks();
+}
+
+#[test]
+fn a_start_while_the_arm_is_being_stopped_is_refused() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..300]);
+    bench.idle(DELAY + 1);
+    let points: Vec<f64> = vec![bench.last(); 400];
+    bench.run(2, &points);
+    assert_eq!(bench.player.reason(), reason::NOT_STARTABLE);
+    assert_eq!(bench.player.state(), DeviceState::Online);
+}
+
+#[test]
+fn a_stale_board_at_rest_releases_outputs_and_its_net() {
+    let mut bench = Bench::new();
+    let points = usual();
+    bench.run(1, &points);
+    (0..20).for_each(|_| bench.both(at(1, 0.2)));
+    assert_eq!(bench.player.outputs().digital_commanded, 1);
+    bench.device_alone(51);
+    assert_eq!(bench.player.outputs().digital_commanded, 0);
+    assert_eq!(bench.player.executor(), 0);
+    bench.device_alone(5);
+    assert_eq!(bench.player.state(), DeviceState::Online);
+    (0..100).for_each(|_| bench.both(at(1, 0.2)));
+    assert_eq!(
+        bench.player.state(),
+        DeviceState::Online,
+        "the same net is not followed again"
+    );
+    assert_eq!(bench.last(), 0.2);
+}
+
+#[test]
+fn when_the_executor_goes_in_motion_the_arm_comes_to_rest() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    bench.connected = false;
+    bench.device_alone(1);
+    assert_eq!(bench.player.state(), DeviceState::Stopping);
+    assert_eq!(bench.player.reason(), reason::NO_EXECUTOR);
+    assert_eq!(bench.player.outputs().digital_commanded, 0);
+    bench.device_alone(200);
+    bench.check_peaks();
+    bench.sent.clear();
+    bench.device_alone(50);
+    assert_eq!(bench.peaks()[0], 0.0);
+}
+
+#[test]
+fn another_executor_is_not_followed_in_motion() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    bench.image.executor = 8;
+    bench.run(1, &usual()[200..]);
+    assert_eq!(bench.player.state(), DeviceState::Online);
+    bench.check_peaks();
+    bench.idle(1);
+    assert_eq!(
+        (bench.player.state(), bench.player.executor()),
+        (DeviceState::Ready, 8)
+    );
+}
+
+#[test]
+fn set_points_that_go_on_under_another_owner_are_followed() {
+    let mut bench = Bench::new();
+    let points = usual();
+    bench.run(1, &points[..200]);
+    bench.run(2, &points[200..]);
+    (0..DELAY).for_each(|_| bench.both(at(2, 0.2)));
+    assert_eq!(bench.positions()[DELAY as usize..], points);
+}
+
+#[test]
+fn a_net_that_follows_a_cycle_later_begins_without_a_gap_of_its_own() {
+    let mut bench = Bench::new();
+    let (there, back) = (usual(), motion(0.2, -0.2, 400));
+    bench.run(1, &there);
+    bench.idle(1);
+    bench.run(2, &back);
+    (0..DELAY).for_each(|_| bench.both(at(2, 0.0)));
+    let positions = bench.positions();
+    let start = DELAY as usize;
+    assert_eq!(positions[start..start + there.len()], there);
+    assert_eq!(positions[start + there.len()], 0.2);
+    assert_eq!(positions[start + there.len() + 1..], back);
+}
+
+#[test]
+fn a_driver_that_comes_back_does_not_move() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    let mut again = Bench::new();
+    again.player = Player::new(bench.player.settings);
+    again.image = bench.image;
+    again.now_ns = bench.now_ns;
+    again.tick.mirror = *bench.player.position();
+    again.tick.commandable = false;
+    again.exchange();
+    again.tick.commandable = true;
+    again.sent.clear();
+    again.run(1, &usual()[200..]);
+    assert_eq!(again.peaks()[0], 0.0);
+    assert_eq!(again.player.reason(), reason::ALREADY_COMMANDED);
+    assert_eq!(again.player.state(), DeviceState::Online);
+}
+
+#[test]
+fn a_device_that_left_command_mode_is_mirrored_and_its_net_is_not_followed_again() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    bench.tick.commandable = false;
+    bench.tick.mirror[0] = 0.123;
+    bench.run(1, &usual()[200..210]);
+    assert_eq!(
+        (bench.last(), bench.player.state()),
+        (0.123, DeviceState::Online)
+    );
+    bench.tick.commandable = true;
+    bench.run(1, &[0.123; 100]);
+    assert_eq!(bench.last(), 0.123);
+    assert_eq!(bench.player.reason(), reason::DEVICE_STOPPED);
+}
+
+#[test]
+fn a_device_that_is_not_startable_goes_on_but_nothing_begins() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    bench.tick.startable = false;
+    bench.run(1, &usual()[200..]);
+    bench.idle(20);
+    assert_eq!(bench.last(), 0.2);
+    assert_eq!(bench.player.state(), DeviceState::Online);
+    bench.run(2, &motion(0.2, 0.1, 300));
+    assert_eq!(
+        (bench.last(), bench.player.reason()),
+        (0.2, reason::NOT_STARTABLE)
+    );
+}
+
+#[test]
+fn a_set_point_that_breaks_a_limit_is_not_sent_but_stops_the_arm() {
+    let mut bench = Bench::new();
+    let mut points = usual();
+    points.iter_mut().skip(250).for_each(|q| *q += 1e-3);
+    bench.run(1, &points);
+    assert_eq!(bench.player.reason(), reason::LIMIT);
+    let violation = bench.player.violation().map(|violation| violation.joint);
+    assert_eq!(violation, Some(0));
+    bench.idle(200);
+    bench.check_peaks();
+    assert!(bench.last() < 0.2);
+}
+
+#[test]
+fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_nobody() {
+    let mut bench = Bench::new();
+    bench.run(1, &usual()[..200]);
+    bench.player.terminate();
+    bench.run(1, &usual()[200..]);
+    assert!(bench.player.is_holding());
+    bench.check_peaks();
+    let rest = bench.last();
+    bench.idle(5);
+    bench.run(2, &motion(rest, 0.1, 300));
+    assert_eq!(bench.last(), rest);
+    assert_eq!(bench.player.reason(), reason::TERMINATING);
+}
+
+#[test]
+fn set_points_that_were_overwritten_unseen_stop_the_arm() {
+    let mut bench = Bench::new();
+    let points = motion(0.0, 1.0, 2000);
+    bench.run(1, &points[..1000]);
+    for q in &points[1000..1030] {
+        bench.now_ns += MS;
+        bench.write(at(1, *q));
+    }
+    bench.run(1, &points[1030..1100]);
+    assert_eq!(bench.player.reason(), reason::SET_POINTS_LOST);
+    bench.check_peaks();
+}
+
+#[test]
+fn at_rest_the_delay_is_won_back_without_slowing_anything() {
+    let mut bench = Bench::new();
+    let points = usual();
+    (0..50).for_each(|_| bench.both(at(1, 0.0)));
+    bench.device_alone(8);
+    (0..20).for_each(|_| bench.both(at(1, 0.0)));
+    assert_eq!(bench.player.margin(), DELAY);
+    bench.sent.clear();
+    bench.run(1, &points);
+    assert_eq!(
+        bench.positions()[DELAY as usize..],
+        points[..points.len() - DELAY as usize]
+    );
+}

@@ -1,0 +1,50 @@
+//! The numbers by which the host and the drivers say why a device is not ready, or why it stopped.
+//! One table; the announcement of a driver carries the lines that belong to it.
+
+/// A number and what it means to a person.
+pub type Reason = (u32, &'static str);
+
+macro_rules! reasons {
+    ($($name:ident = $number:literal, $text:literal;)*) => {
+        $(#[doc = $text] pub const $name: u32 = $number;)*
+        /// The host's reasons; a driver's begin at 100.
+        pub const HOST_REASONS: &[Reason] = &[$(($number, $text)),*];
+    };
+}
+
+reasons! {
+    NO_EXECUTOR = 1, "no executor commands this device, or its board is stale";
+    SILENT = 2, "the device sends nothing";
+    DEVICE_STOPPED = 3, "the device left command mode while a net commanded it";
+    NOT_STARTABLE = 4, "a net began to command the device when it could not be commanded";
+    FIRST_SET_POINT = 5, "the first set-point of the net is not where the device is held";
+    LIMIT = 6, "a set-point breaks a limit of the robot";
+    STARVED = 7, "set-points stopped coming while the device moved";
+    RELEASED_MOVING = 8, "the net stopped commanding the device while it moved";
+    STALE = 9, "the executor stopped writing while the device was commanded";
+    EXECUTOR_CHANGED = 10, "another executor took over while the device was commanded";
+    SET_POINTS_LOST = 11, "set-points were overwritten before the driver took them";
+    TERMINATING = 12, "the driver has been asked to stop";
+    ALREADY_COMMANDED = 13, "a net commanded the device already when the driver came";
+    ANALOG_RANGE = 14, "an analog output was commanded outside of its range and is released";
+}
+
+/// What a number means, among the host's and `drivers`.
+#[must_use]
+pub fn meaning(number: u32, drivers: &[Reason]) -> &'static str {
+    HOST_REASONS
+        .iter()
+        .chain(drivers)
+        .find(|row| row.0 == number)
+        .map_or("unknown reason", |row| row.1)
+}
+
+/// The word for people in a driver's announcement: one line a reason, `NUMBER TEXT`.
+#[must_use]
+pub fn note(drivers: &[Reason]) -> String {
+    HOST_REASONS
+        .iter()
+        .chain(drivers)
+        .map(|(number, text)| format!("{number} {text}\n"))
+        .collect()
+}

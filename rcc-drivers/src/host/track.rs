@@ -1,0 +1,202 @@
+//! The set-points that an executor has written, kept longer than its board keeps them.
+//! Pure; run by the host's thread, which copies the board often enough to miss none.
+
+use rcc_core::message::{CommandImage, MAGIC, SET_POINTS, SetPoint};
+
+/// Set-points kept: what a device may fall behind before it must stop.
+pub const TRACK_LENGTH: usize = 64;
+
+/// What a look at the board brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum News {
+    /// Nothing new.
+    None,
+    /// Further set-points of the same executor; some in between may be missing.
+    Further,
+    /// The first set-points of an executor: what was kept is forgotten.
+    Other,
+}
+
+/// The newest set-points of one executor, by the number of their cycle.
+#[derive(Clone, Debug)]
+pub struct Track {
+    entries: [SetPoint; TRACK_LENGTH],
+    /// Incarnation of the executor, 0 = none yet.
+    executor: u64,
+    /// Cycles `oldest..=newest` are there; none if `newest` is 0.
+    oldest: u64,
+    newest: u64,
+    stamp_ns: u64,
+    period_ns: u64,
+}
+
+impl Default for Track {
+    fn default() -> Self {
+        Self {
+            entries: [SetPoint::NONE; TRACK_LENGTH],
+            executor: 0,
+            oldest: 1,
+            newest: 0,
+            stamp_ns: 0,
+            period_ns: 1,
+        }
+    }
+}
+
+impl Track {
+    /// Copies what is new. An image that no executor has written yet is ignored.
+    pub fn update(&mut self, image: &CommandImage) -> News {
+        if image.magic != MAGIC
+            || image.sequence == 0
+            || image.period_ns == 0
+            || image.executor == 0
+        {
+            return News::None;
+        }
+        let other = image.executor != self.executor;
+        if !other && image.sequence <= self.newest {
+            return News::None;
+        }
+        let ring_oldest = image.sequence.saturating_sub(SET_POINTS as u64 - 1).max(1);
+        let first = if other {
+            ring_oldest
+        } else {
+            ring_oldest.max(self.newest + 1)
+        };
+        if other || first > self.newest + 1 {
+            self.oldest = first;
+        }
+        for sequence in first..=image.sequence {
+            if let (Some(place), Some(entry)) =
+                (self.entries.get_mut(index(sequence)), image.at(sequence))
+            {
+                *place = *entry;
+            }
+        }
+        self.newest = image.sequence;
+        self.oldest = self
+            .oldest
+            .max((self.newest + 1).saturating_sub(TRACK_LENGTH as u64));
+        self.executor = image.executor;
+        self.stamp_ns = image.stamp_ns;
+        self.period_ns = image.period_ns;
+        if other { News::Other } else { News::Further }
+    }
+
+    /// The set-point of cycle `sequence`, if it is kept.
+    #[must_use]
+    pub fn at(&self, sequence: u64) -> Option<&SetPoint> {
+        (self.oldest..=self.newest)
+            .contains(&sequence)
+            .then(|| self.entries.get(index(sequence)))
+            .flatten()
+    }
+
+    /// The position of cycle `sequence`, if it is kept and commands one.
+    #[must_use]
+    pub fn commanded(&self, sequence: u64) -> Option<&SetPoint> {
+        self.at(sequence).filter(|entry| commands(entry))
+    }
+
+    /// Number of the newest cycle, 0 = none.
+    #[must_use]
+    pub fn newest(&self) -> u64 {
+        self.newest
+    }
+
+    /// Number of the oldest cycle that is kept.
+    #[must_use]
+    pub fn oldest(&self) -> u64 {
+        self.oldest
+    }
+
+    /// The executor's incarnation, 0 = none yet.
+    #[must_use]
+    pub fn executor(&self) -> u64 {
+        self.executor
+    }
+
+    /// CLOCK_MONOTONIC at which the newest set-point was written.
+    #[must_use]
+    pub fn stamp_ns(&self) -> u64 {
+        self.stamp_ns
+    }
+
+    /// The executor's period, ns; greater than 0.
+    #[must_use]
+    pub fn period_ns(&self) -> u64 {
+        self.period_ns
+    }
+}
+
+/// True if somebody commands the joints.
+#[must_use]
+pub fn commands(entry: &SetPoint) -> bool {
+    entry.has_position == 1 && entry.owner != 0
+}
+
+fn index(sequence: u64) -> usize {
+    // Less than TRACK_LENGTH.
+    (sequence % TRACK_LENGTH as u64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(executor: u64, sequence: u64) -> CommandImage {
+        let mut image = CommandImage {
+            magic: MAGIC,
+            executor,
+            sequence,
+            stamp_ns: sequence,
+            period_ns: 1_000_000,
+            set_points: [SetPoint::NONE; SET_POINTS],
+        };
+        for entry in sequence.saturating_sub(15).max(1)..=sequence {
+            image.set_points[(entry % 16) as usize].logical_ns = entry;
+        }
+        image
+    }
+
+    fn kept(track: &Track) -> Vec<u64> {
+        (0..200)
+            .filter_map(|sequence| track.at(sequence).map(|entry| entry.logical_ns))
+            .collect()
+    }
+
+    #[test]
+    fn keeps_more_than_the_board_does() {
+        let mut track = Track::default();
+        for sequence in [5, 14, 30, 40, 50, 66, 80] {
+            track.update(&image(1, sequence));
+        }
+        assert_eq!(kept(&track), (17..=80).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_is_not_without_gap_before_the_newest_is_forgotten() {
+        let mut track = Track::default();
+        track.update(&image(1, 16));
+        assert_eq!(track.update(&image(1, 33)), News::Further);
+        assert_eq!(kept(&track), (18..=33).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn another_executor_begins_anew() {
+        let mut track = Track::default();
+        assert_eq!(track.update(&image(1, 40)), News::Other);
+        assert_eq!(track.update(&image(1, 40)), News::None);
+        assert_eq!(track.update(&image(2, 3)), News::Other);
+        assert_eq!((kept(&track), track.executor()), (vec![1, 2, 3], 2));
+    }
+
+    #[test]
+    fn a_board_that_nobody_has_written_says_nothing() {
+        let mut track = Track::default();
+        let mut unwritten = image(1, 3);
+        unwritten.magic = 0;
+        assert_eq!(track.update(&unwritten), News::None);
+        assert_eq!(kept(&track), Vec::<u64>::new());
+    }
+}
