@@ -77,6 +77,19 @@ impl Cell {
         Cell::at(name, &base.join(name))
     }
 
+    /// The cell `name` below the usual base if its folder is there; makes nothing when it is not.
+    ///
+    /// # Errors
+    /// As [`Cell::new`].
+    pub fn find(name: &str) -> Result<Option<Cell>, CellError> {
+        check_name(name)?;
+        let runtime_dir = base_dir().join(name);
+        if !runtime_dir.is_dir() {
+            return Ok(None);
+        }
+        Cell::at(name, &runtime_dir).map(Some)
+    }
+
     /// The cell `name` in exactly this folder (tests give each cell its own). Makes the folder and its parents.
     ///
     /// # Errors
