@@ -149,11 +149,21 @@ impl Node {
 /// # Errors
 /// [`BROKEN`], [`TOO_LARGE`] or [`NOT_SUPPORTED`]: the text ends there; [`DUPLICATE_KEY`]: all of them.
 pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
+    match read(text) {
+        (Some(node), faults) if faults.is_empty() => Ok(node),
+        (_, faults) => Err(faults),
+    }
+}
+
+/// Like [`parse`], but a text whose only faults are duplicate keys is there too, with the first of each: who reports
+/// faults can go on to find the others.
+#[must_use]
+pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
     if text.len() > BYTES_MAX {
-        let message = format!("the text has {} bytes, {BYTES_MAX} are allowed", text.len());
-        return Err(vec![
-            Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere(),
-        ]);
+        let length = text.len();
+        let message = format!("the text has {length} bytes, {BYTES_MAX} are allowed");
+        let fault = Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere();
+        return (None, vec![fault]);
     }
     let mut builder = Builder::new(text);
     for next in Parser::new_from_str(text) {
@@ -161,18 +171,22 @@ pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
             Ok((event, span)) => builder.take(event, span),
             Err(error) => {
                 let at = error.marker().byte_offset().unwrap_or(0);
-                Err(broken(text, at, error.info()))
+                Err(broken(text, at, &error.info()))
             }
         };
         if let Err(fault) = step {
             builder.faults.push(fault);
-            return Err(builder.faults);
+            return (None, builder.faults);
         }
     }
-    builder.finish()
+    let null = Node {
+        value: Value::Null,
+        span: Span::new(0, 0),
+    };
+    (Some(builder.root.unwrap_or(null)), builder.faults)
 }
 
-fn broken(text: &str, at: usize, message: String) -> Diagnostic {
+fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
     let at = at.min(text.len());
     let line = message.split('\n').next().unwrap_or_default();
     let fault = Diagnostic::error(BROKEN, Span::new(at, at + 1), "this is no YAML or JSON");
@@ -194,7 +208,8 @@ enum Open {
     Map {
         entries: Vec<Entry>,
         keys: HashSet<String>,
-        key: Option<Key>,
+        /// The key whose value comes next, and whether it is the first of its name.
+        key: Option<(Key, bool)>,
     },
 }
 
@@ -279,23 +294,17 @@ impl<'a> Builder<'a> {
         style: ScalarStyle,
         span: Span,
     ) -> Result<(), Diagnostic> {
-        if let Some((
-            Open::Map {
-                key: key @ None,
-                keys,
-                ..
-            },
-            _,
-        )) = self.stack.last_mut()
+        if let Some((Open::Map { keys, key, .. }, _)) = self.stack.last_mut()
+            && key.is_none()
         {
             let name = text.into_owned();
-            if !keys.insert(name.clone()) {
+            let first = keys.insert(name.clone());
+            if !first {
                 let message = format!("`{name}` is given twice in one mapping");
-                let fault = Diagnostic::error(DUPLICATE_KEY, span, message);
-                self.faults
-                    .push(fault.label("given before").help("keep one of them"));
+                let fault = Diagnostic::error(DUPLICATE_KEY, span, message).label("given before");
+                self.faults.push(fault.help("keep one of them"));
             }
-            *key = Some(Key { name, span });
+            *key = Some((Key { name, span }, first));
             return Ok(());
         }
         let value = if style == ScalarStyle::Plain {
@@ -346,7 +355,8 @@ impl<'a> Builder<'a> {
         match self.stack.last_mut() {
             Some((Open::List(nodes), _)) => nodes.push(node),
             Some((Open::Map { entries, key, .. }, _)) => match key.take() {
-                Some(key) => entries.push(Entry { key, value: node }),
+                Some((key, true)) => entries.push(Entry { key, value: node }),
+                Some((_, false)) => {}
                 None => {
                     let message = "a list or mapping is used as a key";
                     return Err(Diagnostic::error(NOT_SUPPORTED, node.span, message));
@@ -355,17 +365,6 @@ impl<'a> Builder<'a> {
             None => self.root = Some(node),
         }
         Ok(())
-    }
-
-    fn finish(self) -> Result<Node, Vec<Diagnostic>> {
-        if !self.faults.is_empty() {
-            return Err(self.faults);
-        }
-        let null = Node {
-            value: Value::Null,
-            span: Span::new(0, 0),
-        };
-        Ok(self.root.unwrap_or(null))
     }
 }
 
