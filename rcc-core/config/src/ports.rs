@@ -151,14 +151,12 @@ pub(crate) fn numbers(
     for (name, span, port) in declared {
         let chosen = match given {
             Numbers::Chosen(chosen) => chosen.get(&name).copied(),
-            Numbers::Offline => Some(0),
+            Numbers::Offline => None,
         };
-        let number = match (port, given, chosen) {
-            (Declared::Fixed(number), Numbers::Offline, _)
-            | (Declared::Fixed(number), _, None)
-            | (Declared::Automatic(_), _, Some(number))
-            | (Declared::Fixed(_), _, Some(number)) => number,
-            (Declared::Automatic(_), _, None) => {
+        let number = match (chosen, port, given) {
+            (Some(number), ..) | (None, Declared::Fixed(number), _) => number,
+            (None, Declared::Automatic(_), Numbers::Offline) => 0,
+            (None, Declared::Automatic(_), Numbers::Chosen(_)) => {
                 let message =
                     format!("the port `{name}` is automatic, and no number was given for it");
                 let help = format!(

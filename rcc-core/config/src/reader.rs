@@ -1,6 +1,7 @@
 //! Takes values out of a tree and keeps what is wrong with them, so that all faults of a file come at once.
 //! Whoever reads a configuration uses it at start-up; nothing here is real-time.
 
+use std::f64::consts::PI;
 use std::fmt::Display;
 
 use rcc_core::unit::Unit;
@@ -217,7 +218,7 @@ impl Reader {
 
     /// A number with its unit, in SI.
     pub fn quantity(&mut self, node: &Node, what: &str, wanted: Wanted) -> Option<f64> {
-        let Wanted { unit, least, most } = wanted;
+        let unit = wanted.unit;
         let quantity = match quantity::of(node) {
             Ok(quantity) => quantity,
             Err(QuantityError::NotANumber { .. }) => {
@@ -253,29 +254,40 @@ impl Reader {
             _ => {}
         }
         let value = quantity.value;
-        if (least..=most).contains(&value) {
+        if (wanted.least..=wanted.most).contains(&value) {
             return Some(value);
         }
+        self.out_of_range(node, what, value, wanted);
+        None
+    }
+
+    fn out_of_range(&mut self, node: &Node, what: &str, value: f64, wanted: Wanted) {
+        let Wanted { unit, least, most } = wanted;
         let range = match (least, most) {
             (f64::MIN_POSITIVE, f64::MAX) => "greater than 0".to_owned(),
-            (f64::MIN_POSITIVE, most) => format!("greater than 0 and at most {most} {unit}"),
-            _ => format!("from {least} {unit} to {most} {unit}"),
+            (f64::MIN_POSITIVE, _) => format!("greater than 0 and at most {}", shown(most, unit)),
+            (_, f64::MAX) => format!("at least {}", shown(least, unit)),
+            _ => format!("from {} to {}", shown(least, unit), shown(most, unit)),
         };
-        let message = format!("{what} is {value} {unit}, it must be {range}");
+        let message = format!("{what} is {}, it must be {range}", shown(value, unit));
         self.keep(error(codes::OUT_OF_RANGE, node.span, message));
-        None
     }
 
     /// A time in whole nanoseconds, bounds included.
     pub fn nanoseconds(&mut self, node: &Node, what: &str, least: u64, most: u64) -> Option<u64> {
+        let value = self.quantity(node, what, Wanted::any(Unit::SECOND))?;
+        // Rounded before it is judged: 100 us is a little less than 1e-4 s. Beyond its range the cast saturates.
+        let ns = (value * 1e9).round();
+        if ns >= 0.0 && (least..=most).contains(&(ns as u64)) {
+            return Some(ns as u64);
+        }
         let wanted = Wanted {
             unit: Unit::SECOND,
-            least: seconds(least),
-            most: seconds(most),
+            least: least as f64 * 1e-9,
+            most: most as f64 * 1e-9,
         };
-        let value = self.quantity(node, what, wanted)?;
-        // Between 0 and 10 s: far below 2^53 ns. Rounding may cross a bound by less than 1 ns.
-        Some(((value * 1e9).round() as u64).clamp(least, most))
+        self.out_of_range(node, what, ns * 1e-9, wanted);
+        None
     }
 
     /// A lower and an upper bound.
@@ -288,7 +300,11 @@ impl Reader {
             return Some([lower, upper]);
         }
         let message = format!("{what}: the lower bound must be less than the upper one");
-        let label = format!("{lower} {unit} is not less than {upper} {unit}");
+        let label = format!(
+            "{} is not less than {}",
+            shown(lower, unit),
+            shown(upper, unit)
+        );
         let fault = error(codes::REVERSED, node.span, message).label(label);
         self.keep(fault.help("write the lower bound first: `[lower, upper]`"));
         None
@@ -349,9 +365,18 @@ pub(crate) fn error(code: Code, place: Span, message: impl Into<String>) -> Diag
     Diagnostic::error(code.code, place, message)
 }
 
-/// Nanoseconds as the quotient that a reader of `1 ms` gets too.
-fn seconds(ns: u64) -> f64 {
-    ns as f64 / 1e9
+/// A value as people like to read it, without the noise of the conversion to SI.
+pub(crate) fn shown(value: f64, unit: Unit) -> String {
+    let (scale, name) = match unit {
+        Unit::SECOND if value == 0.0 || value.abs() >= 0.9995 => (1.0, "s".to_owned()),
+        Unit::SECOND => (1e3, "ms".to_owned()),
+        _ if unit.to_string().contains("rad") => (180.0 / PI, scaled(unit)),
+        _ => (1.0, unit.to_string()),
+    };
+    let value = value * scale;
+    let rounded = (value * 1e6).round() / 1e6;
+    let value = if rounded == 0.0 { value } else { rounded };
+    format!("{value} {name}")
 }
 
 /// The unit as people like to write it.

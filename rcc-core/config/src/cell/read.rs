@@ -144,7 +144,11 @@ impl Reading<'_> {
     /// How old something may be: at least two periods, or it would be stale between two cycles.
     fn timeout(&mut self, fields: &Fields<'_>, key: &str, usual: u64, most: u64) -> Option<u64> {
         match fields.get(key) {
-            Some(node) => self.reader.nanoseconds(node, key, 2 * self.period_ns, most),
+            Some(node) => {
+                let what = format!("{key} (two periods or more)");
+                self.reader
+                    .nanoseconds(node, &what, 2 * self.period_ns, most)
+            }
             None => Some(usual.max(3 * self.period_ns)),
         }
     }
@@ -238,27 +242,12 @@ impl Reading<'_> {
                 Some(None)
             }
         };
-        let settings = match fields.get("settings") {
-            Some(node) => {
-                self.reader.entries(node, "settings");
-                self.json(node)
-            }
-            None => Some(serde_json::Value::Object(serde_json::Map::new())),
-        };
+        let settings = self.settings(&fields);
         let channels = match fields.get("channels") {
             Some(node) => channels(&mut self.reader, node),
             None => Some(Vec::new()),
         };
-        let tolerance = match fields.get("first_tolerance") {
-            Some(node) => {
-                let wanted = Wanted {
-                    most: FIRST_TOLERANCE_RAD_MAX,
-                    ..Wanted::positive(Unit::RADIAN)
-                };
-                self.reader.quantity(node, "first_tolerance", wanted)
-            }
-            None => Some(FIRST_TOLERANCE_RAD),
-        };
+        let tolerance = self.first_tolerance(&fields);
         let timeout = self.timeout(
             &fields,
             "command_timeout",
@@ -276,6 +265,25 @@ impl Reading<'_> {
             command_timeout_ns: timeout?,
             delay_ns: delay?,
         })
+    }
+
+    fn settings(&mut self, device: &Fields<'_>) -> Option<serde_json::Value> {
+        let Some(node) = device.get("settings") else {
+            return Some(serde_json::Value::Object(serde_json::Map::new()));
+        };
+        self.reader.entries(node, "settings")?;
+        self.json(node)
+    }
+
+    fn first_tolerance(&mut self, device: &Fields<'_>) -> Option<f64> {
+        let Some(node) = device.get("first_tolerance") else {
+            return Some(FIRST_TOLERANCE_RAD);
+        };
+        let wanted = Wanted {
+            most: FIRST_TOLERANCE_RAD_MAX,
+            ..Wanted::positive(Unit::RADIAN)
+        };
+        self.reader.quantity(node, "first_tolerance", wanted)
     }
 
     fn refuse_keys_of_arms(&mut self, fields: &Fields<'_>) {

@@ -8,7 +8,7 @@ use rcc_core::unit::Unit;
 use super::{CHANNEL_KINDS, ChannelConfig, OnRelease, is_digital, is_output, kind_name};
 use crate::codes;
 use crate::diagnostic::Span;
-use crate::reader::{Fields, ID, Reader, Wanted, error};
+use crate::reader::{Fields, ID, Reader, Wanted, error, shown};
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 7] = [
@@ -239,12 +239,20 @@ fn no_on_release(reader: &mut Reader, fields: &Fields<'_>, name: &str) {
 }
 
 fn on_release(reader: &mut Reader, node: &Node, form: &Form) -> Option<OnRelease> {
-    if node.map().is_none() {
-        return reader.word(
-            node,
-            "on_release (`hold` or `{safe: VALUE}`)",
-            &[("hold", OnRelease::Hold)],
-        );
+    const FORMS: &str = "`hold` or `{safe: VALUE}`";
+    match node.text() {
+        Some("hold") => return Some(OnRelease::Hold),
+        Some(text) => {
+            let message = format!("an output cannot do `{text}` when it is released");
+            let fault = error(codes::UNKNOWN_KIND, node.span, message);
+            reader.keep(fault.help(format!("write {FORMS}")));
+            return None;
+        }
+        None if node.map().is_none() => {
+            reader.shape(node, "on_release", FORMS);
+            return None;
+        }
+        None => {}
     }
     let fields = reader.fields(node, node.span, "on_release", &["safe"])?;
     let safe = reader.need(&fields, "safe")?;
@@ -257,10 +265,9 @@ fn on_release(reader: &mut Reader, node: &Node, form: &Form) -> Option<OnRelease
     if let Some([lower, upper]) = form.range
         && !(lower..=upper).contains(&value)
     {
-        let unit = form.unit;
-        let message = format!(
-            "the safe value {value} {unit} is outside of the channel's range, {lower} {unit} to {upper} {unit}"
-        );
+        let [value, lower, upper] = [value, lower, upper].map(|value| shown(value, form.unit));
+        let message =
+            format!("the safe value {value} is outside of the channel's range, {lower} to {upper}");
         let fault = error(codes::UNSAFE_VALUE, safe.span, message);
         reader.keep(
             fault.help("a value outside of the range is refused, also this one: choose one inside"),

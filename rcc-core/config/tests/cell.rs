@@ -1,0 +1,232 @@
+//! What a cell's file means: defaults, numbers, placeholders, models and the fingerprint.
+//! Tests of texts; no file but those beside them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rcc_config::diagnostic::Faults;
+use rcc_config::{CellConfig, OnRelease, ports::PortArgument};
+use rcc_core::primitive::ChannelKind;
+use rcc_core::unit::Unit;
+
+const TEXT: &str = "\
+cell: test
+period: 2 ms
+ports: {fri: auto udp, io: 502}
+simulators:
+  sim: {program: lwr-sim, arguments: [\"--driver=127.0.0.1:${fri}\", --seed, 5]}
+devices:
+  lwr:
+    driver: fri-lwr
+    robot: robots/good.yaml
+    settings: {listen: [\"127.0.0.1:${fri}\", \"${io}-${fri}\"], retries: 3}
+    channels:
+      door: {kind: digital input, address: 1}
+      torch: {kind: digital output, address: 1, on_release: {safe: true}}
+      gun: {kind: digital output, address: 2, on_release: hold}
+      speed: {kind: analog output, address: holding 1, unit: m/s, scale: 2 mm/s, offset: -1 m/s, range: [-1 m/s, 1 m/s], on_release: {safe: -500 mm/s}}
+  io: {driver: modbus}
+";
+
+fn parse(text: &str) -> Result<CellConfig, Faults> {
+    let chosen = [("fri".to_owned(), 4000)];
+    let ports = chosen
+        .into_iter()
+        .filter(|_| text.contains("auto udp"))
+        .collect();
+    CellConfig::parse(text, "test.yaml", Path::new("tests/bad"), &ports)
+}
+
+fn cell(text: &str) -> CellConfig {
+    parse(text).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+#[test]
+fn what_is_left_out_has_its_documented_value() {
+    let cell = cell("cell: a\nperiod: 1 ms\ndevices:\n  b: {driver: c, robot: robots/good.yaml}\n");
+    assert_eq!(cell.stale_after_ns, 50_000_000);
+    assert_eq!((cell.executor.priority, cell.executor.core), (80, None));
+    assert_eq!(cell.executor.late_in_a_row_max, 100);
+    assert!(cell.simulators.is_empty() && cell.ports.is_empty());
+    let device = &cell.devices[0];
+    assert_eq!(device.delay_ns, 10_000_000);
+    assert_eq!(device.command_timeout_ns, 50_000_000);
+    assert!((device.first_tolerance_rad.to_degrees() - 0.1).abs() < 1e-15);
+    assert_eq!(device.settings, serde_json::json!({}));
+}
+
+#[test]
+fn times_that_are_left_out_fit_the_period() {
+    let slow = cell("cell: a\nperiod: 100 ms\ndevices: {b: {driver: c}}\n");
+    assert_eq!(slow.stale_after_ns, 300_000_000);
+    assert_eq!(slow.devices[0].command_timeout_ns, 300_000_000);
+    let fast = cell("cell: a\nperiod: 100 us\ndevices: {b: {driver: c}}\n");
+    assert_eq!(fast.period_ns, 100_000);
+    assert_eq!(fast.devices[0].delay_ns, 1_200_000);
+}
+
+#[test]
+fn placeholders_become_the_numbers_of_the_ports() {
+    let cell = cell(TEXT);
+    assert_eq!(
+        cell.ports,
+        BTreeMap::from([("fri".into(), 4000), ("io".into(), 502)])
+    );
+    assert_eq!(
+        cell.simulators[0].arguments,
+        ["--driver=127.0.0.1:4000", "--seed", "5"]
+    );
+    let settings = &cell.devices[0].settings;
+    assert_eq!(
+        settings,
+        &serde_json::json!({"listen": ["127.0.0.1:4000", "502-4000"], "retries": 3})
+    );
+}
+
+#[test]
+fn a_number_that_is_given_replaces_a_fixed_port() {
+    let given = BTreeMap::from([("fri".to_owned(), 1), ("io".to_owned(), 2)]);
+    let cell = CellConfig::parse(TEXT, "test.yaml", Path::new("tests/bad"), &given).unwrap();
+    assert_eq!(cell.ports, given);
+}
+
+#[test]
+fn channels_are_counted_by_kind_and_are_in_si() {
+    let cell = cell(TEXT);
+    let (index, lwr) = cell.device("lwr").unwrap();
+    assert_eq!(index, 0);
+    let outputs: Vec<_> = lwr.channels_of(ChannelKind::DigitalOutput).collect();
+    let rows: Vec<_> = outputs
+        .iter()
+        .map(|c| (c.name.as_str(), c.index, c.on_release))
+        .collect();
+    assert_eq!(
+        rows,
+        [
+            ("torch", 0, Some(OnRelease::Safe(1.0))),
+            ("gun", 1, Some(OnRelease::Hold))
+        ]
+    );
+    assert_eq!(
+        lwr.channel(ChannelKind::DigitalInput, "door")
+            .unwrap()
+            .on_release,
+        None
+    );
+    assert!(lwr.channel(ChannelKind::DigitalInput, "torch").is_none());
+    let speed = lwr.channel(ChannelKind::AnalogOutput, "speed").unwrap();
+    assert_eq!(speed.unit, Unit::METRE_PER_SECOND);
+    assert_eq!((speed.scale, speed.offset), (0.002, -1.0));
+    assert_eq!(
+        (speed.range, speed.on_release),
+        (Some([-1.0, 1.0]), Some(OnRelease::Safe(-0.5)))
+    );
+    assert_eq!(speed.address, "holding 1");
+}
+
+#[test]
+fn models_have_the_joints_and_channels_of_their_devices() {
+    let models = cell(TEXT).models();
+    assert_eq!(models[0].channels, [1, 2, 0, 1]);
+    assert_eq!((models[0].joints, models[0].limits.joints), (7, 7));
+    assert!(models[0].arm.is_some());
+    assert!((models[0].limits.velocity_max[6].to_degrees() - 110.0).abs() < 1e-12);
+    assert_eq!(models[0].limits.lower[7], 0.0);
+    assert_eq!((models[1].joints, models[1].channels), (0, [0; 4]));
+    assert!(models[1].arm.is_none());
+}
+
+#[test]
+fn json_and_yaml_mean_the_same() {
+    let tree = rcc_config::yaml::parse(TEXT).unwrap().to_json();
+    let json = serde_json::to_string_pretty(&tree).unwrap();
+    assert_eq!(cell(&json), cell(TEXT));
+}
+
+#[test]
+fn the_fingerprint_depends_on_what_a_plan_depends_on() {
+    let original = cell(TEXT).fingerprint();
+    for (from, to) in [
+        ("period: 2 ms", "period: 1 ms"),
+        ("lwr:", "arm:"),
+        ("robot: robots/good.yaml", "first_tolerance: null"),
+        ("door:", "gate:"),
+        ("kind: digital input", "kind: analog input"),
+        (
+            "unit: m/s, scale: 2 mm/s, offset: -1 m/s, range: [-1 m/s, 1 m/s], on_release: {safe: -500 mm/s}",
+            "on_release: hold",
+        ),
+        ("range: [-1 m/s, 1 m/s]", "range: [-1 m/s, 2 m/s]"),
+        ("  io: {driver: modbus}", ""),
+        (
+            "  io: {driver: modbus}",
+            "  io: {driver: modbus, channels: {a: {kind: digital input, address: 1}}}",
+        ),
+    ] {
+        assert!(TEXT.contains(from), "{from}");
+        assert_ne!(
+            cell(&TEXT.replacen(from, to, 1)).fingerprint(),
+            original,
+            "{to}"
+        );
+    }
+    let mut joint = cell(TEXT);
+    joint.devices[0].robot.as_mut().unwrap().joints[3].upper_rad += 1e-9;
+    assert_ne!(joint.fingerprint(), original);
+    let mut arm = cell(TEXT);
+    arm.devices[0].robot.as_mut().unwrap().arm.forearm += 1e-9;
+    assert_ne!(arm.fingerprint(), original);
+    let mut swapped = cell(TEXT);
+    swapped.devices.swap(0, 1);
+    assert_ne!(swapped.fingerprint(), original);
+}
+
+#[test]
+fn the_fingerprint_does_not_depend_on_how_devices_are_reached() {
+    let original = cell(TEXT).fingerprint();
+    for (from, to) in [
+        ("io: 502", "io: 503"),
+        ("driver: modbus", "driver: ethercat"),
+        ("retries: 3", "retries: 4"),
+        ("address: 1", "address: 9"),
+        ("scale: 2 mm/s", "scale: 3 mm/s"),
+        ("cell: test", "# a comment\ncell: test"),
+    ] {
+        assert!(TEXT.contains(from), "{from}");
+        assert_eq!(
+            cell(&TEXT.replacen(from, to, 1)).fingerprint(),
+            original,
+            "{to}"
+        );
+    }
+}
+
+#[test]
+fn no_damage_to_a_text_makes_the_reader_panic() {
+    let robots = Path::new("tests/bad");
+    let read = |text: &str| {
+        if let Err(faults) = CellConfig::parse(text, "test.yaml", robots, &BTreeMap::new()) {
+            assert!(faults.has_errors(), "{text}");
+        }
+    };
+    for (at, _) in TEXT.char_indices() {
+        read(&TEXT[..at]);
+        read(&format!("{}{}", &TEXT[..at], &TEXT[at + 1..]));
+    }
+    let lines: Vec<_> = TEXT.lines().collect();
+    for left_out in 0..lines.len() {
+        let mut rest = lines.clone();
+        rest.remove(left_out);
+        read(&rest.join("\n"));
+    }
+}
+
+#[test]
+fn a_port_on_the_command_line_is_name_and_number() {
+    let port: PortArgument = "fri=49938".parse().unwrap();
+    assert_eq!((port.name.as_str(), port.number), ("fri", 49938));
+    for bad in ["fri", "=1", "fri=", "fri=65536", "fri=-1", ""] {
+        let error = bad.parse::<PortArgument>().unwrap_err().to_string();
+        assert!(error.contains("name=number"), "{error}");
+    }
+}
