@@ -6,12 +6,10 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
-use iceoryx2::port::DegradationAction;
-use iceoryx2::port::LoanError;
-use iceoryx2::port::SendError;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy as Backpressure;
 use iceoryx2::port::client::{Client as IoxClient, RequestSendError};
 use iceoryx2::port::server::Server as IoxServer;
+use iceoryx2::port::{DegradationAction, LoanError, SendError};
 use iceoryx2::prelude::{AllocationStrategy, PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::PortFactory as _;

@@ -6,15 +6,13 @@ mod common;
 use std::fs::{self, File, FileTimes};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 
-use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for};
+use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
 use rcc_ipc::{
     AnnounceError, Announcement, BoardError, Cell, Life, RequestError, Role, Session, SessionError,
 };
-use rcc_ipc::{board, request, stream};
 
 /// The second process: in the cell, announced or not, until it is killed.
 #[test]
@@ -22,42 +20,6 @@ fn peer() {
     let Some((part, cell, label)) = part() else {
         return;
     };
-    if part == "busy" {
-        // Every kind of service, again and again, so that a kill strikes at any moment.
-        loop {
-            let session = Session::join(&cell, Role::Driver, &label).unwrap();
-            fs::write(cell.runtime_dir().join("started"), "").unwrap();
-            let mut board = session.create_board::<[u64; 64]>("board").unwrap();
-            let server = session.serve("server").unwrap();
-            let mut publisher = session.publisher::<[u64; 8]>("stream").unwrap();
-            let reader = session.open_board::<[u64; 64]>(board.service()).unwrap();
-            let mut subscriber = session.subscribe::<[u64; 8]>(publisher.service()).unwrap();
-            let client = session.client(server.service()).unwrap();
-            board.write(&[1; 64]);
-            assert_eq!(reader.read(), [1; 64]);
-            publisher.publish(&[[2; 8]; 100]).unwrap();
-            assert!(subscriber.next_batch().unwrap().is_some());
-            refused(client.call(&[0; 50_000], Duration::ZERO));
-        }
-    }
-    if part == "guest" {
-        // Takes part in all that a living process offers, again and again, so that a kill strikes at any moment.
-        let host = cell.announced(Role::Executor, "exec").unwrap().unwrap();
-        loop {
-            let session = Session::join(&cell, Role::Cli, &label).unwrap();
-            fs::write(cell.runtime_dir().join("started"), "").unwrap();
-            let reader = session.open_board::<u64>(&host.services["board"]).unwrap();
-            let mut subscriber = session
-                .subscribe::<[u64; 8]>(&host.services["stream"])
-                .unwrap();
-            let client = session.client(&host.services["server"]).unwrap();
-            let answer = client
-                .call(&vec![3; (reader.read() % 50_000) as usize], LIMIT)
-                .unwrap();
-            assert!(!answer.is_empty());
-            subscriber.next_batch().unwrap();
-        }
-    }
     let session = Session::join(&cell, Role::Driver, &label).unwrap();
     let board = session.create_board::<u64>("board").unwrap();
     if part == "unannounced" {
@@ -71,13 +33,6 @@ fn peer() {
     loop {
         std::thread::park();
     }
-}
-
-/// Waits for the file that an unannounced second process writes once it is in the cell.
-fn wait_until_started(cell: &Cell) -> PathBuf {
-    let path = cell.runtime_dir().join("started");
-    wait_for(|| path.exists().then_some(()));
-    path
 }
 
 fn of_this_process(label: &str) -> Announcement {
@@ -348,137 +303,6 @@ fn the_janitor_repairs_a_cell_whose_dead_process_left_an_empty_file() {
     assert_eq!(report.half_created, left.len());
     assert_eq!(cell.files(), before);
     drop(session);
-}
-
-/// The same moments in each run, spread over all that a process does in its first 20 ms (a linear congruential
-/// generator, Knuth's MMIX constants).
-fn random_delays_us(count: usize) -> impl Iterator<Item = u64> {
-    let mut state: u64 = std::env::var("RCC_IPC_TEST_SEED")
-        .ok()
-        .and_then(|t| t.parse().ok())
-        .unwrap_or(1);
-    let next = move || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % 20_000
-    };
-    std::iter::repeat_with(next).take(count)
-}
-
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap().flatten() {
-        found.push(entry.path());
-        if entry.path().is_dir() {
-            found.extend(files_below(&entry.path()));
-        }
-    }
-    found.sort();
-    found
-}
-
-#[test]
-fn a_process_killed_at_any_moment_leaves_nothing_after_the_janitor() {
-    let cell = TestCell::new();
-    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
-    let mut own = session.create_board::<u64>("own").unwrap();
-    run_janitor(&cell).unwrap();
-    let before = cell.files();
-    let before_on_disk = files_below(&cell.iox_root());
-    for (round, delay_us) in random_delays_us(40).enumerate() {
-        let round = round as u64;
-        let peer = Peer::start(&cell, "busy", "lwr");
-        fs::remove_file(wait_until_started(&cell)).unwrap();
-        std::thread::sleep(Duration::from_micros(delay_us));
-        peer.kill();
-        // What was made a moment before the kill, and is still empty, is left for a later run.
-        wait_for(|| {
-            run_janitor(&cell).unwrap();
-            (cell.files() == before && files_below(&cell.iox_root()) == before_on_disk)
-                .then_some(())
-        });
-        own.write(&round);
-        assert_eq!(
-            session.open_board::<u64>(own.service()).unwrap().read(),
-            round
-        );
-    }
-}
-
-/// Serves, publishes and writes until the end; others may die meanwhile.
-fn host(session: &Session, cell: &Cell, end: &AtomicBool) {
-    let mut board = session.create_board::<u64>("board").unwrap();
-    let mut publisher = session.publisher::<[u64; 8]>("stream").unwrap();
-    let server = session.serve("server").unwrap();
-    let announcement = Announcement::of(session)
-        .service("board", board.service())
-        .service("stream", publisher.service())
-        .service("server", server.service());
-    let _announced = cell.announce(&announcement).unwrap();
-    for value in 0.. {
-        if end.load(Ordering::Relaxed) {
-            return;
-        }
-        board.write(&(value * 97));
-        publisher.publish(&[[value; 8]; 3]).unwrap();
-        while let Some(request) = server.poll().unwrap() {
-            request.answer(&[1; 5_000]).unwrap();
-        }
-        std::thread::sleep(Duration::from_micros(200));
-    }
-}
-
-#[test]
-fn guests_killed_at_any_moment_use_up_nothing_of_a_living_process() {
-    let cell = TestCell::new();
-    let end = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let session = Session::join(&cell, Role::Executor, "exec").unwrap();
-            host(&session, &cell, &end);
-        });
-        let announced = wait_for(|| cell.announced(Role::Executor, "exec").unwrap());
-        let outcome = std::panic::catch_unwind(|| {
-            // More rounds than any of the services has places.
-            for delay_us in random_delays_us(60) {
-                let peer = Peer::start(&cell, "guest", "guest");
-                fs::remove_file(wait_until_started(&cell)).unwrap();
-                std::thread::sleep(Duration::from_micros(delay_us));
-                peer.kill();
-                run_janitor(&cell).unwrap();
-            }
-            let session = Session::join(&cell, Role::Monitor, "last").unwrap();
-            let readers: Vec<_> = (0..board::READERS_MAX)
-                .map(|_| {
-                    session
-                        .open_board::<u64>(&announced.services["board"])
-                        .unwrap()
-                })
-                .collect();
-            let clients: Vec<_> = (0..request::CLIENTS_MAX)
-                .map(|_| session.client(&announced.services["server"]).unwrap())
-                .collect();
-            for client in &clients {
-                assert_eq!(client.call(b"?", LIMIT).unwrap(), [1; 5_000]);
-            }
-            let mut streams: Vec<_> = (0..stream::SUBSCRIBERS_MAX)
-                .map(|_| {
-                    session
-                        .subscribe::<[u64; 8]>(&announced.services["stream"])
-                        .unwrap()
-                })
-                .collect();
-            for stream in &mut streams {
-                wait_for(|| stream.next_batch().unwrap());
-            }
-            drop(readers);
-        });
-        end.store(true, Ordering::Relaxed);
-        if let Err(panic) = outcome {
-            std::panic::resume_unwind(panic);
-        }
-    });
 }
 
 #[test]

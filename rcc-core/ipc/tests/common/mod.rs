@@ -33,7 +33,7 @@ impl TestCell {
         TestCell { cell, folder }
     }
 
-    /// Wipes and returns what was still there: nothing, in a test that ended well.
+    /// Its shared-memory files now.
     pub fn files(&self) -> Vec<PathBuf> {
         self.cell.leftovers().unwrap()
     }
@@ -130,6 +130,13 @@ pub fn part() -> Option<(String, Cell, String)> {
     nix::sys::prctl::set_pdeathsig(nix::sys::signal::Signal::SIGKILL).unwrap();
     let cell = Cell::at("test", &PathBuf::from(std::env::var_os(FOLDER).unwrap())).unwrap();
     Some((part, cell, std::env::var(LABEL).unwrap()))
+}
+
+/// Waits for the file that an unannounced second process writes once it is in the cell.
+pub fn wait_until_started(cell: &Cell) -> PathBuf {
+    let path = cell.runtime_dir().join("started");
+    wait_for(|| path.exists().then_some(()));
+    path
 }
 
 /// Runs the janitor of this build.
