@@ -40,9 +40,12 @@ pub(crate) fn read(path: &Path) -> Result<Text, Faults> {
     }
 }
 
-/// The tree of a text.
-pub(crate) fn tree(file: &Text) -> Result<Node, Faults> {
-    yaml::parse(&file.text).map_err(|faults| Faults::new(&*file.name, &*file.text, faults))
+/// The tree of a text, and a reader that knows what the parser has found and could go on from (duplicate keys).
+pub(crate) fn tree(file: &Text) -> Result<(Node, Reader), Faults> {
+    match yaml::read(&file.text) {
+        (Some(root), faults) => Ok((root, Reader { faults })),
+        (None, faults) => Err(Faults::new(&*file.name, &*file.text, faults)),
+    }
 }
 
 /// At most one byte more than the parser takes: it then says how much that is.

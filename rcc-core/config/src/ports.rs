@@ -90,8 +90,7 @@ pub(crate) enum Numbers<'a> {
 /// The file cannot be read, or a port is declared wrongly. Other faults are left to [`crate::CellConfig::load`].
 pub fn auto_ports(path: &Path) -> Result<Vec<(String, Protocol)>, Faults> {
     let file = crate::file::read(path)?;
-    let root = crate::file::tree(&file)?;
-    let mut reader = Reader::default();
+    let (root, mut reader) = crate::file::tree(&file)?;
     let declared = declared(&mut reader, root.get("ports"));
     file.faults(reader)?;
     let automatic = declared

@@ -115,6 +115,15 @@ fn faults_of_the_cell_and_of_its_robots_come_together() {
 }
 
 #[test]
+fn a_duplicate_key_hides_no_other_fault() {
+    let text = "cell: a\nperiod: 1\ndevices:\n  b: {driver: c}\n  b: {driver: c}\n";
+    let faults =
+        CellConfig::parse(text, "a.yaml", Path::new(FOLDER), &BTreeMap::new()).unwrap_err();
+    let codes: Vec<_> = faults.diagnostics.iter().map(|fault| fault.code).collect();
+    assert_eq!(codes, ["RCC2006", "RCC1002"]);
+}
+
+#[test]
 fn a_robot_that_two_devices_share_is_read_once() {
     let text = "cell: a\nperiod: 1 ms\ndevices:\n  b: {driver: a, robot: robots/six.yaml}\n  c: {driver: a, robot: robots/six.yaml}\n";
     let faults =

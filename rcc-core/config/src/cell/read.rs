@@ -67,8 +67,7 @@ struct Reading<'a> {
 
 /// Reads the text of a cell's file.
 pub(super) fn cell(file: &Text, base: &Path, numbers: Numbers<'_>) -> Result<CellConfig, Faults> {
-    let root = file::tree(file)?;
-    let mut reader = Reader::default();
+    let (root, mut reader) = file::tree(file)?;
     let ports = ports::numbers(&mut reader, root.get("ports"), numbers);
     let mut reading = Reading {
         reader,
@@ -339,8 +338,7 @@ impl Reading<'_> {
         };
         let name = path.display().to_string();
         let file = Text { name, text };
-        let mut reader = Reader::default();
-        let result = file::tree(&file).and_then(|root| {
+        let result = file::tree(&file).and_then(|(root, mut reader)| {
             let robot = robot::read(&mut reader, &root, source);
             file.faults(reader).map(|()| robot)
         });
