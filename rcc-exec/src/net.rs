@@ -252,3 +252,40 @@ fn prepare(
 
 /// Rows for nets, as many as there are commands.
 pub type Nets = [Option<Box<Net>>; COMMANDS_MAX];
+
+#[cfg(test)]
+mod tests {
+    use rcc_core::plan::Run;
+
+    use super::*;
+
+    /// A net of one `Termination` that never ends.
+    fn net() -> Box<Net> {
+        let (termination, _) = primitives::find("Termination").unwrap();
+        let run = Run {
+            kernel: primitives::kernel_number(termination, 0),
+            first: 0,
+            operands: 1,
+        };
+        let catalogue = primitives::fingerprint();
+        let plan = PlanData {
+            catalogue,
+            bools: vec![0],
+            operands: vec![0],
+            runs: vec![run],
+            ..PlanData::default()
+        };
+        Net::build(plan, &[], 0, &[], 1e-3).unwrap()
+    }
+
+    #[test]
+    fn a_panic_in_a_primitive_is_a_fault_of_its_net() {
+        let mut net = net();
+        assert_eq!(net.evaluate(&[], &[], 1e-3), Evaluation::Running);
+        net.panics = true;
+        assert_eq!(
+            net.evaluate(&[], &[], 1e-3),
+            Evaluation::Fault(FaultCode::Panic)
+        );
+    }
+}

@@ -1,0 +1,346 @@
+//! An engine in virtual time with one arm whose driver is imitated, and plans written by hand.
+#![allow(dead_code)] // Each test binary uses its own part.
+
+use bytemuck::Zeroable;
+use rcc_core::frame::DeviceModel;
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::SrsArm;
+use rcc_core::message::{
+    CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
+};
+use rcc_core::plan::{MonitorPoint, Run};
+use rcc_core::primitives;
+use rcc_core::types::Store;
+use rcc_exec::engine::{Engine, EngineConfig};
+use rcc_exec::net::Net;
+use rcc_exec::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_ipc::control::{Answer, PlanData, Refusal};
+
+pub const PERIOD_NS: u64 = 1_000_000;
+pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+
+/// An LWR 4+ with four channels of each kind.
+pub fn model() -> DeviceModel {
+    let limits = JointLimits {
+        lower: [-2.9; 8],
+        upper: [2.9; 8],
+        velocity_max: [2.0; 8],
+        acceleration_max: [20.0; 8],
+        joints: 7,
+    };
+    DeviceModel {
+        joints: 7,
+        arm: Some(SrsArm {
+            shoulder_height: 0.3105,
+            upper_arm: 0.4,
+            forearm: 0.39,
+            wrist_to_flange: 0.078,
+            signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
+        }),
+        limits,
+        first_tolerance_rad: 1e-3,
+        channels: [4; 4],
+    }
+}
+
+/// A driver that plays set-points after a delay of some cycles, as the host does.
+pub struct Driver {
+    pub measurement: Measurement,
+    pub delay: u64,
+    pub alive: bool,
+    waited: u64,
+}
+
+impl Driver {
+    fn exchange(&mut self, engine: &Engine, now_ns: u64) {
+        if !self.alive {
+            return;
+        }
+        let image = engine.image(0).expect("device 0");
+        let newest = image.at(image.sequence).expect("the newest set-point");
+        let m = &mut self.measurement;
+        m.sequence += 1;
+        m.stamp_ns = now_ns;
+        if m.state == DeviceState::Online as u32 {
+            return;
+        }
+        if newest.has_position == 1 {
+            self.waited = 0;
+            m.state = DeviceState::Commanded as u32;
+            m.settled_ns = 0;
+            m.hold = newest.position;
+            m.position = newest.position;
+        } else if m.state == DeviceState::Commanded as u32 {
+            self.waited += 1;
+            if self.waited > self.delay {
+                m.state = DeviceState::Ready as u32;
+                m.settled_ns = newest.logical_ns;
+            }
+        } else {
+            m.settled_ns = newest.logical_ns;
+        }
+    }
+}
+
+/// The engine, the helpers' ends of its rings, and virtual time.
+pub struct Bench {
+    pub engine: Engine,
+    pub ends: HelperEnds,
+    pub driver: Driver,
+    pub now_ns: u64,
+    pub model: DeviceModel,
+    next_ticket: u64,
+}
+
+impl Bench {
+    pub fn new() -> Bench {
+        Bench::with(model())
+    }
+
+    pub fn with(model: DeviceModel) -> Bench {
+        let (rt, ends) = rings();
+        let config = EngineConfig {
+            incarnation: 7,
+            period_ns: PERIOD_NS,
+            stale_after_ns: 50_000_000,
+            late_in_a_row_max: 3,
+            models: vec![model],
+        };
+        let mut measurement = Measurement::zeroed();
+        measurement.magic = MAGIC;
+        measurement.state = DeviceState::Ready as u32;
+        measurement.joints = 7;
+        measurement.hold = HOLD;
+        measurement.position = HOLD;
+        let driver = Driver {
+            measurement,
+            delay: 10,
+            alive: true,
+            waited: 0,
+        };
+        let mut bench = Bench {
+            engine: Engine::new(config, rt, 0),
+            ends,
+            driver,
+            now_ns: 1_000_000_000,
+            model,
+            next_ticket: 1,
+        };
+        bench.step();
+        bench
+    }
+
+    /// One cycle: the driver exchanges, then the executor.
+    pub fn step(&mut self) {
+        self.now_ns += PERIOD_NS;
+        if self.engine.status().cycle > 0 {
+            self.driver.exchange(&self.engine, self.now_ns);
+        }
+        self.driver.measurement.stamp_ns = if self.driver.alive {
+            self.now_ns
+        } else {
+            self.driver.measurement.stamp_ns
+        };
+        self.engine
+            .latch(0, Some((1, self.driver.measurement)), self.now_ns);
+        self.engine.cycle(self.now_ns);
+        self.engine.account(0, 1000, 0);
+    }
+
+    pub fn steps(&mut self, count: usize) {
+        (0..count).for_each(|_| self.step());
+    }
+
+    /// Gives an order, runs one cycle and returns the answer.
+    pub fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Answer {
+        let ticket = self.next_ticket;
+        self.next_ticket += 1;
+        self.ends.orders.push(order(ticket)).expect("room");
+        self.step();
+        self.answer(ticket).expect("an answer in the same cycle")
+    }
+
+    pub fn answer(&mut self, wanted: u64) -> Option<Answer> {
+        while let Ok(outcome) = self.ends.outcomes.pop() {
+            if let Outcome::Answer { ticket, answer } = outcome {
+                if ticket == wanted {
+                    return Some(answer);
+                }
+            }
+        }
+        None
+    }
+
+    pub fn build(&self, plan: PlanData) -> Result<Box<Net>, Refusal> {
+        Net::build(
+            plan,
+            &[self.model],
+            5,
+            &[Some(self.driver.measurement.hold)],
+            1e-3,
+        )
+    }
+
+    /// Reserves a row and makes the plan ready in it.
+    pub fn load(&mut self, plan: PlanData) -> u64 {
+        let net = self.build(plan).expect("a good plan");
+        let Answer::Reserved { id } = self.ask(|ticket| Order::Reserve { ticket }) else {
+            panic!("no row")
+        };
+        let answer = self.ask(|ticket| Order::Install { ticket, id, net });
+        assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
+        id
+    }
+
+    pub fn start(&mut self, id: u64) -> Answer {
+        self.ask(|ticket| Order::Start { ticket, id })
+    }
+
+    pub fn entry(&self, id: u64) -> CommandEntry {
+        *self
+            .engine
+            .tables()
+            .commands
+            .iter()
+            .find(|entry| entry.id == id)
+            .expect("a row")
+    }
+
+    pub fn state(&self, id: u64) -> CommandState {
+        CommandState::from_number(self.entry(id).state)
+    }
+
+    pub fn reason(&self, id: u64) -> EndReason {
+        EndReason::from_number(self.entry(id).reason)
+    }
+
+    /// Steps until the command is terminated, at most `cycles`.
+    pub fn until_terminated(&mut self, id: u64, cycles: usize) -> EndReason {
+        for _ in 0..cycles {
+            if self.state(id) == CommandState::Terminated {
+                return self.reason(id);
+            }
+            self.step();
+        }
+        panic!("still {:?} after {cycles} cycles", self.state(id));
+    }
+
+    pub fn records(&mut self) -> Vec<MonitorRecord> {
+        std::iter::from_fn(|| self.ends.records.pop().ok()).collect()
+    }
+}
+
+/// Collects primitives into a plan; slots are given by hand.
+#[derive(Default)]
+pub struct Plan {
+    pub data: PlanData,
+}
+
+impl Plan {
+    pub fn new() -> Plan {
+        let data = PlanData {
+            catalogue: primitives::fingerprint(),
+            configuration: 5,
+            ..PlanData::default()
+        };
+        Plan { data }
+    }
+
+    pub fn reals(&mut self, values: &[f64]) -> u32 {
+        self.data.reals.extend(values);
+        (self.data.reals.len() - values.len()) as u32
+    }
+
+    pub fn bool(&mut self, value: u8) -> u32 {
+        self.data.bools.push(value);
+        (self.data.bools.len() - 1) as u32
+    }
+
+    /// Adds one primitive; kernel 0.
+    pub fn add(&mut self, name: &str, operands: &[u32]) {
+        let (entry, _) = primitives::find(name).expect("a primitive");
+        let first = self.data.operands.len() as u32;
+        self.data.operands.extend(operands);
+        let kernel = primitives::kernel_number(entry, 0);
+        self.data.runs.push(Run {
+            kernel,
+            first,
+            operands: operands.len() as u32,
+        });
+    }
+
+    pub fn monitor(&mut self, store: Store, slot: u32, width: u32, every: u32) {
+        self.data.monitors.push(MonitorPoint {
+            store,
+            slot,
+            width,
+            every,
+        });
+    }
+}
+
+/// Writes a digital output until CANCEL.
+pub fn output_net(channel: u32) -> PlanData {
+    let mut plan = Plan::new();
+    let (requested, on) = (plan.bool(2), plan.bool(1));
+    plan.add("Cancel", &[requested]);
+    plan.add("DigitalOutput", &[on, 0, channel]);
+    plan.add("Termination", &[requested]);
+    plan.monitor(Store::Bool, requested, 1, 1);
+    plan.data
+}
+
+/// As `output_net`, without `Cancel`: it never ends by itself.
+pub fn endless_net(channel: u32) -> PlanData {
+    let mut plan = Plan::new();
+    let (no, on) = (plan.bool(0), plan.bool(1));
+    plan.add("DigitalOutput", &[on, 0, channel]);
+    plan.add("Termination", &[no]);
+    plan.data
+}
+
+/// A line of 10 cm along y from the hold set-point, stopped by CANCEL.
+pub fn line_net() -> PlanData {
+    motion_net(None)
+}
+
+/// A line from a given start pose, or from the hold set-point.
+pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
+    let q: [f64; 7] = HOLD[..7].try_into().expect("seven joints");
+    let start = model().arm.expect("an arm").forward(&q);
+    let mut goal = start;
+    goal.position[1] += 0.1;
+    let mut plan = Plan::new();
+    let (requested, done) = (plan.bool(2), plan.bool(2));
+    let pose = plan.reals(&[f64::NAN; 7]);
+    let [distance, speed, acceleration] = [(); 3].map(|()| plan.reals(&[f64::NAN]));
+    let to = plan.reals(&goal.to_slots());
+    let from = plan.reals(&from.unwrap_or([f64::NAN; 7]));
+    let limits = plan.reals(&[0.2, 1.0, 10.0, 1.0, 4.0, 40.0]);
+    let state = plan.reals(&[f64::NAN; 9]);
+    let joints = plan.reals(&[f64::NAN; 7]);
+    let ik = plan.reals(&[f64::NAN; 9]);
+    plan.add("Cancel", &[requested]);
+    let outputs = [requested, pose, done, distance, speed, acceleration];
+    let parameters = [
+        0,
+        to,
+        from,
+        limits,
+        limits + 1,
+        limits + 2,
+        limits + 3,
+        limits + 4,
+        limits + 5,
+    ];
+    plan.add(
+        "LinearMotion",
+        &[&outputs[..], &parameters, &[state, 0]].concat(),
+    );
+    plan.add("InverseKinematics", &[pose, joints, 0, ik, 7]);
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("Termination", &[done]);
+    plan.monitor(Store::Real, distance, 1, 1);
+    plan.data.clocks = 1;
+    plan.data
+}

@@ -1,0 +1,409 @@
+//! The life cycle of the paper's figure 2 with every refusal, in virtual time.
+
+mod common;
+
+use common::{Bench, HOLD, endless_net, line_net, motion_net, output_net};
+use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
+use rcc_core::plan::Resource;
+use rcc_exec::queue::Order;
+use rcc_ipc::control::{Answer, Refusal};
+
+fn refused(answer: Answer) -> Refusal {
+    match answer {
+        Answer::Refused(refusal) => refusal,
+        answer => panic!("not refused: {answer:?}"),
+    }
+}
+
+#[test]
+fn a_command_goes_through_its_states_and_start_takes_effect_in_the_next_cycle() {
+    let mut bench = Bench::new();
+    let id = bench.load(output_net(1));
+    assert_eq!(bench.state(id), CommandState::Ready);
+    let before = bench.engine.status().cycle;
+    assert_eq!(bench.start(id), Answer::Done { cycle: before + 1 });
+    assert_eq!(bench.state(id), CommandState::Running);
+    assert_eq!(bench.entry(id).started_cycle, before + 1);
+    let image = bench.engine.image(0).unwrap();
+    assert_eq!(image.at(image.sequence).unwrap().digital_commanded, 0b10);
+    assert!(matches!(
+        bench.ask(|ticket| Order::Cancel { ticket, id }),
+        Answer::Done { .. }
+    ));
+    assert_eq!(bench.until_terminated(id, 2), EndReason::Canceled);
+    bench.step();
+    let image = bench.engine.image(0).unwrap();
+    assert_eq!(
+        image.at(image.sequence).unwrap().digital_commanded,
+        0,
+        "nothing is commanded after the end"
+    );
+    assert!(matches!(
+        bench.ask(|ticket| Order::Unload { ticket, id }),
+        Answer::Done { .. }
+    ));
+    assert_eq!(refused(bench.start(id)), Refusal::UnknownCommand);
+}
+
+#[test]
+fn operations_in_the_wrong_state_are_refused_and_change_nothing() {
+    let mut bench = Bench::new();
+    let Answer::Reserved { id } = bench.ask(|ticket| Order::Reserve { ticket }) else {
+        panic!()
+    };
+    let loading = Refusal::WrongState {
+        state: CommandState::Loading as u32,
+    };
+    assert_eq!(refused(bench.start(id)), loading);
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Cancel { ticket, id })),
+        loading
+    );
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Abort { ticket, id })),
+        loading
+    );
+    assert!(matches!(
+        bench.ask(|ticket| Order::Reject { ticket, id }),
+        Answer::Done { .. }
+    ));
+    assert_eq!(bench.state(id), CommandState::Rejected);
+    let net = bench.build(output_net(0)).unwrap();
+    let rejected = Refusal::WrongState {
+        state: CommandState::Rejected as u32,
+    };
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Install { ticket, id, net })),
+        rejected
+    );
+    let id = bench.load(output_net(0));
+    let ready = Refusal::WrongState {
+        state: CommandState::Ready as u32,
+    };
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Cancel { ticket, id })),
+        ready
+    );
+    bench.start(id);
+    let running = Refusal::WrongState {
+        state: CommandState::Running as u32,
+    };
+    assert_eq!(refused(bench.start(id)), running);
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Unload { ticket, id })),
+        running
+    );
+    assert_eq!(bench.state(id), CommandState::Running);
+    for id in [0, 999] {
+        assert_eq!(refused(bench.start(id)), Refusal::UnknownCommand);
+    }
+}
+
+#[test]
+fn a_net_without_cancel_can_only_be_aborted() {
+    let mut bench = Bench::new();
+    let id = bench.load(endless_net(0));
+    bench.start(id);
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Cancel { ticket, id })),
+        Refusal::NotCancelable
+    );
+    assert_eq!(bench.state(id), CommandState::Running);
+    assert!(matches!(
+        bench.ask(|ticket| Order::Abort { ticket, id }),
+        Answer::Done { .. }
+    ));
+    assert_eq!(
+        (bench.state(id), bench.reason(id)),
+        (CommandState::Terminated, EndReason::Aborted)
+    );
+}
+
+#[test]
+fn a_busy_resource_names_its_holder_and_others_run_beside_it() {
+    let mut bench = Bench::new();
+    let (first, second, other) = (
+        bench.load(endless_net(2)),
+        bench.load(endless_net(2)),
+        bench.load(endless_net(3)),
+    );
+    bench.start(first);
+    let busy = Refusal::Busy {
+        holder: first,
+        resource: Resource::Digital {
+            device: 0,
+            channel: 2,
+        },
+    };
+    assert_eq!(refused(bench.start(second)), busy);
+    assert_eq!(bench.state(second), CommandState::Ready);
+    assert!(matches!(bench.start(other), Answer::Done { .. }));
+    bench.ask(|ticket| Order::Abort { ticket, id: first });
+    assert!(
+        matches!(bench.start(second), Answer::Done { .. }),
+        "a free resource can be taken"
+    );
+    assert_eq!(bench.engine.status().running, 2);
+}
+
+#[test]
+fn the_table_is_full_at_its_size_and_says_so() {
+    let mut bench = Bench::new();
+    for _ in 0..rcc_core::message::COMMANDS_MAX {
+        assert!(matches!(
+            bench.ask(|ticket| Order::Reserve { ticket }),
+            Answer::Reserved { .. }
+        ));
+    }
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Reserve { ticket })),
+        Refusal::TableFull
+    );
+}
+
+#[test]
+fn a_motion_ends_when_its_arm_has_played_everything() {
+    let mut bench = Bench::new();
+    let id = bench.load(line_net());
+    bench.start(id);
+    assert_eq!(bench.until_terminated(id, 5000), EndReason::Finished);
+    let entry = bench.entry(id);
+    let after = bench.engine.status().cycle - entry.ended_cycle;
+    assert!(
+        after > bench.driver.delay,
+        "terminated {after} cycles after the last set-point"
+    );
+    assert_eq!(bench.driver.measurement.state, DeviceState::Ready as u32);
+    let distances: Vec<f64> = bench
+        .records()
+        .iter()
+        .map(|record| record.values[0])
+        .collect();
+    assert_eq!(distances.len() as u64, entry.cycles, "one record a cycle");
+    assert!((distances.last().unwrap() - 0.1).abs() < 1e-12);
+    assert!(distances.windows(2).all(|pair| pair[0] <= pair[1]));
+}
+
+#[test]
+fn cancel_stops_the_motion_on_its_path() {
+    let mut bench = Bench::new();
+    let id = bench.load(line_net());
+    bench.start(id);
+    bench.steps(300);
+    bench.ask(|ticket| Order::Cancel { ticket, id });
+    assert_eq!(bench.state(id), CommandState::Canceling);
+    let canceling = Refusal::WrongState {
+        state: CommandState::Canceling as u32,
+    };
+    assert_eq!(
+        refused(bench.ask(|ticket| Order::Cancel { ticket, id })),
+        canceling
+    );
+    assert_eq!(bench.until_terminated(id, 2000), EndReason::Canceled);
+    let last = bench.records().last().unwrap().values[0];
+    assert!(last > 0.01 && last < 0.09, "{last}");
+}
+
+#[test]
+fn a_first_set_point_elsewhere_is_refused_writes_nothing_and_leaves_the_command_ready() {
+    let mut bench = Bench::new();
+    let id = bench.load(line_net());
+    bench.driver.measurement.hold[3] += 0.01;
+    let refusal = refused(bench.start(id));
+    let Refusal::FirstSetPoint {
+        device: 0,
+        joint: 4,
+        value,
+        limit,
+        ..
+    } = refusal
+    else {
+        panic!("{refusal:?}")
+    };
+    assert!((value + 0.01).abs() < 1e-9 && limit == 1e-3, "{refusal:?}");
+    assert_eq!(bench.state(id), CommandState::Ready);
+    let image = bench.engine.image(0).unwrap();
+    assert!(image.set_points.iter().all(|point| point.has_position == 0));
+    bench.driver.measurement.hold = HOLD;
+    assert!(
+        matches!(bench.start(id), Answer::Done { .. }),
+        "the arena is as it was"
+    );
+    assert_eq!(bench.until_terminated(id, 5000), EndReason::Finished);
+}
+
+#[test]
+fn start_is_refused_while_the_arm_does_not_rest_or_is_lost() {
+    let mut bench = Bench::new();
+    let id = bench.load(line_net());
+    for state in [
+        DeviceState::Online,
+        DeviceState::Stopping,
+        DeviceState::Commanded,
+        DeviceState::Offline,
+    ] {
+        bench.driver.measurement.state = state as u32;
+        bench.driver.alive = false;
+        bench.driver.measurement.stamp_ns = bench.now_ns;
+        let refusal = refused(bench.start(id));
+        assert!(
+            matches!(refusal, Refusal::DeviceNotReady { device: 0, state: s, .. } if s == state as u32),
+            "{refusal:?}"
+        );
+        assert_eq!(bench.state(id), CommandState::Ready);
+    }
+}
+
+#[test]
+fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
+    let mut bench = Bench::new();
+    let id = bench.load(line_net());
+    bench.start(id);
+    bench.steps(200);
+    bench.driver.alive = false;
+    assert_eq!(bench.until_terminated(id, 60), EndReason::Fault);
+    assert_eq!(bench.entry(id).fault.code, FaultCode::DeviceLost as u32);
+    bench.driver.alive = true;
+    bench.driver.measurement.state = DeviceState::Ready as u32;
+    for _ in 0..100 {
+        bench.step();
+        let image = bench.engine.image(0).unwrap();
+        assert_eq!(image.at(image.sequence).unwrap().has_position, 0);
+    }
+}
+
+#[test]
+fn a_driver_that_stops_by_itself_ends_the_net() {
+    for state in [DeviceState::Stopping, DeviceState::Online] {
+        let mut bench = Bench::new();
+        let id = bench.load(line_net());
+        bench.start(id);
+        bench.steps(200);
+        bench.driver.measurement.state = state as u32;
+        bench.driver.alive = false;
+        assert_eq!(bench.until_terminated(id, 2), EndReason::Fault);
+        assert_eq!(bench.entry(id).fault.code, FaultCode::DeviceLost as u32);
+    }
+}
+
+#[test]
+fn a_set_point_beyond_a_limit_ends_the_net_with_joint_value_and_limit() {
+    let mut slow = common::model();
+    slow.limits.velocity_max = [0.05; 8];
+    let mut bench = Bench::with(slow);
+    let id = bench.load(line_net());
+    bench.start(id);
+    assert_eq!(bench.until_terminated(id, 5000), EndReason::Fault);
+    let fault = bench.entry(id).fault;
+    assert_eq!(fault.code, FaultCode::Limit as u32);
+    assert!(
+        fault.joint >= 1 && fault.value.abs() > fault.limit && fault.limit == 0.05,
+        "{fault:?}"
+    );
+    bench.step();
+    let image = bench.engine.image(0).unwrap();
+    assert_eq!(image.at(image.sequence).unwrap().has_position, 0);
+}
+
+#[test]
+fn a_motion_that_begins_elsewhere_by_its_parameter_is_refused() {
+    let mut bench = Bench::new();
+    let mut from = rcc_core::pose::Pose::IDENTITY.to_slots();
+    from[..3].copy_from_slice(&[0.4, 0.0, 0.5]);
+    let id = bench.load(motion_net(Some(from)));
+    assert!(matches!(
+        refused(bench.start(id)),
+        Refusal::FirstSetPoint { device: 0, .. }
+    ));
+}
+
+#[test]
+fn abort_frees_the_arm_at_once_but_start_waits_for_rest() {
+    let mut bench = Bench::new();
+    let (first, second) = (bench.load(line_net()), bench.load(line_net()));
+    bench.start(first);
+    bench.steps(200);
+    bench.ask(|ticket| Order::Abort { ticket, id: first });
+    assert_eq!(bench.reason(first), EndReason::Aborted);
+    assert!(matches!(
+        refused(bench.start(second)),
+        Refusal::DeviceNotReady { .. }
+    ));
+}
+
+#[test]
+fn too_many_late_cycles_in_a_row_end_the_most_expensive_net() {
+    let mut bench = Bench::new();
+    let id = bench.load(endless_net(0));
+    bench.start(id);
+    bench.engine.account(0, 1000, 1);
+    bench.step();
+    assert_eq!(
+        bench.state(id),
+        CommandState::Running,
+        "the row was interrupted"
+    );
+    (0..3).for_each(|_| bench.engine.account(2_000_000, 1000, 2));
+    assert_eq!(bench.reason(id), EndReason::Fault);
+    assert_eq!(bench.entry(id).fault.code, FaultCode::Overrun as u32);
+    let status = bench.engine.status();
+    assert_eq!((status.late, status.skipped_periods), (4, 7));
+    assert!(
+        status.first_late_cycle > 0 && status.last_late_cycle > status.first_late_cycle,
+        "latched"
+    );
+}
+
+#[test]
+fn a_stop_cancels_what_can_be_cancelled_aborts_the_rest_and_starts_nothing() {
+    let mut bench = Bench::new();
+    let (motion, output, idle) = (
+        bench.load(line_net()),
+        bench.load(endless_net(0)),
+        bench.load(endless_net(1)),
+    );
+    bench.start(motion);
+    bench.start(output);
+    bench.steps(200);
+    bench.engine.begin_stop();
+    assert_eq!(bench.state(motion), CommandState::Canceling);
+    assert_eq!(bench.reason(output), EndReason::Aborted);
+    assert_eq!(refused(bench.start(idle)), Refusal::Stopping);
+    assert_eq!(bench.until_terminated(motion, 2000), EndReason::Canceled);
+    bench.step();
+    assert!(bench.engine.is_idle());
+}
+
+#[test]
+fn every_plan_that_is_cut_or_bent_is_refused_or_harmless() {
+    // Whatever arrives, the check or the cycle copes: no panic, no access outside.
+    let bench = Bench::new();
+    let good = line_net();
+    for index in 0..good.operands.len() {
+        for value in [0, 1, 6, 7, 40, 1000, u32::MAX] {
+            let mut plan = good.clone();
+            plan.operands[index] = value;
+            if let Ok(mut net) = bench.build(plan) {
+                let input = rcc_core::frame::DeviceInput {
+                    present: true,
+                    measurement: bench.driver.measurement,
+                };
+                for _ in 0..3 {
+                    net.evaluate(&[bench.model], &[input], 1e-3);
+                }
+            }
+        }
+    }
+    let mut plan = good.clone();
+    plan.configuration = 6;
+    assert_eq!(
+        bench.build(plan).unwrap_err(),
+        Refusal::Plan(rcc_core::plan::PlanError::OtherConfiguration)
+    );
+    let mut plan = good.clone();
+    plan.runs.pop();
+    assert_eq!(
+        bench.build(plan).unwrap_err(),
+        Refusal::Plan(rcc_core::plan::PlanError::Terminations { count: 0 })
+    );
+}

@@ -1,0 +1,138 @@
+//! No heap operation in any cycle of the engine: nets that start, run, end, fault and are refused.
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use common::{Bench, HOLD, Plan, endless_net, line_net, output_net};
+use rcc_core::message::{DeviceState, EndReason};
+use rcc_exec::queue::Order;
+use rcc_ipc::control::Answer;
+
+/// Counts the heap operations of a thread.
+struct Counting;
+
+thread_local! {
+    static OPERATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    // At the end of a thread there is nothing left to count.
+    let _ = OPERATIONS.try_with(|operations| operations.set(operations.get() + 1));
+}
+
+#[allow(unsafe_code)]
+// SAFETY: everything is passed on to the system's allocator; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    // SAFETY: the caller's promises are passed on.
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: as above.
+        unsafe { System.alloc(layout) }
+    }
+    // SAFETY: the caller's promises are passed on.
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: as above.
+        unsafe { System.dealloc(memory, layout) }
+    }
+    // SAFETY: the caller's promises are passed on.
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: as above.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Runs `work` and returns how many heap operations it made in this thread.
+fn operations(work: impl FnOnce()) -> u64 {
+    let before = OPERATIONS.with(Cell::get);
+    work();
+    OPERATIONS.with(Cell::get) - before
+}
+
+/// Gives an order and runs cycles without a heap operation; answers are taken back outside of the count.
+fn obey(bench: &mut Bench, order: impl FnOnce(u64) -> Order, cycles: usize) {
+    bench.ends.orders.push(order(0)).unwrap();
+    let count = operations(|| bench.steps(cycles));
+    assert_eq!(count, 0, "heap operations in {cycles} cycles");
+    while bench.ends.outcomes.pop().is_ok() {}
+    bench.records();
+    while bench.ends.events.pop().is_ok() {}
+}
+
+#[test]
+fn the_count_counts() {
+    assert!(operations(|| drop(std::hint::black_box(vec![1, 2, 3]))) >= 2);
+}
+
+#[test]
+fn a_whole_life_makes_no_heap_operation() {
+    let mut bench = Bench::new();
+    for _ in 0..2 {
+        let id = bench.load(line_net());
+        obey(&mut bench, |ticket| Order::Start { ticket, id }, 300);
+        obey(&mut bench, |ticket| Order::Cancel { ticket, id }, 1000);
+        assert_eq!(bench.reason(id), EndReason::Canceled);
+        obey(&mut bench, |ticket| Order::Unload { ticket, id }, 10);
+        bench.driver.measurement.hold = HOLD;
+    }
+}
+
+#[test]
+fn loading_while_another_net_runs_makes_none_either() {
+    let mut bench = Bench::new();
+    let first = bench.load(output_net(0));
+    obey(&mut bench, |ticket| Order::Start { ticket, id: first }, 10);
+    let Answer::Reserved { id } = bench.ask(|ticket| Order::Reserve { ticket }) else {
+        panic!()
+    };
+    let net = bench.build(line_net()).unwrap();
+    obey(&mut bench, |ticket| Order::Install { ticket, id, net }, 10);
+}
+
+#[test]
+fn refusals_and_faults_make_none() {
+    let mut bench = Bench::new();
+    let (line, holder, rival) = (
+        bench.load(line_net()),
+        bench.load(endless_net(1)),
+        bench.load(endless_net(1)),
+    );
+    bench.driver.measurement.hold[0] += 0.1;
+    obey(&mut bench, |ticket| Order::Start { ticket, id: line }, 3);
+    bench.driver.measurement.hold = HOLD;
+    obey(&mut bench, |ticket| Order::Start { ticket, id: holder }, 3);
+    obey(&mut bench, |ticket| Order::Start { ticket, id: rival }, 3);
+    obey(&mut bench, |ticket| Order::Cancel { ticket, id: holder }, 3);
+    obey(&mut bench, |ticket| Order::Start { ticket, id: 12345 }, 3);
+    obey(&mut bench, |ticket| Order::Start { ticket, id: line }, 100);
+    bench.driver.alive = false;
+    obey(&mut bench, |ticket| Order::Cancel { ticket, id: 999 }, 100);
+    assert_eq!(bench.reason(line), EndReason::Fault);
+    let late = operations(|| (0..10).for_each(|_| bench.engine.account(5_000_000, 1, 5)));
+    assert_eq!(late, 0);
+    assert_eq!(bench.reason(holder), EndReason::Fault);
+}
+
+#[test]
+fn an_unreachable_pose_and_null_inputs_make_none() {
+    let mut plan = Plan::new();
+    let (no, nothing) = (plan.bool(0), plan.bool(2));
+    let pose = plan.reals(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0]);
+    let joints = plan.reals(&[f64::NAN; 7]);
+    let state = plan.reals(&[f64::NAN; 9]);
+    plan.add("InverseKinematics", &[pose, joints, 0, state, 7]);
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("DigitalOutput", &[nothing, 0, 0]);
+    plan.add("Termination", &[no]);
+    let mut bench = Bench::new();
+    let id = bench.load(plan.data);
+    obey(&mut bench, |ticket| Order::Start { ticket, id }, 100);
+    bench.driver.measurement.state = DeviceState::Online as u32;
+    obey(&mut bench, |ticket| Order::Abort { ticket, id }, 3);
+}
