@@ -1,0 +1,109 @@
+//! What all verbs share: which cell, how to print, how long to wait.
+//! Made once from the arguments; used by the main thread.
+
+use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use rcc_ipc::Cell;
+use rcc_loader::server::codes;
+use serde::Serialize;
+
+use crate::client::{Client, no_loader};
+use crate::failure::Failure;
+
+/// How results are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// Tables and sentences.
+    Human,
+    /// JSON with stable keys.
+    Json,
+}
+
+/// What all verbs share.
+#[derive(Clone, Debug)]
+pub struct Context {
+    /// Name of the cell, if one was given.
+    pub cell: Option<String>,
+    /// How results are printed.
+    pub format: Format,
+    /// How long one answer is waited for.
+    pub timeout: Duration,
+}
+
+/// The cell of those who name none.
+pub const DEFAULT_CELL: &str = "demo";
+
+impl Context {
+    /// The name of the cell.
+    #[must_use]
+    pub fn cell_name(&self) -> &str {
+        self.cell.as_deref().unwrap_or(DEFAULT_CELL)
+    }
+
+    /// A client of the cell's loader.
+    ///
+    /// # Errors
+    /// There is no such cell. Nothing is made on disk.
+    pub fn client(&self) -> Result<Client, Failure> {
+        let name = self.cell_name();
+        let cell = Cell::find(name)
+            .map_err(|error| of_cell(&error))?
+            .ok_or_else(|| no_loader(name, ": there is no such cell"))?;
+        Client::new(name, &cell.socket(), self.timeout)
+    }
+
+    /// True if diagnostics may be coloured.
+    #[must_use]
+    pub fn colour() -> bool {
+        let off = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        !off && io::stderr().is_terminal()
+    }
+
+    /// Prints a result: the value as JSON, or what `human` makes of it.
+    pub fn print<T: Serialize>(&self, value: &T, human: impl FnOnce(&T) -> String) {
+        let text = match self.format {
+            Format::Human => human(value),
+            // Values of ours have string keys and finite numbers, or null instead.
+            Format::Json => serde_json::to_string(value).unwrap_or_default(),
+        };
+        say(&text);
+    }
+
+    /// Prints a failure on stderr.
+    pub fn print_failure(&self, failure: &Failure) {
+        if failure.body.code.is_empty() && failure.body.message.is_empty() {
+            return;
+        }
+        let text = match self.format {
+            Format::Human => failure.human(Self::colour()),
+            Format::Json => serde_json::to_string(&failure.body).unwrap_or_default() + "\n",
+        };
+        // Nobody reads it: there is nobody to tell.
+        let _ = io::stderr().write_all(text.as_bytes());
+    }
+}
+
+/// Prints a line on stdout. A reader that is gone ends the program, as with any other filter.
+pub fn say(text: &str) {
+    let text = text.trim_end_matches('\n');
+    let mut out = io::stdout().lock();
+    if writeln!(out, "{text}").and_then(|()| out.flush()).is_err() {
+        std::process::exit(i32::from(codes::exit::OK));
+    }
+}
+
+/// A cell's name or folder that cannot be used.
+#[must_use]
+pub fn of_cell(error: &rcc_ipc::CellError) -> Failure {
+    use rcc_ipc::CellError;
+    let code = match error {
+        CellError::NotOurs { .. } => codes::NOT_PERMITTED,
+        CellError::BadName { .. } | CellError::PathTooLong { .. } => codes::BAD_REQUEST,
+        CellError::Folder { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
+            codes::NOT_PERMITTED
+        }
+        CellError::Folder { .. } => codes::PROCESS_FAILED,
+    };
+    Failure::new(code, error.to_string(), "")
+}

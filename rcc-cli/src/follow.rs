@@ -1,0 +1,175 @@
+//! What several verbs do with one command: load and wait, follow until it is over, tell its states.
+//! Runs on the caller's thread and asks the loader at a person's pace.
+
+use std::time::{Duration, Instant};
+
+use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded};
+use rcc_loader::server::codes::{self, exit};
+
+use crate::client::{Client, segment};
+use crate::failure::Failure;
+
+/// How often a state is asked for.
+pub const POLL: Duration = Duration::from_millis(20);
+/// How long a net may take from `loading` to `ready`.
+pub const LOAD_LIMIT: Duration = Duration::from_secs(30);
+
+/// The text of a net, `-` is the standard input; with the name that diagnostics use.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn read_text(path: &str) -> Result<(String, String), Failure> {
+    let text = if path == "-" {
+        std::io::read_to_string(std::io::stdin())
+    } else {
+        std::fs::read_to_string(path)
+    };
+    let name = if path == "-" { "standard input" } else { path };
+    text.map(|text| (name.to_owned(), text))
+        .map_err(|error| Failure::unreadable(name, &error))
+}
+
+/// What becomes of a command that is rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rejected {
+    /// It stays, so that STATE shows why.
+    Stays,
+    /// It is unloaded: its diagnostics are shown, and nobody knows its id.
+    Goes,
+}
+
+/// LOAD: gives the text to the core and waits until it is `ready`.
+///
+/// # Errors
+/// Not reachable, or rejected, with the diagnostics.
+pub fn load(
+    client: &Client,
+    name: &str,
+    text: &str,
+    rejected: Rejected,
+) -> Result<CommandDetail, Failure> {
+    let path = format!("/commands?file={}", segment(name));
+    let Loaded { id, .. } = client.post(&path, text.to_owned())?;
+    let limit = Instant::now() + LOAD_LIMIT;
+    loop {
+        let detail = state(client, &id.to_string())?;
+        match detail.command.state.as_str() {
+            "loading" if Instant::now() < limit => std::thread::sleep(POLL),
+            "loading" => {
+                return Err(Failure::new(
+                    codes::LOADER_SILENT,
+                    format!("command {id} is still loading after {LOAD_LIMIT:?}"),
+                    "look at it with `rcc-cli state`",
+                ));
+            }
+            "rejected" => {
+                let source = (name.to_owned(), text.to_owned());
+                let what = format!("{name} is rejected");
+                if rejected == Rejected::Goes {
+                    // Failing leaves it in the table, where `unload` finds it.
+                    let _ = unload(client, id);
+                }
+                return Err(Failure::invalid(&what, detail.command.diagnostics, source));
+            }
+            _ => return Ok(detail),
+        }
+    }
+}
+
+/// UNLOAD.
+///
+/// # Errors
+/// Not reachable, or refused.
+pub fn unload(client: &Client, id: u64) -> Result<Done, Failure> {
+    client.delete(&format!("/commands/{id}"))
+}
+
+/// One command.
+///
+/// # Errors
+/// Not reachable, or no such command.
+pub fn state(client: &Client, name: &str) -> Result<CommandDetail, Failure> {
+    client.get(&format!("/commands/{}", segment(name)))
+}
+
+/// `start`, `cancel` or `abort`.
+///
+/// # Errors
+/// Not reachable, or refused.
+pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure> {
+    client.post(
+        &format!("/commands/{}/{what}", segment(name)),
+        String::new(),
+    )
+}
+
+/// `net#id`.
+#[must_use]
+pub fn title(command: &CommandView) -> String {
+    format!("{}#{}", command.net, command.id)
+}
+
+/// The state with its reason and fault: `terminated (fault: device lost)`.
+#[must_use]
+pub fn state_words(command: &CommandView) -> String {
+    match (&command.fault, &command.reason) {
+        (Some(fault), _) => format!("{} (fault: {})", command.state, fault.fault),
+        (None, Some(reason)) => format!("{} ({reason})", command.state),
+        (None, None) => command.state.clone(),
+    }
+}
+
+/// True when nothing will change any more.
+#[must_use]
+pub fn is_over(command: &CommandView) -> bool {
+    matches!(command.state.as_str(), "terminated" | "rejected")
+}
+
+/// The exit code of a command that is over.
+///
+/// # Errors
+/// A fault or an abort, with its words.
+pub fn judge(command: &CommandView) -> Result<(), Failure> {
+    match command.reason.as_deref() {
+        Some("finished" | "canceled") => Ok(()),
+        _ => {
+            let words = command.fault.as_ref().map(|fault| fault.words.clone());
+            if let Some(words) = words {
+                eprintln!("{}: {words}", title(command));
+            }
+            Err(Failure::said(exit::FAILED))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_loader::server::api::FaultView;
+
+    fn command(reason: &str) -> CommandView {
+        CommandView {
+            state: "terminated".into(),
+            reason: Some(reason.into()),
+            ..CommandView::default()
+        }
+    }
+
+    #[test]
+    fn only_finished_and_canceled_are_a_success() {
+        assert!(judge(&command("finished")).is_ok() && judge(&command("canceled")).is_ok());
+        assert_eq!(judge(&command("aborted")), Err(Failure::said(1)));
+        assert_eq!(judge(&command("fault")), Err(Failure::said(1)));
+    }
+
+    #[test]
+    fn a_fault_is_named_with_the_state() {
+        let mut lost = command("fault");
+        lost.fault = Some(FaultView {
+            fault: "device lost".into(),
+            ..FaultView::default()
+        });
+        assert_eq!(state_words(&lost), "terminated (fault: device lost)");
+        assert_eq!(state_words(&command("finished")), "terminated (finished)");
+    }
+}

@@ -1,0 +1,85 @@
+//! Ctrl-C and SIGTERM as a counter that loops look at.
+//! One thread waits for the signals; any thread may read the count.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread;
+
+use rcc_loader::server::codes;
+use tokio::runtime::Builder;
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::failure::Failure;
+
+/// How often the person or the system asked us to end.
+#[derive(Clone, Debug)]
+pub struct Interrupts {
+    // Relaxed everywhere: a number that others only read; nothing else is handed over with it.
+    count: Arc<AtomicU32>,
+}
+
+impl Interrupts {
+    /// From now on SIGINT, SIGTERM and SIGHUP are counted and end nothing by themselves.
+    ///
+    /// # Errors
+    /// The system gives no thread or no signals.
+    pub fn listen() -> Result<Interrupts, Failure> {
+        let failed = |error: std::io::Error| {
+            Failure::new(
+                codes::PROCESS_FAILED,
+                error.to_string(),
+                "close other programs",
+            )
+        };
+        let runtime = Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(failed)?;
+        let count = Arc::new(AtomicU32::new(0));
+        let counted = Arc::clone(&count);
+        let registered = {
+            let _inside = runtime.enter();
+            let kinds = [
+                SignalKind::interrupt(),
+                SignalKind::terminate(),
+                SignalKind::hangup(),
+            ];
+            kinds.map(signal)
+        };
+        let [interrupt, terminate, hangup] = registered;
+        let (mut interrupt, mut terminate, mut hangup) = (
+            interrupt.map_err(failed)?,
+            terminate.map_err(failed)?,
+            hangup.map_err(failed)?,
+        );
+        let wait = move || {
+            runtime.block_on(async move {
+                loop {
+                    tokio::select! {
+                        _ = interrupt.recv() => {}
+                        _ = terminate.recv() => {}
+                        _ = hangup.recv() => {}
+                    }
+                    counted.fetch_add(1, Ordering::Relaxed);
+                }
+            });
+        };
+        thread::Builder::new()
+            .name("signals".into())
+            .spawn(wait)
+            .map_err(failed)?;
+        Ok(Interrupts { count })
+    }
+
+    /// How many there were.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.count.load(Ordering::Relaxed)
+    }
+
+    /// True once there was one.
+    #[must_use]
+    pub fn asked(&self) -> bool {
+        self.count() > 0
+    }
+}

@@ -1,0 +1,12 @@
+//! The command line of RCC: verbs, the supervisor behind `up`, and the demo.
+//! Everything runs in ordinary threads; nothing here can touch a cycle.
+
+pub mod client;
+pub mod context;
+pub mod demo;
+pub mod failure;
+pub mod follow;
+pub mod interrupt;
+pub mod supervisor;
+pub mod table;
+pub mod verbs;

@@ -1,0 +1,325 @@
+//! The supervisor of a cell in development: starts its processes, starts again what died (never a motion), and ends
+//! all of them without leaving a process or a file. Run by one thread; the children die with that thread.
+
+pub mod child;
+pub mod launch;
+pub mod places;
+pub mod policy;
+mod stop;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
+use rcc_ipc::{AnnounceError, Announced, Announcement, Cell, Life as ProcessLife, Role, room};
+use rcc_loader::server::api::{DeviceView, StatusView};
+use rcc_loader::server::codes;
+
+use crate::client::Client;
+use crate::context::of_cell;
+use crate::failure::Failure;
+use crate::interrupt::Interrupts;
+use child::{Child, Life};
+use launch::{Prepared, Stage};
+use policy::Verdict;
+
+/// How often the processes are looked at.
+pub const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// How often the devices are asked for.
+const DEVICES_EVERY: Duration = Duration::from_millis(250);
+/// How long one answer of the loader may take; nobody waits for it.
+const ANSWER_LIMIT: Duration = Duration::from_millis(500);
+/// How long a cell may take to be up.
+const START_LIMIT: Duration = Duration::from_secs(30);
+/// Shared memory that a cell takes: executor and loader, and each device.
+const ROOM_CELL: u64 = 24 << 20;
+const ROOM_DEVICE: u64 = 2 << 20;
+
+/// Something that changed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Line {
+    /// Time since the supervisor's start.
+    pub at: Duration,
+    /// Which process or device.
+    pub who: String,
+    /// What became of it.
+    pub what: String,
+}
+
+/// A cell under supervision.
+pub struct Supervisor {
+    /// The cell.
+    pub cell: Cell,
+    /// Its configuration.
+    pub prepared: Prepared,
+    children: Vec<Child>,
+    begun: Instant,
+    tell: Box<dyn FnMut(&Line)>,
+    client: Client,
+    devices: Vec<(String, String)>,
+    devices_asked: Instant,
+    grade_told: u32,
+    failed: bool,
+    logs: PathBuf,
+    // Held to the end: a second supervisor of this cell is refused.
+    presence: Option<Announced>,
+}
+
+impl Supervisor {
+    /// Takes the cell `name` and starts its processes; a living cell of that name is refused, a dead one is cleaned.
+    /// Changes are told to `tell`.
+    ///
+    /// # Errors
+    /// The cell lives, there is too little shared memory, or a program is not there.
+    pub fn start(
+        name: &str,
+        prepared: Prepared,
+        tell: Box<dyn FnMut(&Line)>,
+    ) -> Result<Supervisor, Failure> {
+        let specs = launch::specs(name, &prepared)?;
+        places::program("rcc-janitor")?;
+        let cell = Cell::new(name).map_err(|error| of_cell(&error))?;
+        let presence = take(&cell)?;
+        let need = ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64;
+        room::require(need)
+            .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
+        let logs = cell.runtime_dir().join("logs");
+        std::fs::create_dir_all(&logs)
+            .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
+        let client = Client::new(name, &cell.socket(), ANSWER_LIMIT)?;
+        let children = specs.into_iter().map(|spec| Child::new(spec, &logs));
+        let mut supervisor = Supervisor {
+            children: children.collect(),
+            cell,
+            prepared,
+            begun: Instant::now(),
+            tell,
+            client,
+            devices: Vec::new(),
+            devices_asked: Instant::now(),
+            grade_told: 0,
+            failed: false,
+            logs,
+            presence: Some(presence),
+        };
+        supervisor.look();
+        Ok(supervisor)
+    }
+
+    /// Waits until every process is ready and every device is reached by its driver, and keeps supervising meanwhile.
+    ///
+    /// # Errors
+    /// Interrupted, a process failed, or it takes too long.
+    pub fn wait_until_up(&mut self, interrupts: &Interrupts) -> Result<(), Failure> {
+        let limit = Instant::now() + START_LIMIT;
+        loop {
+            self.look();
+            let waiting: Vec<&str> = self
+                .children
+                .iter()
+                .filter(|child| !matches!(child.life, Life::Up(_)))
+                .map(|child| child.spec.name.as_str())
+                .collect();
+            if waiting.is_empty() {
+                return Ok(());
+            }
+            if interrupts.asked() {
+                return Err(Failure::interrupted());
+            }
+            if self.failed || Instant::now() >= limit {
+                let names = waiting.join(", ");
+                return Err(Failure::new(
+                    codes::PROCESS_FAILED,
+                    format!("cell '{}' did not come up: {names}", self.cell.name()),
+                    "the lines above say why",
+                ));
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// One look at everything; call it at least every [`LOOK_EVERY`].
+    pub fn look(&mut self) {
+        for index in 0..self.children.len() {
+            self.look_at(index);
+        }
+        if self.devices_asked.elapsed() >= DEVICES_EVERY {
+            self.devices_asked = Instant::now();
+            self.look_at_devices();
+        }
+    }
+
+    /// True once a process failed for good.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.failed
+    }
+
+    /// The process id of a child, by its name.
+    #[must_use]
+    pub fn pid(&self, name: &str) -> Option<u32> {
+        let child = self.children.iter().find(|child| child.spec.name == name)?;
+        child.pid()
+    }
+
+    fn look_at(&mut self, index: usize) {
+        let now = self.begun.elapsed();
+        let Some(child) = self.children.get_mut(index) else {
+            return;
+        };
+        let name = child.spec.name.clone();
+        if let Some(status) = child.ended() {
+            let words = child::words(status);
+            self.bury(index, now, &words, child::is_final(status));
+            return;
+        }
+        match std::mem::replace(&mut child.life, Life::Failed) {
+            Life::Down(at) if at <= now => {
+                if let Err(error) = child.start() {
+                    self.bury(index, now, &error.to_string(), true);
+                }
+            }
+            Life::Starting(process) => {
+                child.life = Life::Starting(process);
+                if child.is_ready(&self.cell) {
+                    let pid = child.pid().unwrap_or(0);
+                    if let Life::Starting(process) =
+                        std::mem::replace(&mut child.life, Life::Failed)
+                    {
+                        child.life = Life::Up(process);
+                    }
+                    self.say(&name, &format!("up  pid {pid}"));
+                }
+            }
+            other => {
+                child.life = other;
+                child.trim_log();
+            }
+        }
+    }
+
+    /// A process is dead: its last words, the janitor, and what becomes of it.
+    fn bury(&mut self, index: usize, now: Duration, words: &str, is_final: bool) {
+        let Some(child) = self.children.get_mut(index) else {
+            return;
+        };
+        let (name, last_words) = (child.spec.name.clone(), child.last_words());
+        let verdict = if is_final {
+            Verdict::Failed
+        } else {
+            child.restarts.died(now)
+        };
+        child.life = match verdict {
+            Verdict::Again { at, .. } => Life::Down(at),
+            Verdict::Failed => Life::Failed,
+        };
+        self.say(&name, &format!("died: {words}"));
+        for line in last_words {
+            self.say(&name, &format!("  | {line}"));
+        }
+        if let Err(error) = clean::run_janitor(&self.cell, JANITOR_TIMEOUT) {
+            self.say("janitor", &error.to_string());
+        }
+        match verdict {
+            Verdict::Again { nth, .. } => {
+                let (most, window) = (policy::RESTARTS_MAX, policy::WINDOW.as_secs());
+                self.say(
+                    &name,
+                    &format!("starting again ({nth}/{most} in {window} s)"),
+                );
+            }
+            Verdict::Failed => {
+                self.failed = true;
+                self.say(&name, "failed: it is not started again");
+            }
+        }
+    }
+
+    fn look_at_devices(&mut self) {
+        let serving = self
+            .children
+            .iter()
+            .any(|child| child.spec.stage == Stage::Loader && matches!(child.life, Life::Up(_)));
+        if !serving {
+            return;
+        }
+        // No executor at present: the table says so already.
+        let Ok(devices) = self.client.get::<Vec<DeviceView>>("/devices") else {
+            return;
+        };
+        let states: Vec<(String, String)> = devices
+            .into_iter()
+            .map(|device| {
+                let reason = match device.reason.as_str() {
+                    "" => String::new(),
+                    reason => format!(" ({reason})"),
+                };
+                (device.name, format!("{}{reason}", device.state))
+            })
+            .collect();
+        let before = std::mem::replace(&mut self.devices, states.clone());
+        for (name, state) in states {
+            let old = before.iter().find(|(other, _)| *other == name);
+            match old {
+                Some((_, old)) if *old == state => {}
+                Some((_, old)) => self.say(&format!("device {name}"), &format!("{old} → {state}")),
+                None => self.say(&format!("device {name}"), &state),
+            }
+        }
+        self.tell_grade();
+    }
+
+    /// The RT grade, once for each life of the executor.
+    fn tell_grade(&mut self) {
+        let pid = self.pid("executor").unwrap_or(0);
+        if pid == self.grade_told {
+            return;
+        }
+        if let Ok(status) = self.client.get::<StatusView>("/status") {
+            if status.executor.pid == pid {
+                self.grade_told = pid;
+                self.say("executor", &status.executor.grade);
+            }
+        }
+    }
+
+    fn say(&mut self, who: &str, what: &str) {
+        (self.tell)(&Line {
+            at: self.begun.elapsed(),
+            who: who.to_owned(),
+            what: what.to_owned(),
+        });
+    }
+}
+
+/// Cleans a dead cell and takes it for this process.
+fn take(cell: &Cell) -> Result<Announced, Failure> {
+    let name = cell.name();
+    clean::wipe(cell).map_err(|error| match &error {
+        WipeError::Living { pid, .. } => Failure::new(
+            codes::CELL_LIVES,
+            error.to_string(),
+            format!("end it (Ctrl-C on its `rcc-cli up`, or kill {pid}), or choose another name with --cell"),
+        ),
+        WipeError::InUse { .. } => Failure::new(codes::CELL_LIVES, error.to_string(), ""),
+        _ => Failure::new(codes::PROCESS_FAILED, error.to_string(), ""),
+    })?;
+    let life = ProcessLife::current();
+    let presence = Announcement {
+        role: Role::Cli,
+        label: "up".to_owned(),
+        incarnation: life.incarnation(),
+        pid: life.pid,
+        start_time_ticks: life.start_time_ticks,
+        services: Default::default(),
+        note: "supervisor".to_owned(),
+    };
+    cell.announce(&presence).map_err(|error| match &error {
+        AnnounceError::AlreadyRunning { pid, .. } => Failure::new(
+            codes::CELL_LIVES,
+            format!("cell '{name}' is supervised by process {pid}"),
+            "end that one, or choose another name with --cell",
+        ),
+        _ => Failure::new(codes::PROCESS_FAILED, error.to_string(), ""),
+    })
+}

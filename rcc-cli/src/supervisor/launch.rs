@@ -1,0 +1,152 @@
+//! Which processes a cell consists of, with their programs and arguments.
+//! Pure but for looking where the programs are; used by the main thread.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use rcc_config::{CellConfig, auto_ports, free_port};
+use rcc_ipc::Role;
+use rcc_loader::server::codes;
+use rcc_loader::server::executor::EXECUTOR_LABEL;
+
+use super::places;
+use crate::failure::Failure;
+
+/// What a process is in its cell. At the end they stop in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// The cycle.
+    Executor,
+    /// REST.
+    Loader,
+    /// One device; it brings the device to rest when the executor is gone.
+    Driver,
+    /// A robot-side program.
+    Simulator,
+}
+
+impl Stage {
+    /// All, in the order in which they stop.
+    pub const ALL: [Stage; 4] = [
+        Stage::Executor,
+        Stage::Loader,
+        Stage::Driver,
+        Stage::Simulator,
+    ];
+}
+
+/// How one tells that a process is ready.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ready {
+    /// It announced itself in the cell.
+    Announced(Role, String),
+    /// It announced itself, and answers on the cell's socket.
+    Serving,
+    /// It wrote a line.
+    Line,
+}
+
+/// One process of a cell.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Spec {
+    /// What it is.
+    pub stage: Stage,
+    /// For people and for the name of its log: `executor`, `driver-lwr`.
+    pub name: String,
+    /// Its program.
+    pub program: PathBuf,
+    /// Its arguments.
+    pub arguments: Vec<OsString>,
+    /// How one tells that it is ready.
+    pub ready: Ready,
+}
+
+/// A configuration with the ports of this run.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// The configuration.
+    pub config: CellConfig,
+    /// Its file, absolute.
+    pub path: PathBuf,
+    /// Ports that were chosen now.
+    pub ports: BTreeMap<String, u16>,
+}
+
+/// Reads a configuration and chooses its automatic ports.
+///
+/// # Errors
+/// Every fault of the configuration, or no free port.
+pub fn prepare(path: &Path) -> Result<Prepared, Failure> {
+    let name = path.display().to_string();
+    let path = path
+        .canonicalize()
+        .map_err(|error| Failure::unreadable(&name, &error))?;
+    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
+    let mut ports = BTreeMap::new();
+    for (name, protocol) in auto_ports(&path).map_err(invalid)? {
+        let port = free_port(protocol).map_err(|error| {
+            Failure::new(
+                codes::PROCESS_FAILED,
+                format!("no port for `{name}`: {error}"),
+                "close programs that hold many ports on 127.0.0.1",
+            )
+        })?;
+        ports.insert(name, port);
+    }
+    let config = CellConfig::load(&path, &ports).map_err(invalid)?;
+    Ok(Prepared {
+        config,
+        path,
+        ports,
+    })
+}
+
+/// The processes of a cell, in the order in which they are started.
+///
+/// # Errors
+/// A program is not there.
+pub fn specs(cell: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
+    let mut common: Vec<OsString> = vec!["--cell".into(), cell.into(), "--config".into()];
+    common.push(prepared.path.clone().into());
+    for (name, port) in &prepared.ports {
+        common.extend(["--port".into(), format!("{name}={port}").into()]);
+    }
+    common.push("--parent-death".into());
+    let mut all = Vec::new();
+    for simulator in &prepared.config.simulators {
+        all.push(Spec {
+            stage: Stage::Simulator,
+            name: format!("simulator/{}", simulator.name),
+            program: places::program(&simulator.program)?,
+            arguments: simulator.arguments.iter().map(Into::into).collect(),
+            ready: Ready::Line,
+        });
+    }
+    all.push(Spec {
+        stage: Stage::Executor,
+        name: "executor".to_owned(),
+        program: places::program("rcc-exec")?,
+        arguments: common.clone(),
+        ready: Ready::Announced(Role::Executor, EXECUTOR_LABEL.to_owned()),
+    });
+    all.push(Spec {
+        stage: Stage::Loader,
+        name: "loader".to_owned(),
+        program: places::program("rcc-loader")?,
+        arguments: common.clone(),
+        ready: Ready::Serving,
+    });
+    for device in &prepared.config.devices {
+        let mut arguments = common.clone();
+        arguments.extend(["--device".into(), device.name.as_str().into()]);
+        all.push(Spec {
+            stage: Stage::Driver,
+            name: format!("driver/{}", device.name),
+            program: places::program("rcc-driver")?,
+            arguments,
+            ready: Ready::Announced(Role::Driver, device.name.clone()),
+        });
+    }
+    Ok(all)
+}

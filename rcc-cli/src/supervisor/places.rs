@@ -1,0 +1,79 @@
+//! Where our programs and configurations lie.
+//! Used by the main thread before it starts anything.
+
+use std::path::{Path, PathBuf};
+
+use rcc_loader::server::codes;
+
+use crate::failure::Failure;
+
+/// Configurations of an installed package.
+const INSTALLED: &str = "/usr/share/rcc/configs";
+
+/// A program of ours, or one that a configuration names: a path, or a name beside this program (or one folder up,
+/// where a test's program lies in a folder of its own).
+///
+/// # Errors
+/// It is not there.
+pub fn program(name: &str) -> Result<PathBuf, Failure> {
+    if name.contains('/') {
+        return Ok(PathBuf::from(name));
+    }
+    let here = std::env::current_exe().unwrap_or_default();
+    let looked: Vec<PathBuf> = here
+        .ancestors()
+        .skip(1)
+        .take(2)
+        .map(|folder| folder.join(name))
+        .collect();
+    found(&looked).ok_or_else(|| {
+        Failure::new(
+            codes::PROCESS_FAILED,
+            format!("the program {name} is not at {}", listed(&looked)),
+            "build all programs (`cargo build --release`) or install them in one folder",
+        )
+    })
+}
+
+/// A file among the configurations: `$RCC_CONFIGS`, else those of the source tree that this program was built in,
+/// else the installed ones.
+///
+/// # Errors
+/// It is not there.
+pub fn config(relative: &str) -> Result<PathBuf, Failure> {
+    let named = std::env::var_os("RCC_CONFIGS").filter(|value| !value.is_empty());
+    let looked: Vec<PathBuf> = match named {
+        Some(folder) => vec![PathBuf::from(folder).join(relative)],
+        None => {
+            let here = std::env::current_exe().unwrap_or_default();
+            let above = here.ancestors().skip(2).take(3);
+            let mut all: Vec<PathBuf> = above
+                .map(|folder| folder.join("configs").join(relative))
+                .collect();
+            all.push(Path::new(INSTALLED).join(relative));
+            all
+        }
+    };
+    found(&looked).ok_or_else(|| {
+        Failure::new(
+            codes::BAD_REQUEST,
+            format!(
+                "{relative} is not among the configurations: {}",
+                listed(&looked)
+            ),
+            "set RCC_CONFIGS to the folder `configs` of RCC",
+        )
+    })
+}
+
+fn found(looked: &[PathBuf]) -> Option<PathBuf> {
+    looked.iter().find(|path| path.is_file()).cloned()
+}
+
+fn listed(paths: &[PathBuf]) -> String {
+    let texts: Vec<String> = paths
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    texts.join(", ")
+}

@@ -1,0 +1,130 @@
+//! How a cell ends: commands are cancelled, devices come to rest, processes end in order, nothing is left behind.
+//! Run by the supervisor's thread.
+
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use rcc_ipc::clean;
+use rcc_loader::server::api::{CommandView, DeviceView};
+
+use super::child::{self, Life};
+use super::launch::Stage;
+use super::{LOOK_EVERY, Supervisor};
+use crate::follow;
+use crate::interrupt::Interrupts;
+
+/// How long nets may take to end in their own way.
+const CANCEL_LIMIT: Duration = Duration::from_secs(10);
+/// How long devices may take to come to rest.
+const REST_LIMIT: Duration = Duration::from_secs(5);
+/// How long a process may take to end after SIGTERM.
+const END_LIMIT: Duration = Duration::from_secs(5);
+
+impl Supervisor {
+    /// Ends the cell: cancel, wait for rest, stop executor, loader, drivers, simulators; remove all files. A second
+    /// Ctrl-C does not wait. True when nothing was left behind and no process had to be killed.
+    pub fn stop(mut self, interrupts: &Interrupts) -> bool {
+        let asked = interrupts.count();
+        let hurried = || interrupts.count() > asked;
+        self.end_commands(&hurried);
+        self.wait_for_rest(&hurried);
+        let mut clean_end = true;
+        for stage in Stage::ALL {
+            clean_end &= self.end_stage(stage);
+        }
+        clean_end & self.remove_files()
+    }
+
+    fn end_commands(&mut self, hurried: &dyn Fn() -> bool) {
+        let begun = Instant::now();
+        let mut canceled = Vec::new();
+        loop {
+            let Ok(commands) = self.client.get::<Vec<CommandView>>("/commands") else {
+                return;
+            };
+            let active = commands
+                .iter()
+                .filter(|command| matches!(command.state.as_str(), "running" | "canceling"));
+            let active: Vec<&CommandView> = active.collect();
+            if active.is_empty() {
+                return;
+            }
+            let late = hurried() || begun.elapsed() > CANCEL_LIMIT;
+            for command in active {
+                let gently = command.can_cancel && !late;
+                if gently && canceled.contains(&command.id) {
+                    continue;
+                }
+                canceled.push(command.id);
+                let what = if gently { "cancel" } else { "abort" };
+                self.say(&follow::title(command), what);
+                // It may have ended meanwhile; the next look tells.
+                let _ = follow::operate(&self.client, &command.id.to_string(), what);
+            }
+            if begun.elapsed() > CANCEL_LIMIT * 2 {
+                return;
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    fn wait_for_rest(&mut self, hurried: &dyn Fn() -> bool) {
+        let begun = Instant::now();
+        while begun.elapsed() < REST_LIMIT && !hurried() {
+            let Ok(devices) = self.client.get::<Vec<DeviceView>>("/devices") else {
+                return;
+            };
+            let moving =
+                |device: &DeviceView| matches!(device.state.as_str(), "commanded" | "stopping");
+            if !devices.iter().any(moving) {
+                return;
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    /// SIGTERM to all of a stage, then SIGKILL to those that stay.
+    fn end_stage(&mut self, stage: Stage) -> bool {
+        let of_stage = |child: &&mut child::Child| child.spec.stage == stage;
+        for child in self.children.iter_mut().filter(of_stage) {
+            child.signal(Signal::SIGTERM);
+        }
+        let limit = Instant::now() + END_LIMIT;
+        let mut killed = Vec::new();
+        for child in self.children.iter_mut().filter(of_stage) {
+            while child.pid().is_some() && child.ended().is_none() {
+                if Instant::now() >= limit {
+                    child.signal(Signal::SIGKILL);
+                    killed.push(child.spec.name.clone());
+                    break;
+                }
+                std::thread::sleep(LOOK_EVERY / 4);
+            }
+            if let Life::Starting(mut process) | Life::Up(mut process) =
+                std::mem::replace(&mut child.life, Life::Failed)
+            {
+                // Ended or killed: this returns at once and leaves no zombie.
+                let _ = process.wait();
+            }
+        }
+        for name in &killed {
+            self.say(name, "did not end and was killed");
+        }
+        killed.is_empty()
+    }
+
+    fn remove_files(mut self) -> bool {
+        // The logs were only for the time of the cell.
+        let _ = std::fs::remove_dir_all(&self.logs);
+        self.presence = None;
+        let removed = clean::remove_cell(&self.cell);
+        if let Err(error) = &removed {
+            self.say("cell", &error.to_string());
+        }
+        let left = self.cell.leftovers().unwrap_or_default();
+        for path in &left {
+            self.say("cell", &format!("left behind: {}", path.display()));
+        }
+        removed.is_ok() && left.is_empty()
+    }
+}

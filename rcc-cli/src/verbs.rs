@@ -1,0 +1,115 @@
+//! The verbs: one file and one line each.
+//! Every verb runs on the main thread and ends with a documented exit code.
+
+use std::time::Duration;
+
+use crate::context::Context;
+use crate::failure::Failure;
+
+macro_rules! verbs {
+    ($($(#[doc = $doc:literal])* $name:ident = $module:ident;)*) => {
+        $(pub mod $module;)*
+
+        /// What to do.
+        #[derive(clap::Subcommand, Debug)]
+        pub enum Verb {
+            $($(#[doc = $doc])* $name($module::Arguments),)*
+        }
+
+        impl Verb {
+            /// Does it.
+            ///
+            /// # Errors
+            /// Everything that is not a success, with its exit code.
+            pub fn run(self, context: &Context) -> Result<(), Failure> {
+                match self {
+                    $(Verb::$name(arguments) => $module::run(context, arguments),)*
+                }
+            }
+        }
+    };
+}
+
+verbs! {
+    /// Start a simulated cell, run the paper's three figures, verify what was measured.
+    Demo = demo;
+    /// Start and supervise a cell.
+    Up = up;
+    /// Check nets without loading them anywhere.
+    Check = check;
+    /// LOAD: give a net to the core.
+    Load = load;
+    /// START: evaluate a loaded net from the next cycle on.
+    Start = start;
+    /// Load, start and follow a net; Ctrl-C cancels it.
+    Run = run;
+    /// CANCEL: ask a net to end in its own way.
+    Cancel = cancel;
+    /// ABORT: end a net at once; the drivers bring its devices to rest.
+    Abort = abort;
+    /// UNLOAD: forget a net that is not active.
+    Unload = unload;
+    /// STATE: everything about one net, or the states of all.
+    State = state;
+    /// List the loaded nets.
+    Ls = ls;
+    /// List the devices.
+    Devices = devices;
+    /// List the primitives, or explain one.
+    Primitives = primitives;
+    /// The executor's health and the processes of the cell.
+    Status = status;
+    /// Print monitored values as they come.
+    Tail = tail;
+}
+
+/// A net by id or name.
+#[derive(clap::Args, Debug)]
+pub struct Named {
+    /// Id, name of the net (then the newest of that name), or name#id.
+    pub name: String,
+}
+
+/// Reads `500ms`, `2s`, `1min`, or seconds without a unit.
+///
+/// # Errors
+/// Anything else, in words.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let text = text.trim();
+    let digits = text
+        .find(|c: char| !c.is_ascii_digit() && c != '.')
+        .unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let factor = match unit.trim() {
+        "ms" => 1e-3,
+        "s" | "" => 1.0,
+        "min" => 60.0,
+        _ => return Err(format!("`{text}` is no time: write 500ms, 2s or 1min")),
+    };
+    number
+        .parse::<f64>()
+        .ok()
+        .map(|value| value * factor)
+        .filter(|seconds| (1e-3..=86_400.0).contains(seconds))
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| format!("`{text}` is no time from 1ms to 1440min"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_a_unit_or_are_seconds() {
+        assert_eq!(duration("500ms"), Ok(Duration::from_millis(500)));
+        assert_eq!(duration("1.5"), Ok(Duration::from_millis(1500)));
+        assert_eq!(duration("1 min"), Ok(Duration::from_secs(60)));
+    }
+
+    #[test]
+    fn what_is_no_time_is_refused() {
+        for text in ["", "s", "-1s", "0s", "5 h", "1e9s", "nan"] {
+            assert!(duration(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! `load FILE`: gives a net to the core and waits until it is ready.
+
+use rcc_loader::server::api::CommandView;
+
+use crate::context::Context;
+use crate::failure::{Failure, draw};
+use crate::follow::{self, Rejected};
+
+/// What to load.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// A net, YAML or JSON; - is the standard input.
+    file: String,
+}
+
+/// Does it.
+///
+/// # Errors
+/// Not reachable, or rejected, with the diagnostics.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let source = follow::read_text(&arguments.file)?;
+    let client = context.client()?;
+    let loaded = follow::load(&client, &source.0, &source.1, Rejected::Stays)?;
+    eprint!(
+        "{}",
+        draw(&loaded.command.diagnostics, Some(&source), Context::colour())
+    );
+    context.print(&loaded.command, line);
+    Ok(())
+}
+
+/// One line about a loaded command.
+pub(super) fn line(command: &CommandView) -> String {
+    let uses = if command.uses.is_empty() {
+        "nothing".to_owned()
+    } else {
+        command.uses.join(", ")
+    };
+    format!(
+        "{}  {}  {} primitives  uses: {uses}",
+        follow::title(command),
+        command.state,
+        command.primitives
+    )
+}

@@ -1,0 +1,44 @@
+//! `ls`: the loaded nets.
+
+use rcc_loader::server::api::CommandView;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::follow;
+use crate::table;
+
+/// Nothing more to say.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {}
+
+/// Does it.
+///
+/// # Errors
+/// Not reachable.
+pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
+    let commands: Vec<CommandView> = context.client()?.get("/commands")?;
+    context.print(&commands, |commands| list(commands));
+    Ok(())
+}
+
+/// The table.
+pub(super) fn list(commands: &[CommandView]) -> String {
+    if commands.is_empty() {
+        return "no nets are loaded".to_owned();
+    }
+    let mut rows = table::table(&["NET", "STATE", "CYCLES", "EXEC last/max", "USES"]);
+    for command in commands {
+        rows.add_row([
+            follow::title(command),
+            follow::state_words(command),
+            table::grouped(command.cycles),
+            format!(
+                "{} / {}",
+                table::time(command.exec_last_ns),
+                table::time(command.exec_max_ns)
+            ),
+            command.uses.join(", "),
+        ]);
+    }
+    table::text(&rows)
+}

@@ -1,0 +1,88 @@
+//! `run FILE`: load, start, follow, unload. The first Ctrl-C cancels (aborts a net that cannot be cancelled), the
+//! second one aborts.
+
+use rcc_loader::server::api::CommandView;
+use rcc_loader::server::codes::exit;
+
+use crate::client::Client;
+use crate::context::{Context, Format, say};
+use crate::failure::{Failure, draw};
+use crate::follow::{self, Rejected};
+use crate::interrupt::Interrupts;
+
+/// What to run.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// A net, YAML or JSON; - is the standard input.
+    file: String,
+    /// Leave it loaded at the end.
+    #[arg(long)]
+    keep: bool,
+}
+
+/// Does it.
+///
+/// # Errors
+/// Not reachable, refused, or ended with a fault or an abort.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let source = follow::read_text(&arguments.file)?;
+    let client = context.client()?;
+    let interrupts = Interrupts::listen()?;
+    let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?.command;
+    eprint!(
+        "{}",
+        draw(&loaded.diagnostics, Some(&source), Context::colour())
+    );
+    let outcome = start_and_follow(context, &client, &interrupts, &loaded);
+    if !arguments.keep {
+        // What is said about the run counts more than a row that could not be freed.
+        let _ = follow::unload(&client, loaded.id);
+    }
+    let command = outcome?;
+    if context.format == Format::Json {
+        context.print(&command, |_| String::new());
+    }
+    if interrupts.asked() {
+        return Err(Failure::said(exit::INTERRUPTED));
+    }
+    follow::judge(&command)
+}
+
+fn start_and_follow(
+    context: &Context,
+    client: &Client,
+    interrupts: &Interrupts,
+    loaded: &CommandView,
+) -> Result<CommandView, Failure> {
+    let id = loaded.id.to_string();
+    if interrupts.asked() {
+        return Err(Failure::interrupted());
+    }
+    follow::operate(client, &id, "start")?;
+    let (mut shown, mut obeyed) = (String::new(), 0);
+    loop {
+        let command = follow::state(client, &id)?.command;
+        let words = follow::state_words(&command);
+        // A snapshot may be a few cycles older than the START that was just answered.
+        let old = command.state == "ready";
+        if words != shown && !old && context.format == Format::Human {
+            say(&format!("{}  {words}", follow::title(&command)));
+            shown = words;
+        }
+        if follow::is_over(&command) {
+            return Ok(command);
+        }
+        let asked = interrupts.count();
+        if asked > obeyed {
+            let gently = obeyed == 0 && asked == 1 && command.can_cancel;
+            obeyed = asked;
+            let what = if gently { "cancel" } else { "abort" };
+            match follow::operate(client, &id, what) {
+                // It ended in between: the next look tells how.
+                Err(failure) if failure.exit == exit::CONFLICT => {}
+                done => drop(done?),
+            }
+        }
+        std::thread::sleep(follow::POLL);
+    }
+}

@@ -1,0 +1,29 @@
+//! `start NAME`: evaluated from the next cycle on.
+
+use rcc_loader::server::api::Done;
+
+use super::Named;
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::follow;
+use crate::table::grouped;
+
+/// Which net.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    named: Named,
+}
+
+/// Does it.
+///
+/// # Errors
+/// Not reachable, or refused.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let client = context.client()?;
+    let done: Done = follow::operate(&client, &arguments.named.name, "start")?;
+    context.print(&done, |done| {
+        format!("{}#{}  running  at cycle {}", done.net, done.id, grouped(done.cycle))
+    });
+    Ok(())
+}

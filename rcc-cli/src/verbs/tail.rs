@@ -1,0 +1,50 @@
+//! `tail [PATTERN...]`: hands over to `rcc-monitor`, which lies beside this program.
+
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
+use rcc_loader::server::codes;
+
+use crate::context::{Context, Format};
+use crate::failure::Failure;
+use crate::supervisor::places;
+
+/// What to show.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Ports like line/move.pose; * and ? stand for any characters. All without.
+    patterns: Vec<String>,
+    /// End after this many records.
+    #[arg(long)]
+    count: Option<u64>,
+    /// End after this time.
+    #[arg(long = "for", value_name = "DURATION")]
+    duration: Option<String>,
+}
+
+/// Does it; returns only when it cannot.
+///
+/// # Errors
+/// The monitor is not there.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let program = places::program("rcc-monitor")?;
+    let mut command = Command::new(&program);
+    command.arg("--cell").arg(context.cell_name()).arg("tail");
+    let format = match context.format {
+        Format::Human => "human",
+        Format::Json => "json",
+    };
+    command.arg("--output").arg(format);
+    if let Some(count) = arguments.count {
+        command.arg("--count").arg(count.to_string());
+    }
+    if let Some(duration) = arguments.duration {
+        command.arg("--for").arg(duration);
+    }
+    let error = command.arg("--").args(&arguments.patterns).exec();
+    Err(Failure::new(
+        codes::PROCESS_FAILED,
+        format!("{}: {error}", program.display()),
+        "install it anew",
+    ))
+}

@@ -1,0 +1,26 @@
+//! `unload NAME`: forgets a net that is not active.
+
+use rcc_loader::server::api::Done;
+
+use super::Named;
+use crate::client::segment;
+use crate::context::Context;
+use crate::failure::Failure;
+
+/// Which net.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    named: Named,
+}
+
+/// Does it.
+///
+/// # Errors
+/// Not reachable, or refused.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let path = format!("/commands/{}", segment(&arguments.named.name));
+    let done: Done = context.client()?.delete(&path)?;
+    context.print(&done, |done| format!("{}#{}  unloaded", done.net, done.id));
+    Ok(())
+}

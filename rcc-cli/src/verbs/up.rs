@@ -1,0 +1,61 @@
+//! `up FILE`: starts a cell from one configuration file and supervises it until Ctrl-C.
+
+use std::path::PathBuf;
+
+use rcc_loader::server::codes::exit;
+
+use crate::context::{Context, Format, say};
+use crate::failure::Failure;
+use crate::interrupt::Interrupts;
+use crate::supervisor::{LOOK_EVERY, Line, Supervisor, launch};
+
+/// What to start.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The cell's configuration.
+    file: PathBuf,
+}
+
+/// Does it.
+///
+/// # Errors
+/// The configuration is not valid, the cell lives already, or a process failed.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let interrupts = Interrupts::listen()?;
+    let prepared = launch::prepare(&arguments.file)?;
+    let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
+    let json = context.format == Format::Json;
+    let mut supervisor = Supervisor::start(&name, prepared, Box::new(move |line| tell(line, json)))?;
+    let up = supervisor.wait_until_up(&interrupts);
+    if up.is_ok() {
+        let ready = Line {
+            at: std::time::Duration::ZERO,
+            who: format!("cell {name}"),
+            what: "ready  (Ctrl-C ends it; next: rcc-cli devices, rcc-cli run FILE)".to_owned(),
+        };
+        tell(&ready, json);
+        while !interrupts.asked() {
+            supervisor.look();
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+    let failed = supervisor.has_failed();
+    let clean = supervisor.stop(&interrupts);
+    up?;
+    if failed || !clean {
+        return Err(Failure::said(exit::FAILED));
+    }
+    Ok(())
+}
+
+fn tell(line: &Line, json: bool) {
+    let Line { at, who, what } = line;
+    if json {
+        let value = serde_json::json!({"at_s": at.as_secs_f64(), "who": who, "what": what});
+        say(&value.to_string());
+    } else if at.is_zero() {
+        say(&format!("{who}  {what}"));
+    } else {
+        say(&format!("{:9.3} s  {who:<20} {what}", at.as_secs_f64()));
+    }
+}
