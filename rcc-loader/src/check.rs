@@ -1,0 +1,53 @@
+//! The rules that a net must keep, one function each. Every rule looks at the whole net and reports all that breaks it;
+//! what another rule or the resolver has reported is passed over. The loader's threads.
+
+mod connections;
+mod limits;
+mod loops;
+mod values;
+
+use rcc_config::diagnostic::Diagnostic;
+
+use crate::infer::Inferred;
+use crate::resolve::Graph;
+
+pub use limits::every;
+
+/// A net with its types and units.
+#[derive(Clone, Copy)]
+pub struct Typed<'a> {
+    /// The net.
+    pub graph: &'a Graph<'a>,
+    /// Its types and units.
+    pub inferred: &'a Inferred,
+}
+
+type Check = fn(Typed<'_>, &mut Vec<Diagnostic>);
+
+/// All rules; their order does not matter, faults are sorted by place.
+const CHECKS: &[Check] = &[
+    values::elements_exist,
+    values::links_fit,
+    values::literals_fit,
+    values::types_suit_their_primitives,
+    values::units_of_a_primitive_agree,
+    values::parameters_are_in_range,
+    connections::inputs_are_connected,
+    connections::outputs_are_read_or_discarded,
+    connections::discards_are_sensible,
+    loops::loops_have_a_delay,
+    loops::delayed_loops_have_a_first_value,
+    loops::loops_can_lose_null,
+    limits::there_is_one_termination,
+    limits::resources_are_commanded_once,
+    limits::monitors_are_possible,
+    limits::counts_are_within_limits,
+    limits::what_moves_can_be_cancelled,
+];
+
+/// Reports everything that is wrong with a net.
+pub fn check(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for check in CHECKS {
+        check(net, faults);
+    }
+}

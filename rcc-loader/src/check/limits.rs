@@ -1,0 +1,231 @@
+//! Rules of the net as a whole: its end, its resources, its monitors and its size.
+//! The loader's threads.
+
+use std::collections::BTreeMap;
+
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_core::message::MONITOR_WIDTH_MAX;
+use rcc_core::plan::{CLOCKS_MAX, MONITORS_MAX};
+use rcc_core::primitive::{ChannelKind, Literal as Default, ParameterKind, Role};
+use rcc_core::unit::Unit;
+
+use super::Typed;
+use crate::devices::DeviceTable;
+use crate::fault;
+use crate::resolve::{Feed, Item};
+
+/// A rate that is this much faster than the cycle, relative to it, is the cycle's.
+const RATE_TOLERANCE: f64 = 1e-9;
+
+fn of_role(net: Typed<'_>, role: Role) -> impl Iterator<Item = &Item<'_>> {
+    let items = net.graph.items.iter();
+    items.filter(move |item| item.spec().role == role)
+}
+
+/// There is exactly one `Termination`.
+pub fn there_is_one_termination(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let mut terminations = of_role(net, Role::Termination);
+    let first = terminations.next();
+    if first.is_none() && !net.graph.has_unknown_types {
+        let message = "the net has no Termination: it could only be aborted";
+        let fault = Diagnostic::error(fault::NO_TERMINATION, net.graph.net.name.span, message);
+        faults.push(fault.help("add `end: {type: Termination, inputs: {done: …}}`"));
+    }
+    for item in terminations {
+        let first = first.map_or("", Item::id);
+        let message = format!(
+            "`{}` is a second Termination, `{first}` is the first",
+            item.id()
+        );
+        let fault = Diagnostic::error(fault::MANY_TERMINATIONS, item.primitive.id.span, message);
+        faults.push(fault.help("join their conditions with Or"));
+    }
+}
+
+/// A resource as a key: device, and kind and index of a channel unless it is the arm.
+type Key = (usize, Option<(usize, u32)>);
+
+/// What of a device an item commands.
+fn claim(item: &Item<'_>) -> Option<(usize, Option<(ChannelKind, u32)>)> {
+    match item.spec().role {
+        Role::CommandsArm => Some((item.device?, None)),
+        Role::CommandsChannel => {
+            let kind =
+                item.spec()
+                    .parameters
+                    .iter()
+                    .find_map(|parameter| match parameter.kind {
+                        ParameterKind::Channel(kind) => Some(kind),
+                        _ => None,
+                    })?;
+            Some((item.device?, Some((kind, item.channel?.0))))
+        }
+        _ => None,
+    }
+}
+
+/// Two primitives of a net do not command the same thing.
+pub fn resources_are_commanded_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let mut holders: BTreeMap<Key, &Item<'_>> = BTreeMap::new();
+    for item in &net.graph.items {
+        let Some((device, channel)) = claim(item) else {
+            continue;
+        };
+        let key = (device, channel.map(|(kind, index)| (kind as usize, index)));
+        let Some(holder) = holders.get(&key) else {
+            holders.insert(key, item);
+            continue;
+        };
+        let row = net.graph.cell.devices.get(device);
+        let name = row.map_or("", |row| &row.name);
+        let what = channel.and_then(|(kind, index)| row?.channels_of(kind).get(index as usize));
+        let what = what.map_or(format!("the arm `{name}`"), |channel| {
+            format!("`{}` of `{name}`", channel.name)
+        });
+        let message = format!(
+            "`{}` commands {what}, and `{}` does so already",
+            item.id(),
+            holder.id()
+        );
+        let fault = Diagnostic::error(fault::CLAIMED_TWICE, item.primitive.id.span, message);
+        faults
+            .push(fault.help("decide between the two values with Select, and command the result"));
+    }
+}
+
+/// The rate of a monitor as written or by default, Hz.
+fn rate_of(item: &Item<'_>) -> Option<f64> {
+    let mut rows = item.spec().parameters.iter().zip(&item.parameters);
+    let (parameter, given) = rows.find(|(parameter, _)| parameter.kind == ParameterKind::Rate)?;
+    match (given, parameter.default) {
+        (Some(literal), _) => literal.number(),
+        (None, Some(Default::Real(rate))) => Some(rate),
+        _ => None,
+    }
+}
+
+/// Every how many cycles a primitive with a rate is due: the nearest rate that divides the cycle's, at most the given
+/// one. `None`: the rate is no number of the right unit or too low.
+#[must_use]
+pub fn every(item: &Item<'_>, cell: &DeviceTable) -> Option<u32> {
+    let rate = rate_of(item)?;
+    let cycles = (cell.cycle_hz() / rate * (1.0 - RATE_TOLERANCE)).ceil();
+    // In range by the comparison; a NaN is not.
+    (cycles <= f64::from(u32::MAX)).then_some((cycles as u32).max(1))
+}
+
+/// Monitors show what fits, at a rate that is possible.
+pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for (number, item) in net.graph.items.iter().enumerate() {
+        if item.spec().role != Role::Monitor {
+            continue;
+        }
+        let ports = item.spec().inputs.iter().zip(&item.inputs);
+        for (port, feed) in ports {
+            let ty = net.inferred.port_type(net.graph, number, port.ty);
+            let Some(ty) = ty.filter(|ty| ty.width() as usize > MONITOR_WIDTH_MAX) else {
+                continue;
+            };
+            let message =
+                format!("a monitor shows at most {MONITOR_WIDTH_MAX} elements, this is a {ty}");
+            let span = feed_span(feed).unwrap_or(item.primitive.id.span);
+            let fault = Diagnostic::error(fault::TOO_WIDE, span, message);
+            faults.push(fault.help("watch single elements: `value: PRIMITIVE.PORT[0]`"));
+        }
+        rate_is_possible(net, item, faults);
+    }
+}
+
+fn feed_span(feed: &Feed<'_>) -> Option<Span> {
+    match feed {
+        Feed::Wire(wire) => Some(wire.span),
+        Feed::Literal(literal) => Some(literal.span),
+        _ => None,
+    }
+}
+
+fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic>) {
+    let rows = item.spec().parameters.iter().zip(&item.parameters);
+    let mut rates = rows.filter(|(parameter, _)| parameter.kind == ParameterKind::Rate);
+    let Some((_, Some(literal))) = rates.next() else {
+        return;
+    };
+    let cycle_hz = net.graph.cell.cycle_hz();
+    let mut error = |code, message: String, help: String| {
+        faults.push(Diagnostic::error(code, literal.span, message).help(help));
+    };
+    let id = item.id();
+    let Some(rate) = literal.number() else {
+        let message = format!("type mismatch: `{id}.rate` is a number, this is {literal}");
+        return error(fault::TYPE_MISMATCH, message, "write `100 Hz`".to_string());
+    };
+    if let Some((have, _)) = literal
+        .units()
+        .into_iter()
+        .find(|(unit, _)| *unit != Unit::HERTZ)
+    {
+        let message = format!("unit mismatch: `{id}.rate` is in Hz, this is in {have}");
+        return error(fault::UNIT_MISMATCH, message, "write `100 Hz`".to_string());
+    }
+    if rate > cycle_hz * (1.0 + RATE_TOLERANCE) {
+        let message =
+            format!("`{id}` is to be shown {rate} times a second, the cell has {cycle_hz} cycles");
+        return error(
+            fault::RATE_TOO_HIGH,
+            message,
+            format!("use {cycle_hz} Hz or less"),
+        );
+    }
+    let Some(every) = every(item, net.graph.cell).filter(|_| rate > 0.0) else {
+        if rate > 0.0 {
+            let message = format!(
+                "`{id}` is to be shown every {} s: that is too rarely",
+                1.0 / rate
+            );
+            error(
+                fault::OUT_OF_RANGE,
+                message,
+                format!("use at least {} Hz", cycle_hz / f64::from(u32::MAX)),
+            );
+        }
+        return;
+    };
+    let real = cycle_hz / f64::from(every);
+    if (real - rate).abs() > rate * 1e-6 {
+        let message = format!("`{id}` will be shown {real:.3} times a second, not {rate}");
+        let fault = Diagnostic::warning(fault::RATE_ROUNDED, literal.span, message);
+        faults.push(fault.help(format!("rates that divide {cycle_hz} Hz are kept exactly")));
+    }
+}
+
+/// The numbers of monitors and motions are within what an executor gives.
+pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for (role, what, most) in [
+        (Role::Monitor, "monitors", MONITORS_MAX),
+        (Role::Motion, "motions", CLOCKS_MAX as usize),
+    ] {
+        let count = of_role(net, role).count();
+        if let Some(item) = of_role(net, role).nth(most) {
+            let message = format!("the net has {count} {what}, {most} are possible");
+            let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
+            faults.push(
+                fault
+                    .label("the first one too many")
+                    .help("divide it into several nets"),
+            );
+        }
+    }
+}
+
+/// Warns of a net that commands something and cannot be cancelled.
+pub fn what_moves_can_be_cancelled(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let commands = of_role(net, Role::CommandsArm).next();
+    let can_cancel = of_role(net, Role::Cancel).next().is_some();
+    if let (Some(item), false) = (commands, can_cancel || net.graph.has_unknown_types) {
+        let message = "this net commands an arm and has no Cancel: it can only be aborted";
+        let fault = Diagnostic::warning(fault::NOT_CANCELABLE, item.primitive.id.span, message);
+        faults.push(
+            fault.help("add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion"),
+        );
+    }
+}

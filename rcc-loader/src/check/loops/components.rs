@@ -1,0 +1,185 @@
+//! Strongly connected components and circles of a graph given by the sources of each node, without recursion: a net may
+//! be a chain of a hundred thousand. Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972).
+//! The loader's threads.
+
+use std::collections::{BTreeMap, VecDeque};
+
+/// Which nodes depend on each other.
+#[derive(Debug)]
+pub struct Components {
+    /// By node: the number of its component.
+    of: Vec<usize>,
+}
+
+/// A node that has not been visited.
+const NEW: usize = usize::MAX;
+
+struct Search<'a> {
+    sources: &'a [Vec<usize>],
+    order: Vec<usize>,
+    low: Vec<usize>,
+    on_stack: Vec<bool>,
+    stack: Vec<usize>,
+    of: Vec<usize>,
+    visited: usize,
+    components: usize,
+}
+
+impl Components {
+    /// Finds them.
+    #[must_use]
+    pub fn of(sources: &[Vec<usize>]) -> Components {
+        let count = sources.len();
+        let mut search = Search {
+            sources,
+            order: vec![NEW; count],
+            low: vec![NEW; count],
+            on_stack: vec![false; count],
+            stack: Vec::new(),
+            of: vec![NEW; count],
+            visited: 0,
+            components: 0,
+        };
+        for node in 0..count {
+            if search.order[node] == NEW {
+                search.from(node);
+            }
+        }
+        Components { of: search.of }
+    }
+
+    /// True if both nodes depend on each other, or are the same.
+    #[must_use]
+    pub fn same(&self, a: usize, b: usize) -> bool {
+        self.of.get(a) == self.of.get(b)
+    }
+
+    /// The components in which there is a circle, each in order of its nodes.
+    #[must_use]
+    pub fn loops(&self, sources: &[Vec<usize>]) -> Vec<Vec<usize>> {
+        let in_loops = self.in_loops(sources);
+        let mut loops: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (node, component) in self.of.iter().enumerate() {
+            if in_loops.get(node) == Some(&true) {
+                loops.entry(*component).or_default().push(node);
+            }
+        }
+        loops.into_values().collect()
+    }
+
+    /// By node: whether it is on a circle.
+    #[must_use]
+    pub fn in_loops(&self, sources: &[Vec<usize>]) -> Vec<bool> {
+        let on_circle = |(node, sources): (usize, &Vec<usize>)| {
+            sources.iter().any(|source| self.same(node, *source))
+        };
+        sources.iter().enumerate().map(on_circle).collect()
+    }
+}
+
+impl Search<'_> {
+    // The indices are nodes below `count`, the length of every array here.
+    fn from(&mut self, root: usize) {
+        let mut path = vec![(root, 0)];
+        self.enter(root);
+        while let Some((node, next)) = path.last_mut() {
+            let node = *node;
+            if let Some(&source) = self.sources[node].get(*next) {
+                *next += 1;
+                if self.order[source] == NEW {
+                    self.enter(source);
+                    path.push((source, 0));
+                } else if self.on_stack[source] {
+                    self.low[node] = self.low[node].min(self.order[source]);
+                }
+                continue;
+            }
+            path.pop();
+            if let Some((parent, _)) = path.last() {
+                self.low[*parent] = self.low[*parent].min(self.low[node]);
+            }
+            if self.low[node] == self.order[node] {
+                self.close(node);
+            }
+        }
+    }
+
+    fn enter(&mut self, node: usize) {
+        self.order[node] = self.visited;
+        self.low[node] = self.visited;
+        self.visited += 1;
+        self.stack.push(node);
+        self.on_stack[node] = true;
+    }
+
+    fn close(&mut self, node: usize) {
+        while let Some(member) = self.stack.pop() {
+            self.on_stack[member] = false;
+            self.of[member] = self.components;
+            if member == node {
+                break;
+            }
+        }
+        self.components += 1;
+    }
+}
+
+/// A shortest circle through the first node of a component that is a loop, in the direction from source to reader.
+#[must_use]
+pub fn circle(sources: &[Vec<usize>], component: &[usize]) -> Vec<usize> {
+    let Some(&first) = component.first() else {
+        return Vec::new();
+    };
+    // Goes back from the first node to its sources; `towards` leads forward again.
+    let mut towards: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut queue = VecDeque::from([first]);
+    while let Some(node) = queue.pop_front() {
+        for &source in sources.get(node).into_iter().flatten() {
+            if source == first {
+                let mut path = vec![first];
+                let mut at = node;
+                while at != first {
+                    path.push(at);
+                    at = towards.get(&at).copied().unwrap_or(first);
+                }
+                return path;
+            }
+            if component.binary_search(&source).is_ok() && !towards.contains_key(&source) {
+                towards.insert(source, node);
+                queue.push_back(source);
+            }
+        }
+    }
+    Vec::new()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loops_are_found_and_walked_in_the_direction_of_values() {
+        // 0 reads 2, 1 reads 0, 2 reads 1; 3 reads 0; 4 reads itself.
+        let sources = vec![vec![2], vec![0], vec![1], vec![0], vec![4]];
+        let components = Components::of(&sources);
+        let loops = components.loops(&sources);
+        assert_eq!(loops.len(), 2);
+        assert!(loops.contains(&vec![0, 1, 2]) && loops.contains(&vec![4]));
+        assert_eq!(circle(&sources, &[0, 1, 2]), [0, 1, 2]);
+        assert_eq!(circle(&sources, &[4]), [4]);
+        assert!(!components.same(0, 3));
+    }
+
+    #[test]
+    fn a_long_chain_needs_no_deep_stack() {
+        let count = 300_000;
+        let mut sources: Vec<Vec<usize>> = (0..count)
+            .map(|node| if node == 0 { vec![] } else { vec![node - 1] })
+            .collect();
+        assert!(Components::of(&sources).loops(&sources).is_empty());
+        sources[0].push(count - 1);
+        let loops = Components::of(&sources).loops(&sources);
+        assert_eq!(loops[0].len(), count);
+        assert_eq!(circle(&sources, &loops[0]).len(), count);
+    }
+}

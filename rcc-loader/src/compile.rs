@@ -1,0 +1,86 @@
+//! The whole way from a text to a plan, with all faults of the text at once.
+//! Run by the loader's threads and by `rcc-cli check`; never by the real-time thread.
+
+use rcc_config::CellConfig;
+use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
+use rcc_config::yaml;
+use rcc_ipc::control::PlanData;
+
+use crate::check::{Typed, check};
+use crate::devices::DeviceTable;
+use crate::fault;
+use crate::infer::infer;
+use crate::lower::lower;
+use crate::names::{Names, names};
+use crate::resolve::resolve;
+use crate::syntax;
+
+/// A net that the language accepts.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// Name of the net.
+    pub net: String,
+    /// What people should know about it; may be empty.
+    pub description: String,
+    /// Its plan.
+    pub plan: PlanData,
+    /// Where everything lies in the plan.
+    pub names: Names,
+    /// What should be looked at.
+    pub warnings: Faults,
+}
+
+/// Compiles a text for the cell of a configuration; `file` is the name that faults mention.
+///
+/// # Errors
+/// All faults of the text, and its warnings.
+pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Faults> {
+    compile_for(text, file, &DeviceTable::from(cell))
+}
+
+/// Compiles a text for a table of devices.
+///
+/// # Errors
+/// All faults of the text, and its warnings.
+pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compiled, Faults> {
+    let (root, mut faults) = yaml::read(text);
+    let net = root.and_then(|root| syntax::read(&root, &mut faults));
+    let Some(net) = net else {
+        return Err(Faults::new(file, text, faults));
+    };
+    let graph = resolve(&net, cell, &mut faults);
+    let inferred = infer(&graph);
+    let typed = Typed {
+        graph: &graph,
+        inferred: &inferred,
+    };
+    check(typed, &mut faults);
+    if faults.iter().any(|fault| fault.severity == Severity::Error) {
+        return Err(Faults::new(file, text, faults));
+    }
+    let lowered = match lower(typed) {
+        Ok(lowered) => lowered,
+        Err(fault) => {
+            faults.push(*fault);
+            return Err(Faults::new(file, text, faults));
+        }
+    };
+    if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
+        // Every rule passed, so this is our mistake; better said than sent.
+        let message = format!("the plan of this net does not check: {error:?}");
+        let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
+        faults.push(
+            fault
+                .anywhere()
+                .help("this is a mistake of the loader: report it with the net"),
+        );
+        return Err(Faults::new(file, text, faults));
+    }
+    Ok(Compiled {
+        names: names(typed, &lowered),
+        net: net.name.name,
+        description: net.description,
+        plan: lowered.plan,
+        warnings: Faults::new(file, text, faults),
+    })
+}

@@ -1,0 +1,295 @@
+//! A checked net becomes a plan: an order of evaluation in runs of equal kernels, slots for every value, operands in the
+//! order of `Spec::operands`. The same text gives the same bytes: no hash order, no clock. The loader's threads.
+
+mod arena;
+mod schedule;
+
+use rcc_config::diagnostic::Diagnostic;
+use rcc_core::plan::{Delay, MonitorPoint, OPERANDS_MAX, Run, SLOTS_MAX};
+use rcc_core::primitive::{Literal as Default, ParameterKind, Port, Role, State};
+use rcc_core::primitives;
+use rcc_core::types::{Store, Type};
+use rcc_ipc::control::PlanData;
+
+use crate::check::{Typed, every};
+use crate::fault;
+use crate::resolve::{Feed, Item, Output, Wire};
+use crate::syntax::literal::{Literal, Shape, Stored};
+use arena::Arena;
+use rcc_config::diagnostic::Span;
+
+/// A value in an arena.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// Which arena.
+    pub store: Store,
+    /// First element.
+    pub slot: u32,
+    /// Number of elements.
+    pub width: u32,
+}
+
+/// A plan and where everything lies in it.
+#[derive(Clone, Debug)]
+pub struct Lowered {
+    /// The plan.
+    pub plan: PlanData,
+    /// By item: where its inputs and outputs are.
+    pub slots: Vec<ItemSlots>,
+    /// By monitor of the plan: its item.
+    pub monitors: Vec<usize>,
+}
+
+/// Where the ports of an item are.
+#[derive(Clone, Debug, Default)]
+pub struct ItemSlots {
+    /// By input of the spec.
+    pub inputs: Vec<Slot>,
+    /// By output of the spec.
+    pub outputs: Vec<Slot>,
+}
+
+/// Lowers a net that passed every rule.
+///
+/// # Errors
+/// [`fault::NET_TOO_LARGE`]; anything else that is impossible in a checked net is reported as such too.
+pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
+    let schedule = schedule::schedule(net);
+    let mut lowering = Lowering {
+        net,
+        arena: Arena::default(),
+        slots: vec![ItemSlots::default(); net.graph.items.len()],
+        delays: Vec::new(),
+        clocks: 0,
+    };
+    // Outputs first and in the order of evaluation: what is computed together lies together.
+    for (number, _) in schedule.iter().flat_map(|run| &run.items) {
+        lowering.place_outputs(*number);
+    }
+    for (number, item) in net.graph.items.iter().enumerate() {
+        if item.entry.kernels.is_empty() {
+            lowering.place_outputs(number);
+        }
+    }
+    for number in 0..net.graph.items.len() {
+        lowering.place_inputs(number);
+    }
+    let mut runs = Vec::new();
+    let mut operands = Vec::new();
+    for run in &schedule {
+        let first = operands.len() as u32;
+        for (number, _) in &run.items {
+            lowering.operands(*number, &mut operands);
+        }
+        runs.push(Run {
+            kernel: run.kernel,
+            first,
+            operands: operands.len() as u32 - first,
+        });
+    }
+    let (monitors, monitored) = lowering.monitors();
+    let Lowering {
+        arena,
+        slots,
+        delays,
+        clocks,
+        ..
+    } = lowering;
+    let largest = arena
+        .reals
+        .len()
+        .max(arena.bools.len())
+        .max(arena.ints.len());
+    if largest > SLOTS_MAX || operands.len() > OPERANDS_MAX {
+        let message = format!(
+            "the net needs {largest} slots and {} operands, {SLOTS_MAX} and {OPERANDS_MAX} are possible",
+            operands.len()
+        );
+        let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
+        return Err(Box::new(
+            fault.anywhere().help("divide it into several nets"),
+        ));
+    }
+    let plan = PlanData {
+        catalogue: primitives::fingerprint(),
+        configuration: net.graph.cell.fingerprint,
+        reals: arena.reals,
+        bools: arena.bools,
+        ints: arena.ints,
+        runs,
+        operands,
+        delays,
+        monitors,
+        clocks,
+        survives_device_loss: net.graph.net.survives_device_loss,
+    };
+    Ok(Lowered {
+        plan,
+        slots,
+        monitors: monitored,
+    })
+}
+
+struct Lowering<'a> {
+    net: Typed<'a>,
+    arena: Arena,
+    slots: Vec<ItemSlots>,
+    delays: Vec<Delay>,
+    clocks: u32,
+}
+
+impl<'a> Lowering<'a> {
+    fn item(&self, number: usize) -> &'a Item<'a> {
+        // Every number here comes from the list of items.
+        &self.net.graph.items[number]
+    }
+
+    fn port_type(&self, number: usize, port: &Port) -> Type {
+        let ty = self.net.inferred.port_type(self.net.graph, number, port.ty);
+        // The check refuses nets in which a type is not known.
+        ty.unwrap_or(Type::Real)
+    }
+
+    fn place_outputs(&mut self, number: usize) {
+        let item = self.item(number);
+        let outputs = item.spec().outputs.iter();
+        let slots = outputs.map(|port| {
+            let ty = self.port_type(number, port);
+            if item.spec().role == Role::Constant {
+                let value = item.parameters.iter().flatten().next();
+                let value = value.and_then(|literal| literal.stored(ty));
+                return self.arena.constant(&value.unwrap_or(Stored::null(ty)));
+            }
+            self.arena.variable(&Stored::null(ty))
+        });
+        self.slots[number].outputs = slots.collect();
+    }
+
+    fn place_inputs(&mut self, number: usize) {
+        let item = self.item(number);
+        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let ty = self.port_type(number, port);
+            let slot = match feed {
+                Feed::Wire(wire) => self.wire(wire, ty),
+                Feed::Literal(literal) => self.constant(Some(literal), ty),
+                Feed::Default(value) => self.default(*value, ty),
+                // The check refuses both.
+                Feed::Missing | Feed::Refused => self.constant(None, ty),
+            };
+            self.slots[number].inputs.push(slot);
+        }
+    }
+
+    fn constant(&mut self, literal: Option<&Literal>, ty: Type) -> Slot {
+        let stored = literal.and_then(|literal| literal.stored(ty));
+        self.arena.constant(&stored.unwrap_or(Stored::null(ty)))
+    }
+
+    fn default(&mut self, value: Default, ty: Type) -> Slot {
+        let shape = match value {
+            Default::Real(value) => Shape::Real(value, None),
+            Default::Int(value) => Shape::Int(value),
+            Default::Bool(value) => Shape::Bool(value),
+            Default::Null => Shape::Null,
+        };
+        let literal = Literal {
+            shape,
+            span: Span::default(),
+        };
+        self.constant(Some(&literal), ty)
+    }
+
+    /// Where a link's value is: the output, one of its elements, or the copy of the cycle before.
+    fn wire(&mut self, wire: &Wire<'_>, ty: Type) -> Slot {
+        let Output { item, port } = wire.from;
+        let output = self.slots[item].outputs[port];
+        let source = Slot {
+            slot: output.slot + wire.index.unwrap_or(0),
+            width: ty.width(),
+            ..output
+        };
+        if !wire.delayed {
+            return source;
+        }
+        let initial = wire.initial.and_then(|initial| initial.stored(ty));
+        let copy = self.arena.variable(&initial.unwrap_or(Stored::null(ty)));
+        self.delays.push(Delay {
+            store: source.store,
+            from: source.slot,
+            to: copy.slot,
+            width: source.width,
+        });
+        copy
+    }
+
+    /// Inputs, outputs, parameters, state, clock, width: the order of `Spec::operands`.
+    fn operands(&mut self, number: usize, operands: &mut Vec<u32>) {
+        let item = self.item(number);
+        let spec = item.spec();
+        let slots = &self.slots[number];
+        operands.extend(
+            slots
+                .inputs
+                .iter()
+                .chain(&slots.outputs)
+                .map(|slot| slot.slot),
+        );
+        for (parameter, literal) in spec.parameters.iter().zip(&item.parameters) {
+            match parameter.kind {
+                ParameterKind::Value(ty, _) => {
+                    let ty = self.net.inferred.port_type(self.net.graph, number, ty);
+                    let ty = ty.unwrap_or(Type::Real);
+                    let slot = match (literal, parameter.default) {
+                        (None, Some(value)) => self.default(value, ty),
+                        _ => self.constant(*literal, ty),
+                    };
+                    operands.push(slot.slot);
+                }
+                ParameterKind::Arm | ParameterKind::Device => {
+                    operands.push(item.device.map_or(u32::MAX, |device| device as u32));
+                }
+                ParameterKind::Channel(_) => {
+                    operands.push(item.channel.map_or(u32::MAX, |(channel, _)| channel));
+                }
+                ParameterKind::Rate => {}
+            }
+        }
+        let State { reals, bools, ints } = spec.state;
+        for (count, null) in [
+            (reals, Stored::null(Type::Real)),
+            (bools, Stored::null(Type::Bool)),
+            // Counters begin at 0, see `rcc_core::primitive::State`.
+            (ints, Stored::Ints(vec![0])),
+        ] {
+            if count > 0 {
+                operands.push(self.arena.repeated(&null, count));
+            }
+        }
+        if spec.role == Role::Motion {
+            operands.push(self.clocks);
+            self.clocks += 1;
+        }
+        if spec.is_polymorphic() {
+            let mut ports = spec.inputs.iter().chain(spec.outputs);
+            let open = ports.find(|port| !matches!(port.ty, rcc_core::primitive::PortType::Is(_)));
+            operands.push(open.map_or(0, |port| self.port_type(number, port).width()));
+        }
+    }
+
+    fn monitors(&self) -> (Vec<MonitorPoint>, Vec<usize>) {
+        let items = self.net.graph.items.iter().enumerate();
+        let points = items.filter(|(_, item)| item.spec().role == Role::Monitor);
+        let points = points.filter_map(|(number, item)| {
+            let slot = self.slots[number].inputs.first()?;
+            let point = MonitorPoint {
+                store: slot.store,
+                slot: slot.slot,
+                width: slot.width,
+                // The check refuses rates that are none.
+                every: every(item, self.net.graph.cell).unwrap_or(1),
+            };
+            Some((point, number))
+        });
+        points.unzip()
+    }
+}

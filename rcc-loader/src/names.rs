@@ -1,0 +1,176 @@
+//! The names of a plan: which port lies where, and what each monitor shows. Written beside the plan, so that monitors
+//! and a restarted loader can name everything; the executor never sees it. The loader's threads.
+
+use rcc_core::primitive::{Port, Role};
+use rcc_core::types::{Store, Type};
+use serde::{Deserialize, Serialize};
+
+use crate::check::{Typed, every};
+use crate::lower::{Lowered, Slot};
+use crate::resolve::{Feed, Item};
+
+/// Names of one command.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Names {
+    /// Name of the net.
+    pub net: String,
+    /// Primitives in the order of the file.
+    pub primitives: Vec<PrimitiveNames>,
+    /// Monitors in the order of the plan: the index is that of the records.
+    pub monitors: Vec<MonitorNames>,
+}
+
+/// Names of one primitive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PrimitiveNames {
+    /// Its id.
+    pub id: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Its inputs.
+    pub inputs: Vec<PortNames>,
+    /// Its outputs.
+    pub outputs: Vec<PortNames>,
+}
+
+/// Where a port is and what it carries.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PortNames {
+    /// Its name.
+    pub name: String,
+    /// Which arena.
+    pub store: Store,
+    /// First element.
+    pub slot: u32,
+    /// Number of elements.
+    pub width: u32,
+    /// Its type, `Real[7]`.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Its unit, `m/s`; `None`: the type says it, or there is none.
+    pub unit: Option<String>,
+    /// Of an input: `primitive.port` that feeds it; `None`: a constant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+}
+
+/// What a monitor shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MonitorNames {
+    /// Id of the Monitor primitive.
+    pub primitive: String,
+    /// What it watches: `primitive.port` or `primitive.port[index]`; of a constant the monitor's own input.
+    pub source: String,
+    /// Which arena.
+    pub store: Store,
+    /// First element.
+    pub slot: u32,
+    /// Number of elements.
+    pub width: u32,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Its unit; `None`: the type says it, or there is none.
+    pub unit: Option<String>,
+    /// How often a second.
+    pub rate_hz: f64,
+    /// Every how many cycles.
+    pub every: u32,
+}
+
+/// The names of a lowered net.
+#[must_use]
+pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
+    let items = net.graph.items.iter().enumerate();
+    let primitives = items
+        .clone()
+        .zip(&lowered.slots)
+        .map(|((number, item), slots)| {
+            let inputs = item
+                .inputs
+                .iter()
+                .zip(item.spec().inputs)
+                .zip(&slots.inputs);
+            let outputs = item.spec().outputs.iter().zip(&slots.outputs);
+            PrimitiveNames {
+                id: item.id().to_string(),
+                type_name: item.spec().name.to_string(),
+                inputs: inputs
+                    .map(|((feed, port), slot)| PortNames {
+                        source: source(net, feed),
+                        ..port_names(net, number, port, *slot)
+                    })
+                    .collect(),
+                outputs: outputs
+                    .map(|(port, slot)| port_names(net, number, port, *slot))
+                    .collect(),
+            }
+        });
+    let monitors = items
+        .zip(&lowered.slots)
+        .filter_map(|((number, item), slots)| {
+            let (port, slot) = (item.spec().inputs.first()?, slots.inputs.first()?);
+            let is_monitor = item.spec().role == Role::Monitor;
+            is_monitor.then(|| monitor_names(net, number, item, port, *slot))
+        });
+    Names {
+        net: net.graph.net.name.name.clone(),
+        primitives: primitives.collect(),
+        monitors: monitors.collect(),
+    }
+}
+
+fn monitor_names(
+    net: Typed<'_>,
+    number: usize,
+    item: &Item<'_>,
+    port: &Port,
+    slot: Slot,
+) -> MonitorNames {
+    let names = port_names(net, number, port, slot);
+    let source = item.inputs.first().and_then(|feed| source(net, feed));
+    let every = every(item, net.graph.cell).unwrap_or(1);
+    MonitorNames {
+        primitive: item.id().to_string(),
+        source: source.unwrap_or_else(|| format!("{}.{}", item.id(), port.name)),
+        store: names.store,
+        slot: names.slot,
+        width: names.width,
+        type_name: names.type_name,
+        unit: names.unit,
+        rate_hz: net.graph.cell.cycle_hz() / f64::from(every),
+        every,
+    }
+}
+
+fn source(net: Typed<'_>, feed: &Feed<'_>) -> Option<String> {
+    let Feed::Wire(wire) = feed else {
+        return None;
+    };
+    let output = net.graph.output_name(wire.from);
+    Some(match wire.index {
+        Some(index) => format!("{output}[{index}]"),
+        None => output,
+    })
+}
+
+fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: Slot) -> PortNames {
+    let ty = net.inferred.port_type(net.graph, number, port.ty);
+    let unit = net.inferred.port_unit(net.graph, number, port.unit);
+    let has_unit = ty.is_some_and(|ty| {
+        matches!(
+            ty,
+            Type::Real | Type::Vector3 | Type::Reals(_) | Type::Matrix(..)
+        )
+    });
+    PortNames {
+        name: port.name.to_string(),
+        store: slot.store,
+        slot: slot.slot,
+        width: slot.width,
+        type_name: ty.map_or(String::new(), |ty| ty.to_string()),
+        unit: unit.filter(|_| has_unit).map(|unit| unit.to_string()),
+        source: None,
+    }
+}

@@ -1,0 +1,512 @@
+//! Names become numbers: types, devices, channels, parameters and links of a net are looked up in the catalogue, the
+//! cell and the net itself. What is not found is reported and left out, so that one fault does not cause others.
+
+mod suggest;
+
+use std::collections::HashMap;
+
+use rcc_config::device::{CHANNEL_KINDS, kind_name};
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::yaml::Key;
+use rcc_core::primitive::{
+    ChannelKind, Entry, Literal as Default, Parameter, ParameterKind, Port, Spec,
+};
+use rcc_core::primitives;
+use rcc_core::unit::Unit;
+
+use crate::devices::{Device, DeviceTable};
+use crate::fault;
+use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::reference::Reference;
+use crate::syntax::{Net, Primitive, Source};
+use suggest::Suggestions;
+
+/// A net whose names are numbers.
+pub struct Graph<'a> {
+    /// As written.
+    pub net: &'a Net,
+    /// The cell.
+    pub cell: &'a DeviceTable,
+    /// Primitives of known type, in the order of the file.
+    pub items: Vec<Item<'a>>,
+    /// Outputs that are discarded, with the place.
+    pub discarded: Vec<(Output, Span)>,
+    /// Outputs read by inputs or primitives that do not exist.
+    pub read_in_vain: Vec<Output>,
+    /// The net has a primitive of unknown type: what is missing may be hidden there.
+    pub has_unknown_types: bool,
+}
+
+/// One primitive.
+pub struct Item<'a> {
+    /// As written.
+    pub primitive: &'a Primitive,
+    /// Row of the catalogue.
+    pub row: usize,
+    /// The row.
+    pub entry: &'static Entry,
+    /// Index of its device.
+    pub device: Option<usize>,
+    /// Index and unit of its channel.
+    pub channel: Option<(u32, Unit)>,
+    /// By input of the spec.
+    pub inputs: Vec<Feed<'a>>,
+    /// By parameter of the spec; `None`: not given, or reported.
+    pub parameters: Vec<Option<&'a Literal>>,
+}
+
+/// What feeds an input.
+#[derive(Clone, Copy, Debug)]
+pub enum Feed<'a> {
+    /// Nothing.
+    Missing,
+    /// Something whose fault is reported.
+    Refused,
+    /// An output.
+    Wire(Wire<'a>),
+    /// A constant of the text.
+    Literal(&'a Literal),
+    /// The constant of the spec.
+    Default(Default),
+}
+
+/// A link from an output or from one of its elements.
+#[derive(Clone, Copy, Debug)]
+pub struct Wire<'a> {
+    /// The output.
+    pub from: Output,
+    /// The element.
+    pub index: Option<u32>,
+    /// It carries the value of the cycle before.
+    pub delayed: bool,
+    /// Its first value.
+    pub initial: Option<&'a Literal>,
+    /// Its place.
+    pub span: Span,
+    /// The place of the port's name in it.
+    pub port_span: Span,
+}
+
+/// An output of an item.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Output {
+    /// Index of the item.
+    pub item: usize,
+    /// Output of the spec.
+    pub port: usize,
+}
+
+impl Item<'_> {
+    /// Its spec.
+    #[must_use]
+    pub fn spec(&self) -> &'static Spec {
+        &self.entry.spec
+    }
+
+    /// Its id.
+    #[must_use]
+    pub fn id(&self) -> &str {
+        &self.primitive.id.name
+    }
+
+    /// The links that end at it, with the input's place in the spec.
+    pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire<'_>)> {
+        let inputs = self.inputs.iter().enumerate();
+        inputs.filter_map(|(port, feed)| match feed {
+            Feed::Wire(wire) => Some((port, wire)),
+            _ => None,
+        })
+    }
+}
+
+impl Graph<'_> {
+    /// `id.port` of an output.
+    #[must_use]
+    pub fn output_name(&self, output: Output) -> String {
+        let item = self.items.get(output.item);
+        let port = item.and_then(|item| item.spec().outputs.get(output.port));
+        format!(
+            "{}.{}",
+            item.map_or("", Item::id),
+            port.map_or("", |port| port.name)
+        )
+    }
+}
+
+/// Looks every name of a net up.
+pub fn resolve<'a>(net: &'a Net, cell: &'a DeviceTable, faults: &mut Vec<Diagnostic>) -> Graph<'a> {
+    let mut resolver = Resolver {
+        net,
+        cell,
+        faults,
+        ids: HashMap::new(),
+        rows: Vec::new(),
+        read_in_vain: Vec::new(),
+        suggestions: Suggestions::default(),
+    };
+    resolver.find_types();
+    let mut items = Vec::new();
+    for (primitive, row) in net.primitives.iter().zip(resolver.rows.clone()) {
+        match row {
+            Some((row, entry)) => items.push(resolver.item(primitive, row, entry)),
+            None => resolver.read_in_vain(&primitive.inputs),
+        }
+    }
+    let discarded = resolver.discarded();
+    let has_unknown_types = resolver.rows.iter().any(Option::is_none);
+    Graph {
+        net,
+        cell,
+        items,
+        discarded,
+        read_in_vain: resolver.read_in_vain,
+        has_unknown_types,
+    }
+}
+
+/// Where an id leads.
+#[derive(Clone, Copy)]
+enum Target {
+    /// A primitive whose type is not known.
+    Unknown,
+    Item(usize, &'static Spec),
+}
+
+struct Resolver<'a, 'f> {
+    net: &'a Net,
+    cell: &'a DeviceTable,
+    faults: &'f mut Vec<Diagnostic>,
+    ids: HashMap<&'a str, Target>,
+    rows: Vec<Option<(usize, &'static Entry)>>,
+    read_in_vain: Vec<Output>,
+    suggestions: Suggestions,
+}
+
+impl<'a> Resolver<'a, '_> {
+    fn error(&mut self, code: &'static str, span: Span, message: String, help: Option<String>) {
+        self.faults
+            .push(Diagnostic::error(code, span, message).help_if(help));
+    }
+
+    fn find_types(&mut self) {
+        let mut count = 0;
+        for primitive in &self.net.primitives {
+            let name = &primitive.type_name;
+            let row = primitives::find(&name.name);
+            if row.is_none() && !name.name.is_empty() {
+                let message = format!("there is no primitive type `{}`", name.name);
+                let help = self.suggestions.primitive_type(&name.name);
+                self.error(fault::UNKNOWN_TYPE, name.span, message, Some(help));
+            }
+            let target = row.map_or(Target::Unknown, |(_, entry)| {
+                Target::Item(count, &entry.spec)
+            });
+            count += usize::from(row.is_some());
+            self.ids.insert(&primitive.id.name, target);
+            self.rows.push(row);
+        }
+    }
+
+    fn item(&mut self, primitive: &'a Primitive, row: usize, entry: &'static Entry) -> Item<'a> {
+        let parameters = self.parameters(primitive, &entry.spec);
+        let (device, channel) = self.device_and_channel(&entry.spec, &parameters);
+        Item {
+            primitive,
+            row,
+            entry,
+            device,
+            channel,
+            inputs: self.inputs(primitive, &entry.spec),
+            parameters,
+        }
+    }
+
+    fn parameters(&mut self, primitive: &'a Primitive, spec: &Spec) -> Vec<Option<&'a Literal>> {
+        for (key, _) in &primitive.parameters {
+            if !spec.parameters.iter().any(|known| known.name == key.name) {
+                let names = spec.parameters.iter().map(|parameter| parameter.name);
+                let is_input = spec.input(&key.name).is_some();
+                let help = self.suggestions.word(
+                    &key.name,
+                    "parameters",
+                    names,
+                    is_input.then_some("an input"),
+                );
+                self.unknown(fault::UNKNOWN_PARAMETER, key, spec, "parameter", help);
+            }
+        }
+        let mut found = Vec::new();
+        for parameter in spec.parameters {
+            let given = primitive
+                .parameters
+                .iter()
+                .find(|(key, _)| key.name == parameter.name);
+            let given = given.map(|(_, literal)| literal);
+            if given.is_none() && parameter.default.is_none() {
+                self.missing_parameter(primitive, parameter);
+            }
+            found.push(given.filter(|literal| !literal.is_refused()));
+        }
+        found
+    }
+
+    fn unknown(&mut self, code: &'static str, key: &Key, spec: &Spec, what: &str, help: String) {
+        let message = format!("{} has no {what} `{}`", spec.name, key.name);
+        self.error(code, key.span, message, Some(help));
+    }
+
+    fn missing_parameter(&mut self, primitive: &Primitive, parameter: &Parameter) {
+        let (id, name) = (&primitive.id.name, parameter.name);
+        let message = format!("`{id}` needs the parameter `{name}`");
+        let help = format!("add `{name}` to its parameters: {}", parameter.doc);
+        let span = primitive.type_name.span;
+        self.error(fault::MISSING_PARAMETER, span, message, Some(help));
+    }
+
+    fn device_and_channel(
+        &mut self,
+        spec: &Spec,
+        parameters: &[Option<&'a Literal>],
+    ) -> (Option<usize>, Option<(u32, Unit)>) {
+        let cell = self.cell;
+        let mut device = None;
+        let mut channel = None;
+        for (parameter, literal) in spec.parameters.iter().zip(parameters) {
+            let Some(literal) = *literal else { continue };
+            match parameter.kind {
+                ParameterKind::Device | ParameterKind::Arm => {
+                    let found = self
+                        .name(parameter, literal)
+                        .and_then(|name| self.device(name, literal.span));
+                    device = found.filter(|(_, row)| {
+                        parameter.kind == ParameterKind::Device
+                            || self.is_arm(spec, row, literal.span)
+                    });
+                }
+                ParameterKind::Channel(kind) => {
+                    let name = self.name(parameter, literal);
+                    if let (Some(name), Some((_, row))) = (name, device) {
+                        channel = self.channel(kind, name, row, literal.span);
+                    }
+                }
+                _ => {}
+            }
+        }
+        let device = device.map(|(index, _)| index);
+        debug_assert!(device.is_none_or(|index| index < cell.devices.len()));
+        (device, channel)
+    }
+
+    /// The text of a parameter that is a name.
+    fn name(&mut self, parameter: &Parameter, literal: &'a Literal) -> Option<&'a str> {
+        if let Shape::Text(name) = &literal.shape {
+            return Some(name);
+        }
+        let message = format!("`{}` must be a name, not {literal}", parameter.name);
+        let help = parameter.doc.to_string();
+        self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
+        None
+    }
+
+    fn device(&mut self, name: &str, span: Span) -> Option<(usize, &'a Device)> {
+        let found = self.cell.find(name);
+        if found.is_none() {
+            let names = self.cell.devices.iter().map(|device| device.name.as_str());
+            let help = self.suggestions.word(name, "devices", names, None);
+            let message = format!("the cell has no device `{name}`");
+            self.error(fault::UNKNOWN_DEVICE, span, message, Some(help));
+        }
+        found
+    }
+
+    fn is_arm(&mut self, spec: &Spec, device: &Device, span: Span) -> bool {
+        let is_arm = device.model.arm.is_some();
+        if !is_arm {
+            let arms = self
+                .cell
+                .devices
+                .iter()
+                .filter(|device| device.model.arm.is_some());
+            let names: Vec<&str> = arms.map(|device| device.name.as_str()).collect();
+            let help = match names.as_slice() {
+                [] => "the cell has no arm".to_string(),
+                names => format!("arms of the cell: {}", names.join(", ")),
+            };
+            let message = format!("{} needs an arm, and `{}` has none", spec.name, device.name);
+            self.error(fault::NO_ARM, span, message, Some(help));
+        }
+        is_arm
+    }
+
+    fn channel(
+        &mut self,
+        kind: ChannelKind,
+        name: &str,
+        device: &Device,
+        span: Span,
+    ) -> Option<(u32, Unit)> {
+        let channels = device.channels_of(kind);
+        if let Some((channel, index)) = channels
+            .iter()
+            .zip(0u32..)
+            .find(|(row, _)| row.name == name)
+        {
+            return Some((index, channel.unit));
+        }
+        let other = CHANNEL_KINDS.into_iter().find(|kind| {
+            let channels = device.channels_of(*kind);
+            channels.iter().any(|channel| channel.name == name)
+        });
+        let names = channels.iter().map(|channel| channel.name.as_str());
+        let what = format!("{}s of `{}`", kind_name(kind), device.name);
+        let other =
+            other.map(|kind| format!("a {}", kind_name(kind)).replace("a analog", "an analog"));
+        let help = self.suggestions.word(name, &what, names, other.as_deref());
+        let message = format!("`{}` has no {} `{name}`", device.name, kind_name(kind));
+        self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
+        None
+    }
+
+    fn inputs(&mut self, primitive: &'a Primitive, spec: &'static Spec) -> Vec<Feed<'a>> {
+        for (key, _) in &primitive.inputs {
+            if spec.input(&key.name).is_none() {
+                let names = spec.inputs.iter().map(|port| port.name);
+                let is_parameter = spec.parameters.iter().any(|known| known.name == key.name);
+                let help = self.suggestions.word(
+                    &key.name,
+                    "inputs",
+                    names,
+                    is_parameter.then_some("a parameter"),
+                );
+                self.unknown(fault::UNKNOWN_INPUT, key, spec, "input", help);
+            }
+        }
+        let mut feeds = Vec::new();
+        for port in spec.inputs {
+            let given = primitive
+                .inputs
+                .iter()
+                .find(|(key, _)| key.name == port.name);
+            feeds.push(match given {
+                Some((_, source)) => self.feed(source, port),
+                None => port.default.map_or(Feed::Missing, Feed::Default),
+            });
+        }
+        let inputs = primitive.inputs.iter();
+        self.read_in_vain(inputs.filter(|(key, _)| spec.input(&key.name).is_none()));
+        feeds
+    }
+
+    /// What a mistyped input reads is read; what is wrong there is found all the same.
+    fn read_in_vain(&mut self, inputs: impl IntoIterator<Item = &'a (Key, Source)>) {
+        for (_, source) in inputs {
+            if let Source::Link(link) = source {
+                let output = self.output(&link.from);
+                self.read_in_vain.extend(output);
+            }
+        }
+    }
+
+    fn feed(&mut self, source: &'a Source, port: &Port) -> Feed<'a> {
+        match source {
+            Source::Refused => Feed::Refused,
+            Source::Literal(literal) => match &literal.shape {
+                Shape::Text(text) => {
+                    let message = format!("`{}` cannot be fed by the text `{text}`", port.name);
+                    self.error(fault::WRONG_SHAPE, literal.span, message, None);
+                    Feed::Refused
+                }
+                _ => Feed::Literal(literal),
+            },
+            Source::Link(link) => match self.output(&link.from) {
+                Some(from) => Feed::Wire(Wire {
+                    from,
+                    index: link.from.index,
+                    delayed: link.delayed,
+                    initial: link
+                        .initial
+                        .as_ref()
+                        .filter(|initial| !initial.is_refused()),
+                    span: link.span,
+                    port_span: link.from.port_span,
+                }),
+                None => Feed::Refused,
+            },
+        }
+    }
+
+    /// The output that a reference names; reports it if there is none.
+    fn output(&mut self, reference: &Reference) -> Option<Output> {
+        match self.ids.get(reference.primitive.as_str()).copied() {
+            Some(Target::Unknown) => None,
+            Some(Target::Item(item, spec)) => {
+                if let Some((port, _)) = spec.output(&reference.port) {
+                    return Some(Output { item, port });
+                }
+                let message = format!(
+                    "output not found: {} has no output `{}`",
+                    spec.name, reference.port
+                );
+                let help = self.suggestions.output(reference, spec);
+                self.error(
+                    fault::UNKNOWN_OUTPUT,
+                    reference.port_span,
+                    message,
+                    Some(help),
+                );
+                None
+            }
+            None => {
+                let message = format!("the net has no primitive `{}`", reference.primitive);
+                let ids = self
+                    .net
+                    .primitives
+                    .iter()
+                    .map(|primitive| primitive.id.name.as_str());
+                let help =
+                    self.suggestions
+                        .primitive(reference, ids, |id| match self.ids.get(id) {
+                            Some(Target::Item(_, spec)) => Some(*spec),
+                            _ => None,
+                        });
+                self.error(
+                    fault::UNKNOWN_PRIMITIVE,
+                    reference.primitive_span,
+                    message,
+                    Some(help),
+                );
+                None
+            }
+        }
+    }
+
+    fn discarded(&mut self) -> Vec<(Output, Span)> {
+        let mut discarded = Vec::new();
+        for reference in &self.net.discard {
+            let target = self.ids.get(reference.primitive.as_str()).copied();
+            let found = match target {
+                Some(Target::Unknown) => continue,
+                Some(Target::Item(item, spec)) => spec
+                    .output(&reference.port)
+                    .map(|(port, _)| Output { item, port }),
+                None => None,
+            };
+            let message = match (found, reference.index) {
+                (Some(output), None) => {
+                    discarded.push((output, reference.span));
+                    continue;
+                }
+                (Some(_), Some(_)) => {
+                    "an output is discarded as a whole, not by element".to_string()
+                }
+                (None, _) => format!("`discard` names `{reference}`, and there is no such output"),
+            };
+            let help = match target {
+                Some(Target::Item(_, spec)) => Some(self.suggestions.output(reference, spec)),
+                _ => Some("take it out of `discard`".to_string()),
+            };
+            self.error(fault::BAD_DISCARD, reference.span, message, help);
+        }
+        discarded
+    }
+}

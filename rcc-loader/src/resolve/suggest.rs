@@ -1,0 +1,117 @@
+//! "Did you mean …?": the remedy of faults of names.
+//! The loader's threads.
+
+use rcc_config::diagnostic::closest;
+use rcc_core::primitive::{PortType, Spec, UnitRule};
+use rcc_core::primitives::CATALOGUE;
+
+use crate::syntax::reference::Reference;
+
+/// Searches that a text may cost; each looks at every candidate, and a text may be wrong in a hundred thousand places.
+const SEARCHES_MAX: u32 = 200;
+/// Most names that are listed.
+const LISTED_MAX: usize = 16;
+
+/// Finds near names, not more often than is bearable.
+#[derive(Debug, Default)]
+pub struct Suggestions {
+    searches: u32,
+}
+
+impl Suggestions {
+    fn near<'n>(&mut self, name: &str, known: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+        self.searches += 1;
+        if self.searches > SEARCHES_MAX {
+            return None;
+        }
+        closest(name, known)
+    }
+
+    /// A near name, or what the name is elsewhere, or all names.
+    pub fn word<'n>(
+        &mut self,
+        name: &str,
+        what: &str,
+        known: impl Iterator<Item = &'n str> + Clone,
+        elsewhere: Option<&str>,
+    ) -> String {
+        if let Some(elsewhere) = elsewhere {
+            return format!("`{name}` is {elsewhere}; {}", list(what, known));
+        }
+        match self.near(name, known.clone()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => list(what, known),
+        }
+    }
+
+    /// For a type that the catalogue does not have.
+    pub fn primitive_type(&mut self, name: &str) -> String {
+        let names = CATALOGUE.iter().map(|entry| entry.spec.name);
+        match self.near(name, names) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "`rcc-cli primitives` lists all types".to_string(),
+        }
+    }
+
+    /// For an output that a primitive does not have.
+    pub fn output(&mut self, reference: &Reference, spec: &Spec) -> String {
+        let names = spec.outputs.iter().map(|port| port.name);
+        let all = list("outputs", names.clone());
+        match self.near(&reference.port, names) {
+            Some(near) => {
+                let described = describe(spec, near);
+                format!(
+                    "did you mean `{}.{near}`{described}?   {all}",
+                    reference.primitive
+                )
+            }
+            None => all,
+        }
+    }
+
+    /// For a primitive that the net does not have.
+    pub fn primitive<'n>(
+        &mut self,
+        reference: &Reference,
+        ids: impl Iterator<Item = &'n str>,
+        spec: impl Fn(&str) -> Option<&'static Spec>,
+    ) -> String {
+        let Some(near) = self.near(&reference.primitive, ids) else {
+            return "add it under `primitives`, or read another output".to_string();
+        };
+        let outputs = spec(near).map_or(&[][..], |spec| spec.outputs);
+        let same = outputs.iter().find(|port| port.name == reference.port);
+        match same.or(outputs.first()) {
+            Some(port) => format!("did you mean `{near}.{}`?", port.name),
+            None => format!("did you mean `{near}`? It has no outputs"),
+        }
+    }
+}
+
+/// ` (Real, N)` of an output.
+fn describe(spec: &Spec, output: &str) -> String {
+    let Some((_, port)) = spec.output(output) else {
+        return String::new();
+    };
+    let ty = match port.ty {
+        PortType::Is(ty) => ty.to_string(),
+        PortType::Joints => "Real, one a joint".to_string(),
+        PortType::Any | PortType::Scalar => return String::new(),
+    };
+    match port.unit {
+        UnitRule::Is(unit) => format!(" ({ty}, {unit})"),
+        _ => format!(" ({ty})"),
+    }
+}
+
+fn list<'n>(what: &str, names: impl Iterator<Item = &'n str>) -> String {
+    let names: Vec<&str> = names.collect();
+    match names.len() {
+        0 => format!("{what}: none"),
+        count if count > LISTED_MAX => {
+            let shown = names.get(..LISTED_MAX).unwrap_or_default();
+            format!("{what}: {}, …", shown.join(", "))
+        }
+        _ => format!("{what}: {}", names.join(", ")),
+    }
+}

@@ -1,0 +1,133 @@
+//! `primitive.port` and `primitive.port[index]`: how a net names an output.
+//! The loader's threads.
+
+use std::fmt;
+
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::yaml::Node;
+
+use crate::fault;
+
+/// The name of an output or of one of its elements.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reference {
+    /// Id of the primitive.
+    pub primitive: String,
+    /// Name of the output.
+    pub port: String,
+    /// Element, counted from 0.
+    pub index: Option<u32>,
+    /// Where it stands.
+    pub span: Span,
+    /// Where the primitive's id stands in it.
+    pub primitive_span: Span,
+    /// Where the port's name (with the index) stands in it.
+    pub port_span: Span,
+}
+
+impl fmt::Display for Reference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.primitive, self.port)?;
+        match self.index {
+            Some(index) => write!(f, "[{index}]"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Reads `text`, which is the text of `node`.
+pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Reference> {
+    let parsed = parse(text, node.span);
+    if parsed.is_none() {
+        let message = format!("`{text}` names no output");
+        let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
+        faults.push(fault.help("an output is written `primitive.port` or `primitive.port[index]`"));
+    }
+    parsed
+}
+
+fn parse(text: &str, span: Span) -> Option<Reference> {
+    let (primitive, rest) = text.split_once('.')?;
+    let (port, index) = match rest.split_once('[') {
+        None => (rest, None),
+        Some((port, index)) => {
+            let index = index.strip_suffix(']')?;
+            let digits = !index.is_empty() && index.bytes().all(|byte| byte.is_ascii_digit());
+            (port, Some(index.parse().ok().filter(|_| digits)?))
+        }
+    };
+    let word = |name: &str| {
+        !name.is_empty()
+            && name
+                .chars()
+                .all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+    };
+    if !word(primitive) || !word(port) {
+        return None;
+    }
+    // Quotes are in the place but not in the text; with escapes the parts have no places of their own.
+    let extra = (span.end - span.start).checked_sub(text.len());
+    let split = match extra {
+        Some(extra @ (0 | 2)) => {
+            let start = span.start + extra / 2;
+            let dot = start + primitive.len();
+            Some((
+                Span::new(start, dot),
+                Span::new(dot + 1, start + text.len()),
+            ))
+        }
+        _ => None,
+    };
+    let (primitive_span, port_span) = split.unwrap_or((span, span));
+    Some(Reference {
+        primitive: primitive.to_string(),
+        port: port.to_string(),
+        index,
+        span,
+        primitive_span,
+        port_span,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reference_has_two_words_and_perhaps_an_index() {
+        let place = |text: &str| parse(text, Span::new(10, 10 + text.len()));
+        let reference = place("traj.q[3]").unwrap();
+        assert_eq!(
+            (
+                reference.primitive.as_str(),
+                reference.port.as_str(),
+                reference.index
+            ),
+            ("traj", "q", Some(3))
+        );
+        assert_eq!(reference.port_span, Span::new(15, 19));
+        assert_eq!(reference.to_string(), "traj.q[3]");
+        for text in [
+            "traj",
+            "traj.",
+            ".q",
+            "a.b.c",
+            "a.b[",
+            "a.b[]",
+            "a.b[-1]",
+            "a.b[x]",
+            "a.b[99999999999]",
+            "a b.c",
+            "a.b[+1]",
+        ] {
+            assert_eq!(place(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn quotes_are_not_part_of_the_names() {
+        let reference = parse("a.b", Span::new(0, 5)).unwrap();
+        assert_eq!(reference.primitive_span, Span::new(1, 2));
+        assert_eq!(reference.port_span, Span::new(3, 4));
+    }
+}
