@@ -1,9 +1,215 @@
 //! Everything around a driver: boards, life, set-points in time, rest, release. A driver only speaks its wire.
-//! One thread plays; a helper thread watches the announcements and opens boards.
+//! One thread exchanges with the device; a helper thread watches the announcements and opens boards.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use rcc_config::{CellConfig, DeviceConfig};
+use rcc_core::message::{CommandImage, DeviceState, Measurement};
+use rcc_ipc::control::MEASUREMENT;
+use rcc_ipc::{
+    AnnounceError, Announcement, BoardError, BoardReader, BoardWriter, Cell, Role, Session,
+    SessionError, monotonic_ns,
+};
+use thiserror::Error;
+
+use crate::driver::{Driver, Inputs, LinkError};
 
 pub mod blend;
 pub mod limits;
 pub mod pace;
 pub mod player;
 pub mod reason;
+pub mod release;
+pub mod station;
 pub mod track;
+pub mod watch;
+
+use reason::Reason;
+use station::{LOOK_PERIODS, Station};
+use watch::Watch;
+
+/// Longest wait for the device: a stop that was asked for is seen after it.
+const WAIT_MAX: Duration = Duration::from_millis(10);
+/// How long a device that was asked to leave command mode is still answered, ns.
+const FAREWELL_NS: u64 = 1_000_000_000;
+
+/// Why a driver cannot work in its cell.
+#[derive(Debug, Error)]
+pub enum HostError {
+    /// Not in the cell.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The measurement board cannot be made.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// The device has a driver already, or the folder cannot be used.
+    #[error(transparent)]
+    Announce(#[from] AnnounceError),
+    /// The system refuses a thread.
+    #[error("the system refuses a thread: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// One device in its cell.
+pub struct Host<'a> {
+    driver: Box<dyn Driver>,
+    reasons: &'static [Reason],
+    station: Station,
+    board: BoardWriter<Measurement>,
+    watch: Watch,
+    commands: Option<BoardReader<CommandImage>>,
+    wait: Duration,
+    told: Told,
+    /// Someone has asked for the end.
+    stop: &'a AtomicBool,
+    /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
+    farewell_ns: Option<u64>,
+}
+
+/// What has been logged last, so that it is said once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+struct Told {
+    state: u32,
+    reason: u32,
+    out_of_range: u64,
+}
+
+impl<'a> Host<'a> {
+    /// Brings the device into its cell; it is announced before it is reached. Returns when `stop` is set and the device
+    /// has been brought to rest and let go.
+    ///
+    /// # Errors
+    /// The cell cannot be joined, or has a driver for this device.
+    pub fn run(
+        cell: &Cell,
+        (config, device): (&CellConfig, &DeviceConfig),
+        (driver, reasons): (Box<dyn Driver>, &'static [Reason]),
+        stop: &'a AtomicBool,
+    ) -> Result<(), HostError> {
+        let session = Session::join(cell, Role::Driver, &device.name)?;
+        let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
+        let station = Station::new(device, monotonic_ns());
+        board.write(station.measurement());
+        let announcement = Announcement::of(&session)
+            .service(MEASUREMENT, board.service())
+            .note(&reason::note(reasons));
+        let announced = cell.announce(&announcement)?;
+        let watch = Watch::start(session, &device.name)?;
+        let look_ns = config.period_ns.saturating_mul(LOOK_PERIODS);
+        let mut host = Host {
+            driver,
+            reasons,
+            station,
+            board,
+            watch,
+            commands: None,
+            wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
+            told: Told::default(),
+            stop,
+            farewell_ns: None,
+        };
+        tracing::info!(device = %device.name, "announced");
+        host.exchange_until_the_end();
+        drop(announced);
+        Ok(())
+    }
+
+    fn exchange_until_the_end(&mut self) {
+        let mut inputs = Inputs::NONE;
+        while !self.is_over() {
+            self.take_boards();
+            // Relaxed: nothing else is told with it.
+            if self.stop.load(Ordering::Relaxed) {
+                self.station.terminate();
+            }
+            match self.driver.receive(self.wait, &mut inputs) {
+                Ok(exchange) => {
+                    self.observe();
+                    let outputs = self.station.exchange(monotonic_ns(), &inputs, &exchange);
+                    let sent = self.driver.send(&outputs);
+                    if let Err(error) = sent {
+                        self.silence(error);
+                    }
+                    self.board.write(self.station.measurement());
+                }
+                Err(error) => {
+                    self.observe();
+                    if self.silence(error) {
+                        self.board.write(self.station.measurement());
+                    }
+                }
+            }
+            self.tell();
+        }
+    }
+
+    /// True if the device is offline.
+    fn silence(&mut self, error: LinkError) -> bool {
+        let lost = match error {
+            LinkError::Silent => None,
+            LinkError::Lost { reason } => Some(reason),
+        };
+        self.station.silence(monotonic_ns(), lost)
+    }
+
+    fn observe(&mut self) {
+        let image = self.commands.as_ref().map(BoardReader::read);
+        self.station.observe(monotonic_ns(), image.as_ref());
+    }
+
+    fn take_boards(&mut self) {
+        while let Some(news) = self.watch.news() {
+            let old = std::mem::replace(&mut self.commands, news);
+            if let Some(old) = old {
+                self.watch.give_back(old);
+            }
+        }
+    }
+
+    /// The end was asked for, the device rests, and it has left command mode or has had its time to.
+    fn is_over(&mut self) -> bool {
+        if !self.stop.load(Ordering::Relaxed) || !self.station.is_at_rest() {
+            return false;
+        }
+        if !self.station.is_held_by_us() {
+            return true;
+        }
+        let now_ns = monotonic_ns();
+        let since_ns = *self.farewell_ns.get_or_insert_with(|| {
+            self.driver.release();
+            now_ns
+        });
+        now_ns.saturating_sub(since_ns) > FAREWELL_NS
+    }
+
+    /// Says what has changed; a steady device is not talked about.
+    fn tell(&mut self) {
+        let Measurement { state, reason, .. } = *self.station.measurement();
+        let now = Told {
+            state,
+            reason,
+            out_of_range: self.station.out_of_range(),
+        };
+        if now == self.told {
+            return;
+        }
+        let name = DeviceState::from_number(state).name();
+        match reason {
+            0 => tracing::info!("{name}"),
+            _ => tracing::info!("{name}: {}", reason::meaning(reason, self.reasons)),
+        }
+        if let Some(violation) = self.station.player().violation()
+            && reason != self.told.reason
+        {
+            tracing::warn!("{violation}");
+        }
+        if now.out_of_range != self.told.out_of_range {
+            tracing::warn!(
+                "analog outputs commanded outside of their range (bit i: output i): {:#b}",
+                now.out_of_range
+            );
+        }
+        self.told = now;
+    }
+}

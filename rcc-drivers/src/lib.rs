@@ -1,7 +1,10 @@
 //! Device drivers, the host around them, and robot-side simulators that speak the same wire.
 //! Every driver and every simulator is a process of its own; each module says which thread runs it.
 
+#[cfg(test)]
+mod conformance;
 pub mod driver;
+pub mod drivers;
 pub mod fri_lwr;
 pub mod host;
 pub mod sim;

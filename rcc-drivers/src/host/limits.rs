@@ -1,7 +1,7 @@
 //! What an arm may do, from its robot's configuration.
 //! Plain data, read by the host's thread.
 
-use rcc_config::RobotConfig;
+use rcc_config::DeviceConfig;
 use rcc_core::guard::JointLimits;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_motion::RestLimits;
@@ -16,15 +16,16 @@ pub struct ArmLimits {
 }
 
 impl ArmLimits {
-    /// The limits of a robot.
+    /// The limits of a device's robot; of plain I/O, those of no joints.
     #[must_use]
-    pub fn of(robot: &RobotConfig) -> Self {
+    pub fn of(device: &DeviceConfig) -> Self {
         let mut jerk_max = [0.0; JOINTS_MAX];
-        for (place, joint) in jerk_max.iter_mut().zip(&robot.joints) {
+        let joints = device.robot.iter().flat_map(|robot| &robot.joints);
+        for (place, joint) in jerk_max.iter_mut().zip(joints) {
             *place = joint.jerk_rad_s3;
         }
         Self {
-            joints: robot.limits(),
+            joints: device.model().limits,
             jerk_max,
         }
     }

@@ -219,7 +219,8 @@ impl Player {
         }
         self.look_for_a_beginning();
         if matches!(self.phase, Phase::Holding | Phase::Stopping(_)) {
-            let newest = self.track.at(self.track.newest()).filter(|_| self.live);
+            let newest = self.track.at(self.track.newest());
+            let newest = newest.filter(|_| self.live && !self.terminating);
             self.outputs = newest.copied().unwrap_or(SetPoint::NONE);
         }
     }

@@ -1,0 +1,74 @@
+//! The drivers that there are: one module and one row each.
+//! Read once at start-up.
+
+use rcc_config::DeviceConfig;
+
+use crate::driver::{Driver, DriverError};
+use crate::host::reason::Reason;
+
+pub mod fri_lwr;
+pub mod modbus;
+
+/// One driver.
+#[derive(Debug)]
+pub struct Row {
+    /// As written in a cell's configuration.
+    pub name: &'static str,
+    /// Prepares it.
+    pub open: fn(&DeviceConfig) -> Result<Box<dyn Driver>, DriverError>,
+    /// What its reason numbers mean; they begin at 100.
+    pub reasons: &'static [Reason],
+}
+
+/// All drivers.
+pub const DRIVERS: &[Row] = &[
+    Row {
+        name: "fri-lwr",
+        open: boxed::<fri_lwr::FriLwr>,
+        reasons: fri_lwr::REASONS,
+    },
+    Row {
+        name: "modbus",
+        open: boxed::<modbus::Modbus>,
+        reasons: modbus::REASONS,
+    },
+];
+
+fn boxed<D: Driver + 'static>(device: &DeviceConfig) -> Result<Box<dyn Driver>, DriverError> {
+    D::open(device).map(|driver| Box::new(driver) as Box<dyn Driver>)
+}
+
+/// The driver that a device's configuration names.
+///
+/// # Errors
+/// There is none of that name.
+pub fn find(device: &DeviceConfig) -> Result<&'static Row, DriverError> {
+    let row = DRIVERS.iter().find(|row| row.name == device.driver);
+    row.ok_or_else(|| DriverError::UnknownDriver {
+        device: device.name.clone(),
+        driver: device.driver.clone(),
+        known: DRIVERS
+            .iter()
+            .map(|row| row.name)
+            .collect::<Vec<_>>()
+            .join(", "),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    use crate::host::reason::HOST_REASONS;
+
+    #[test]
+    fn every_reason_has_one_number_and_drivers_begin_at_100() {
+        for row in DRIVERS {
+            let all = HOST_REASONS.iter().chain(row.reasons);
+            let numbers: BTreeSet<u32> = all.map(|reason| reason.0).collect();
+            assert_eq!(numbers.len(), HOST_REASONS.len() + row.reasons.len());
+            assert!(row.reasons.iter().all(|reason| reason.0 >= 100));
+        }
+    }
+}

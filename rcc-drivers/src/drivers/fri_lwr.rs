@@ -1,0 +1,230 @@
+//! The driver `fri-lwr`: a KUKA LWR 4+ over FRI 1.0 on UDP, in joint position control, with KRL booleans and reals as I/O.
+//! Run by the host's thread; [`dialog::Dialog`] is the pure part, this file is the socket around it.
+//!
+//! The controller sends first, on its own clock, and is answered at the address that it sent from.
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
+
+use rcc_config::DeviceConfig;
+
+use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings};
+use crate::fri_lwr::wire::{MSR_SIZE, Quality};
+use crate::host::reason::Reason;
+
+pub mod dialog;
+
+use dialog::{Dialog, Script};
+
+/// The controller is in monitor state.
+pub const MONITORING: u32 = 100;
+/// No power, or a drive has an error.
+pub const DRIVES_OFF: u32 = 101;
+/// The connection is not good enough.
+pub const QUALITY: u32 = 102;
+/// Another control strategy.
+pub const STRATEGY: u32 = 103;
+/// Command mode has just begun.
+pub const ENTERING: u32 = 104;
+/// The socket does not work.
+pub const SOCKET: u32 = 105;
+
+/// What the numbers mean.
+pub const REASONS: &[Reason] = &[
+    (
+        MONITORING,
+        "the controller monitors: its KRL program has not begun command mode (friStart)",
+    ),
+    (
+        DRIVES_OFF,
+        "the drives are off or report an error: acknowledge on the controller",
+    ),
+    (
+        QUALITY,
+        "the controller rates the connection below settings.quality_min",
+    ),
+    (
+        STRATEGY,
+        "the controller is not in position control: set $STIFFNESS.STRATEGY to 10",
+    ),
+    (ENTERING, "command mode has just begun"),
+    (SOCKET, "the network socket failed; see the driver's log"),
+];
+
+/// After this silence another controller, or the same one restarted, may come.
+const FORGET_AFTER: Duration = Duration::from_millis(200);
+/// Datagrams that are taken at once after a stall of ours; more wait for the next cycle.
+const BURST_MAX: usize = 64;
+
+/// The driver.
+#[derive(Debug)]
+pub struct FriLwr {
+    socket: UdpSocket,
+    /// Only this peer is answered, if given.
+    peer: Option<SocketAddr>,
+    /// The controller that is answered now.
+    controller: Option<SocketAddr>,
+    heard: Instant,
+    read_timeout: Duration,
+    dialog: Dialog,
+}
+
+impl Driver for FriLwr {
+    fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
+        let mut settings = Settings::of(device);
+        let listen = settings.address("listen", None)?;
+        let peer = settings.read(
+            "peer",
+            "the controller's address with its port, such as \"192.168.0.20:49938\", or leave it out",
+            Some(None),
+            |value| value.as_str()?.parse().ok().map(Some),
+        )?;
+        let script = settings.word(
+            "krl",
+            "first-app ($FRI_FRM_INT[1] asks for command mode) or auto (the KRL program decides)",
+            Script::FirstApp,
+            &[("first-app", Script::FirstApp), ("auto", Script::Auto)],
+        )?;
+        let quality_min = settings.word(
+            "quality_min",
+            "bad, ok or perfect",
+            Quality::Ok,
+            &[
+                ("bad", Quality::Bad),
+                ("ok", Quality::Ok),
+                ("perfect", Quality::Perfect),
+            ],
+        )?;
+        settings.finish()?;
+        let dialog = Dialog::new(device, script, quality_min)?;
+        let system = |source| DriverError::System {
+            device: device.name.clone(),
+            key: "listen",
+            value: listen.to_string(),
+            source,
+        };
+        let socket = UdpSocket::bind(listen).map_err(system)?;
+        let read_timeout = Duration::from_millis(1);
+        socket
+            .set_read_timeout(Some(read_timeout))
+            .map_err(system)?;
+        Ok(Self {
+            socket,
+            peer,
+            controller: None,
+            heard: Instant::now(),
+            read_timeout,
+            dialog,
+        })
+    }
+
+    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(self.silent());
+            }
+            match self.take(left) {
+                Ok(true) => break,
+                Ok(false) => {}
+                Err(error) if is_pause(&error) => return Err(self.silent()),
+                Err(error) => return Err(lost(&error)),
+            }
+        }
+        self.take_what_waits().map_err(|error| lost(&error))?;
+        self.heard = Instant::now();
+        Ok(self.dialog.exchange(inputs))
+    }
+
+    fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
+        let Some(controller) = self.controller else {
+            return Err(LinkError::Silent);
+        };
+        let bytes = self.dialog.answer(outputs);
+        match self.socket.send_to(&bytes, controller) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(lost(&error)),
+        }
+    }
+
+    fn release(&mut self) {
+        self.dialog.release();
+    }
+}
+
+impl FriLwr {
+    /// The address that the controller must send to.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn address(&self) -> io::Result<SocketAddr> {
+        self.socket.local_addr()
+    }
+
+    /// Waits for one datagram; true if it counts.
+    fn take(&mut self, timeout: Duration) -> io::Result<bool> {
+        if self.read_timeout != timeout {
+            self.socket.set_read_timeout(Some(timeout))?;
+            self.read_timeout = timeout;
+        }
+        // One byte more than a datagram has, so that a longer one shows.
+        let mut bytes = [0; MSR_SIZE + 1];
+        let (size, source) = self.socket.recv_from(&mut bytes)?;
+        let expected = self.controller.or(self.peer);
+        if expected.is_some_and(|expected| expected != source) {
+            self.dialog.refuse();
+            return Ok(false);
+        }
+        let counts = bytes
+            .get(..size)
+            .is_some_and(|bytes| self.dialog.accept(bytes));
+        if counts {
+            self.controller = Some(source);
+        }
+        Ok(counts)
+    }
+
+    /// After a stall of ours several cycles have been waiting: only the newest is answered.
+    fn take_what_waits(&mut self) -> io::Result<()> {
+        self.socket.set_nonblocking(true)?;
+        let timeout = self.read_timeout;
+        let mut result = Ok(());
+        for _ in 0..BURST_MAX {
+            match self.take(timeout) {
+                Ok(_) => {}
+                Err(error) if is_pause(&error) => break,
+                Err(error) => {
+                    result = Err(error);
+                    break;
+                }
+            }
+        }
+        self.socket.set_nonblocking(false)?;
+        result
+    }
+
+    fn silent(&mut self) -> LinkError {
+        if self.heard.elapsed() > FORGET_AFTER {
+            self.controller = None;
+            self.dialog.forget();
+        }
+        LinkError::Silent
+    }
+}
+
+fn is_pause(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
+    )
+}
+
+fn lost(error: &io::Error) -> LinkError {
+    tracing::warn!(%error, "the socket failed");
+    LinkError::Lost { reason: SOCKET }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,440 @@
+//! The driver against the simulated controller: in virtual time without a socket, and over one.
+
+use std::path::Path;
+
+use bytemuck::Zeroable;
+use rcc_config::CellConfig;
+use rcc_core::message::{
+    CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
+};
+
+use super::*;
+use crate::conformance::{self, Peer};
+use crate::fri_lwr::wire::{CommandDatagram, ControlStrategy, MeasurementDatagram, SessionState};
+use crate::host::reason;
+use crate::host::station::Station;
+use crate::sim::lwr::krc::Krc;
+use crate::sim::lwr::settings::{Settings as KrcSettings, Wire};
+
+const MS: u64 = 1_000_000;
+const DELAY: usize = 10;
+
+/// The LWR of the demo cell.
+fn lwr() -> DeviceConfig {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
+    let cell = CellConfig::load_offline(&path).expect("the demo's configuration");
+    let (_, device) = cell.device("lwr").expect("the demo has an lwr");
+    DeviceConfig {
+        settings: serde_json::json!({"listen": "127.0.0.1:0"}),
+        ..device.clone()
+    }
+}
+
+fn krc() -> Krc {
+    Krc::new(KrcSettings {
+        boolean_wires: vec![Wire { from: 1, to: 1 }],
+        real_wires: vec![Wire { from: 1, to: 1 }],
+        ..KrcSettings::default()
+    })
+}
+
+/// Controller, driver and executor in one virtual time of 1 ms steps.
+struct Bench {
+    krc: Krc,
+    dialog: Dialog,
+    station: Station,
+    image: CommandImage,
+    now_ns: u64,
+    /// The driver's answers reach the controller.
+    heard: bool,
+    answers: Vec<CommandDatagram>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let device = lwr();
+        Self {
+            krc: krc(),
+            dialog: Dialog::new(&device, Script::FirstApp, Quality::Ok).expect("7 joints"),
+            station: Station::new(&device, 0),
+            image: CommandImage {
+                magic: MAGIC,
+                executor: 1,
+                period_ns: MS,
+                set_points: [SetPoint::NONE; SET_POINTS],
+                ..CommandImage::zeroed()
+            },
+            now_ns: 0,
+            heard: true,
+            answers: Vec::new(),
+        }
+    }
+
+    fn ready() -> Self {
+        let mut bench = Self::new();
+        bench.wait_for(DeviceState::Ready);
+        bench.answers.clear();
+        bench
+    }
+
+    fn wait_for(&mut self, state: DeviceState) {
+        for _ in 0..5000 {
+            if self.state() == state {
+                return;
+            }
+            self.cycle(SetPoint::NONE);
+        }
+        panic!("never {}", state.name());
+    }
+
+    fn state(&self) -> DeviceState {
+        DeviceState::from_number(self.measured().state)
+    }
+
+    fn measured(&self) -> &Measurement {
+        self.station.measurement()
+    }
+
+    fn cycle(&mut self, mut entry: SetPoint) {
+        self.now_ns += MS;
+        self.image.sequence += 1;
+        entry.logical_ns = self.image.sequence * MS;
+        self.image.stamp_ns = self.now_ns;
+        self.image.set_points[(self.image.sequence % SET_POINTS as u64) as usize] = entry;
+        self.exchange();
+    }
+
+    fn exchange(&mut self) {
+        let Some(bytes) = self.krc.tick(1) else {
+            return;
+        };
+        assert!(self.dialog.accept(&bytes));
+        let mut inputs = Inputs::NONE;
+        let exchange = self.dialog.exchange(&mut inputs);
+        self.station.observe(self.now_ns, Some(&self.image));
+        let outputs = self.station.exchange(self.now_ns, &inputs, &exchange);
+        let answer = self.dialog.answer(&outputs);
+        if self.heard {
+            self.krc.receive(&answer, 1e-4);
+        }
+        self.answers
+            .push(CommandDatagram::decode(&answer).expect("our own bytes"));
+    }
+
+    /// Moves joint 1 by `way` (rad) in `cycles`; the torch is on beyond half of it.
+    fn run(&mut self, owner: u64, way: f64, cycles: u64) {
+        let hold = self.measured().hold;
+        for cycle in 0..=cycles {
+            let part = part(cycle, cycles);
+            let mut position = hold;
+            position[0] += way * part;
+            self.cycle(command(owner, position, part > 0.5));
+        }
+    }
+
+    fn faults(&self) -> u64 {
+        self.krc.snapshot().counts.faults
+    }
+}
+
+fn part(cycle: u64, cycles: u64) -> f64 {
+    let x = cycle as f64 / cycles as f64;
+    x * x * x * (10.0 - x * (15.0 - 6.0 * x))
+}
+
+fn command(owner: u64, position: Joints, torch: bool) -> SetPoint {
+    SetPoint {
+        owner,
+        has_position: 1,
+        position,
+        digital: u64::from(torch),
+        digital_commanded: 1,
+        ..SetPoint::NONE
+    }
+}
+
+#[test]
+fn command_mode_is_entered_by_the_handshake_without_a_fault() {
+    let bench = Bench::ready();
+    assert_eq!(bench.faults(), 0);
+    assert_eq!(bench.measured().reason, 0);
+    let start = KrcSettings::default().start;
+    for (hold, start) in bench.measured().hold.iter().zip(start) {
+        assert!((hold - start).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn a_motion_goes_out_set_point_by_set_point_and_the_torch_with_its_own() {
+    let mut bench = Bench::ready();
+    let hold = bench.measured().hold;
+    bench.run(1, 0.3, 500);
+    bench.wait_for(DeviceState::Ready);
+    assert_eq!(bench.faults(), 0);
+    let sent = &bench.answers[DELAY..];
+    for cycle in 0..=500 {
+        let part = part(cycle, 500);
+        let answer = &sent[cycle as usize];
+        assert_eq!(
+            answer.joint_position[0],
+            (hold[0] + 0.3 * part) as f32,
+            "cycle {cycle}"
+        );
+        assert_eq!(answer.krl.boolean(1), Some(part > 0.5), "cycle {cycle}");
+    }
+    assert_eq!(bench.measured().hold[0], hold[0] + 0.3);
+}
+
+#[test]
+fn without_an_executor_the_arm_comes_to_rest_without_a_fault_of_the_controller() {
+    let mut bench = Bench::ready();
+    let hold = bench.measured().hold;
+    for cycle in 0..250 {
+        let mut position = hold;
+        position[0] += 0.3 * part(cycle, 500);
+        bench.cycle(command(1, position, true));
+    }
+    for _ in 0..300 {
+        bench.now_ns += MS;
+        bench.exchange();
+    }
+    assert_eq!((bench.faults(), bench.measured().starved), (0, 1));
+    assert_eq!(bench.state(), DeviceState::Online);
+    let last = &bench.answers[bench.answers.len() - 50..];
+    assert!(
+        last.iter()
+            .all(|answer| answer.joint_position == last[0].joint_position)
+    );
+    assert_eq!(last[0].krl.boolean(1), Some(false), "the torch is off");
+}
+
+#[test]
+fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
+    let mut bench = Bench::ready();
+    let hold = bench.measured().hold;
+    for cycle in 0..=2000 {
+        bench.heard = !(250..280).contains(&cycle);
+        let mut position = hold;
+        position[0] += 0.3 * part(cycle.min(500), 500);
+        bench.cycle(command(1, position, false));
+    }
+    assert_eq!(bench.faults(), 1);
+    assert_eq!(bench.measured().reason, reason::DEVICE_STOPPED);
+    assert_eq!(
+        bench.state(),
+        DeviceState::Online,
+        "in command mode again, its net is refused"
+    );
+    let last = &bench.answers[bench.answers.len() - 500..];
+    assert!(
+        last.iter()
+            .all(|answer| answer.joint_position == last[0].joint_position)
+    );
+    bench.wait_for(DeviceState::Ready);
+    bench.run(2, 0.1, 500);
+    bench.wait_for(DeviceState::Ready);
+    assert_eq!(bench.faults(), 1, "a new net moves it");
+}
+
+#[test]
+fn a_released_device_leaves_command_mode() {
+    let mut bench = Bench::ready();
+    bench.station.terminate();
+    bench.dialog.release();
+    (0..50).for_each(|_| bench.cycle(SetPoint::NONE));
+    assert!(bench.station.is_at_rest() && !bench.station.is_held_by_us());
+    assert_eq!(bench.measured().reason, MONITORING);
+}
+
+fn dialog() -> Dialog {
+    Dialog::new(&lwr(), Script::FirstApp, Quality::Ok).expect("7 joints")
+}
+
+fn measurement(sequence: u16) -> MeasurementDatagram {
+    MeasurementDatagram {
+        send_sequence: sequence,
+        state: SessionState::Command,
+        quality: Quality::Perfect,
+        control: ControlStrategy::Position,
+        measurement_period: 0.001,
+        power: 0x7f,
+        commanded_position: [0.25; 7],
+        commanded_position_offset: [0.5; 7],
+        ..MeasurementDatagram::default()
+    }
+}
+
+fn ticks(dialog: &mut Dialog, sequence: u16) -> Option<u64> {
+    dialog
+        .accept(&measurement(sequence).encode())
+        .then(|| dialog.exchange(&mut Inputs::NONE.clone()).ticks)
+}
+
+#[test]
+fn time_is_counted_by_sequence_numbers_over_their_end() {
+    let mut dialog = dialog();
+    let seen = [65533, 65534, 65535, 1, 1, 0, 3].map(|sequence| ticks(&mut dialog, sequence));
+    assert_eq!(
+        seen,
+        [Some(1), Some(1), Some(1), Some(2), None, None, Some(2)]
+    );
+    assert_eq!(dialog.exchange(&mut Inputs::NONE.clone()).refused, 2);
+}
+
+#[test]
+fn a_controller_that_counts_anew_is_believed_after_a_while() {
+    let mut dialog = dialog();
+    assert_eq!(ticks(&mut dialog, 1000), Some(1));
+    let seen: Vec<_> = (1..=11)
+        .map(|sequence| ticks(&mut dialog, sequence))
+        .collect();
+    assert_eq!(seen[..9], [None; 9]);
+    assert_eq!(seen[9..], [Some(1), Some(1)]);
+}
+
+#[test]
+fn datagrams_of_another_size_or_identity_or_without_numbers_are_refused() {
+    let mut dialog = dialog();
+    let good = measurement(1).encode();
+    let mut identity = good;
+    identity[6] ^= 1;
+    let nan = MeasurementDatagram {
+        commanded_position: [f32::NAN; 7],
+        ..measurement(1)
+    };
+    assert!(!dialog.accept(&good[..915]));
+    assert!(!dialog.accept(&identity));
+    assert!(!dialog.accept(&nan.encode()));
+    assert!(dialog.accept(&good));
+    assert_eq!(dialog.exchange(&mut Inputs::NONE.clone()).refused, 3);
+}
+
+#[test]
+fn the_first_cycles_of_command_mode_are_mirrored_whatever_is_asked_for() {
+    let mut dialog = dialog();
+    let asked = Outputs {
+        position: [0.7; JOINTS_MAX],
+        ..Outputs::NONE
+    };
+    let mut sent = Vec::new();
+    for sequence in 1..=5 {
+        assert!(dialog.accept(&measurement(sequence).encode()));
+        let answer = CommandDatagram::decode(&dialog.answer(&asked)).expect("our own bytes");
+        assert_eq!(answer.reflected_sequence, sequence);
+        sent.push(answer.joint_position[3]);
+    }
+    assert_eq!(sent, [0.75, 0.75, 0.75, 0.7, 0.7]);
+}
+
+#[test]
+fn torques_of_the_wire_are_turned_round() {
+    let mut dialog = dialog();
+    let measured = MeasurementDatagram {
+        external_tcp_wrench: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+        ..measurement(1)
+    };
+    assert!(dialog.accept(&measured.encode()));
+    let mut inputs = Inputs::NONE;
+    dialog.exchange(&mut inputs);
+    assert_eq!(inputs.wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
+}
+
+#[test]
+fn drives_strategy_and_quality_say_why_nothing_may_begin() {
+    let good = measurement(1);
+    let rows = [
+        (MeasurementDatagram { power: 0, ..good }, DRIVES_OFF),
+        (MeasurementDatagram { error: 1, ..good }, DRIVES_OFF),
+        (
+            MeasurementDatagram {
+                control: ControlStrategy::JointImpedance,
+                ..good
+            },
+            STRATEGY,
+        ),
+        (
+            MeasurementDatagram {
+                quality: Quality::Bad,
+                ..good
+            },
+            QUALITY,
+        ),
+        (
+            MeasurementDatagram {
+                state: SessionState::Monitor,
+                ..good
+            },
+            MONITORING,
+        ),
+        (good, ENTERING),
+    ];
+    for (measured, expected) in rows {
+        let mut dialog = dialog();
+        assert!(dialog.accept(&measured.encode()));
+        let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+        assert_eq!((exchange.reason, exchange.startable), (expected, false));
+    }
+}
+
+/// A controller at the other end of a socket; its clock is the test.
+struct Controller {
+    krc: Krc,
+    socket: UdpSocket,
+    driver: SocketAddr,
+    present: bool,
+}
+
+impl Peer for Controller {
+    fn before(&mut self) {
+        if let Some(bytes) = self.krc.tick(1).filter(|_| self.present) {
+            self.socket.send_to(&bytes, self.driver).expect("loopback");
+        }
+    }
+
+    fn after(&mut self) {
+        let mut bytes = [0; 512];
+        while let Ok((size, _)) = self.socket.recv_from(&mut bytes) {
+            self.krc.receive(&bytes[..size], 1e-4);
+        }
+    }
+
+    fn set_present(&mut self, present: bool) {
+        self.present = present;
+    }
+}
+
+#[test]
+fn conforms_over_a_socket() {
+    let mut device = lwr();
+    // The suite drives raw numbers; a port that was free a moment ago.
+    let free = UdpSocket::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
+    let driver = free.expect("loopback");
+    device.settings["listen"] = driver.to_string().into();
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+    socket.set_nonblocking(true).expect("a socket");
+    let mut controller = Controller {
+        krc: krc(),
+        socket,
+        driver,
+        present: false,
+    };
+    conformance::check::<FriLwr>(&device, REASONS, &mut controller);
+}
+
+#[test]
+fn a_channel_that_is_no_krl_variable_is_refused_by_name() {
+    for (address, words) in [
+        (
+            serde_json::json!(17),
+            "devices.lwr.channels.torch: there is no KRL variable 17",
+        ),
+        (serde_json::json!(2), "'torch' has number 2, too"),
+    ] {
+        let mut device = lwr();
+        device.channels[0].address = address;
+        let fault = FriLwr::open(&device)
+            .expect_err("a bad address")
+            .to_string();
+        assert!(fault.contains(words), "{fault}");
+    }
+}
