@@ -79,6 +79,6 @@ mod tests {
     fn columns_begin_at_the_margin() {
         let mut table = table(&["NET", "STATE"]);
         table.add_row(["line#1", "ready"]);
-        assert_eq!(text(&table), "NET      STATE\nline#1   ready");
+        assert_eq!(text(&table), "NET     STATE\nline#1  ready");
     }
 }

@@ -1,1 +1,9 @@
-//! Placeholder until the first commit of this package.
+//! Reads the record stream of a cell's executor and gives its values their names.
+//! Run by one thread of a process of its own: whatever happens here, no cycle notices.
+
+pub mod names;
+pub mod pattern;
+pub mod signals;
+pub mod stream;
+pub mod tail;
+pub mod value;

@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
-use rcc_ipc::clean;
+use rcc_ipc::clean::{self, WipeError};
 use rcc_loader::server::api::{CommandView, DeviceView};
 
 use super::child::{self, Life};
@@ -19,6 +19,8 @@ const CANCEL_LIMIT: Duration = Duration::from_secs(10);
 const REST_LIMIT: Duration = Duration::from_secs(5);
 /// How long a process may take to end after SIGTERM.
 const END_LIMIT: Duration = Duration::from_secs(5);
+/// How long others that only look at the cell may take to leave it.
+const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
 impl Supervisor {
     /// Ends the cell: cancel, wait for rest, stop executor, loader, drivers, simulators; remove all files. A second
@@ -117,7 +119,13 @@ impl Supervisor {
         // The logs were only for the time of the cell.
         let _ = std::fs::remove_dir_all(&self.logs);
         self.presence = None;
-        let removed = clean::remove_cell(&self.cell);
+        let limit = Instant::now() + LEAVE_LIMIT;
+        let mut removed = clean::remove_cell(&self.cell);
+        // A monitor leaves the cell a moment after the executor did.
+        while matches!(removed, Err(WipeError::InUse { .. })) && Instant::now() < limit {
+            std::thread::sleep(LOOK_EVERY);
+            removed = clean::remove_cell(&self.cell);
+        }
         if let Err(error) = &removed {
             self.say("cell", &error.to_string());
         }

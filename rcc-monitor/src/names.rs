@@ -1,0 +1,86 @@
+//! The names of monitored values, from the files that the loader writes beside each command.
+//! Read when a record of an unknown command comes; the loader wrote them before the executor had the plan.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use rcc_ipc::Cell;
+use serde::Deserialize;
+
+/// One monitor of a net. What the loader writes besides is left alone.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct Monitor {
+    /// Id of the `Monitor` primitive.
+    #[serde(default, alias = "id", alias = "monitor")]
+    pub primitive: String,
+    /// The port it watches, `primitive.port`.
+    #[serde(default)]
+    pub source: String,
+    /// The value's type.
+    #[serde(default, rename = "type")]
+    pub ty: String,
+    /// Its unit.
+    #[serde(default)]
+    pub unit: String,
+}
+
+/// What is known of a command.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Command {
+    /// The net's name.
+    pub net: String,
+    /// Its monitors, by index.
+    pub monitors: Vec<Monitor>,
+}
+
+#[derive(Deserialize)]
+struct File {
+    net: String,
+    #[serde(default)]
+    names: Names,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Names {
+    monitors: Vec<Monitor>,
+}
+
+/// The names of the commands of one executor.
+#[derive(Debug)]
+pub struct Directory {
+    folder: PathBuf,
+    known: HashMap<u64, Command>,
+}
+
+impl Directory {
+    /// The commands of that life of the executor.
+    #[must_use]
+    pub fn of(cell: &Cell, incarnation: u64) -> Directory {
+        Directory {
+            folder: cell.commands_dir().join(format!("{incarnation:016x}")),
+            known: HashMap::new(),
+        }
+    }
+
+    /// A command; one without a file is named by its id.
+    pub fn command(&mut self, id: u64) -> &Command {
+        let folder = &self.folder;
+        self.known.entry(id).or_insert_with(|| {
+            let bytes = std::fs::read(folder.join(format!("{id}.json")));
+            let file = bytes
+                .ok()
+                .and_then(|bytes| serde_json::from_slice::<File>(&bytes).ok());
+            file.map_or_else(
+                || Command {
+                    net: format!("#{id}"),
+                    monitors: Vec::new(),
+                },
+                |file| Command {
+                    net: file.net,
+                    monitors: file.names.monitors,
+                },
+            )
+        })
+    }
+}

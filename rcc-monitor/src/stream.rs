@@ -1,0 +1,135 @@
+//! The record stream of whatever executor lives in a cell: found, followed over its restarts, let go at its death.
+//! Polled by the monitor's one thread. While no executor lives, this process is not in the cell, so it may be wiped.
+
+use rcc_core::message::MonitorRecord;
+use rcc_ipc::control::RECORDS;
+use rcc_ipc::{Announcement, Cell, Role, Session, Subscriber};
+
+use crate::names::Directory;
+
+/// Label under which the executor announces itself.
+const EXECUTOR_LABEL: &str = "exec";
+
+/// Why a living executor's stream cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum StreamError {
+    /// The cell cannot be entered.
+    #[error(transparent)]
+    Session(#[from] rcc_ipc::SessionError),
+    /// The stream cannot be opened or read.
+    #[error(transparent)]
+    Stream(#[from] rcc_ipc::StreamError),
+    /// It offers no stream.
+    #[error("the executor offers no `{RECORDS}`: are both programs of one build?")]
+    NotOffered,
+}
+
+/// One life of an executor.
+struct Attached {
+    // Before the session: what was opened through it is closed first.
+    records: Subscriber<MonitorRecord>,
+    names: Directory,
+    announcement: Announcement,
+    next_sequence: Option<u64>,
+    _session: Session,
+}
+
+/// What a look at the stream gave.
+#[derive(Debug, Default)]
+pub struct Look {
+    /// Records, in order.
+    pub records: Vec<MonitorRecord>,
+    /// Records that were lost before or between them.
+    pub lost: u64,
+    /// An executor was found (true) or lost (false).
+    pub changed: Option<bool>,
+}
+
+/// Follows the executors of a cell.
+pub struct Follower {
+    cell_name: String,
+    attached: Option<Attached>,
+}
+
+impl Follower {
+    /// A follower that has found nothing yet.
+    #[must_use]
+    pub fn new(cell_name: &str) -> Follower {
+        Follower {
+            cell_name: cell_name.to_owned(),
+            attached: None,
+        }
+    }
+
+    /// True while an executor is followed.
+    #[must_use]
+    pub fn is_attached(&self) -> bool {
+        self.attached.is_some()
+    }
+
+    /// Everything that came since the last look.
+    ///
+    /// # Errors
+    /// The cell's name is not one, or a living executor's stream cannot be read.
+    pub fn look(&mut self) -> Result<Look, StreamError> {
+        let mut look = Look::default();
+        match &mut self.attached {
+            None => {
+                self.attached = find(&self.cell_name)?;
+                look.changed = self.attached.is_some().then_some(true);
+            }
+            Some(attached) => {
+                // In this order: what it sent before its death is read.
+                let alive = attached.announcement.is_alive();
+                while attached.records.read_into(&mut look.records)? {}
+                for record in &look.records {
+                    let expected = attached.next_sequence.unwrap_or(record.sequence);
+                    look.lost += record.sequence.saturating_sub(expected);
+                    attached.next_sequence = Some(record.sequence + 1);
+                }
+                if !alive && look.records.is_empty() {
+                    self.attached = None;
+                    look.changed = Some(false);
+                }
+            }
+        }
+        Ok(look)
+    }
+
+    /// The names of the commands of the executor that is followed.
+    pub fn names(&mut self) -> Option<&mut Directory> {
+        self.attached.as_mut().map(|attached| &mut attached.names)
+    }
+}
+
+fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
+    let cell = match Cell::find(cell_name) {
+        Ok(Some(cell)) => cell,
+        Ok(None) => return Ok(None),
+        Err(error) => return Err(rcc_ipc::SessionError::from(error).into()),
+    };
+    let announced = cell.announced(Role::Executor, EXECUTOR_LABEL);
+    let Some(announcement) = announced.ok().flatten().filter(Announcement::is_alive) else {
+        return Ok(None);
+    };
+    let service = announcement.services.get(RECORDS);
+    let service = service.ok_or(StreamError::NotOffered)?;
+    let session = Session::join(
+        &cell,
+        Role::Monitor,
+        &format!("tail-{}", std::process::id()),
+    )?;
+    let records = match session.subscribe(service) {
+        Ok(records) => records,
+        // It died between its announcement and now.
+        Err(_) if !announcement.is_alive() => return Ok(None),
+        Err(error) => return Err(error.into()),
+    };
+    Ok(Some(Attached {
+        records,
+        names: Directory::of(&cell, announcement.incarnation),
+        announcement,
+        next_sequence: None,
+        _session: session,
+    }))
+}

@@ -1,0 +1,330 @@
+//! `tail`: prints values as they come, by name.
+//! Run by the monitor's one thread; a reader that is gone ends it.
+
+use std::io::{self, Write};
+use std::time::{Duration, Instant};
+
+use rcc_core::message::MonitorRecord;
+use serde_json::{Value, json};
+
+use crate::names::{Command, Monitor};
+use crate::pattern::Pattern;
+use crate::signals::Signals;
+use crate::stream::{Follower, StreamError};
+use crate::value::Kind;
+
+/// How often the stream is looked at; its buffers hold more than 100 ms.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+/// How often an executor is looked for.
+const FIND_EVERY: Duration = Duration::from_millis(50);
+
+/// How values are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// A line a value.
+    Human,
+    /// A JSON object a line.
+    Json,
+}
+
+/// What is printed, and how long.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What is shown; everything when empty.
+    pub patterns: Vec<Pattern>,
+    /// How.
+    pub format: Format,
+    /// Ends after so many records.
+    pub count: Option<u64>,
+    /// Ends after this time.
+    pub duration: Option<Duration>,
+}
+
+/// Why printing ended otherwise than asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum TailError {
+    /// The stream.
+    #[error(transparent)]
+    Stream(#[from] StreamError),
+    /// The output.
+    #[error("the output cannot be written: {0}")]
+    Output(#[from] io::Error),
+}
+
+/// Prints until the count, the time, a signal or the end of the reader; returns the signal that ended it.
+///
+/// # Errors
+/// A stream that cannot be read, an output that cannot be written.
+pub fn tail(
+    cell: &str,
+    options: &Options,
+    signals: &mut Signals,
+    out: &mut impl Write,
+) -> Result<Option<i32>, TailError> {
+    let mut follower = Follower::new(cell);
+    let begun = Instant::now();
+    let mut printer = Printer::new(options);
+    let mut waiting_told = false;
+    loop {
+        if let Some(signal) = signals.came() {
+            return Ok(Some(signal));
+        }
+        if options
+            .duration
+            .is_some_and(|limit| begun.elapsed() >= limit)
+        {
+            return Ok(None);
+        }
+        let look = follower.look()?;
+        match look.changed {
+            Some(false) => eprintln!("the executor of cell '{cell}' is gone: waiting for the next"),
+            None if !follower.is_attached() && !waiting_told => {
+                waiting_told = true;
+                eprintln!("cell '{cell}' has no executor: waiting for one");
+            }
+            _ => {}
+        }
+        let printed = print(&mut printer, &look.records, look.lost, &mut follower, out);
+        match printed {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(None),
+            Err(error) => return Err(error.into()),
+            Ok(()) if options.count.is_some_and(|most| printer.printed >= most) => return Ok(None),
+            Ok(()) => {}
+        }
+        if look.records.is_empty() {
+            std::thread::sleep(if follower.is_attached() {
+                LOOK_EVERY
+            } else {
+                FIND_EVERY
+            });
+        }
+    }
+}
+
+fn print(
+    printer: &mut Printer<'_>,
+    records: &[MonitorRecord],
+    lost: u64,
+    follower: &mut Follower,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    if lost > 0 {
+        printer.lost(lost, out)?;
+    }
+    let Some(names) = follower.names() else {
+        return Ok(());
+    };
+    for record in records {
+        let command = names.command(record.command);
+        printer.record(record, command, out)?;
+    }
+    if records.is_empty() {
+        Ok(())
+    } else {
+        out.flush()
+    }
+}
+
+/// Turns records into lines.
+struct Printer<'a> {
+    options: &'a Options,
+    printed: u64,
+    first_stamp_ns: Option<u64>,
+}
+
+impl<'a> Printer<'a> {
+    fn new(options: &'a Options) -> Printer<'a> {
+        Printer {
+            options,
+            printed: 0,
+            first_stamp_ns: None,
+        }
+    }
+
+    fn lost(&self, lost: u64, out: &mut impl Write) -> io::Result<()> {
+        match self.options.format {
+            Format::Human => {
+                eprintln!("{lost} records were lost here");
+                Ok(())
+            }
+            Format::Json => writeln!(out, "{}", json!({"lost": lost})),
+        }
+    }
+
+    fn record(
+        &mut self,
+        record: &MonitorRecord,
+        command: &Command,
+        out: &mut impl Write,
+    ) -> io::Result<()> {
+        if self.options.count.is_some_and(|most| self.printed >= most) {
+            return Ok(());
+        }
+        let monitor = command.monitors.get(record.monitor as usize);
+        let unnamed = Monitor {
+            source: format!("monitor{}", record.monitor),
+            ..Monitor::default()
+        };
+        let monitor = monitor.unwrap_or(&unnamed);
+        let Some(element) = self.chosen(&command.net, monitor) else {
+            return Ok(());
+        };
+        let width = (record.width as usize).min(record.values.len());
+        let mut elements = record.values.get(..width).unwrap_or_default();
+        let mut name = format!("{}/{}", command.net, monitor.source);
+        if let Some(index) = element {
+            let Some(one) = elements.get(index..=index) else {
+                return Ok(());
+            };
+            elements = one;
+            name = format!("{name}[{index}]");
+        }
+        self.printed += 1;
+        match self.options.format {
+            Format::Human => self.human(record, &name, monitor, elements, out),
+            Format::Json => json_line(record, &name, command, monitor, elements, out),
+        }
+    }
+
+    /// `Some(element)` if a pattern means this monitor, by the port it watches or by its own id.
+    fn chosen(&self, net: &str, monitor: &Monitor) -> Option<Option<usize>> {
+        if self.options.patterns.is_empty() {
+            return Some(None);
+        }
+        let names = [
+            format!("{net}/{}", monitor.source),
+            format!("{net}/{}", monitor.primitive),
+        ];
+        let means = |pattern: &&Pattern| names.iter().any(|name| pattern.matches(name));
+        self.options
+            .patterns
+            .iter()
+            .find(means)
+            .map(|pattern| pattern.element)
+    }
+
+    fn human(
+        &mut self,
+        record: &MonitorRecord,
+        name: &str,
+        monitor: &Monitor,
+        elements: &[f64],
+        out: &mut impl Write,
+    ) -> io::Result<()> {
+        let first = *self.first_stamp_ns.get_or_insert(record.stamp_ns);
+        let seconds = record.stamp_ns.saturating_sub(first) as f64 / 1e9;
+        let kind = Kind::of(&monitor.ty);
+        write!(out, "{seconds:10.3} s  {name:<24}")?;
+        for element in elements {
+            write!(out, " {:>11}", kind.human(*element))?;
+        }
+        match monitor.unit.as_str() {
+            "" | "1" => writeln!(out),
+            unit => writeln!(out, " {unit}"),
+        }
+    }
+}
+
+fn json_line(
+    record: &MonitorRecord,
+    name: &str,
+    command: &Command,
+    monitor: &Monitor,
+    elements: &[f64],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let kind = Kind::of(&monitor.ty);
+    let value = match elements {
+        [one] => kind.json(*one),
+        all => Value::Array(all.iter().map(|element| kind.json(*element)).collect()),
+    };
+    let line = json!({
+        "name": name,
+        "net": command.net,
+        "command": record.command,
+        "source": monitor.source,
+        "monitor": monitor.primitive,
+        "type": monitor.ty,
+        "unit": monitor.unit,
+        "sequence": record.sequence,
+        "cycle": record.cycle,
+        "stamp_ns": record.stamp_ns,
+        "value": value,
+    });
+    writeln!(out, "{line}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn printed(format: Format, patterns: &[&str], values: &[f64], ty: &str) -> String {
+        let options = Options {
+            patterns: patterns.iter().filter_map(|p| p.parse().ok()).collect(),
+            format,
+            count: None,
+            duration: None,
+        };
+        let mut record = MonitorRecord {
+            cycle: 7,
+            width: values.len() as u32,
+            ..MonitorRecord::zeroed()
+        };
+        record.values[..values.len()].copy_from_slice(values);
+        let command = Command {
+            net: "line".into(),
+            monitors: vec![Monitor {
+                primitive: "watch".into(),
+                source: "move.pose".into(),
+                ty: ty.into(),
+                unit: "m".into(),
+            }],
+        };
+        let mut out = Vec::new();
+        let mut printer = Printer::new(&options);
+        printer
+            .record(&record, &command, &mut out)
+            .expect("a Vec takes everything");
+        String::from_utf8(out).expect("only text is written")
+    }
+
+    #[test]
+    fn people_see_null_as_a_dash_and_the_unit() {
+        let line = printed(Format::Human, &[], &[0.5, f64::NAN], "Real[2]");
+        assert!(
+            line.contains("line/move.pose") && line.contains("0.500000"),
+            "{line}"
+        );
+        assert!(line.trim_end().ends_with("– m"), "{line}");
+    }
+
+    #[test]
+    fn programs_see_null_as_null_with_cycle_and_stamp() {
+        let line = printed(Format::Json, &[], &[0.5, f64::NAN], "Real[2]");
+        let value: Value = serde_json::from_str(&line).expect("a line of JSON");
+        assert_eq!(value["value"], json!([0.5, null]));
+        assert_eq!(
+            (&value["cycle"], &value["stamp_ns"]),
+            (&json!(7), &json!(0))
+        );
+    }
+
+    #[test]
+    fn one_element_is_shown_alone() {
+        let line = printed(Format::Json, &["line/move.pose[1]"], &[0.5, 2.5], "Real[2]");
+        let value: Value = serde_json::from_str(&line).expect("a line of JSON");
+        assert_eq!(
+            (&value["name"], &value["value"]),
+            (&json!("line/move.pose[1]"), &json!(2.5))
+        );
+    }
+
+    #[test]
+    fn a_monitor_is_meant_by_its_port_and_by_its_own_id() {
+        for (pattern, shown) in [("line/move.*", true), ("*/watch", true), ("other/*", false)] {
+            let line = printed(Format::Human, &[pattern], &[1.0], "Real");
+            assert_eq!(!line.is_empty(), shown, "{pattern}");
+        }
+    }
+}

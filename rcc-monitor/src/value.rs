@@ -1,0 +1,85 @@
+//! Monitored values as people and programs read them; null is null.
+//! Pure.
+
+use rcc_core::types::NULL_INT;
+use serde_json::{Number, Value};
+
+/// What the elements of a record are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Reals; NaN is null.
+    Real,
+    /// 0, 1, NaN is null.
+    Bool,
+    /// The bits of a 64-bit integer; the smallest one is null.
+    Int,
+}
+
+impl Kind {
+    /// From the name of a type: `Bool`, `Int[3]`, `Pose`, …
+    #[must_use]
+    pub fn of(ty: &str) -> Kind {
+        match ty.split('[').next() {
+            Some("Bool") => Kind::Bool,
+            Some("Int") => Kind::Int,
+            _ => Kind::Real,
+        }
+    }
+
+    /// An element as JSON.
+    #[must_use]
+    pub fn json(self, element: f64) -> Value {
+        match self {
+            Kind::Real => Number::from_f64(element).map_or(Value::Null, Value::Number),
+            Kind::Bool if element.is_nan() => Value::Null,
+            Kind::Bool => Value::Bool(element != 0.0),
+            Kind::Int => match element.to_bits() as i64 {
+                NULL_INT => Value::Null,
+                number => Value::from(number),
+            },
+        }
+    }
+
+    /// An element for people, null as `–`.
+    #[must_use]
+    pub fn human(self, element: f64) -> String {
+        match (self, self.json(element)) {
+            (_, Value::Null) => "–".to_owned(),
+            (Kind::Real, _) => format!("{element:.6}"),
+            (_, value) => value.to_string(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn null_is_null_in_every_kind() {
+        for (kind, null) in [
+            (Kind::Real, f64::NAN),
+            (Kind::Bool, f64::NAN),
+            (Kind::Int, f64::from_bits(NULL_INT as u64)),
+        ] {
+            assert_eq!(
+                (kind.json(null), kind.human(null)),
+                (Value::Null, "–".to_owned())
+            );
+        }
+    }
+
+    #[test]
+    fn integers_keep_all_their_bits() {
+        let number = -9_007_199_254_740_993_i64;
+        let element = f64::from_bits(number as u64);
+        assert_eq!(Kind::Int.json(element), Value::from(number));
+        assert_eq!(Kind::of("Int[3]"), Kind::Int);
+    }
+
+    #[test]
+    fn booleans_are_words() {
+        assert_eq!(Kind::of("Bool").human(1.0), "true");
+        assert_eq!(Kind::of("Bool").json(0.0), Value::Bool(false));
+    }
+}
