@@ -11,7 +11,7 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Monitor {
     /// Id of the `Monitor` primitive.
-    #[serde(default, alias = "id", alias = "monitor")]
+    #[serde(default)]
     pub primitive: String,
     /// The port it watches, `primitive.port`.
     #[serde(default)]
@@ -19,9 +19,9 @@ pub struct Monitor {
     /// The value's type.
     #[serde(default, rename = "type")]
     pub ty: String,
-    /// Its unit.
+    /// Its unit, if it has one that its type does not tell.
     #[serde(default)]
-    pub unit: String,
+    pub unit: Option<String>,
 }
 
 /// What is known of a command.

@@ -218,9 +218,9 @@ impl<'a> Printer<'a> {
         for element in elements {
             write!(out, " {:>11}", kind.human(*element))?;
         }
-        match monitor.unit.as_str() {
-            "" | "1" => writeln!(out),
-            unit => writeln!(out, " {unit}"),
+        match monitor.unit.as_deref() {
+            None | Some("" | "1") => writeln!(out),
+            Some(unit) => writeln!(out, " {unit}"),
         }
     }
 }
@@ -278,7 +278,7 @@ mod tests {
                 primitive: "watch".into(),
                 source: "move.pose".into(),
                 ty: ty.into(),
-                unit: "m".into(),
+                unit: Some("m".into()),
             }],
         };
         let mut out = Vec::new();

@@ -35,7 +35,7 @@ pub struct Compiled {
 /// # Errors
 /// All faults of the text.
 pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Vec<Finding>> {
-    let compiled = stub::compile(text, file, cell).map_err(|faults| findings(&faults))?;
+    let compiled = crate::compile(text, file, cell).map_err(|faults| findings(&faults))?;
     let checked = compiled
         .plan
         .plan()
@@ -138,18 +138,5 @@ mod tests {
         assert_eq!(name_of("# x\nnet: line # a line\nprimitives: [\n"), "line");
         assert_eq!(name_of("{\"net\": \"line\", \"primitives\": {"), "line");
         assert_eq!(name_of("nothing"), "");
-    }
-}
-mod stub {
-    use super::*;
-    pub struct C {
-        pub net: String,
-        pub description: String,
-        pub names: u32,
-        pub warnings: Faults,
-        pub plan: PlanData,
-    }
-    pub fn compile(_: &str, _: &str, _: &CellConfig) -> Result<C, Faults> {
-        Err(Faults::new("", "", vec![]))
     }
 }

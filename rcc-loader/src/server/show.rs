@@ -93,10 +93,10 @@ impl Service {
     }
 }
 
-/// Drivers explain their reason numbers in their announcement's note, one `number: words` a line.
+/// Drivers explain their reason numbers in their announcement's note, one `NUMBER TEXT` a line.
 fn reason_in(note: &str, reason: u32) -> Option<&str> {
     note.lines().find_map(|line| {
-        let (number, words) = line.split_once(':')?;
+        let (number, words) = line.split_once(' ')?;
         (number.trim().parse() == Ok(reason)).then(|| words.trim())
     })
 }
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_reason_number_is_looked_up_in_the_drivers_note() {
-        let note = "KUKA LWR over FRI\n1: drives are off\n12: quality is bad";
+        let note = "1 drives are off\n12 quality is bad\n";
         assert_eq!(reason_in(note, 12), Some("quality is bad"));
         assert_eq!(reason_in(note, 2), None);
     }
