@@ -435,7 +435,7 @@ impl<'a> Resolver<'a, '_> {
         }
     }
 
-    /// The output that a reference names; reports it if there is none.
+    /// The output that a reference names; reports it if there is none. What was probably meant counts as read.
     fn output(&mut self, reference: &Reference) -> Option<Output> {
         match self.ids.get(reference.primitive.as_str()).copied() {
             Some(Target::Unknown) => None,
@@ -443,41 +443,47 @@ impl<'a> Resolver<'a, '_> {
                 if let Some((port, _)) = spec.output(&reference.port) {
                     return Some(Output { item, port });
                 }
-                let message = format!(
-                    "output not found: {} has no output `{}`",
-                    spec.name, reference.port
-                );
+                let (name, port) = (spec.name, &reference.port);
+                let (message, span) = if port.is_empty() {
+                    let message = format!("`{reference}` is a primitive: name one of its outputs");
+                    (message, reference.span)
+                } else {
+                    let message = format!("output not found: {name} has no output `{port}`");
+                    (message, reference.port_span)
+                };
                 let help = self.suggestions.output(reference, spec);
-                self.error(
-                    fault::UNKNOWN_OUTPUT,
-                    reference.port_span,
-                    message,
-                    Some(help),
-                );
+                self.error(fault::UNKNOWN_OUTPUT, span, message, Some(help));
+                self.count_as_read(item, spec);
                 None
             }
             None => {
-                let message = format!("the net has no primitive `{}`", reference.primitive);
-                let ids = self
-                    .net
-                    .primitives
-                    .iter()
-                    .map(|primitive| primitive.id.name.as_str());
-                let help =
-                    self.suggestions
-                        .primitive(reference, ids, |id| match self.ids.get(id) {
-                            Some(Target::Item(_, spec)) => Some(*spec),
-                            _ => None,
-                        });
-                self.error(
-                    fault::UNKNOWN_PRIMITIVE,
-                    reference.primitive_span,
-                    message,
-                    Some(help),
-                );
+                self.unknown_primitive(reference);
                 None
             }
         }
+    }
+
+    fn unknown_primitive(&mut self, reference: &Reference) {
+        let primitives = self.net.primitives.iter();
+        let ids = primitives.map(|primitive| primitive.id.name.as_str());
+        let near = self.suggestions.near(&reference.primitive, ids);
+        let target = near.and_then(|near| self.ids.get(near).copied());
+        let help = match (near, target) {
+            (Some(near), Some(Target::Item(item, spec))) => {
+                self.count_as_read(item, spec);
+                suggest::primitive(near, &reference.port, spec)
+            }
+            (Some(near), _) => format!("did you mean `{near}`?"),
+            (None, _) => "add it under `primitives`, or read another output".to_string(),
+        };
+        let message = format!("the net has no primitive `{}`", reference.primitive);
+        let span = reference.primitive_span;
+        self.error(fault::UNKNOWN_PRIMITIVE, span, message, Some(help));
+    }
+
+    fn count_as_read(&mut self, item: usize, spec: &Spec) {
+        let outputs = (0..spec.outputs.len()).map(|port| Output { item, port });
+        self.read_in_vain.extend(outputs);
     }
 
     fn discarded(&mut self) -> Vec<(Output, Span)> {
@@ -501,10 +507,12 @@ impl<'a> Resolver<'a, '_> {
                 }
                 (None, _) => format!("`discard` names `{reference}`, and there is no such output"),
             };
-            let help = match target {
-                Some(Target::Item(_, spec)) => Some(self.suggestions.output(reference, spec)),
-                _ => Some("take it out of `discard`".to_string()),
+            let help = match (target, found) {
+                (Some(Target::Item(_, spec)), None) => self.suggestions.output(reference, spec),
+                (_, Some(_)) => format!("write `{}.{}`", reference.primitive, reference.port),
+                (_, None) => "take it out of `discard`".to_string(),
             };
+            let help = Some(help);
             self.error(fault::BAD_DISCARD, reference.span, message, help);
         }
         discarded

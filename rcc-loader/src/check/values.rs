@@ -207,14 +207,14 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
                 && have != want
             {
                 let id = item.id();
+                let given = item.primitive.parameters.iter();
+                let place = given.filter(|(key, _)| key.name == name);
+                let place = place.map(|(_, literal)| literal.span).next();
+                let span = place.unwrap_or(item.primitive.id.span);
                 let message = format!(
                     "unit mismatch: `{id}.{name}` is in {want} by its inputs and is used in {have}"
                 );
-                faults.push(Diagnostic::error(
-                    fault::UNIT_MISMATCH,
-                    item.primitive.id.span,
-                    message,
-                ));
+                faults.push(Diagnostic::error(fault::UNIT_MISMATCH, span, message));
             }
         }
     }

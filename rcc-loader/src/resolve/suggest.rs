@@ -19,7 +19,12 @@ pub struct Suggestions {
 }
 
 impl Suggestions {
-    fn near<'n>(&mut self, name: &str, known: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    /// The name that may have been meant.
+    pub fn near<'n>(
+        &mut self,
+        name: &str,
+        known: impl Iterator<Item = &'n str>,
+    ) -> Option<&'n str> {
         self.searches += 1;
         if self.searches > SEARCHES_MAX {
             return None;
@@ -57,7 +62,11 @@ impl Suggestions {
     pub fn output(&mut self, reference: &Reference, spec: &Spec) -> String {
         let names = spec.outputs.iter().map(|port| port.name);
         let all = list("outputs", names.clone());
-        match self.near(&reference.port, names) {
+        let near = match spec.outputs {
+            [only] => Some(only.name),
+            _ => self.near(&reference.port, names),
+        };
+        match near {
             Some(near) => {
                 let described = describe(spec, near);
                 format!(
@@ -68,23 +77,14 @@ impl Suggestions {
             None => all,
         }
     }
+}
 
-    /// For a primitive that the net does not have.
-    pub fn primitive<'n>(
-        &mut self,
-        reference: &Reference,
-        ids: impl Iterator<Item = &'n str>,
-        spec: impl Fn(&str) -> Option<&'static Spec>,
-    ) -> String {
-        let Some(near) = self.near(&reference.primitive, ids) else {
-            return "add it under `primitives`, or read another output".to_string();
-        };
-        let outputs = spec(near).map_or(&[][..], |spec| spec.outputs);
-        let same = outputs.iter().find(|port| port.name == reference.port);
-        match same.or(outputs.first()) {
-            Some(port) => format!("did you mean `{near}.{}`?", port.name),
-            None => format!("did you mean `{near}`? It has no outputs"),
-        }
+/// For a primitive that the net does not have, when `near` may have been meant.
+pub fn primitive(near: &str, port: &str, spec: &Spec) -> String {
+    let same = spec.outputs.iter().find(|output| output.name == port);
+    match same.or(spec.outputs.first()) {
+        Some(output) => format!("did you mean `{near}.{}`?", output.name),
+        None => format!("did you mean `{near}`? It has no outputs"),
     }
 }
 

@@ -13,7 +13,7 @@ use crate::fault;
 pub struct Reference {
     /// Id of the primitive.
     pub primitive: String,
-    /// Name of the output.
+    /// Name of the output; empty if only a primitive is named, which the resolver refuses with a list of outputs.
     pub port: String,
     /// Element, counted from 0.
     pub index: Option<u32>,
@@ -27,7 +27,10 @@ pub struct Reference {
 
 impl fmt::Display for Reference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{}", self.primitive, self.port)?;
+        f.write_str(&self.primitive)?;
+        if !self.port.is_empty() {
+            write!(f, ".{}", self.port)?;
+        }
         match self.index {
             Some(index) => write!(f, "[{index}]"),
             None => Ok(()),
@@ -47,7 +50,7 @@ pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Ref
 }
 
 fn parse(text: &str, span: Span) -> Option<Reference> {
-    let (primitive, rest) = text.split_once('.')?;
+    let (primitive, rest) = text.split_once('.').unwrap_or((text, ""));
     let (port, index) = match rest.split_once('[') {
         None => (rest, None),
         Some((port, index)) => {
@@ -62,7 +65,8 @@ fn parse(text: &str, span: Span) -> Option<Reference> {
                 .chars()
                 .all(|c| c.is_alphanumeric() || c == '_' || c == '-')
     };
-    if !word(primitive) || !word(port) {
+    let whole = primitive.len() == text.len();
+    if !word(primitive) || !(word(port) || whole) {
         return None;
     }
     // Quotes are in the place but not in the text; with escapes the parts have no places of their own.
@@ -108,7 +112,6 @@ mod tests {
         assert_eq!(reference.port_span, Span::new(15, 19));
         assert_eq!(reference.to_string(), "traj.q[3]");
         for text in [
-            "traj",
             "traj.",
             ".q",
             "a.b.c",

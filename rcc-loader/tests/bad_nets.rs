@@ -1,0 +1,102 @@
+//! Every fault has a net in `tests/nets/bad` that causes it, and beside it what a person is told.
+//! `RCC_BLESS=1` writes the expected texts anew; look at every one of them before committing.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rcc_config::CellConfig;
+use rcc_loader::compile;
+use rcc_loader::fault::RULES;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/nets")
+}
+
+fn cell() -> CellConfig {
+    CellConfig::load_offline(&folder().join("cell.yaml"))
+        .unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+/// The files of the folder with this ending, sorted.
+fn files(ending: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder().join("bad")).unwrap();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|known| known == ending));
+    files.sort();
+    files
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap().to_string_lossy().into_owned()
+}
+
+#[test]
+fn every_bad_net_is_told_what_is_wrong() {
+    let cell = cell();
+    let bless = std::env::var_os("RCC_BLESS").is_some();
+    let mut different = Vec::new();
+    for path in files("yaml") {
+        let text = fs::read_to_string(&path).unwrap();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let faults = match compile(&text, &name, &cell) {
+            Ok(compiled) => compiled.warnings,
+            Err(faults) => faults,
+        };
+        let code = stem(&path).split('-').next().unwrap().to_string();
+        assert!(
+            faults.diagnostics.iter().any(|fault| fault.code == code),
+            "{name} does not cause {code}:\n{faults}"
+        );
+        let found = faults.render(false);
+        let expected = path.with_extension("txt");
+        if bless {
+            fs::write(&expected, found).unwrap();
+        } else if fs::read_to_string(&expected).unwrap_or_default() != found {
+            different.push(format!("{name}:\n{found}"));
+        }
+    }
+    assert!(
+        different.is_empty(),
+        "not as expected (RCC_BLESS=1 accepts):\n{}",
+        different.join("\n")
+    );
+}
+
+#[test]
+fn every_code_has_a_net() {
+    let stems = files("yaml")
+        .iter()
+        .map(|path| stem(path))
+        .collect::<Vec<_>>();
+    for rule in RULES {
+        let has = stems.iter().any(|stem| stem.starts_with(rule.code));
+        assert!(
+            has,
+            "{}: {} needs a file in tests/nets/bad",
+            rule.code, rule.meaning
+        );
+    }
+}
+
+#[test]
+fn nets_and_expected_texts_come_in_pairs() {
+    let nets: BTreeSet<String> = files("yaml").iter().map(|path| stem(path)).collect();
+    let texts: BTreeSet<String> = files("txt").iter().map(|path| stem(path)).collect();
+    assert_eq!(nets, texts);
+}
+
+#[test]
+fn errors_refuse_a_net_and_warnings_do_not() {
+    let cell = cell();
+    for path in files("yaml") {
+        let text = fs::read_to_string(&path).unwrap();
+        let accepted = compile(&text, "net", &cell).is_ok();
+        assert_eq!(
+            accepted,
+            stem(&path).starts_with("RCC19"),
+            "{}",
+            path.display()
+        );
+    }
+}
