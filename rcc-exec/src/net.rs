@@ -27,6 +27,7 @@ pub struct Net {
     /// CANCEL was requested.
     pub cancel_requested: bool,
     #[cfg(test)]
+    /// The next evaluation panics.
     pub panics: bool,
 }
 

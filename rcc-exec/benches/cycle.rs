@@ -1,0 +1,85 @@
+//! What a cycle costs: chains of simple primitives, and the executor's whole cycle with a motion.
+//! `cargo bench -p rcc-exec --bench cycle`. Only ratios within one run carry over to other machines.
+#![allow(missing_docs)] // criterion makes an undocumented function.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::{Bench, Plan, endless_net, line_net};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use rcc_ipc::control::PlanData;
+
+/// A chain of `count` additions, each reading the one before.
+fn chain(count: u32) -> PlanData {
+    let mut plan = Plan::new();
+    let no = plan.bool(0);
+    let one = plan.reals(&[1.0]);
+    let first = plan.reals(&vec![f64::NAN; count as usize + 1]);
+    plan.data.reals[first as usize] = 0.0;
+    let operands: Vec<u32> = (0..count)
+        .flat_map(|i| [first + i, one, first + i + 1])
+        .collect();
+    plan.add("Add", &operands);
+    plan.add("Termination", &[no]);
+    plan.data
+}
+
+/// As many additions that do not depend on each other.
+fn row(count: u32) -> PlanData {
+    let mut plan = chain(count);
+    let first = plan.operands[0];
+    for group in plan.operands.chunks_exact_mut(3) {
+        group[0] = first;
+    }
+    plan
+}
+
+fn primitives(criterion: &mut Criterion) {
+    let bench = Bench::new();
+    let mut group = criterion.benchmark_group("add");
+    for count in [50, 500, 2000] {
+        group.throughput(Throughput::Elements(u64::from(count)));
+        for (kind, plan) in [("independent", row(count)), ("chain", chain(count))] {
+            let mut net = bench.build(plan).expect("a good plan");
+            group.bench_function(BenchmarkId::new(kind, count), |b| {
+                b.iter(|| net.evaluate(&[], &[], 1e-3))
+            });
+        }
+    }
+    group.finish();
+}
+
+fn executor(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("executor cycle");
+    group.bench_function("idle, one arm", |b| {
+        let mut bench = Bench::new();
+        b.iter(|| bench.step());
+    });
+    group.bench_function("one output net", |b| {
+        let mut bench = Bench::new();
+        let id = bench.load(endless_net(0));
+        bench.start(id);
+        b.iter(|| bench.step());
+    });
+    group.bench_function("line, kinematics, guard, command, monitor", |b| {
+        b.iter_custom(|iterations| {
+            let mut total = std::time::Duration::ZERO;
+            let mut left = iterations;
+            while left > 0 {
+                let mut bench = Bench::new();
+                let id = bench.load(line_net());
+                bench.start(id);
+                let cycles = left.min(700);
+                let begun = std::time::Instant::now();
+                bench.steps(cycles as usize);
+                total += begun.elapsed();
+                left -= cycles;
+            }
+            total
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, primitives, executor);
+criterion_main!(benches);
