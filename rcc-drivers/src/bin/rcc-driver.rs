@@ -58,6 +58,7 @@ fn main() -> ExitCode {
     let options = Options::parse();
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
         .with_target(false)
         .init();
     match run(&options) {
@@ -93,10 +94,14 @@ fn run(options: &Options) -> Result<(), (u8, String)> {
             STOP.store(true, Ordering::Relaxed);
         })
         .map_err(|error| other(&error))?;
+    let mut host = Host::join(&cell, (&config, device), (driver, row.reasons))
+        .map_err(|error| other(&error))?;
+    // After the helper threads have been started, which would inherit it.
     if let Some(priority) = options.priority {
         rise(priority);
     }
-    Host::run(&cell, (&config, device), (driver, row.reasons), &STOP).map_err(|error| other(&error))
+    host.run(&STOP);
+    Ok(())
 }
 
 fn device<'a>(config: &'a CellConfig, name: &str) -> Result<&'a DeviceConfig, String> {
