@@ -1,10 +1,18 @@
-//! A bench for tests across processes: builds the programs once, starts a cell of its own for each
-//! test, kills what is asked for, and leaves nothing behind, also when the test fails.
+//! A bench for tests across processes: builds the programs once, gives each test a cell of its own, kills what is
+//! asked for, and leaves nothing behind, also when the test fails. Run by the threads of the test harness.
 
 pub mod cell;
+pub mod hand;
+pub mod nets;
+pub mod place;
+pub mod processes;
 pub mod programs;
+pub mod records;
 pub mod reference;
+pub mod rest;
 pub mod simulator;
 
 pub use cell::TestCell;
+pub use hand::HandCell;
+pub use place::{LIMIT, Place, await_some};
 pub use programs::{program, repository};

@@ -1,5 +1,5 @@
 //! A reference thread: wakes every millisecond at a higher priority than the executor, on the same
-//! core. Where it is late too, the machine was, and not the executor.
+//! core. Where it is late too, the machine was, and not the executor. It is a thread of its own.
 #![allow(unsafe_code)] // A scheduler call that has no safe wrapper.
 
 use std::sync::Arc;
@@ -38,7 +38,7 @@ impl Reference {
         let (told, tell) = std::sync::mpsc::channel();
         let stopped = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
-            let granted = promote(core, priority);
+            let granted = promote(Some(core), priority);
             told.send(granted).expect("the test waits");
             if granted { watch(&stopped) } else { Vec::new() }
         });
@@ -47,7 +47,7 @@ impl Reference {
             .then_some(Reference { stop, thread })
     }
 
-    /// Ends it; returns every stall of more than a tenth of a period.
+    /// Ends it; returns every wake-up that was late by more than a tenth of a period.
     pub fn finish(self) -> Vec<Stall> {
         self.stop.store(true, Ordering::Release);
         self.thread
@@ -56,12 +56,14 @@ impl Reference {
     }
 }
 
-fn promote(core: usize, priority: i32) -> bool {
+/// Makes the calling thread SCHED_FIFO, and pins it; false if the system refuses.
+pub fn promote(core: Option<usize>, priority: i32) -> bool {
     let mut set = CpuSet::new();
-    let pinned = set
-        .set(core)
-        .and_then(|()| sched_setaffinity(Pid::from_raw(0), &set))
-        .is_ok();
+    let pinned = core.is_none_or(|core| {
+        set.set(core)
+            .and_then(|()| sched_setaffinity(Pid::from_raw(0), &set))
+            .is_ok()
+    });
     let parameters = libc::sched_param {
         sched_priority: priority,
     };

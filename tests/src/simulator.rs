@@ -1,10 +1,13 @@
 //! The control port of a simulator: one JSON object a line, each way.
+//! Run by the threads of the test harness.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::time::Duration;
 
-use serde_json::Value;
+use serde_json::{Value, json};
+
+use crate::place::await_some;
 
 /// A connection to the control port of `lwr-sim` or `io-sim`.
 #[derive(Debug)]
@@ -13,13 +16,15 @@ pub struct Simulator {
 }
 
 impl Simulator {
-    /// Connects; the simulator must be running.
+    /// Connects once the simulator listens.
     pub fn connect(port: u16) -> Simulator {
-        let stream =
-            TcpStream::connect((Ipv4Addr::LOCALHOST, port)).expect("the simulator listens");
+        let stream = await_some("a simulator's control port", || {
+            TcpStream::connect((Ipv4Addr::LOCALHOST, port)).ok()
+        });
         stream
-            .set_read_timeout(Some(Duration::from_secs(10)))
+            .set_read_timeout(Some(Duration::from_secs(20)))
             .expect("a time-out can be set");
+        stream.set_nodelay(true).expect("a plain TCP socket");
         Simulator {
             stream: BufReader::new(stream),
         }
@@ -39,5 +44,98 @@ impl Simulator {
             .expect("the simulator answers");
         serde_json::from_str(&answer)
             .unwrap_or_else(|error| panic!("{request}: {answer:?}: {error}"))
+    }
+
+    /// Everything at this moment.
+    pub fn state(&mut self) -> Value {
+        self.ask(&json!("state"))
+    }
+
+    /// Counters, faults and extremes begin anew.
+    pub fn reset_statistics(&mut self) {
+        let done = self.ask(&json!("reset_statistics"));
+        assert_eq!(done["ok"], true, "{done}");
+    }
+
+    /// Joint positions, rad.
+    pub fn joints(&mut self) -> [f64; 7] {
+        joints_of(&self.state()["q"])
+    }
+
+    /// Waits until a joint moves faster than 0.02 rad/s.
+    pub fn await_motion(&mut self) {
+        await_some("the arm to move", || {
+            let velocity = joints_of(&self.state()["velocity"]);
+            velocity.iter().any(|v| v.abs() > 0.02).then_some(())
+        });
+    }
+
+    /// Waits until neither set-point nor arm moves; returns the state then.
+    pub fn await_rest(&mut self) -> Value {
+        await_some("the arm to rest", || {
+            let state = self.state();
+            (state["at_rest"] == true).then_some(state)
+        })
+    }
+
+    /// Watches the arm for `ticks` of the controller's own time: no joint may move by more than 10 µrad.
+    pub fn assert_still(&mut self, ticks: u64) {
+        let first = self.state();
+        let (begun, held) = (
+            first["tick"].as_u64().expect("a tick"),
+            joints_of(&first["q"]),
+        );
+        loop {
+            let state = self.state();
+            for (now, before) in joints_of(&state["q"]).iter().zip(held) {
+                assert!((now - before).abs() < 1e-5, "moved from {held:?}: {state}");
+            }
+            if state["tick"].as_u64().expect("a tick") >= begun + ticks {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+/// Seven numbers of a state.
+pub fn joints_of(value: &Value) -> [f64; 7] {
+    let number = |index: usize| value[index].as_f64();
+    std::array::from_fn(|index| {
+        number(index).unwrap_or_else(|| panic!("seven numbers expected, not {value}"))
+    })
+}
+
+/// Largest velocity (rad/s) and acceleration (rad/s²) that each joint may have, from the shipped configuration.
+pub fn limits() -> ([f64; 7], [f64; 7]) {
+    let path = crate::repository().join("configs/cells/lwr.yaml");
+    let config = rcc_config::CellConfig::load(&path, &Default::default())
+        .unwrap_or_else(|faults| panic!("{faults}"));
+    let limits = config.models()[0].limits;
+    let seven = |values: [f64; 8]| std::array::from_fn(|index| values[index]);
+    (seven(limits.velocity_max), seven(limits.acceleration_max))
+}
+
+/// Asserts that the arm never exceeded its limits since the last reset, and that the controller stopped it for no other
+/// reason than one of `causes` (numbers of `$FRI_TO_INT[2]`).
+pub fn assert_within_limits(state: &Value, causes: &[i64]) {
+    let (velocity_max, acceleration_max) = limits();
+    let within = |key: &str, limits: [f64; 7]| {
+        for (joint, (value, limit)) in joints_of(&state[key]).iter().zip(limits).enumerate() {
+            assert!(
+                *value <= limit,
+                "{key} of J{}: {value} > {limit}\n{state}",
+                joint + 1
+            );
+        }
+    };
+    within("velocity_max", velocity_max);
+    within("acceleration_max", acceleration_max);
+    for fault in state["faults"].as_array().expect("a list of faults") {
+        let code = fault["code"].as_i64().expect("a number");
+        assert!(
+            causes.contains(&code),
+            "the controller stopped the arm: {fault}"
+        );
     }
 }

@@ -1,0 +1,171 @@
+//! A cell whose processes a test starts, kills and starts again by itself, as often as it likes: a supervisor gives up
+//! after some deaths. Run by the threads of the test harness.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::ops::Deref;
+use std::process::{Child, Command, Stdio};
+
+use nix::sys::signal::Signal;
+use rcc_config::CellConfig;
+use rcc_ipc::{Role, clean};
+
+use crate::place::{Place, await_some};
+use crate::processes::{ends_with_test, signal};
+use crate::programs::{program, repository};
+
+/// A cell without a supervisor.
+#[derive(Debug)]
+pub struct HandCell {
+    place: Place,
+    children: BTreeMap<String, Child>,
+}
+
+impl HandCell {
+    /// The demo cell after `change` was applied to its configuration's text; nothing runs yet.
+    pub fn new(change: impl Fn(String) -> String) -> HandCell {
+        HandCell {
+            place: Place::new(&repository().join("configs/cells/demo.yaml"), change),
+            children: BTreeMap::new(),
+        }
+    }
+
+    /// The whole demo cell, ready.
+    pub fn demo() -> HandCell {
+        let mut cell = HandCell::new(|text| text);
+        for name in ["lwr-sim", "io-sim"] {
+            cell.start_simulator(name);
+        }
+        cell.start_executor();
+        cell.start_loader();
+        for device in ["lwr", "io"] {
+            cell.start_driver(device);
+        }
+        cell.await_devices();
+        cell
+    }
+
+    /// Starts a simulator of the configuration.
+    pub fn start_simulator(&mut self, name: &str) {
+        let config = CellConfig::load(self.config(), &BTreeMap::new());
+        let config = config.unwrap_or_else(|faults| panic!("{faults}"));
+        let simulator = config
+            .simulators
+            .iter()
+            .find(|simulator| simulator.name == name);
+        let simulator = simulator.unwrap_or_else(|| panic!("no simulator {name}"));
+        let mut command = Command::new(program(&simulator.program));
+        command
+            .args(&simulator.arguments)
+            .env("RCC_RUNTIME_DIR", self.folder());
+        self.spawn(name, command);
+    }
+
+    /// Starts the executor and waits until it is announced.
+    pub fn start_executor(&mut self) -> u32 {
+        let command = self.ours("rcc-exec");
+        self.spawn("executor", command);
+        self.await_announced("executor", Role::Executor, "exec")
+    }
+
+    /// Starts the loader and waits until it answers.
+    pub fn start_loader(&mut self) -> u32 {
+        let command = self.ours("rcc-loader");
+        self.spawn("loader", command);
+        await_some("the loader to answer", || {
+            self.try_rest("GET", "/status", "")
+        });
+        self.children["loader"].id()
+    }
+
+    /// Starts the driver of a device.
+    pub fn start_driver(&mut self, device: &str) -> u32 {
+        let mut command = self.ours("rcc-driver");
+        command.args(["--device", device]);
+        self.spawn(device, command)
+    }
+
+    /// Sends a signal to a process and waits until it is dead; then the janitor does its work, as under a supervisor.
+    pub fn end(&mut self, name: &str, with: Signal) {
+        let mut child = self.children.remove(name).expect("it was started");
+        signal(child.id(), with);
+        child.wait().expect("the child is ours");
+        clean::run_janitor(self.cell(), clean::JANITOR_TIMEOUT).expect("the janitor ends");
+    }
+
+    /// Process id of a child.
+    pub fn pid(&self, name: &str) -> u32 {
+        self.children[name].id()
+    }
+
+    /// Ends everything in order and removes the cell's files; nothing may be left.
+    pub fn stop(mut self) {
+        for name in ["executor", "loader", "lwr", "io", "lwr-sim", "io-sim"] {
+            if let Some(mut child) = self.children.remove(name) {
+                signal(child.id(), Signal::SIGTERM);
+                let status = child.wait().expect("the child is ours");
+                assert!(status.success(), "{name}: {status}\n{}", self.logs());
+            }
+        }
+        clean::remove_cell(self.cell()).expect("nobody is in the cell any more");
+        self.assert_nothing_left();
+    }
+
+    fn ours(&self, name: &str) -> Command {
+        let mut command = self.program(name);
+        command
+            .arg("--config")
+            .arg(self.config())
+            .arg("--parent-death");
+        command
+    }
+
+    fn spawn(&mut self, name: &str, mut command: Command) -> u32 {
+        let path = self.folder().join(format!("{name}.log"));
+        let log = File::options().create(true).append(true).open(path);
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log.expect("a log can be written"));
+        let child = ends_with_test(&mut command).spawn();
+        let child = child.unwrap_or_else(|error| panic!("{name}: {error}"));
+        let pid = child.id();
+        self.children.insert(name.to_owned(), child);
+        pid
+    }
+
+    fn await_announced(&mut self, name: &str, role: Role, label: &str) -> u32 {
+        let pid = self.pid(name);
+        let Self { place, children } = self;
+        await_some(&format!("{name} to be announced"), || {
+            let child = children.get_mut(name).expect("it was started");
+            if let Some(status) = child.try_wait().expect("the child can be asked") {
+                panic!("{name} ended ({status}):\n{}", place.logs());
+            }
+            let announced = place.cell().announced(role, label).ok().flatten()?;
+            (announced.pid == pid).then_some(())
+        });
+        pid
+    }
+}
+
+impl Deref for HandCell {
+    type Target = Place;
+
+    fn deref(&self) -> &Place {
+        &self.place
+    }
+}
+
+impl Drop for HandCell {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("{}", self.logs());
+        }
+        for child in self.children.values_mut() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+        self.place.remove();
+    }
+}

@@ -1,0 +1,436 @@
+//! Where a test's cell lies and how it is asked: configuration with ports of its own, REST, programs, announcements,
+//! boards. Run by the threads of the test harness.
+
+use std::cell::Cell as Counter;
+use std::collections::BTreeMap;
+use std::fs;
+use std::net::{Ipv4Addr, TcpListener, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use rcc_core::message::{CycleStatus, Tables};
+use rcc_ipc::control::{STATUS, TABLES};
+use rcc_ipc::{Announcement, BoardReader, Cell, Role, Session};
+use serde_json::Value;
+
+use crate::processes::{self, signal};
+use crate::programs::program;
+use crate::rest::{self, Reply};
+use crate::simulator::Simulator;
+
+/// Generous: a shared machine may stall, and a test that waits this long has failed anyway.
+pub const LIMIT: Duration = Duration::from_secs(60);
+
+/// Name of every test's cell; the folders differ.
+pub const NAME: &str = "test";
+
+/// A cell's folder, configuration and ports, and every way to ask it.
+#[derive(Debug)]
+pub struct Place {
+    cell: Cell,
+    base: PathBuf,
+    config: PathBuf,
+    ports: BTreeMap<String, u16>,
+    files: Counter<u32>,
+}
+
+impl Place {
+    /// A new folder with the configuration `config` after `change` was applied to its text. Ports that the file leaves
+    /// open are chosen here, so that the test can reach the simulators.
+    pub fn new(config: &Path, change: impl Fn(String) -> String) -> Place {
+        let base = new_folder();
+        let folder = config.parent().expect("a configuration is in a folder");
+        let folder = folder.canonicalize().expect("it exists");
+        let text = change(fs::read_to_string(config).expect("the configuration can be read"));
+        // Relative paths are relative to the file, which moves.
+        let text = text.replace("../robots/", &format!("{}/../robots/", folder.display()));
+        let (text, ports) = choose_ports(&text);
+        let config = base.join("cell.yaml");
+        fs::write(&config, text).expect("the configuration can be written");
+        Place {
+            cell: Cell::at(NAME, &base.join(NAME)).expect("a short path"),
+            base,
+            config,
+            ports,
+            files: Counter::new(0),
+        }
+    }
+
+    /// The cell.
+    pub fn cell(&self) -> &Cell {
+        &self.cell
+    }
+
+    /// The configuration file in use.
+    pub fn config(&self) -> &Path {
+        &self.config
+    }
+
+    /// A folder of this test.
+    pub fn folder(&self) -> &Path {
+        &self.base
+    }
+
+    /// The number of a port of the configuration.
+    pub fn port(&self, name: &str) -> u16 {
+        self.ports[name]
+    }
+
+    /// The control port of a simulator, by the name of its port in the configuration.
+    pub fn simulator(&self, port: &str) -> Simulator {
+        Simulator::connect(self.port(port))
+    }
+
+    /// A program of ours that takes `--cell`, in this cell.
+    pub fn program(&self, name: &str) -> Command {
+        let mut command = Command::new(program(name));
+        command
+            .args(["--cell", NAME])
+            .env("RCC_RUNTIME_DIR", &self.base)
+            .env("NO_COLOR", "1")
+            .stdin(Stdio::null());
+        command
+    }
+
+    /// Runs `rcc-cli` with these arguments to its end.
+    pub fn cli(&self, arguments: &[&str]) -> Output {
+        let mut command = self.program("rcc-cli");
+        command.args(arguments).output().expect("rcc-cli runs")
+    }
+
+    /// Runs `rcc-cli`, which must end with this exit code; returns stdout and stderr.
+    pub fn cli_exits(&self, exit: i32, arguments: &[&str]) -> (String, String) {
+        let output = self.cli(arguments);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let (out, err) = (text(&output.stdout), text(&output.stderr));
+        let ended = output.status.code();
+        assert_eq!(
+            ended,
+            Some(exit),
+            "{arguments:?}: {out}\n{err}\n{}",
+            self.logs()
+        );
+        (out, err)
+    }
+
+    /// Writes a file into the test's folder.
+    pub fn file(&self, text: &str) -> PathBuf {
+        let number = self.files.get();
+        self.files.set(number + 1);
+        let path = self.base.join(format!("file-{number}.yaml"));
+        fs::write(&path, text).expect("the file can be written");
+        path
+    }
+
+    /// One request to the loader; `None` if it cannot be reached.
+    pub fn try_rest(&self, method: &str, path: &str, body: &str) -> Option<Reply> {
+        rest::request(&self.cell.socket(), method, path, body.as_bytes()).ok()
+    }
+
+    /// One request to the loader, which must be there.
+    pub fn rest(&self, method: &str, path: &str, body: &str) -> Reply {
+        rest::request(&self.cell.socket(), method, path, body.as_bytes())
+            .unwrap_or_else(|error| panic!("{method} {path}: {error}\n{}", self.logs()))
+    }
+
+    /// Loads a text and waits until it is `ready` or `rejected`; returns its id and its row.
+    pub fn load_any(&self, text: &str) -> (u64, Value) {
+        let loaded = self.rest("POST", "/commands", text);
+        assert_eq!(loaded.status, 202, "{loaded:?}");
+        assert_eq!(loaded.body["state"], "loading", "{loaded:?}");
+        let id = loaded.body["id"].as_u64().expect("an id");
+        let row = await_some(&format!("command {id} to be loaded"), || {
+            let row = self.state(id);
+            (row["state"] != "loading").then_some(row)
+        });
+        (id, row)
+    }
+
+    /// Loads a text that must become `ready`; returns its id.
+    pub fn load(&self, text: &str) -> u64 {
+        let (id, row) = self.load_any(text);
+        assert_eq!(row["state"], "ready", "{row}\n{}", self.logs());
+        id
+    }
+
+    /// `start`, `cancel` or `abort`.
+    pub fn operate(&self, id: u64, what: &str) -> Reply {
+        self.rest("POST", &format!("/commands/{id}/{what}"), "")
+    }
+
+    /// `start`, `cancel` or `abort`, which must be done.
+    pub fn done(&self, id: u64, what: &str) {
+        let reply = self.operate(id, what);
+        assert_eq!(reply.status, 200, "{what} {id}: {reply:?}\n{}", self.logs());
+    }
+
+    /// Starts a command that may be refused for a moment, because its device is still coming to rest.
+    pub fn start_when_ready(&self, id: u64) {
+        await_some(&format!("the start of {id}"), || {
+            let reply = self.operate(id, "start");
+            let later = reply.code() == "RCC3008";
+            assert!(reply.status == 200 || later, "{reply:?}\n{}", self.logs());
+            (reply.status == 200).then_some(())
+        });
+    }
+
+    /// Loads a text and starts it as soon as its device allows it; returns its id.
+    pub fn run(&self, text: &str) -> u64 {
+        let id = self.load(text);
+        self.start_when_ready(id);
+        id
+    }
+
+    /// The row of a command.
+    pub fn state(&self, id: u64) -> Value {
+        let reply = self.rest("GET", &format!("/commands/{id}"), "");
+        assert_eq!(reply.status, 200, "{reply:?}\n{}", self.logs());
+        reply.body
+    }
+
+    /// Waits until a command is terminated, also through the death of a loader; returns its row.
+    pub fn await_end(&self, id: u64) -> Value {
+        await_some(&format!("the end of command {id}"), || {
+            let reply = self.try_rest("GET", &format!("/commands/{id}"), "")?;
+            (reply.body["state"] == "terminated").then_some(reply.body)
+        })
+    }
+
+    /// Waits until a command is terminated, which must be for this reason.
+    pub fn assert_ends(&self, id: u64, reason: &str) {
+        let row = self.await_end(id);
+        assert_eq!(row["reason"], reason, "{row}\n{}", self.logs());
+    }
+
+    /// The row of a device; `None` while loader or executor is not there.
+    pub fn device(&self, name: &str) -> Option<Value> {
+        let reply = self.try_rest("GET", "/devices", "")?;
+        let rows = reply.body.as_array()?.clone();
+        rows.into_iter().find(|row| row["name"] == name)
+    }
+
+    /// Waits until a device is in this state.
+    pub fn await_device(&self, name: &str, state: &str) {
+        await_some(&format!("device {name} to be {state}"), || {
+            (self.device(name)?["state"] == state).then_some(())
+        });
+    }
+
+    /// Waits until every device is ready.
+    pub fn await_devices(&self) {
+        await_some("all devices to be ready", || {
+            let reply = self.try_rest("GET", "/devices", "")?;
+            let rows = reply.body.as_array()?;
+            let ready = rows.iter().all(|row| row["state"] == "ready");
+            (ready && !rows.is_empty()).then_some(())
+        });
+    }
+
+    /// Who is announced.
+    pub fn announced(&self, role: Role, label: &str) -> Announcement {
+        let announced = self.cell.announced(role, label);
+        let announced = announced.expect("announcements can be read");
+        announced.unwrap_or_else(|| panic!("{role} {label} is not announced\n{}", self.logs()))
+    }
+
+    /// Kills a process of the cell and returns its incarnation.
+    pub fn kill(&self, role: Role, label: &str) -> u64 {
+        let announced = self.announced(role, label);
+        assert!(
+            signal(announced.pid, Signal::SIGKILL),
+            "{role} {label} is gone already"
+        );
+        announced.incarnation
+    }
+
+    /// Waits until another incarnation of a process is announced and alive.
+    pub fn await_successor(&self, role: Role, label: &str, dead: u64) -> Announcement {
+        await_some(&format!("a successor of {role} {label}"), || {
+            let announced = self.cell.announced(role, label).ok().flatten()?;
+            (announced.incarnation != dead && announced.is_alive()).then_some(announced)
+        })
+    }
+
+    /// The executor's boards, read as a monitor would.
+    pub fn watch(&self) -> Watch {
+        let session = Session::join(&self.cell, Role::Monitor, "watch").expect("a cell");
+        let executor = self.announced(Role::Executor, "exec");
+        let status = session.open_board(&executor.services[STATUS]);
+        let tables = session.open_board(&executor.services[TABLES]);
+        Watch {
+            status: status.expect("the status board"),
+            tables: tables.expect("the tables board"),
+            _session: session,
+        }
+    }
+
+    /// The end of every log of the cell.
+    pub fn logs(&self) -> String {
+        let mut text = String::new();
+        for folder in [self.base.clone(), self.cell.runtime_dir().join("logs")] {
+            let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+            let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+            paths.sort();
+            for path in paths
+                .iter()
+                .filter(|path| path.extension().is_some_and(|e| e == "log"))
+            {
+                let log = fs::read_to_string(path).unwrap_or_default();
+                let lines: Vec<&str> = log.lines().collect();
+                let shown = lines[lines.len().saturating_sub(30)..].join("\n");
+                let name = path.file_name().unwrap_or_default().display();
+                text.push_str(&format!("--- {name}\n{shown}\n"));
+            }
+        }
+        text
+    }
+
+    /// Waits until nothing of the cell is left: no process, no shared memory.
+    pub fn await_nothing_left(&self) {
+        await_some(&format!("nothing to be left of {:?}", self.base), || {
+            let left = self.cell.leftovers().expect("/dev/shm can be listed");
+            (left.is_empty() && processes::of_folder(&self.base).is_empty()).then_some(())
+        });
+    }
+
+    /// Asserts that a cell that has ended left no process, no shared memory and no file of its own.
+    pub fn assert_nothing_left(&self) {
+        let left = self.cell.leftovers().expect("/dev/shm can be listed");
+        assert!(
+            left.is_empty(),
+            "left in shared memory: {left:?}\n{}",
+            self.logs()
+        );
+        let running = processes::of_folder(&self.base);
+        let lines: Vec<_> = running
+            .iter()
+            .map(|pid| processes::command_line(*pid))
+            .collect();
+        assert!(
+            lines.is_empty(),
+            "still running: {lines:?}\n{}",
+            self.logs()
+        );
+        let files = files_below(self.cell.runtime_dir());
+        assert!(files.is_empty(), "left in the runtime folder: {files:?}");
+    }
+
+    /// Ends and removes whatever is there; nothing else carries this folder in its environment.
+    pub fn remove(&self) {
+        let begun = Instant::now();
+        loop {
+            let running = processes::of_folder(&self.base);
+            for pid in &running {
+                signal(*pid, Signal::SIGKILL);
+            }
+            if running.is_empty() || begun.elapsed() > Duration::from_secs(5) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        // What cannot be removed is told by the next look at /dev/shm and the temporary folder.
+        for file in self.cell.leftovers().unwrap_or_default() {
+            let _ = fs::remove_file(file);
+        }
+        let _ = fs::remove_dir_all(&self.base);
+    }
+}
+
+/// The executor's boards.
+pub struct Watch {
+    status: BoardReader<CycleStatus>,
+    tables: BoardReader<Tables>,
+    _session: Session,
+}
+
+impl Watch {
+    /// The newest counters.
+    pub fn status(&self) -> CycleStatus {
+        self.status.read()
+    }
+
+    /// The newest tables.
+    pub fn tables(&self) -> Tables {
+        self.tables.read()
+    }
+}
+
+/// Waits until `ask` gives something, with a generous limit.
+pub fn await_some<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(value) = ask() {
+            return value;
+        }
+        assert!(begun.elapsed() < LIMIT, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// All files below a folder.
+pub fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            files.extend(files_below(&path));
+        } else {
+            files.push(path);
+        }
+    }
+    files
+}
+
+fn new_folder() -> PathBuf {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    // Short, because the path of a Unix socket is limited to 107 bytes. Relaxed: only different numbers are wanted.
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let folder = std::env::temp_dir().join(format!("rcc-t{}-{number}", std::process::id()));
+    fs::create_dir_all(&folder).expect("a temporary folder");
+    folder.canonicalize().expect("it was just made")
+}
+
+/// Replaces `auto udp` and `auto tcp` by ports that are free now.
+fn choose_ports(text: &str) -> (String, BTreeMap<String, u16>) {
+    let mut ports = BTreeMap::new();
+    let mut lines = Vec::new();
+    for line in text.lines() {
+        let list = line
+            .strip_prefix("ports: {")
+            .and_then(|rest| rest.strip_suffix('}'));
+        let Some(list) = list else {
+            lines.push(line.to_owned());
+            continue;
+        };
+        for (name, _) in list.split(',').filter_map(|pair| pair.split_once(':')) {
+            ports.insert(name.trim().to_owned(), new_port());
+        }
+        let chosen: Vec<String> = ports
+            .iter()
+            .map(|(name, port)| format!("{name}: {port}"))
+            .collect();
+        lines.push(format!("ports: {{{}}}", chosen.join(", ")));
+    }
+    (lines.join("\n") + "\n", ports)
+}
+
+/// A port that nobody uses, below those that the system gives out by itself: a driver that is killed must find its
+/// port free when it comes back.
+fn new_port() -> u16 {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    const FIRST: u32 = 12_000;
+    const COUNT: u32 = 20_000;
+    loop {
+        // Relaxed: only different numbers are wanted; tests of other processes begin elsewhere.
+        let number = NEXT.fetch_add(1, Ordering::Relaxed) + std::process::id() * 97;
+        let port = (FIRST + number % COUNT) as u16;
+        let free = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).is_ok()
+            && UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).is_ok();
+        if free {
+            return port;
+        }
+    }
+}

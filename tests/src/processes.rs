@@ -1,0 +1,69 @@
+//! Processes of a test: found by their environment, signalled, and ended with the test.
+//! Run by the threads of the test harness.
+#![allow(unsafe_code)] // `pre_exec` has no safe wrapper.
+
+use std::fs;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::Command;
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+/// Sends a signal; false if there is no such process.
+pub fn signal(pid: u32, signal: Signal) -> bool {
+    kill(Pid::from_raw(pid.cast_signed()), signal).is_ok()
+}
+
+/// Ends the child when the thread that starts it ends, also when the whole test is killed.
+pub fn ends_with_test(command: &mut Command) -> &mut Command {
+    // SAFETY: between fork and exec only `prctl` is called, which is async-signal-safe.
+    unsafe {
+        command.pre_exec(|| nix::sys::prctl::set_pdeathsig(Signal::SIGKILL).map_err(Into::into))
+    }
+}
+
+/// Processes that were started with this runtime folder.
+pub fn of_folder(base: &Path) -> Vec<u32> {
+    let wanted = format!("RCC_RUNTIME_DIR={}", base.display());
+    let own = std::process::id();
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    pids.filter(|pid| *pid != own)
+        .filter(|pid| {
+            let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+            environment
+                .split(|byte| *byte == 0)
+                .any(|entry| entry == wanted.as_bytes())
+        })
+        .collect()
+}
+
+/// The words of a process's command line.
+pub fn command_line(pid: u32) -> Vec<String> {
+    let bytes = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let words = bytes.split(|byte| *byte == 0);
+    words
+        .map(|word| String::from_utf8_lossy(word).into_owned())
+        .collect()
+}
+
+/// What a process holds: open files and mappings of shared memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Holdings {
+    /// Open file descriptors.
+    pub files: usize,
+    /// Mappings of files in `/dev/shm`.
+    pub mappings: usize,
+}
+
+/// What a process holds now.
+pub fn holdings(pid: u32) -> Holdings {
+    let files = fs::read_dir(format!("/proc/{pid}/fd")).map_or(0, Iterator::count);
+    let maps = fs::read_to_string(format!("/proc/{pid}/maps")).unwrap_or_default();
+    let mappings = maps.lines().filter(|line| line.contains("/dev/shm/"));
+    Holdings {
+        files,
+        mappings: mappings.count(),
+    }
+}

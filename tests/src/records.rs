@@ -1,0 +1,65 @@
+//! Every monitor record of an executor, collected while a test does something else.
+//! A thread of its own reads them, at a real-time priority where the system grants one.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rcc_core::message::MonitorRecord;
+use rcc_ipc::control::RECORDS;
+use rcc_ipc::{Role, Session};
+
+use crate::place::Place;
+use crate::reference::promote;
+
+/// Below the executor's, above everything ordinary.
+const PRIORITY: i32 = 10;
+
+/// The running collector.
+#[derive(Debug)]
+pub struct Records {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Vec<MonitorRecord>>,
+}
+
+impl Records {
+    /// Collects everything that the cell's living executor publishes from now on.
+    pub fn follow(place: &Place) -> Records {
+        let executor = place.announced(Role::Executor, "exec");
+        let cell = place.cell().clone();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let (told, tell) = std::sync::mpsc::channel();
+        let thread = std::thread::spawn(move || {
+            let session = Session::join(&cell, Role::Monitor, "records").expect("a cell");
+            let mut stream = session
+                .subscribe::<MonitorRecord>(&executor.services[RECORDS])
+                .expect("the records' stream");
+            // Without the priority it collects too, but may lose records on a busy machine.
+            promote(None, PRIORITY);
+            told.send(()).expect("the test waits");
+            let mut all = Vec::new();
+            loop {
+                // Looked at first, so that what was published before the end is read.
+                let last = stopped.load(Ordering::Acquire);
+                while stream
+                    .read_into(&mut all)
+                    .expect("the stream is ours to read")
+                {}
+                if last {
+                    return all;
+                }
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        });
+        tell.recv().expect("the collector begins");
+        Records { stop, thread }
+    }
+
+    /// Ends it; returns all records in order.
+    pub fn finish(self) -> Vec<MonitorRecord> {
+        self.stop.store(true, Ordering::Release);
+        self.thread.join().expect("the collector does not panic")
+    }
+}

@@ -1,0 +1,84 @@
+//! The REST interface as any program may use it: HTTP/1.1 over the cell's Unix socket, written out by hand.
+//! Run by the threads of the test harness.
+
+use std::io::{self, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::time::Duration;
+
+use serde_json::Value;
+
+/// What came back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reply {
+    /// HTTP status.
+    pub status: u16,
+    /// The body, null if it is no JSON.
+    pub body: Value,
+}
+
+impl Reply {
+    /// The `code` of an error, empty for a success.
+    pub fn code(&self) -> &str {
+        self.body["code"].as_str().unwrap_or_default()
+    }
+
+    /// The `message` of an error with its `help`.
+    pub fn words(&self) -> String {
+        let text = |key: &str| self.body[key].as_str().unwrap_or_default().to_owned();
+        format!("{} {}", text("message"), text("help"))
+    }
+}
+
+/// One request with its whole answer.
+///
+/// # Errors
+/// Nobody serves the socket, or the answer is no HTTP.
+pub fn request(socket: &Path, method: &str, path: &str, body: &[u8]) -> io::Result<Reply> {
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nhost: rcc\r\nconnection: close\r\ncontent-length: {}\r\n\r\n",
+        body.len()
+    );
+    let mut stream = connect(socket)?;
+    stream.write_all(head.as_bytes())?;
+    // A server that refuses a body for its size may close before it has read all of it.
+    let sent = stream.write_all(body);
+    let mut answer = Vec::new();
+    match stream.read_to_end(&mut answer) {
+        Err(error) if answer.is_empty() => return Err(error),
+        _ => {}
+    }
+    parse(&answer).ok_or_else(|| {
+        sent.err()
+            .unwrap_or_else(|| io::ErrorKind::InvalidData.into())
+    })
+}
+
+/// Sends bytes that need not be HTTP, and returns what comes back until the server closes.
+///
+/// # Errors
+/// Nobody serves the socket.
+pub fn raw(socket: &Path, bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut stream = connect(socket)?;
+    // The server may close at the first wrong byte.
+    let _ = stream.write_all(bytes);
+    let _ = stream.shutdown(std::net::Shutdown::Write);
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    Ok(answer)
+}
+
+fn connect(socket: &Path) -> io::Result<UnixStream> {
+    let stream = UnixStream::connect(socket)?;
+    stream.set_read_timeout(Some(Duration::from_secs(20)))?;
+    stream.set_write_timeout(Some(Duration::from_secs(20)))?;
+    Ok(stream)
+}
+
+fn parse(answer: &[u8]) -> Option<Reply> {
+    let end = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n")?;
+    let head = std::str::from_utf8(&answer[..end]).ok()?;
+    let status = head.split(' ').nth(1)?.parse().ok()?;
+    let body = serde_json::from_slice(&answer[end + 4..]).unwrap_or(Value::Null);
+    Some(Reply { status, body })
+}
