@@ -8,8 +8,8 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::{CommandImage, DeviceState, Measurement};
 use rcc_ipc::control::MEASUREMENT;
 use rcc_ipc::{
-    AnnounceError, Announcement, BoardError, BoardReader, BoardWriter, Cell, Role, Session,
-    SessionError, monotonic_ns,
+    AnnounceError, Announced, Announcement, BoardError, BoardReader, BoardWriter, Cell, Role,
+    Session, SessionError, monotonic_ns,
 };
 use thiserror::Error;
 
@@ -24,6 +24,9 @@ pub mod release;
 pub mod station;
 pub mod track;
 pub mod watch;
+
+#[cfg(test)]
+mod tests;
 
 use reason::Reason;
 use station::{LOOK_PERIODS, Station};
@@ -52,7 +55,7 @@ pub enum HostError {
 }
 
 /// One device in its cell.
-pub struct Host<'a> {
+pub struct Host {
     driver: Box<dyn Driver>,
     reasons: &'static [Reason],
     station: Station,
@@ -61,10 +64,10 @@ pub struct Host<'a> {
     commands: Option<BoardReader<CommandImage>>,
     wait: Duration,
     told: Told,
-    /// Someone has asked for the end.
-    stop: &'a AtomicBool,
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
     farewell_ns: Option<u64>,
+    /// Taken back when the host ends.
+    _announced: Announced,
 }
 
 /// What has been logged last, so that it is said once.
@@ -75,18 +78,16 @@ struct Told {
     out_of_range: u64,
 }
 
-impl<'a> Host<'a> {
-    /// Brings the device into its cell; it is announced before it is reached. Returns when `stop` is set and the device
-    /// has been brought to rest and let go.
+impl Host {
+    /// Brings a device into its cell and announces it; it has not been reached yet.
     ///
     /// # Errors
     /// The cell cannot be joined, or has a driver for this device.
-    pub fn run(
+    pub fn join(
         cell: &Cell,
         (config, device): (&CellConfig, &DeviceConfig),
         (driver, reasons): (Box<dyn Driver>, &'static [Reason]),
-        stop: &'a AtomicBool,
-    ) -> Result<(), HostError> {
+    ) -> Result<Self, HostError> {
         let session = Session::join(cell, Role::Driver, &device.name)?;
         let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
         let station = Station::new(device, monotonic_ns());
@@ -95,40 +96,33 @@ impl<'a> Host<'a> {
             .service(MEASUREMENT, board.service())
             .note(&reason::note(reasons));
         let announced = cell.announce(&announcement)?;
-        let watch = Watch::start(session, &device.name)?;
         let look_ns = config.period_ns.saturating_mul(LOOK_PERIODS);
-        let mut host = Host {
+        tracing::info!(device = %device.name, "announced");
+        Ok(Self {
             driver,
             reasons,
             station,
             board,
-            watch,
+            watch: Watch::start(session, &device.name)?,
             commands: None,
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
             told: Told::default(),
-            stop,
             farewell_ns: None,
-        };
-        tracing::info!(device = %device.name, "announced");
-        host.exchange_until_the_end();
-        drop(announced);
-        Ok(())
+            _announced: announced,
+        })
     }
 
-    fn exchange_until_the_end(&mut self) {
+    /// Exchanges with the device until `stop` is set and the device has been brought to rest and let go.
+    pub fn run(&mut self, stop: &AtomicBool) {
         let mut inputs = Inputs::NONE;
-        while !self.is_over() {
+        // Relaxed: nothing else is told with it.
+        while !(stop.load(Ordering::Relaxed) && self.is_let_go()) {
             self.take_boards();
-            // Relaxed: nothing else is told with it.
-            if self.stop.load(Ordering::Relaxed) {
-                self.station.terminate();
-            }
             match self.driver.receive(self.wait, &mut inputs) {
                 Ok(exchange) => {
                     self.observe();
                     let outputs = self.station.exchange(monotonic_ns(), &inputs, &exchange);
-                    let sent = self.driver.send(&outputs);
-                    if let Err(error) = sent {
+                    if let Err(error) = self.driver.send(&outputs) {
                         self.silence(error);
                     }
                     self.board.write(self.station.measurement());
@@ -167,9 +161,10 @@ impl<'a> Host<'a> {
         }
     }
 
-    /// The end was asked for, the device rests, and it has left command mode or has had its time to.
-    fn is_over(&mut self) -> bool {
-        if !self.stop.load(Ordering::Relaxed) || !self.station.is_at_rest() {
+    /// The end was asked for: the device rests, and has left command mode or has had its time to.
+    fn is_let_go(&mut self) -> bool {
+        self.station.terminate();
+        if !self.station.is_at_rest() {
             return false;
         }
         if !self.station.is_held_by_us() {

@@ -62,7 +62,7 @@ impl Tick {
     }
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 enum Phase {
     /// At rest at `hold`.
     Holding,
@@ -70,8 +70,8 @@ enum Phase {
     Waiting { first: u64 },
     /// The pointer moves along the set-points.
     Following,
-    /// On the way to rest.
-    Stopping(Rest),
+    /// On the way to rest, as `rest` says.
+    Stopping,
 }
 
 /// What was sent last, and how it moved; mean values over the last periods.
@@ -126,6 +126,7 @@ pub struct Player {
     guard: Guard,
     track: Track,
     phase: Phase,
+    rest: Option<Rest>,
     /// The board is there and fresh.
     live: bool,
     /// Newest cycle that has been looked at for somebody who begins to command.
@@ -161,6 +162,7 @@ impl Player {
             settings,
             track: Track::default(),
             phase: Phase::Holding,
+            rest: None,
             live: false,
             cursor: 0,
             refused: 0,
@@ -212,13 +214,13 @@ impl Player {
         } else {
             self.commandable = true;
             match &self.phase {
-                Phase::Stopping(_) => self.go_to_rest(tick),
+                Phase::Stopping => self.go_to_rest(tick),
                 Phase::Following => self.follow(tick),
                 Phase::Holding | Phase::Waiting { .. } => {}
             }
         }
         self.look_for_a_beginning();
-        if matches!(self.phase, Phase::Holding | Phase::Stopping(_)) {
+        if matches!(self.phase, Phase::Holding | Phase::Stopping) {
             let newest = self.track.at(self.track.newest());
             let newest = newest.filter(|_| self.live && !self.terminating);
             self.outputs = newest.copied().unwrap_or(SetPoint::NONE);
@@ -263,7 +265,7 @@ impl Player {
     #[must_use]
     pub fn state(&self) -> DeviceState {
         match self.phase {
-            Phase::Stopping(_) => DeviceState::Stopping,
+            Phase::Stopping => DeviceState::Stopping,
             Phase::Waiting { .. } | Phase::Following => DeviceState::Commanded,
             Phase::Holding if self.is_ready() => DeviceState::Ready,
             Phase::Holding => DeviceState::Online,
@@ -377,7 +379,7 @@ impl Player {
                 self.reason = why;
                 self.hold();
             }
-            Phase::Holding | Phase::Stopping(_) => {}
+            Phase::Holding | Phase::Stopping => {}
         }
     }
 
@@ -395,15 +397,13 @@ impl Player {
         for (velocity, acceleration) in velocity.iter_mut().zip(motion.acceleration) {
             *velocity += 0.5 * dt_s * acceleration;
         }
-        let rest = Rest::new(self.settings.limits.rest(), self.period_s)
-            .ok()
-            .and_then(|mut rest| {
-                rest.begin(&position, &velocity, &motion.acceleration)
-                    .ok()
-                    .map(|()| rest)
-            });
-        match rest {
-            Some(rest) => self.phase = Phase::Stopping(rest),
+        let rest = Rest::new(self.settings.limits.rest(), self.period_s);
+        self.rest = rest.ok().and_then(|mut rest| {
+            let begun = rest.begin(&position, &velocity, &motion.acceleration);
+            begun.ok().map(|()| rest)
+        });
+        match self.rest {
+            Some(_) => self.phase = Phase::Stopping,
             // Only numbers that are not finite are refused, and those are never sent.
             None => self.hold(),
         }
@@ -411,7 +411,11 @@ impl Player {
 
     /// One exchange on the way to rest.
     fn go_to_rest(&mut self, tick: &Tick) {
-        let Phase::Stopping(rest) = &mut self.phase else {
+        let Some(rest) = self
+            .rest
+            .as_mut()
+            .filter(|_| matches!(self.phase, Phase::Stopping))
+        else {
             return;
         };
         let mut step = rest.step();
