@@ -1,10 +1,371 @@
-//! The demo.
-use crate::context::Context;
+//! The demo: the paper's figures 3, 4, 5 and a cancel on a simulated robot, through every process, verified from data.
+//! Run by the main thread, which also supervises the demo's cell.
+
+pub mod facts;
+pub mod judge;
+pub mod progress;
+pub mod recorder;
+pub mod simulator;
+pub mod stage;
+pub mod verify;
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Instant;
+
+use rcc_core::kinematics::SrsArm;
+use rcc_core::primitive::ChannelKind;
+use rcc_loader::server::api::StatusView;
+use rcc_loader::server::codes::{self, exit};
+use serde_json::json;
+
+use crate::client::Client;
+use crate::context::{Context, Format, say};
 use crate::failure::Failure;
+use crate::interrupt::Interrupts;
+use crate::supervisor::launch::Prepared;
+use crate::supervisor::{Line, Supervisor, launch, places};
+use crate::table::grouped;
+use judge::{Event, Recorded, judge, monitor_index};
+use progress::{Bar, View};
+use recorder::Recorder;
+use simulator::Simulator;
+use stage::{Run, Stage, simulator_failed};
+use verify::Check;
+
+/// One motion of the demo.
+struct Figure {
+    title: &'static str,
+    file: &'static str,
+    /// Where it begins, m.
+    start: [f64; 3],
+    event: Event,
+}
+
+/// Beside the start configuration of the simulated arm, and 0.15 m to the side.
+const MIDDLE: [f64; 3] = [0.538, 0.0, 0.384];
+const SIDE: [f64; 3] = [0.538, 0.15, 0.384];
+
+const FIGURES: [Figure; 4] = [
+    Figure {
+        title: "figure 3: line",
+        file: "nets/line.yaml",
+        start: MIDDLE,
+        event: Event::None,
+    },
+    Figure {
+        title: "figure 4: contact",
+        file: "nets/guarded-line.yaml",
+        start: SIDE,
+        event: Event::Contact,
+    },
+    Figure {
+        title: "figure 5: torch",
+        file: "nets/welding-line.yaml",
+        start: SIDE,
+        event: Event::Weld,
+    },
+    Figure {
+        title: "figure 5: cancel",
+        file: "nets/welding-line.yaml",
+        start: SIDE,
+        event: Event::Cancel,
+    },
+];
+
+/// The simulated arm and the ports by which the demo's configuration names it.
+const ARM: &str = "lwr";
+const CONTROL_PORT: &str = "fri_control";
+const TORCH: &str = "torch";
+/// Of the floor, N/m.
+const STIFFNESS: f64 = 3000.0;
+/// A measurement is made again at most this often, when the machine was late meanwhile.
+const ATTEMPTS: usize = 3;
+
 /// Runs it.
 ///
 /// # Errors
-/// Not yet.
-pub fn run(_context: &Context) -> Result<(), Failure> {
-    Ok(())
+/// The cell does not come up, or something that was measured is not as it must be.
+pub fn run(context: &Context) -> Result<(), Failure> {
+    let begun = Instant::now();
+    let interrupts = Interrupts::listen()?;
+    let prepared = launch::prepare(&places::config("cells/demo.yaml")?)?;
+    let own = format!("demo-{}", std::process::id());
+    let name = context.cell.clone().unwrap_or(own);
+    let json = context.format == Format::Json;
+    let starting = Rc::new(Cell::new(!json));
+    let told = Rc::clone(&starting);
+    let tell = move |line: &Line| {
+        if told.get() || is_trouble(&line.what) {
+            eprintln!(
+                "  {:7.3} s  {:<20} {}",
+                line.at.as_secs_f64(),
+                line.who,
+                line.what
+            );
+        }
+    };
+    if !json {
+        say(&format!(
+            "RCC demo: a KUKA LWR 4+ and an I/O station, simulated, on loopback; cell {name}"
+        ));
+    }
+    let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(tell))?;
+    let played = supervisor.wait_until_up(&interrupts).and_then(|()| {
+        starting.set(false);
+        play(context, &mut supervisor, &interrupts, &prepared)
+    });
+    starting.set(false);
+    let clean = supervisor.stop(&interrupts);
+    let (results, status) = played?;
+    report(
+        context,
+        &results,
+        &status,
+        clean,
+        begun.elapsed().as_secs_f64(),
+    );
+    let holds = results
+        .iter()
+        .flat_map(|(_, checks)| checks)
+        .all(|check| check.holds);
+    if holds && clean {
+        Ok(())
+    } else {
+        Err(Failure::said(exit::FAILED))
+    }
+}
+
+fn is_trouble(what: &str) -> bool {
+    ["died", "failed", "starting again", "  |", "left behind"]
+        .iter()
+        .any(|begin| what.starts_with(begin))
+}
+
+type Results = Vec<(&'static str, Vec<Check>)>;
+
+fn play(
+    context: &Context,
+    supervisor: &mut Supervisor,
+    interrupts: &Interrupts,
+    prepared: &Prepared,
+) -> Result<(Results, StatusView), Failure> {
+    let cell = supervisor.cell.clone();
+    let timeout = context.timeout.max(std::time::Duration::from_secs(5));
+    let client = Client::new(cell.name(), &cell.socket(), timeout)?;
+    let setting = Setting::of(prepared)?;
+    let recorder = Recorder::start(&cell)?;
+    let mut simulator = Simulator::connect(setting.control_port).map_err(simulator_failed)?;
+    let quiet = context.format == Format::Json;
+    let status: StatusView = client.get("/status")?;
+    if !quiet {
+        say(&format!("  {}\n", status.executor.grade));
+    }
+    let mut stage = Stage {
+        supervisor,
+        client: &client,
+        recorder: &recorder,
+        simulator: &mut simulator,
+        interrupts,
+    };
+    let mut results = Vec::new();
+    for figure in &FIGURES {
+        results.push((figure.title, measure(&mut stage, figure, &setting, quiet)?));
+    }
+    Ok((results, client.get("/status")?))
+}
+
+/// What the configuration says about the demo's arm.
+struct Setting {
+    arm: SrsArm,
+    torch_bit: u16,
+    dt_s: f64,
+    control_port: u16,
+}
+
+impl Setting {
+    fn of(prepared: &Prepared) -> Result<Setting, Failure> {
+        let config = &prepared.config;
+        let lacks = |what: &str| {
+            Failure::new(
+                codes::BAD_REQUEST,
+                format!("{} has no {what}", prepared.path.display()),
+                "the demo needs the demo's configuration (RCC_CONFIGS)",
+            )
+        };
+        let (_, device) = config.device(ARM).ok_or_else(|| lacks("device `lwr`"))?;
+        let robot = device.robot.as_ref().ok_or_else(|| lacks("robot"))?;
+        let torch = device
+            .channel(ChannelKind::DigitalOutput, TORCH)
+            .and_then(|channel| channel.address.as_u64())
+            .filter(|address| (1..=16).contains(address))
+            .ok_or_else(|| lacks("digital output `torch` with a number as address"))?;
+        let port = config.ports.get(CONTROL_PORT).copied();
+        Ok(Setting {
+            arm: robot.arm,
+            torch_bit: 1 << (torch - 1),
+            dt_s: config.period_ns as f64 * 1e-9,
+            control_port: port.ok_or_else(|| lacks("port `fri_control`"))?,
+        })
+    }
+}
+
+/// Runs one figure and judges it; again, when it failed while the machine did not keep its own time.
+fn measure(
+    stage: &mut Stage<'_>,
+    figure: &Figure,
+    setting: &Setting,
+    quiet: bool,
+) -> Result<Vec<Check>, Failure> {
+    let path = places::config(figure.file)?;
+    let text = std::fs::read_to_string(&path)
+        .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))?;
+    let facts = facts::read(figure.file, &text)?;
+    let mut attempt = 1;
+    loop {
+        stage.run("approach", &approach(figure.start), |_, _| false)?;
+        let run = perform(stage, figure, &text, &facts, quiet);
+        stage.simulator.no_floor().map_err(simulator_failed)?;
+        let Run {
+            command,
+            records,
+            exchanges,
+            late,
+        } = run?;
+        let recorded = Recorded {
+            command: &command,
+            facts: facts.clone(),
+            records,
+            exchanges,
+            arm: setting.arm,
+            torch_bit: setting.torch_bit,
+            dt_s: setting.dt_s,
+        };
+        let checks = judge(&recorded, figure.event);
+        let failed: Vec<&Check> = checks.iter().filter(|check| !check.holds).collect();
+        let disturbed = late > 0 || command.command.fault.is_some();
+        if failed.is_empty() || !disturbed || attempt == ATTEMPTS {
+            return Ok(checks);
+        }
+        attempt += 1;
+        let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
+        eprintln!(
+            "  measured again, as the executor was late in {late} cycles meanwhile or the connection was lost ({})",
+            whats.join("; ")
+        );
+    }
+}
+
+fn perform(
+    stage: &mut Stage<'_>,
+    figure: &Figure,
+    text: &str,
+    facts: &facts::Facts,
+    quiet: bool,
+) -> Result<Run, Failure> {
+    let way = verify::Line {
+        start: figure.start,
+        end: facts.goal,
+    };
+    if figure.event == Event::Contact {
+        let height = f64::midpoint(way.start[2], way.end[2]);
+        stage
+            .simulator
+            .floor(height, STIFFNESS)
+            .map_err(simulator_failed)?;
+    }
+    let torch = facts.torch_on.zip(facts.torch_off);
+    let middle = torch.map_or(f64::INFINITY, |(on, off)| f64::midpoint(on, off));
+    let mut bar = Bar::new(figure.title, quiet);
+    let mut view = View::default();
+    let run = stage.run(figure.file, text, |recorder, command| {
+        let newest = |source: &str| {
+            monitor_index(command, source)
+                .and_then(|index| recorder.newest(command.command.id, index))
+        };
+        view = View {
+            distance: newest("move.distance").unwrap_or(view.distance),
+            speed: newest("move.speed"),
+            force: newest("force.out"),
+            torch: newest("burn.out").map(|value| value == 1.0),
+            ..view
+        };
+        view.part = view.distance / way.length();
+        bar.show(&view);
+        figure.event == Event::Cancel && view.distance >= middle
+    })?;
+    let ended = &run.command.command;
+    if !quiet {
+        bar.end(&view, ended.reason.as_deref().unwrap_or(&ended.state));
+    }
+    Ok(run)
+}
+
+/// A net that brings the flange to a point, tool down.
+fn approach([x, y, z]: [f64; 3]) -> String {
+    format!(
+        "net: approach
+primitives:
+  cancel: {{type: Cancel}}
+  move:
+    type: LinearMotion
+    parameters:
+      device: lwr
+      to: {{xyz: [{x}, {y}, {z}], rpy: [0, deg(180), 0]}}
+      velocity: 0.2 m/s
+      acceleration: 1 m/s^2
+      jerk: 10 m/s^3
+    inputs: {{stop: cancel.requested}}
+  ik:    {{type: InverseKinematics, parameters: {{device: lwr}}, inputs: {{pose: move.pose}}}}
+  robot: {{type: JointPositionCommand, parameters: {{device: lwr}}, inputs: {{position: ik.joints}}}}
+  end:   {{type: Termination, inputs: {{done: move.done}}}}
+"
+    )
+}
+
+fn report(context: &Context, results: &Results, status: &StatusView, clean: bool, seconds: f64) {
+    let checks = || results.iter().flat_map(|(_, checks)| checks);
+    let (all, held) = (
+        checks().count(),
+        checks().filter(|check| check.holds).count(),
+    );
+    if context.format == Format::Json {
+        let row = |figure: &str, check: &Check| {
+            json!({"figure": figure, "what": check.what, "expected": check.expected, "found": check.found,
+                   "holds": check.holds})
+        };
+        let rows: Vec<_> = results
+            .iter()
+            .flat_map(|(figure, checks)| checks.iter().map(|check| row(figure, check)))
+            .collect();
+        let value = json!({"checks": rows, "late_cycles": status.executor.late, "cycles": status.executor.cycle,
+                           "grade": status.executor.grade, "clean_end": clean, "seconds": seconds});
+        say(&value.to_string());
+        return;
+    }
+    say("\nVerified from what was recorded and from what went over the wire:");
+    for (title, checks) in results {
+        say(&format!("  {title}"));
+        for check in checks {
+            let mark = if check.holds { "ok  " } else { "FAIL" };
+            say(&format!(
+                "    {mark}  {:<44} {}  (must be: {})",
+                check.what, check.found, check.expected
+            ));
+        }
+    }
+    let executor = &status.executor;
+    say(&format!(
+        "  executor: {} late cycles of {}, longest cycle {}; {}",
+        grouped(executor.late),
+        grouped(executor.cycle),
+        crate::table::time(executor.exec_max_ns),
+        executor.grade
+    ));
+    let end = if clean {
+        "no process and no file left behind"
+    } else {
+        "something was left behind"
+    };
+    say(&format!("  {held} of {all} hold; {end}; {seconds:.1} s"));
 }

@@ -155,6 +155,12 @@ impl Supervisor {
         self.failed
     }
 
+    /// The folder for logs and other files that end with the cell.
+    #[must_use]
+    pub fn logs(&self) -> &std::path::Path {
+        &self.logs
+    }
+
     /// The process id of a child, by its name.
     #[must_use]
     pub fn pid(&self, name: &str) -> Option<u32> {

@@ -140,6 +140,9 @@ pub fn specs(cell: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
     for device in &prepared.config.devices {
         let mut arguments = common.clone();
         arguments.extend(["--device".into(), device.name.as_str().into()]);
+        // Below the executor's, above everything ordinary: a driver that is late costs the robot's connection.
+        let priority = prepared.config.executor.priority.saturating_sub(10).max(1);
+        arguments.extend(["--priority".into(), priority.to_string().into()]);
         all.push(Spec {
             stage: Stage::Driver,
             name: format!("driver/{}", device.name),

@@ -1,0 +1,254 @@
+//! From what was recorded of one motion to the checks that it must pass.
+//! Pure; the demo's main thread calls it when a motion is over.
+
+use rcc_core::kinematics::SrsArm;
+use rcc_core::message::MonitorRecord;
+use rcc_core::path::PathLimits;
+use rcc_core::pose::Pose;
+use rcc_loader::server::api::{CommandDetail, CommandView};
+
+use super::facts::Facts;
+use super::simulator::Exchange;
+use super::verify::{self, ARM_TOLERANCE_M, Check, Line, SET_POINT_TOLERANCE_M, Sent, Track};
+use crate::follow;
+
+/// What happens to a motion of the demo, and so what is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// Nothing.
+    None,
+    /// It meets a floor.
+    Contact,
+    /// The torch is switched on and off on the way.
+    Weld,
+    /// It is cancelled while the torch burns.
+    Cancel,
+}
+
+/// Everything recorded of one motion.
+pub struct Recorded<'a> {
+    /// The command when it was over.
+    pub command: &'a CommandDetail,
+    /// What its text says.
+    pub facts: Facts,
+    /// Its monitor records, in order.
+    pub records: Vec<MonitorRecord>,
+    /// What went over the wire.
+    pub exchanges: Vec<Exchange>,
+    /// The arm's kinematics.
+    pub arm: SrsArm,
+    /// Bit of the torch in `$FRI_FRM_BOOL`.
+    pub torch_bit: u16,
+    /// Period, s.
+    pub dt_s: f64,
+}
+
+/// A monitor's values: cycle and elements.
+type Series<'a> = Vec<(u64, &'a [f64])>;
+
+impl Recorded<'_> {
+    fn series(&self, source: &str) -> Series<'_> {
+        let monitor = monitor_index(self.command, source);
+        let records = self.records.iter();
+        records
+            .filter(|record| Some(record.monitor) == monitor)
+            .filter_map(|record| Some((record.cycle, record.values.get(..record.width as usize)?)))
+            .collect()
+    }
+
+    fn points(&self, source: &str) -> Vec<[f64; 3]> {
+        let series = self.series(source);
+        let xyz = |values: &[f64]| values.first_chunk().copied().unwrap_or([f64::NAN; 3]);
+        series.iter().map(|(_, values)| xyz(values)).collect()
+    }
+
+    fn flange(&self, joints: &[f64]) -> [f64; 3] {
+        let pose = joints.first_chunk().map(|joints| self.arm.forward(joints));
+        pose.map_or([f64::NAN; 3], |pose| position(&pose))
+    }
+
+    /// First cycle in which a truth value is `value` and was not in the cycle before.
+    fn switched(&self, source: &str, value: bool) -> Option<u64> {
+        let wanted = f64::from(u8::from(value));
+        let series = self.series(source);
+        let is = |(_, values): &(u64, &[f64])| values.first() == Some(&wanted);
+        let mut pairs = series
+            .windows(2)
+            .filter(|pair| !is(&pair[0]) && is(&pair[1]));
+        pairs.next().map(|pair| pair[1].0)
+    }
+
+    /// First cycle in which a truth value is true.
+    fn first_true(&self, source: &str) -> Option<u64> {
+        let series = self.series(source);
+        let mut cycles = series
+            .iter()
+            .filter(|(_, values)| values.first() == Some(&1.0));
+        cycles.next().map(|(cycle, _)| *cycle)
+    }
+}
+
+/// The index of the monitor that watches `source`.
+#[must_use]
+pub fn monitor_index(command: &CommandDetail, source: &str) -> Option<u32> {
+    let monitors = command.names.get("monitors")?.as_array()?;
+    let watches = |monitor: &serde_json::Value| {
+        monitor.get("source").and_then(serde_json::Value::as_str) == Some(source)
+    };
+    u32::try_from(monitors.iter().position(watches)?).ok()
+}
+
+/// All checks of a motion.
+#[must_use]
+pub fn judge(recorded: &Recorded<'_>, event: Event) -> Vec<Check> {
+    let set_points = recorded.points("move.pose");
+    let joints = recorded.series("ik.joints");
+    let from_joints: Vec<[f64; 3]> = joints
+        .iter()
+        .map(|(_, values)| recorded.flange(values))
+        .collect();
+    let line = Line {
+        start: set_points.first().copied().unwrap_or([f64::NAN; 3]),
+        end: recorded.facts.goal,
+    };
+    let limits = PathLimits {
+        length: line.length(),
+        ..recorded.facts.limits
+    };
+    let distance = recorded.series("move.distance");
+    let distances: Vec<f64> = distance
+        .iter()
+        .map(|(_, values)| values.first().copied().unwrap_or(f64::NAN))
+        .collect();
+    let cycles: Vec<u64> = distance.iter().map(|(cycle, _)| *cycle).collect();
+    let track = Track {
+        first_cycle: cycles.first().copied().unwrap_or(0),
+        distances: &distances,
+        limits,
+        dt_s: recorded.dt_s,
+    };
+    let flanges: Vec<[f64; 3]> = recorded.exchanges.iter().map(|one| one.flange).collect();
+    let on_line = |what: &str, points: &[[f64; 3]], tolerance| {
+        verify::on_the_line(what, points, &line, tolerance)
+    };
+    let mut checks = vec![
+        ended(&recorded.command.command, event),
+        verify::without_gaps("every cycle evaluated and recorded", &cycles),
+        on_line("set-points on the line", &set_points, SET_POINT_TOLERANCE_M),
+        on_line(
+            "joint set-points on the line (FK)",
+            &from_joints,
+            SET_POINT_TOLERANCE_M,
+        ),
+        on_line("simulated arm on the line", &flanges, ARM_TOLERANCE_M),
+        verify::within_limits("speed, acceleration, jerk within limits", &track),
+    ];
+    checks.extend(of_event(recorded, event, &track, &line));
+    checks
+}
+
+fn of_event(recorded: &Recorded<'_>, event: Event, track: &Track<'_>, line: &Line) -> Vec<Check> {
+    let sent: Vec<Sent> = recorded
+        .exchanges
+        .iter()
+        .map(|exchange| Sent {
+            along: line.along(recorded.flange(&exchange.commanded)),
+            on: exchange.booleans & recorded.torch_bit != 0,
+        })
+        .collect();
+    let never = u64::MAX / 2;
+    match event {
+        Event::None => Vec::new(),
+        Event::Contact => {
+            let asked = recorded.first_true("stop.out").unwrap_or(never);
+            let mut checks = vec![pushed(recorded)];
+            checks.extend(verify::soft_stop("contact", track, asked));
+            checks
+        }
+        Event::Weld => {
+            let (on, off) = (recorded.facts.torch_on, recorded.facts.torch_off);
+            [("on", true, on), ("off", false, off)]
+                .into_iter()
+                .flat_map(|(word, value, position)| {
+                    let switched = recorded.switched("burn.out", value);
+                    let pair =
+                        switched.and_then(|cycle| Some((track.at(cycle - 1)?, track.at(cycle)?)));
+                    let along = pair.map_or(f64::NAN, |(_, after)| after);
+                    [
+                        verify::crosses(
+                            &format!("torch {word} in the cycle of the crossing"),
+                            position.unwrap_or(f64::NAN),
+                            pair,
+                        ),
+                        verify::switches_with(
+                            &format!("torch {word} in the datagram of that set-point"),
+                            &sent,
+                            value,
+                            along,
+                        ),
+                    ]
+                })
+                .collect()
+        }
+        Event::Cancel => {
+            let asked = recorded.first_true("cancel.requested").unwrap_or(never);
+            let off = recorded.switched("burn.out", false);
+            let along = track.at(asked).unwrap_or(f64::NAN);
+            let mut checks = verify::soft_stop("cancel", track, asked);
+            checks.push(Check::new(
+                "torch off in the cycle of the cancel",
+                off == Some(asked),
+                format!("cycle {asked}"),
+                off.map_or_else(|| "never".to_owned(), |cycle| format!("cycle {cycle}")),
+            ));
+            checks.push(verify::switches_with(
+                "torch off in the datagram of that set-point",
+                &sent,
+                false,
+                along,
+            ));
+            checks
+        }
+    }
+}
+
+/// The floor was really there.
+fn pushed(recorded: &Recorded<'_>) -> Check {
+    let force = recorded
+        .exchanges
+        .iter()
+        .fold(0.0_f64, |most, exchange| most.max(exchange.force[2].abs()));
+    Check::new(
+        "the simulated arm felt the floor",
+        force > 0.0,
+        "a force",
+        format!("{force:.1} N at most"),
+    )
+}
+
+fn ended(command: &CommandView, event: Event) -> Check {
+    let expected = if event == Event::Cancel {
+        "canceled"
+    } else {
+        "finished"
+    };
+    let words = command
+        .fault
+        .as_ref()
+        .map(|fault| format!(": {}", fault.words));
+    Check::new(
+        "the net ended as it should",
+        command.reason.as_deref() == Some(expected),
+        format!("terminated ({expected})"),
+        format!(
+            "{}{}",
+            follow::state_words(command),
+            words.unwrap_or_default()
+        ),
+    )
+}
+
+fn position(pose: &Pose) -> [f64; 3] {
+    let [x, y, z, ..] = pose.to_slots();
+    [x, y, z]
+}

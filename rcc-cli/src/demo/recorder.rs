@@ -1,0 +1,141 @@
+//! Everything that the nets of the demo's cell make visible, kept in memory.
+//! One thread reads the executor's stream; the demo's main thread looks at what has come.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use rcc_core::message::MonitorRecord;
+use rcc_ipc::control::RECORDS;
+use rcc_ipc::{Cell, Role, Session, Subscriber};
+use rcc_loader::server::codes;
+use rcc_loader::server::executor::EXECUTOR_LABEL;
+
+use crate::failure::Failure;
+
+/// How often the stream is looked at; its buffers hold more than 100 ms.
+const LOOK_EVERY: Duration = Duration::from_millis(4);
+
+#[derive(Default)]
+struct Kept {
+    /// By command.
+    records: HashMap<u64, Vec<MonitorRecord>>,
+    next_sequence: Option<u64>,
+    lost: u64,
+}
+
+/// Keeps records until it is dropped.
+pub struct Recorder {
+    kept: Arc<Mutex<Kept>>,
+    // Relaxed: nothing else is handed over with it.
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Recorder {
+    /// Begins to keep the records of the cell's executor.
+    ///
+    /// # Errors
+    /// There is no executor, or its stream cannot be read.
+    pub fn start(cell: &Cell) -> Result<Recorder, Failure> {
+        let failed = |words: String| Failure::new(codes::NO_EXECUTOR, words, "");
+        let announced = cell
+            .announced(Role::Executor, EXECUTOR_LABEL)
+            .map_err(|error| failed(error.to_string()))?;
+        let service = announced
+            .as_ref()
+            .and_then(|announced| announced.services.get(RECORDS))
+            .ok_or_else(|| failed(format!("cell '{}' has no stream of records", cell.name())))?;
+        let session =
+            Session::join(cell, Role::Cli, "demo").map_err(|error| failed(error.to_string()))?;
+        let subscriber = session
+            .subscribe::<MonitorRecord>(service)
+            .map_err(|error| failed(error.to_string()))?;
+        let kept = Arc::new(Mutex::new(Kept::default()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (kept_there, stop_there) = (Arc::clone(&kept), Arc::clone(&stop));
+        let thread = thread::Builder::new()
+            .name("recorder".into())
+            .spawn(move || keep(session, subscriber, &kept_there, &stop_there))
+            .map_err(|error| failed(error.to_string()))?;
+        Ok(Recorder {
+            kept,
+            stop,
+            thread: Some(thread),
+        })
+    }
+
+    /// The newest value of a monitor.
+    #[must_use]
+    pub fn newest(&self, command: u64, monitor: u32) -> Option<f64> {
+        let kept = locked(&self.kept);
+        let mut records = kept.records.get(&command)?.iter().rev();
+        records
+            .find(|record| record.monitor == monitor)
+            .map(|record| record.values[0])
+    }
+
+    /// The last cycle that was recorded of a command.
+    #[must_use]
+    pub fn last_cycle(&self, command: u64) -> u64 {
+        let kept = locked(&self.kept);
+        let records = kept.records.get(&command);
+        records
+            .and_then(|all| all.last())
+            .map_or(0, |last| last.cycle)
+    }
+
+    /// All records of a command, in order, and how many records were lost so far.
+    #[must_use]
+    pub fn take(&self, command: u64) -> (Vec<MonitorRecord>, u64) {
+        let mut kept = locked(&self.kept);
+        let records = kept.records.remove(&command).unwrap_or_default();
+        (records, kept.lost)
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic there was printed there; here nothing depends on it any more.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn keep(
+    session: Session,
+    mut subscriber: Subscriber<MonitorRecord>,
+    kept: &Mutex<Kept>,
+    stop: &AtomicBool,
+) {
+    let mut batch = Vec::new();
+    while !stop.load(Ordering::Relaxed) {
+        batch.clear();
+        // The stream's end is the executor's: what is missing then is found by who looks for it.
+        while matches!(subscriber.read_into(&mut batch), Ok(true)) {}
+        let mut kept = locked(kept);
+        for record in &batch {
+            let expected = kept.next_sequence.unwrap_or(record.sequence);
+            kept.lost += record.sequence.saturating_sub(expected);
+            kept.next_sequence = Some(record.sequence + 1);
+            kept.records
+                .entry(record.command)
+                .or_default()
+                .push(*record);
+        }
+        drop(kept);
+        thread::sleep(LOOK_EVERY);
+    }
+    // In this order: what was opened through the session is closed first.
+    drop(subscriber);
+    drop(session);
+}
+
+/// A panic between two records leaves whole records.
+fn locked(kept: &Mutex<Kept>) -> MutexGuard<'_, Kept> {
+    kept.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,170 @@
+//! The demo's cell with everything that acts on it and records it; runs one net at a time.
+//! Used by the demo's main thread, which keeps supervising the cell while it waits.
+
+use std::time::{Duration, Instant};
+
+use rcc_core::message::MonitorRecord;
+use rcc_loader::server::api::{CommandDetail, DeviceView, StatusView};
+use rcc_loader::server::codes;
+
+use super::recorder::Recorder;
+use super::simulator::{Exchange, Simulator};
+use crate::client::Client;
+use crate::failure::Failure;
+use crate::follow::{self, Rejected};
+use crate::interrupt::Interrupts;
+use crate::supervisor::{LOOK_EVERY, Supervisor};
+
+/// How long a device that is not ready is waited for.
+const READY_LIMIT: Duration = Duration::from_secs(20);
+/// How long one net of the demo may take.
+const NET_LIMIT: Duration = Duration::from_secs(20);
+/// How long the last records of a net may take to come.
+const RECORDS_LIMIT: Duration = Duration::from_secs(1);
+
+/// The cell and who acts on it.
+pub struct Stage<'a> {
+    /// Keeps the cell alive.
+    pub supervisor: &'a mut Supervisor,
+    /// Asks the loader.
+    pub client: &'a Client,
+    /// Keeps the records.
+    pub recorder: &'a Recorder,
+    /// The simulated arm.
+    pub simulator: &'a mut Simulator,
+    /// Ctrl-C.
+    pub interrupts: &'a Interrupts,
+}
+
+/// A net that is over, with what was recorded of it.
+pub struct Run {
+    /// The command when it was over.
+    pub command: CommandDetail,
+    /// Its records.
+    pub records: Vec<MonitorRecord>,
+    /// What went over the wire from before START until the arm was at rest.
+    pub exchanges: Vec<Exchange>,
+    /// Late cycles of the executor meanwhile.
+    pub late: u64,
+}
+
+impl Stage<'_> {
+    /// Loads, starts and follows a net until it is over and the arm is at rest. `watch` is called while it runs and says
+    /// when it shall be cancelled.
+    ///
+    /// # Errors
+    /// Interrupted, not reachable, refused, or it takes too long.
+    pub fn run(
+        &mut self,
+        name: &str,
+        text: &str,
+        mut watch: impl FnMut(&Recorder, &CommandDetail) -> bool,
+    ) -> Result<Run, Failure> {
+        let late = self.late()?;
+        self.wait_until_ready()?;
+        let path = self.supervisor.logs().join("trace.csv");
+        let trace = self
+            .simulator
+            .begin_trace(&path)
+            .map_err(simulator_failed)?;
+        let loaded = self.load_and_start(name, text)?;
+        let id = loaded.command.id;
+        let begun = Instant::now();
+        let mut canceled = false;
+        let command = loop {
+            self.pause()?;
+            let command = follow::state(self.client, &id.to_string())?;
+            if watch(self.recorder, &loaded) && !canceled {
+                canceled = true;
+                follow::operate(self.client, &id.to_string(), "cancel")?;
+            }
+            if follow::is_over(&command.command) {
+                break command;
+            }
+            if begun.elapsed() > NET_LIMIT {
+                let message = format!("{name} is not over after {NET_LIMIT:?}");
+                return Err(Failure::new(codes::LOADER_SILENT, message, ""));
+            }
+        };
+        self.wait_until_ready()?;
+        let exchanges = self.simulator.end_trace(trace).map_err(simulator_failed)?;
+        self.wait_for_records(&command)?;
+        let (records, _) = self.recorder.take(id);
+        follow::unload(self.client, id)?;
+        Ok(Run {
+            command,
+            records,
+            exchanges,
+            late: self.late()? - late,
+        })
+    }
+
+    /// The device may become unready between LOAD and START when the machine is busy; then both are tried again.
+    fn load_and_start(&mut self, name: &str, text: &str) -> Result<CommandDetail, Failure> {
+        let limit = Instant::now() + READY_LIMIT;
+        loop {
+            let loaded = follow::load(self.client, name, text, Rejected::Goes)?;
+            let id = loaded.command.id;
+            let refused = match follow::operate(self.client, &id.to_string(), "start") {
+                Ok(_) => return Ok(loaded),
+                Err(failure) => failure,
+            };
+            follow::unload(self.client, id)?;
+            let passing = [codes::DEVICE_NOT_READY.code, codes::FIRST_SET_POINT.code];
+            if !passing.contains(&refused.body.code.as_str()) || Instant::now() >= limit {
+                return Err(refused);
+            }
+            self.wait_until_ready()?;
+        }
+    }
+
+    /// Waits until every device is at rest and may be commanded.
+    ///
+    /// # Errors
+    /// Interrupted, not reachable, or it takes too long.
+    pub fn wait_until_ready(&mut self) -> Result<(), Failure> {
+        let limit = Instant::now() + READY_LIMIT;
+        loop {
+            let devices: Vec<DeviceView> = self.client.get("/devices")?;
+            let Some(device) = devices.iter().find(|device| device.state != "ready") else {
+                return Ok(());
+            };
+            if Instant::now() >= limit {
+                return Err(Failure::new(
+                    codes::DEVICE_NOT_READY,
+                    format!("{} is {} ({})", device.name, device.state, device.reason),
+                    "the demo needs a machine that is not busy with something else",
+                ));
+            }
+            self.pause()?;
+        }
+    }
+
+    fn wait_for_records(&mut self, command: &CommandDetail) -> Result<(), Failure> {
+        let limit = Instant::now() + RECORDS_LIMIT;
+        let (id, last) = (command.command.id, command.command.ended_cycle);
+        while self.recorder.last_cycle(id) < last && Instant::now() < limit {
+            self.pause()?;
+        }
+        Ok(())
+    }
+
+    fn late(&self) -> Result<u64, Failure> {
+        let status: StatusView = self.client.get("/status")?;
+        Ok(status.executor.late)
+    }
+
+    fn pause(&mut self) -> Result<(), Failure> {
+        std::thread::sleep(LOOK_EVERY / 2);
+        self.supervisor.look();
+        if self.interrupts.asked() {
+            return Err(Failure::interrupted());
+        }
+        Ok(())
+    }
+}
+
+/// The simulator's control port failed.
+pub fn simulator_failed(error: std::io::Error) -> Failure {
+    Failure::new(codes::PROCESS_FAILED, error.to_string(), "")
+}

@@ -1,0 +1,335 @@
+//! What must hold of a motion, judged from recorded data alone: set-points, the simulated arm, what went over the wire.
+//! Pure; the demo's main thread calls it when a motion is over.
+
+use rcc_core::path::PathLimits;
+use rcc_motion::stop_time;
+
+/// Set-points are on the line to this, m.
+pub const SET_POINT_TOLERANCE_M: f64 = 1e-9;
+/// The simulated arm is on the line to this, m.
+pub const ARM_TOLERANCE_M: f64 = 1e-3;
+/// A position on the wire is rounded to binary32: 1 rad to 6e-8, at less than 1 m.
+pub const WIRE_TOLERANCE_M: f64 = 1e-6;
+/// A limit may be exceeded by this part of itself.
+const RELATIVE_TOLERANCE: f64 = 1e-6;
+/// Rounding of a distance below 1 m.
+const ROUNDING_M: f64 = 2.3e-16;
+
+/// One thing that was measured, and whether it is as it must be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// What.
+    pub what: String,
+    /// As it must be.
+    pub expected: String,
+    /// As it is.
+    pub found: String,
+    /// Whether both agree.
+    pub holds: bool,
+}
+
+impl Check {
+    /// A check.
+    pub fn new(
+        what: impl Into<String>,
+        holds: bool,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Check {
+        Check {
+            what: what.into(),
+            expected: expected.into(),
+            found: found.into(),
+            holds,
+        }
+    }
+}
+
+/// A straight line between two points, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Where it begins.
+    pub start: [f64; 3],
+    /// Where it ends.
+    pub end: [f64; 3],
+}
+
+impl Line {
+    /// Its length, m.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        norm(minus(self.end, self.start))
+    }
+
+    /// How far along the line the foot of `point` is, m from the start; not limited to the line.
+    #[must_use]
+    pub fn along(&self, point: [f64; 3]) -> f64 {
+        let direction = minus(self.end, self.start);
+        dot(minus(point, self.start), direction) / self.length()
+    }
+
+    /// Distance of a point from the line between its ends, m. NaN if anything is.
+    #[must_use]
+    pub fn distance(&self, point: [f64; 3]) -> f64 {
+        let length = self.length();
+        let along = self.along(point);
+        // Written so that NaN stays NaN.
+        let part = if along < 0.0 {
+            0.0
+        } else if along > length {
+            1.0
+        } else {
+            along / length
+        };
+        let direction = minus(self.end, self.start);
+        let foot = [0, 1, 2].map(|i| self.start[i] + part * direction[i]);
+        norm(minus(point, foot))
+    }
+}
+
+/// Every point is within `tolerance` of the line; no points or a null point do not hold.
+#[must_use]
+pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &Line, tolerance: f64) -> Check {
+    let mut worst = 0.0_f64;
+    for point in points {
+        let distance = line.distance(*point);
+        if distance.is_nan() || distance > worst {
+            worst = distance;
+        }
+        if worst.is_nan() {
+            break;
+        }
+    }
+    let holds = !points.is_empty() && worst <= tolerance;
+    let found = format!("{} over {} points", metres(worst), points.len());
+    Check::new(what, holds, format!("≤ {}", metres(tolerance)), found)
+}
+
+/// Distances along the line, one a cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct Track<'a> {
+    /// Cycle of the first distance.
+    pub first_cycle: u64,
+    /// m, one for each cycle from there.
+    pub distances: &'a [f64],
+    /// What the motion may do, m.
+    pub limits: PathLimits,
+    /// Period, s.
+    pub dt_s: f64,
+}
+
+impl Track<'_> {
+    /// The distance in a cycle, m.
+    #[must_use]
+    pub fn at(&self, cycle: u64) -> Option<f64> {
+        let index = usize::try_from(cycle.checked_sub(self.first_cycle)?).ok()?;
+        self.distances.get(index).copied()
+    }
+
+    fn step(&self, cycle: u64) -> Option<f64> {
+        Some(self.at(cycle)? - self.at(cycle.checked_sub(1)?)?)
+    }
+
+    /// The first cycle of the final distance.
+    #[must_use]
+    pub fn rest_cycle(&self) -> Option<u64> {
+        let last = self.distances.last()?;
+        let moving = self.distances.iter().rposition(|distance| distance != last);
+        Some(self.first_cycle + moving.map_or(0, |index| index as u64 + 1))
+    }
+}
+
+/// Velocity, acceleration and jerk, as finite differences of the set-points, are within the limits.
+#[must_use]
+pub fn within_limits(what: &str, track: &Track<'_>) -> Check {
+    let PathLimits {
+        velocity,
+        acceleration,
+        jerk,
+        ..
+    } = track.limits;
+    let mut differences = track.distances.to_vec();
+    let (mut found, mut holds) = (Vec::new(), differences.len() > 3);
+    for (order, (limit, unit)) in [(velocity, "v"), (acceleration, "a"), (jerk, "j")]
+        .into_iter()
+        .enumerate()
+    {
+        differences = differences
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]) / track.dt_s)
+            .collect();
+        let largest = differences
+            .iter()
+            .fold(0.0_f64, |most, value| nan_max(most, value.abs()));
+        // Rounding of the distances, as it shows in differences of this order.
+        let power = order as i32 + 1;
+        let rounding = ROUNDING_M * 2.0_f64.powi(power) / track.dt_s.powi(power);
+        holds &= largest <= limit * (1.0 + RELATIVE_TOLERANCE) + rounding;
+        found.push(format!("{unit} {:.4}", largest / limit));
+    }
+    Check::new(
+        what,
+        holds,
+        "v, a, j ≤ 1.0000 of their limits",
+        found.join(", "),
+    )
+}
+
+/// A soft stop that was asked for in cycle `asked` while the motion had a constant speed: it begins at once (in the
+/// cycle itself or the next), and is over in the time that the limits predict, ± 1 cycle.
+#[must_use]
+pub fn soft_stop(cause: &str, track: &Track<'_>, asked: u64) -> Vec<Check> {
+    let begun = stop_begins(track, asked);
+    let begins = Check::new(
+        format!("soft stop begins after {cause}"),
+        begun.is_some_and(|cycle| cycle == asked || cycle == asked + 1),
+        "within 1 cycle",
+        match begun {
+            Some(cycle) if cycle >= asked => {
+                format!("cycle {cycle}, {cause} seen in {asked}")
+            }
+            Some(cycle) => format!("braked already in cycle {cycle}, {cause} in {asked}"),
+            None => format!("no braking after cycle {asked}"),
+        },
+    );
+    let rests = begun.zip(track.rest_cycle()).and_then(|(begun, rest)| {
+        let speed = track.step(begun - 1)? / track.dt_s;
+        let predicted = stop_time(speed, 0.0, &track.limits) / track.dt_s;
+        // At rest in the first cycle that is not before the end of the stop, counted from the last one before it.
+        Some((predicted.ceil(), (rest + 1).checked_sub(begun)? as f64))
+    });
+    let in_time = Check::new(
+        "comes to rest in the predicted time",
+        rests.is_some_and(|(predicted, found)| (predicted - found).abs() <= 1.0),
+        rests.map_or_else(
+            || "a stop".to_owned(),
+            |(predicted, _)| format!("{predicted:.0} ± 1 cycles"),
+        ),
+        rests.map_or_else(
+            || "none".to_owned(),
+            |(_, found)| format!("{found:.0} cycles"),
+        ),
+    );
+    let stopped = track.distances.last().copied().unwrap_or(f64::NAN);
+    let on_the_way = Check::new(
+        "comes to rest on the path, before its end",
+        stopped > 0.0 && stopped < track.limits.length - SET_POINT_TOLERANCE_M,
+        format!("between 0 and {:.4} m", track.limits.length),
+        format!("{stopped:.4} m"),
+    );
+    vec![begins, in_time, on_the_way]
+}
+
+/// The first cycle, from a little before `asked` on, that is slower than the one before by what the jerk limit gives
+/// in a cycle (half of it, for rounding).
+fn stop_begins(track: &Track<'_>, asked: u64) -> Option<u64> {
+    let slower = 0.5 * track.limits.jerk * track.dt_s.powi(3) / 6.0;
+    let last = track.first_cycle + track.distances.len() as u64;
+    (asked.saturating_sub(BEFORE)..last).find(|cycle| {
+        let steps = track.step(*cycle).zip(track.step(cycle.wrapping_sub(1)));
+        steps.is_some_and(|(now, before)| now < before - slower)
+    })
+}
+
+/// Cycles before the cause in which there may be no braking yet.
+const BEFORE: u64 = 20;
+
+/// One datagram to the robot: how far along the line its set-point is, m, and an output's bit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sent {
+    /// m along the line.
+    pub along: f64,
+    /// The output.
+    pub on: bool,
+}
+
+/// The output becomes `on` exactly once, in the first datagram whose set-point has reached `along` (m): that of the cycle
+/// in which the net switched it. A driver that bridges a late executor sends points between two set-points; then it is
+/// the first one not before.
+#[must_use]
+pub fn switches_with(what: &str, sent: &[Sent], on: bool, along: f64) -> Check {
+    let expected = format!("with the set-point at {along:.6} m");
+    let changes: Vec<&[Sent]> = sent
+        .windows(2)
+        .filter(|pair| pair[0].on != on && pair[1].on == on)
+        .collect();
+    let (holds, found) = match changes.as_slice() {
+        [pair] => {
+            let reached = along - WIRE_TOLERANCE_M;
+            let found = format!(
+                "at {:.6} m, before it at {:.6} m",
+                pair[1].along, pair[0].along
+            );
+            (pair[0].along < reached && pair[1].along >= reached, found)
+        }
+        [] => (false, "never".to_owned()),
+        many => (false, format!("{} times", many.len())),
+    };
+    Check::new(what, holds, expected, found)
+}
+
+/// The net switches in the cycle whose set-point is the first beyond `position` (m): `before` and `after` are the
+/// distances of the cycle before and of that cycle.
+#[must_use]
+pub fn crosses(what: &str, position: f64, pair: Option<(f64, f64)>) -> Check {
+    // A decimal position is on the grid of set-points but for rounding.
+    let rounding = 1e-12;
+    let holds = pair.is_some_and(|(before, after)| {
+        before <= position + rounding && after >= position - rounding
+    });
+    let found = pair.map_or_else(
+        || "never".to_owned(),
+        |(before, after)| format!("between {before:.6} and {after:.6} m"),
+    );
+    Check::new(what, holds, format!("at {position:.6} m"), found)
+}
+
+/// Cycle numbers without gaps, ascending by one.
+#[must_use]
+pub fn without_gaps(what: &str, cycles: &[u64]) -> Check {
+    let gaps = cycles
+        .windows(2)
+        .filter(|pair| pair[1] != pair[0] + 1)
+        .count();
+    let holds = gaps == 0 && cycles.len() > 1;
+    Check::new(
+        what,
+        holds,
+        "no gap",
+        format!("{gaps} gaps in {} cycles", cycles.len()),
+    )
+}
+
+/// A length in the unit that suits it.
+#[must_use]
+pub fn metres(value: f64) -> String {
+    match value.abs() {
+        size if size.is_nan() => "null".to_owned(),
+        size if size < 1e-6 => format!("{value:.1e} m"),
+        size if size < 1.0 => format!("{:.3} mm", value * 1e3),
+        _ => format!("{value:.3} m"),
+    }
+}
+
+fn nan_max(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() {
+        f64::NAN
+    } else {
+        a.max(b)
+    }
+}
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| a[i] - b[i])
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,192 @@
+//! The verifier against synthetic motions: right ones hold, and each wrong one is found out.
+
+use super::*;
+use rcc_motion::PathClock;
+
+const DT_S: f64 = 1e-3;
+const LIMITS: PathLimits = PathLimits {
+    length: 0.3,
+    velocity: 0.1,
+    acceleration: 0.5,
+    jerk: 5.0,
+};
+const LINE: Line = Line {
+    start: [0.5, -0.1, 0.4],
+    end: [0.5, 0.2, 0.4],
+};
+
+/// Distances of a motion that is told to stop in the step of that number.
+fn motion(stop: Option<usize>) -> Vec<f64> {
+    let mut clock = PathClock::new(LIMITS, DT_S).expect("sound limits");
+    let mut step = 0;
+    let mut distances = Vec::new();
+    loop {
+        let state = clock.step(stop.is_some_and(|stop| step >= stop));
+        distances.push(state.s);
+        step += 1;
+        if state.done && distances.len() > 10 {
+            distances.extend([state.s; 5]);
+            return distances;
+        }
+    }
+}
+
+fn track(distances: &[f64]) -> Track<'_> {
+    Track {
+        first_cycle: 1000,
+        distances,
+        limits: LIMITS,
+        dt_s: DT_S,
+    }
+}
+
+fn holds(checks: &[Check]) -> Vec<bool> {
+    checks.iter().map(|check| check.holds).collect()
+}
+
+#[test]
+fn points_on_the_line_hold_and_one_beside_it_does_not() {
+    let mut points: Vec<[f64; 3]> = (0..=10)
+        .map(|i| [0.5, -0.1 + 0.03 * f64::from(i), 0.4])
+        .collect();
+    assert!(on_the_line("", &points, &LINE, SET_POINT_TOLERANCE_M).holds);
+    points[4][0] += 2e-9;
+    assert!(!on_the_line("", &points, &LINE, SET_POINT_TOLERANCE_M).holds);
+}
+
+#[test]
+fn a_point_beyond_the_end_is_not_on_the_line() {
+    let beyond = [[0.5, 0.2 + 1e-6, 0.4]];
+    assert!(!on_the_line("", &beyond, &LINE, SET_POINT_TOLERANCE_M).holds);
+}
+
+#[test]
+fn null_and_nothing_do_not_hold() {
+    let null = [[0.5, f64::NAN, 0.4], [0.5, 0.0, 0.4]];
+    assert!(!on_the_line("", &null, &LINE, ARM_TOLERANCE_M).holds);
+    assert!(!on_the_line("", &[], &LINE, ARM_TOLERANCE_M).holds);
+}
+
+#[test]
+fn a_planned_motion_and_its_stop_keep_the_limits() {
+    for distances in [motion(None), motion(Some(1500))] {
+        let check = within_limits("", &track(&distances));
+        assert!(check.holds, "{check:?}");
+    }
+}
+
+#[test]
+fn a_motion_with_a_step_breaks_the_limits() {
+    let mut distances = motion(None);
+    for distance in &mut distances[1500..] {
+        *distance += 1e-7;
+    }
+    assert!(
+        !within_limits("", &track(&distances)).holds,
+        "1e-7 m in a cycle is 100 m/s³ of jerk"
+    );
+    distances[1700] = f64::NAN;
+    assert!(!within_limits("", &track(&distances)).holds);
+}
+
+#[test]
+fn a_stop_at_once_and_in_time_holds() {
+    let distances = motion(Some(1500));
+    // Asked for in the same cycle, and in the one before (a measurement that is a cycle old).
+    for asked in [2500, 2499] {
+        let checks = soft_stop("contact", &track(&distances), asked);
+        assert_eq!(holds(&checks), [true; 3], "{checks:?}");
+    }
+}
+
+#[test]
+fn a_stop_that_begins_late_or_early_does_not_hold() {
+    let distances = motion(Some(1500));
+    for asked in [2498, 2501] {
+        let checks = soft_stop("contact", &track(&distances), asked);
+        assert!(!checks[0].holds, "{checks:?}");
+    }
+}
+
+#[test]
+fn a_stop_that_takes_too_long_does_not_hold() {
+    let mut distances = motion(Some(1500));
+    let last = distances.len() - 1;
+    distances.extend([distances[last] + 1e-9; 3]);
+    assert!(!soft_stop("contact", &track(&distances), 2500)[1].holds);
+}
+
+#[test]
+fn a_motion_that_goes_on_to_its_end_is_no_stop() {
+    let distances = motion(None);
+    let checks = soft_stop("contact", &track(&distances), 2500);
+    assert!(!checks[0].holds && !checks[2].holds, "{checks:?}");
+}
+
+fn sent(on: std::ops::Range<usize>) -> Vec<Sent> {
+    (0..100)
+        .map(|i| Sent {
+            along: 1e-4 * i as f64,
+            on: on.contains(&i),
+        })
+        .collect()
+}
+
+#[test]
+fn an_output_that_switches_with_its_set_point_holds() {
+    let datagrams = sent(31..80);
+    assert!(switches_with("", &datagrams, true, 3.1e-3).holds);
+    assert!(switches_with("", &datagrams, false, 8.0e-3).holds);
+}
+
+#[test]
+fn an_output_one_datagram_late_or_early_does_not_hold() {
+    for on in [30..80, 32..80] {
+        assert!(!switches_with("", &sent(on), true, 3.1e-3).holds);
+    }
+    assert!(!switches_with("", &sent(0..0), true, 3.1e-3).holds, "never");
+}
+
+#[test]
+fn a_bridged_cycle_switches_in_the_first_datagram_that_is_not_before() {
+    let mut datagrams = sent(31..80);
+    for datagram in &mut datagrams {
+        datagram.along += 0.5e-4;
+    }
+    assert!(switches_with("", &datagrams, true, 3.1e-3).holds);
+    assert!(
+        !switches_with("", &datagrams, true, 3.2e-3).holds,
+        "one too early"
+    );
+    assert!(
+        !switches_with("", &datagrams, true, 3.0e-3).holds,
+        "one too late"
+    );
+}
+
+#[test]
+fn an_output_that_flickers_does_not_hold() {
+    let mut datagrams = sent(31..80);
+    datagrams[40].on = false;
+    assert!(!switches_with("", &datagrams, true, 3.1e-3).holds);
+    assert!(!switches_with("", &datagrams, false, 8.0e-3).holds);
+}
+
+#[test]
+fn an_output_that_stays_on_does_not_hold() {
+    assert!(!switches_with("", &sent(31..100), false, 8.0e-3).holds);
+}
+
+#[test]
+fn a_crossing_is_between_the_two_set_points() {
+    assert!(crosses("", 0.05, Some((0.05, 0.0501))).holds);
+    assert!(!crosses("", 0.05, Some((0.0501, 0.0502))).holds);
+    assert!(!crosses("", 0.05, Some((0.0498, 0.0499))).holds);
+    assert!(!crosses("", 0.05, None).holds);
+}
+
+#[test]
+fn a_gap_in_the_cycles_is_found() {
+    assert!(without_gaps("", &[5, 6, 7]).holds);
+    assert!(!without_gaps("", &[5, 7]).holds && !without_gaps("", &[]).holds);
+}
