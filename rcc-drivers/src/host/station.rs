@@ -149,12 +149,18 @@ impl Station {
             0 => 0,
             _ => reason::ANALOG_RANGE,
         };
-        let reasons = [exchange.reason, player.reason(), range];
+        let state = player.state();
+        // What has stopped it once is history when it is ready again.
+        let history = match state {
+            DeviceState::Ready => 0,
+            _ => player.reason(),
+        };
+        let reasons = [exchange.reason, history, range];
         self.measurement = Measurement {
             magic: MAGIC,
             sequence: self.measurement.sequence + 1,
             stamp_ns: now_ns,
-            state: player.state() as u32,
+            state: state as u32,
             quality_permille: exchange.quality_permille,
             reason: reasons.into_iter().find(|reason| *reason != 0).unwrap_or(0),
             joints: self.measurement.joints,
