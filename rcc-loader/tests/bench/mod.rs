@@ -1,0 +1,177 @@
+//! A cell in virtual time: one net, perfect devices, and the same `cycle()` as on a robot. A cycle is a step.
+//! Code of tests.
+
+use std::path::{Path, PathBuf};
+
+use bytemuck::Zeroable;
+use rcc_config::CellConfig;
+use rcc_core::cycle::cycle;
+use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation};
+use rcc_core::message::{Joints, Measurement};
+use rcc_core::path::PathLimits;
+use rcc_core::types::Store;
+use rcc_loader::{Compiled, compile};
+use rcc_motion::{Clocks, PathClock};
+
+/// The configuration of a cell of the repository.
+pub fn cell(path: &str) -> CellConfig {
+    CellConfig::load_offline(&folder(path)).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+/// A path of the repository.
+pub fn folder(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+/// Compiles an example net for the demo.
+#[allow(dead_code)] // Not every test has example nets.
+pub fn example(name: &str, cell: &CellConfig) -> Compiled {
+    let path = folder("configs/nets").join(format!("{name}.yaml"));
+    let text = std::fs::read_to_string(path).unwrap();
+    compile(&text, name, cell).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+/// One running net.
+#[allow(dead_code)] // Not every test looks at everything.
+pub struct Bench {
+    pub net: Compiled,
+    models: Vec<DeviceModel>,
+    pub inputs: Vec<DeviceInput>,
+    /// What was commanded in the cycle before.
+    pub outputs: Vec<DeviceOutput>,
+    reals: Vec<f64>,
+    bools: Vec<u8>,
+    ints: Vec<i64>,
+    pub limits: Vec<PathLimits>,
+    clocks: Clocks,
+    dt_s: f64,
+    pub cycle: u64,
+    pub cancel: bool,
+    pub terminated: bool,
+}
+
+impl Bench {
+    /// A command that is ready; every arm is held at `hold`, and everything that can be measured is known.
+    pub fn new(net: Compiled, cell: &CellConfig, hold: [f64; 7]) -> Bench {
+        let models = cell.models();
+        let mut joints: Joints = [0.0; 8];
+        joints[..7].copy_from_slice(&hold);
+        let inputs = models.iter().map(|model| {
+            let mut measurement = Measurement::zeroed();
+            (measurement.joints, measurement.position, measurement.hold) =
+                (model.joints, joints, joints);
+            measurement.digital_known = u64::MAX;
+            DeviceInput {
+                present: true,
+                measurement,
+            }
+        });
+        let inputs: Vec<DeviceInput> = inputs.collect();
+        let holds: Vec<Option<Joints>> = models
+            .iter()
+            .map(|model| model.arm.map(|_| joints))
+            .collect();
+        let mut reals = net.plan.reals.clone();
+        let none = PathLimits {
+            length: 0.0,
+            velocity: 1.0,
+            acceleration: 1.0,
+            jerk: 1.0,
+        };
+        let mut limits = vec![none; net.plan.clocks as usize];
+        let plan = net.plan.plan();
+        for run in plan.runs {
+            let (entry, kernel) = rcc_core::primitives::kernel(run.kernel).unwrap();
+            let Some(prepare) = entry.prepare else {
+                continue;
+            };
+            let group = entry.spec.operands(kernel.store).count();
+            for operands in plan.operands_of(run).unwrap().chunks_exact(group) {
+                let mut preparation = Preparation {
+                    reals: &mut reals,
+                    models: &models,
+                    holds: &holds,
+                    paths: &mut limits,
+                };
+                prepare(&mut preparation, operands).unwrap();
+            }
+        }
+        let dt_s = cell.period_ns as f64 * 1e-9;
+        let clock = |limits: &PathLimits| PathClock::new(*limits, dt_s).unwrap();
+        Bench {
+            clocks: Clocks(limits.iter().map(clock).collect()),
+            outputs: vec![DeviceOutput::NONE; models.len()],
+            bools: net.plan.bools.clone(),
+            ints: net.plan.ints.clone(),
+            net,
+            models,
+            inputs,
+            reals,
+            limits,
+            dt_s,
+            cycle: 0,
+            cancel: false,
+            terminated: false,
+        }
+    }
+
+    /// One cycle. Arms follow at once.
+    pub fn step(&mut self) {
+        self.outputs.fill(DeviceOutput::NONE);
+        let mut frame = Frame {
+            reals: &mut self.reals,
+            bools: &mut self.bools,
+            ints: &mut self.ints,
+            models: &self.models,
+            devices: &self.inputs,
+            outputs: &mut self.outputs,
+            clocks: &mut self.clocks,
+            dt_s: self.dt_s,
+            cycle: self.cycle,
+            cancel_requested: self.cancel,
+            terminated: false,
+            motion_failed: false,
+        };
+        cycle(&self.net.plan.plan(), &mut frame);
+        assert!(!frame.motion_failed);
+        self.terminated = frame.terminated;
+        self.cycle += 1;
+        for (input, output) in self.inputs.iter_mut().zip(&self.outputs) {
+            if output.has_position {
+                input.measurement.position = output.position;
+            }
+        }
+    }
+
+    fn slot(&self, name: &str) -> (Store, usize, usize) {
+        let (id, port) = name.split_once('.').unwrap();
+        let primitive = self
+            .net
+            .names
+            .primitives
+            .iter()
+            .find(|primitive| primitive.id == id)
+            .unwrap();
+        let mut ports = primitive.outputs.iter().chain(&primitive.inputs);
+        let port = ports.find(|known| known.name == port).unwrap();
+        (port.store, port.slot as usize, port.width as usize)
+    }
+
+    /// The elements of a port; null is NaN.
+    pub fn values(&self, name: &str) -> Vec<f64> {
+        let (store, slot, width) = self.slot(name);
+        (slot..slot + width)
+            .map(|slot| match store {
+                Store::Real => self.reals[slot],
+                Store::Bool if self.bools[slot] > 1 => f64::NAN,
+                Store::Bool => f64::from(self.bools[slot]),
+                Store::Int => self.ints[slot] as f64,
+            })
+            .collect()
+    }
+
+    /// The first element of a port.
+    pub fn value(&self, name: &str) -> f64 {
+        self.values(name)[0]
+    }
+}
