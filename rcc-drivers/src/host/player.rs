@@ -11,13 +11,12 @@ use super::blend::Blend;
 use super::limits::ArmLimits;
 use super::pace::{Motion, Pace};
 use super::reason;
-use super::track::{News, TRACK_LENGTH, Track, commands};
+use super::track::{News, Track, commands};
 
+mod begin;
 mod follow;
 #[cfg(test)]
 mod tests;
-
-use follow::End;
 
 /// Most device periods that one step on the way to rest may take; a device away for longer is not commandable.
 const TICKS_MAX: u64 = 64;
@@ -440,96 +439,5 @@ impl Player {
     fn refuse(&mut self, owner: u64, why: u32) {
         self.refused = owner;
         self.reason = why;
-    }
-
-    /// Looks through the new set-points for a net that begins to command; follows it as soon as its delay is over.
-    fn look_for_a_beginning(&mut self) {
-        // Each round but the last refuses somebody, and there are no more of them than set-points.
-        for _ in 0..TRACK_LENGTH {
-            self.look_through();
-            let Phase::Waiting { first } = self.phase else {
-                return;
-            };
-            if self.track.newest().saturating_sub(first) < self.delay() {
-                return;
-            }
-            self.begin(first);
-        }
-    }
-
-    fn look_through(&mut self) {
-        let may_begin = self.commandable && self.startable && self.live && !self.terminating;
-        while self.cursor < self.track.newest() {
-            if matches!(self.phase, Phase::Waiting { .. } | Phase::Following) {
-                return;
-            }
-            self.cursor = (self.cursor + 1).max(self.track.oldest());
-            let owner = match self.track.commanded(self.cursor) {
-                Some(entry) if entry.owner != self.refused => entry.owner,
-                _ => continue,
-            };
-            match self.phase {
-                Phase::Holding if may_begin => self.phase = Phase::Waiting { first: self.cursor },
-                _ => self.refuse(owner, reason::NOT_STARTABLE),
-            }
-        }
-    }
-
-    /// The first set-point is sent if it is where the arm is held.
-    fn begin(&mut self, first: u64) {
-        let Some(entry) = self.track.commanded(first).copied() else {
-            self.phase = Phase::Holding;
-            return self.refuse_the_newest(reason::SET_POINTS_LOST);
-        };
-        let hold = self.sent.position;
-        // The second time for the history: the blend begins at the hold position.
-        let checked = self
-            .guard
-            .first(&entry.position, &hold)
-            .and_then(|()| self.guard.first(&hold, &hold));
-        if let Err(violation) = checked {
-            self.counts.violations += 1;
-            self.violation = Some(violation);
-            self.phase = Phase::Holding;
-            return self.refuse(entry.owner, reason::FIRST_SET_POINT);
-        }
-        self.blend = Blend::new(&hold, &entry.position, &self.settings.limits);
-        self.pace = Pace::EVEN;
-        self.dwelling = false;
-        (self.entry, self.fraction) = (first, 0.0);
-        self.outputs = entry;
-        self.reason = 0;
-        self.violation = None;
-        self.phase = Phase::Following;
-    }
-
-    fn finish(&mut self, end: End, tick: &Tick) {
-        match end {
-            End::Released { entry } if self.is_slow() => {
-                let last = self.track.commanded(entry - 1).map(|last| last.position);
-                if let Some(last) = last.filter(|_| self.blend.is_over())
-                    && self.guard.check(&last, tick.dt_s()).is_ok()
-                {
-                    // A pointer between two set-points has not quite reached the last one.
-                    self.sent.position = last;
-                }
-                self.hold();
-                self.cursor = entry;
-                self.outputs = self.track.at(entry).copied().unwrap_or(SetPoint::NONE);
-            }
-            End::Released { .. } => self.stop(reason::RELEASED_MOVING),
-            End::Starved => {
-                self.counts.starved += 1;
-                self.stop(reason::STARVED);
-            }
-            End::Lost => self.stop(reason::SET_POINTS_LOST),
-            End::Violated(violation) => {
-                self.counts.violations += 1;
-                self.violation = Some(violation);
-                self.stop(reason::LIMIT);
-            }
-        }
-        // This exchange needs its set-point, too.
-        self.go_to_rest(tick);
     }
 }

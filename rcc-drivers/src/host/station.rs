@@ -152,7 +152,7 @@ impl Station {
         let state = player.state();
         // What has stopped it once is history when it is ready again.
         let history = match state {
-            DeviceState::Ready => 0,
+            DeviceState::Ready | DeviceState::Commanded => 0,
             _ => player.reason(),
         };
         let reasons = [exchange.reason, history, range];

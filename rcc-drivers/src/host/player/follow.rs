@@ -2,9 +2,10 @@
 //! Pure; run by the host's thread while a net is followed.
 
 use rcc_core::guard::Violation;
-use rcc_core::message::{ANALOG_MAX, Joints};
+use rcc_core::message::{ANALOG_MAX, Joints, SetPoint};
 
 use super::super::pace::Motion;
+use super::super::reason;
 use super::super::track::TRACK_LENGTH;
 use super::{Player, Tick};
 
@@ -152,6 +153,37 @@ impl Player {
             }
             _ => false,
         }
+    }
+
+    /// The set-points end: rest where it is, or go to rest.
+    fn finish(&mut self, end: End, tick: &Tick) {
+        match end {
+            End::Released { entry } if self.is_slow() => {
+                let last = self.track.commanded(entry - 1).map(|last| last.position);
+                if let Some(last) = last.filter(|_| self.blend.is_over())
+                    && self.guard.check(&last, tick.dt_s()).is_ok()
+                {
+                    // A pointer between two set-points has not quite reached the last one.
+                    self.sent.position = last;
+                }
+                self.hold();
+                self.cursor = entry;
+                self.outputs = self.track.at(entry).copied().unwrap_or(SetPoint::NONE);
+            }
+            End::Released { .. } => self.stop(reason::RELEASED_MOVING),
+            End::Starved => {
+                self.counts.starved += 1;
+                self.stop(reason::STARVED);
+            }
+            End::Lost => self.stop(reason::SET_POINTS_LOST),
+            End::Violated(violation) => {
+                self.counts.violations += 1;
+                self.violation = Some(violation);
+                self.stop(reason::LIMIT);
+            }
+        }
+        // This exchange needs its set-point, too.
+        self.go_to_rest(tick);
     }
 
     /// How the set-points around the pointer move; what is missing counts as at rest.
