@@ -77,7 +77,7 @@ impl Context {
         }
         let text = match self.format {
             Format::Human => failure.human(Self::colour()),
-            Format::Json => serde_json::to_string(&failure.body).unwrap_or_default() + "\n",
+            Format::Json => serde_json::to_string(&*failure.body).unwrap_or_default() + "\n",
         };
         // Nobody reads it: there is nobody to tell.
         let _ = io::stderr().write_all(text.as_bytes());

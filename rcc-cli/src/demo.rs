@@ -11,7 +11,7 @@ pub mod verify;
 
 use std::cell::Cell;
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rcc_core::kinematics::SrsArm;
 use rcc_core::primitive::ChannelKind;
@@ -22,6 +22,7 @@ use serde_json::json;
 use crate::client::Client;
 use crate::context::{Context, Format, say};
 use crate::failure::Failure;
+use crate::follow;
 use crate::interrupt::Interrupts;
 use crate::supervisor::launch::Prepared;
 use crate::supervisor::{Line, Supervisor, launch, places};
@@ -79,8 +80,10 @@ const CONTROL_PORT: &str = "fri_control";
 const TORCH: &str = "torch";
 /// Of the floor, N/m.
 const STIFFNESS: f64 = 3000.0;
-/// A measurement is made again at most this often, when the machine was late meanwhile.
-const ATTEMPTS: usize = 3;
+/// A measurement is made again, when the machine was late meanwhile, until so much time has passed since the start.
+const AGAIN_LIMIT: Duration = Duration::from_secs(35);
+/// A way to the start is tried so often: a machine that is busy loses the connection now and then.
+const APPROACHES: usize = 5;
 
 /// Runs it.
 ///
@@ -151,7 +154,7 @@ fn play(
     prepared: &Prepared,
 ) -> Result<(Results, StatusView), Failure> {
     let cell = supervisor.cell.clone();
-    let timeout = context.timeout.max(std::time::Duration::from_secs(5));
+    let timeout = context.timeout.max(Duration::from_secs(5));
     let client = Client::new(cell.name(), &cell.socket(), timeout)?;
     let setting = Setting::of(prepared)?;
     let recorder = Recorder::start(&cell)?;
@@ -162,6 +165,7 @@ fn play(
         say(&format!("  {}\n", status.executor.grade));
     }
     let mut stage = Stage {
+        begun: Instant::now(),
         supervisor,
         client: &client,
         recorder: &recorder,
@@ -221,9 +225,8 @@ fn measure(
     let text = std::fs::read_to_string(&path)
         .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))?;
     let facts = facts::read(figure.file, &text)?;
-    let mut attempt = 1;
     loop {
-        stage.run("approach", &approach(figure.start), |_, _| false)?;
+        go_to(stage, figure.start)?;
         let run = perform(stage, figure, &text, &facts, quiet);
         stage.simulator.no_floor().map_err(simulator_failed)?;
         let Run {
@@ -244,16 +247,33 @@ fn measure(
         let checks = judge(&recorded, figure.event);
         let failed: Vec<&Check> = checks.iter().filter(|check| !check.holds).collect();
         let disturbed = late > 0 || command.command.fault.is_some();
-        if failed.is_empty() || !disturbed || attempt == ATTEMPTS {
+        if failed.is_empty() || !disturbed || stage.begun.elapsed() > AGAIN_LIMIT {
             return Ok(checks);
         }
-        attempt += 1;
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
         eprintln!(
             "  measured again, as the executor was late in {late} cycles meanwhile or the connection was lost ({})",
             whats.join("; ")
         );
     }
+}
+
+/// Brings the arm to where a figure begins.
+fn go_to(stage: &mut Stage<'_>, start: [f64; 3]) -> Result<(), Failure> {
+    let mut words = String::new();
+    for _ in 0..APPROACHES {
+        let run = stage.run("approach", &approach(start), |_, _| false)?;
+        let command = &run.command.command;
+        if command.reason.as_deref() == Some("finished") {
+            return Ok(());
+        }
+        words = follow::state_words(command);
+    }
+    Err(Failure::new(
+        codes::PROCESS_FAILED,
+        format!("the way to a figure's start ended {words}, {APPROACHES} times"),
+        "the demo needs a machine that is not busy with something else",
+    ))
 }
 
 fn perform(

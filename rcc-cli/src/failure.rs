@@ -12,9 +12,9 @@ pub struct Failure {
     /// Exit code.
     pub exit: u8,
     /// What, where, what to do. Nothing is printed when it is empty (its code is): the verb said it already.
-    pub body: ErrorBody,
+    pub body: Box<ErrorBody>,
     /// The text that the diagnostics refer to, as name and content.
-    pub source: Option<(String, String)>,
+    pub source: Option<Box<(String, String)>>,
 }
 
 impl Failure {
@@ -23,12 +23,12 @@ impl Failure {
         let help = help.into();
         Failure {
             exit: code.exit,
-            body: ErrorBody {
+            body: Box::new(ErrorBody {
                 code: code.code.to_owned(),
                 message: message.into(),
                 help: (!help.is_empty()).then_some(help),
                 diagnostics: Vec::new(),
-            },
+            }),
             source: None,
         }
     }
@@ -38,7 +38,7 @@ impl Failure {
     pub fn answered(body: ErrorBody) -> Failure {
         Failure {
             exit: codes::exit_code(&body.code),
-            body,
+            body: Box::new(body),
             source: None,
         }
     }
@@ -48,7 +48,7 @@ impl Failure {
     pub fn said(exit: u8) -> Failure {
         Failure {
             exit,
-            body: ErrorBody::default(),
+            body: Box::default(),
             source: None,
         }
     }
@@ -84,13 +84,13 @@ impl Failure {
             } else {
                 codes::exit_code(&code)
             },
-            body: ErrorBody {
+            body: Box::new(ErrorBody {
                 code,
                 message: what.to_owned(),
                 help: None,
                 diagnostics,
-            },
-            source: Some(source),
+            }),
+            source: Some(Box::new(source)),
         }
     }
 
@@ -132,7 +132,7 @@ impl Failure {
     }
 
     fn diagnostics(&self, colour: bool) -> String {
-        draw(&self.body.diagnostics, self.source.as_ref(), colour)
+        draw(&self.body.diagnostics, self.source.as_deref(), colour)
     }
 }
 

@@ -281,11 +281,11 @@ impl Supervisor {
         if pid == self.grade_told {
             return;
         }
-        if let Ok(status) = self.client.get::<StatusView>("/status") {
-            if status.executor.pid == pid {
-                self.grade_told = pid;
-                self.say("executor", &status.executor.grade);
-            }
+        if let Ok(status) = self.client.get::<StatusView>("/status")
+            && status.executor.pid == pid
+        {
+            self.grade_told = pid;
+            self.say("executor", &status.executor.grade);
         }
     }
 

@@ -156,11 +156,10 @@ fn of_event(recorded: &Recorded<'_>, event: Event, track: &Track<'_>, line: &Lin
             on: exchange.booleans & recorded.torch_bit != 0,
         })
         .collect();
-    let never = u64::MAX / 2;
     match event {
         Event::None => Vec::new(),
         Event::Contact => {
-            let asked = recorded.first_true("stop.out").unwrap_or(never);
+            let asked = recorded.first_true("stop.out");
             let mut checks = vec![pushed(recorded)];
             checks.extend(verify::soft_stop("contact", track, asked));
             checks
@@ -191,15 +190,15 @@ fn of_event(recorded: &Recorded<'_>, event: Event, track: &Track<'_>, line: &Lin
                 .collect()
         }
         Event::Cancel => {
-            let asked = recorded.first_true("cancel.requested").unwrap_or(never);
+            let asked = recorded.first_true("cancel.requested");
             let off = recorded.switched("burn.out", false);
-            let along = track.at(asked).unwrap_or(f64::NAN);
+            let along = asked.and_then(|cycle| track.at(cycle)).unwrap_or(f64::NAN);
             let mut checks = verify::soft_stop("cancel", track, asked);
             checks.push(Check::new(
                 "torch off in the cycle of the cancel",
-                off == Some(asked),
-                format!("cycle {asked}"),
-                off.map_or_else(|| "never".to_owned(), |cycle| format!("cycle {cycle}")),
+                off.is_some() && off == asked,
+                in_cycle(asked),
+                in_cycle(off),
             ));
             checks.push(verify::switches_with(
                 "torch off in the datagram of that set-point",
@@ -210,6 +209,10 @@ fn of_event(recorded: &Recorded<'_>, event: Event, track: &Track<'_>, line: &Lin
             checks
         }
     }
+}
+
+fn in_cycle(cycle: Option<u64>) -> String {
+    cycle.map_or_else(|| "never".to_owned(), |cycle| format!("cycle {cycle}"))
 }
 
 /// The floor was really there.

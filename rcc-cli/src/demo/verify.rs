@@ -175,10 +175,19 @@ pub fn within_limits(what: &str, track: &Track<'_>) -> Check {
     )
 }
 
-/// A soft stop that was asked for in cycle `asked` while the motion had a constant speed: it begins at once (in the
+/// A soft stop that was asked for in cycle `asked` (`None`: it never was) while the motion had a constant speed: it begins at once (in the
 /// cycle itself or the next), and is over in the time that the limits predict, ± 1 cycle.
 #[must_use]
-pub fn soft_stop(cause: &str, track: &Track<'_>, asked: u64) -> Vec<Check> {
+pub fn soft_stop(cause: &str, track: &Track<'_>, asked: Option<u64>) -> Vec<Check> {
+    let Some(asked) = asked else {
+        let what = format!("soft stop begins after {cause}");
+        return vec![Check::new(
+            what,
+            false,
+            "within 1 cycle",
+            format!("no {cause}"),
+        )];
+    };
     let begun = stop_begins(track, asked);
     let begins = Check::new(
         format!("soft stop begins after {cause}"),

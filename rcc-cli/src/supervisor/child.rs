@@ -16,7 +16,8 @@ use rcc_ipc::{Announcement, Cell, Role};
 use super::launch::{Ready, Spec};
 use super::policy::Restarts;
 
-/// Exit code of a configuration error: starting again does not help (sysexits.h EX_CONFIG).
+/// Exit codes with which starting again does not help: wrong arguments, a configuration error (sysexits.h EX_CONFIG).
+const EXIT_USAGE: i32 = 2;
 const EXIT_CONFIG: i32 = 78;
 /// A log longer than this is emptied.
 const LOG_MAX: u64 = 8 << 20;
@@ -158,13 +159,14 @@ impl Child {
 /// True if starting again cannot help.
 #[must_use]
 pub fn is_final(status: ExitStatus) -> bool {
-    status.code() == Some(EXIT_CONFIG)
+    matches!(status.code(), Some(EXIT_USAGE | EXIT_CONFIG))
 }
 
 /// How a process ended, in words.
 #[must_use]
 pub fn words(status: ExitStatus) -> String {
     match (status.code(), status.signal()) {
+        (Some(EXIT_USAGE), _) => "wrong arguments (exit 2)".to_owned(),
         (Some(EXIT_CONFIG), _) => "configuration error (exit 78)".to_owned(),
         (Some(code), _) => format!("exit {code}"),
         (None, Some(number)) => match Signal::try_from(number) {

@@ -13,6 +13,9 @@ use rcc_loader::server::executor::EXECUTOR_LABEL;
 use super::places;
 use crate::failure::Failure;
 
+/// A driver's SCHED_FIFO priority, where it is granted, is this much below the executor's.
+const BELOW_EXECUTOR: u8 = 10;
+
 /// What a process is in its cell. At the end they stop in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
@@ -141,7 +144,8 @@ pub fn specs(cell: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
         let mut arguments = common.clone();
         arguments.extend(["--device".into(), device.name.as_str().into()]);
         // Below the executor's, above everything ordinary: a driver that is late costs the robot's connection.
-        let priority = prepared.config.executor.priority.saturating_sub(10).max(1);
+        let executor = prepared.config.executor.priority;
+        let priority = executor.saturating_sub(BELOW_EXECUTOR).max(1);
         arguments.extend(["--priority".into(), priority.to_string().into()]);
         all.push(Spec {
             stage: Stage::Driver,

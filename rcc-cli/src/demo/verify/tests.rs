@@ -94,7 +94,7 @@ fn a_stop_at_once_and_in_time_holds() {
     let distances = motion(Some(1500));
     // Asked for in the same cycle, and in the one before (a measurement that is a cycle old).
     for asked in [2500, 2499] {
-        let checks = soft_stop("contact", &track(&distances), asked);
+        let checks = soft_stop("contact", &track(&distances), Some(asked));
         assert_eq!(holds(&checks), [true; 3], "{checks:?}");
     }
 }
@@ -103,9 +103,18 @@ fn a_stop_at_once_and_in_time_holds() {
 fn a_stop_that_begins_late_or_early_does_not_hold() {
     let distances = motion(Some(1500));
     for asked in [2498, 2501] {
-        let checks = soft_stop("contact", &track(&distances), asked);
+        let checks = soft_stop("contact", &track(&distances), Some(asked));
         assert!(!checks[0].holds, "{checks:?}");
     }
+}
+
+#[test]
+fn a_stop_that_nobody_asked_for_does_not_hold() {
+    let distances = motion(Some(1500));
+    assert_eq!(
+        holds(&soft_stop("contact", &track(&distances), None)),
+        [false]
+    );
 }
 
 #[test]
@@ -113,13 +122,13 @@ fn a_stop_that_takes_too_long_does_not_hold() {
     let mut distances = motion(Some(1500));
     let last = distances.len() - 1;
     distances.extend([distances[last] + 1e-9; 3]);
-    assert!(!soft_stop("contact", &track(&distances), 2500)[1].holds);
+    assert!(!soft_stop("contact", &track(&distances), Some(2500))[1].holds);
 }
 
 #[test]
 fn a_motion_that_goes_on_to_its_end_is_no_stop() {
     let distances = motion(None);
-    let checks = soft_stop("contact", &track(&distances), 2500);
+    let checks = soft_stop("contact", &track(&distances), Some(2500));
     assert!(!checks[0].holds && !checks[2].holds, "{checks:?}");
 }
 
