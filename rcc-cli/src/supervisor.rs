@@ -31,9 +31,10 @@ const DEVICES_EVERY: Duration = Duration::from_millis(250);
 const ANSWER_LIMIT: Duration = Duration::from_millis(500);
 /// How long a cell may take to be up.
 const START_LIMIT: Duration = Duration::from_secs(30);
-/// Shared memory that a cell takes: executor and loader, and each device.
-const ROOM_CELL: u64 = 24 << 20;
-const ROOM_DEVICE: u64 = 2 << 20;
+/// Shared memory that a cell takes: executor, loader and a few monitors, and each device. Measured: 8.4 MB in all with
+/// two devices and a monitor.
+const ROOM_CELL: u64 = 14 << 20;
+const ROOM_DEVICE: u64 = 1 << 20;
 
 /// Something that changed.
 #[derive(Clone, Debug, PartialEq, Eq)]

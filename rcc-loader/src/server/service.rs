@@ -42,6 +42,15 @@ pub enum Operation {
 }
 
 impl Operation {
+    /// True for the states in which the operation can do something.
+    fn suits(self, state: CommandState) -> bool {
+        match self {
+            Operation::Start => state == CommandState::Ready,
+            Operation::Cancel | Operation::Abort => state.is_active(),
+            Operation::Unload => !state.is_active(),
+        }
+    }
+
     fn call(self, id: u64) -> Call {
         match self {
             Operation::Start => Call::Start { id },
@@ -219,7 +228,7 @@ impl Service {
     /// There is no executor or no such command.
     pub fn detail(&self, name: &str) -> Result<CommandDetail, ApiError> {
         let (attached, store) = self.attach()?;
-        let id = self.resolve(&attached, &store, name)?;
+        let id = self.resolve(&attached, &store, name, |_| true)?;
         let row = attached.tables().command(id).copied();
         let row = row.or_else(|| self.loading_row(id));
         let (command, file) = self.view(&store, &row.ok_or_else(|| words::unknown(name))?);
@@ -236,7 +245,7 @@ impl Service {
     /// There is no executor or no such command, or the executor refuses.
     pub fn operate(&self, name: &str, operation: Operation) -> Result<Done, ApiError> {
         let (attached, store) = self.attach()?;
-        let id = self.resolve(&attached, &store, name)?;
+        let id = self.resolve(&attached, &store, name, |state| operation.suits(state))?;
         let net = store.read(id).map(|file| file.net).unwrap_or_default();
         match self.executor.call(&operation.call(id))? {
             Answer::Done { cycle } => {
@@ -252,19 +261,33 @@ impl Service {
         }
     }
 
-    /// `7`, `line` and `line#7` name a command.
-    fn resolve(&self, attached: &Attached, store: &Store, name: &str) -> Result<u64, ApiError> {
+    /// `7`, `line` and `line#7` name a command. Of several of one name it is the newest in a state that suits, else the
+    /// newest.
+    fn resolve(
+        &self,
+        attached: &Attached,
+        store: &Store,
+        name: &str,
+        suits: impl Fn(CommandState) -> bool,
+    ) -> Result<u64, ApiError> {
         let number = name.rsplit_once('#').map_or(name, |(_, number)| number);
         if let Ok(id) = number.parse() {
             return Ok(id);
         }
         // Collected first: `file` locks what is loading, too.
-        let mut ids: Vec<u64> = self.loading().keys().copied().collect();
-        ids.extend(attached.tables().commands.iter().map(|row| row.id));
-        let named = |id: &u64| self.file(store, *id).is_some_and(|file| file.net == name);
-        ids.into_iter()
-            .filter(named)
-            .max()
+        let loading: Vec<u64> = self.loading().keys().copied().collect();
+        let loading = loading.into_iter().map(|id| (id, CommandState::Loading));
+        let rows = attached.tables().commands;
+        let rows = rows
+            .iter()
+            .map(|row| (row.id, CommandState::from_number(row.state)));
+        let named: Vec<(u64, CommandState)> = rows
+            .chain(loading)
+            .filter(|(id, _)| self.file(store, *id).is_some_and(|file| file.net == name))
+            .collect();
+        let newest = |of: &mut dyn Iterator<Item = &(u64, CommandState)>| of.map(|row| row.0).max();
+        newest(&mut named.iter().filter(|(_, state)| suits(*state)))
+            .or_else(|| newest(&mut named.iter()))
             .ok_or_else(|| words::unknown(name))
     }
 
