@@ -17,6 +17,7 @@ use crate::resolve::{Feed, Item, Output, Wire};
 use crate::syntax::literal::{Literal, Shape, Stored};
 use arena::Arena;
 use rcc_config::diagnostic::Span;
+use schedule::Batch;
 
 /// A value in an arena.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,8 +37,6 @@ pub struct Lowered {
     pub plan: PlanData,
     /// By item: where its inputs and outputs are.
     pub slots: Vec<ItemSlots>,
-    /// By monitor of the plan: its item.
-    pub monitors: Vec<usize>,
 }
 
 /// Where the ports of an item are.
@@ -62,32 +61,9 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         delays: Vec::new(),
         clocks: 0,
     };
-    // Outputs first and in the order of evaluation: what is computed together lies together.
-    for (number, _) in schedule.iter().flat_map(|run| &run.items) {
-        lowering.place_outputs(*number);
-    }
-    for (number, item) in net.graph.items.iter().enumerate() {
-        if item.entry.kernels.is_empty() {
-            lowering.place_outputs(number);
-        }
-    }
-    for number in 0..net.graph.items.len() {
-        lowering.place_inputs(number);
-    }
-    let mut runs = Vec::new();
-    let mut operands = Vec::new();
-    for run in &schedule {
-        let first = operands.len() as u32;
-        for (number, _) in &run.items {
-            lowering.operands(*number, &mut operands);
-        }
-        runs.push(Run {
-            kernel: run.kernel,
-            first,
-            operands: operands.len() as u32 - first,
-        });
-    }
-    let (monitors, monitored) = lowering.monitors();
+    lowering.place(&schedule);
+    let (runs, operands) = lowering.runs(&schedule);
+    let monitors = lowering.monitors();
     let Lowering {
         arena,
         slots,
@@ -95,21 +71,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         clocks,
         ..
     } = lowering;
-    let largest = arena
-        .reals
-        .len()
-        .max(arena.bools.len())
-        .max(arena.ints.len());
-    if largest > SLOTS_MAX || operands.len() > OPERANDS_MAX {
-        let message = format!(
-            "the net needs {largest} slots and {} operands, {SLOTS_MAX} and {OPERANDS_MAX} are possible",
-            operands.len()
-        );
-        let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
-        return Err(Box::new(
-            fault.anywhere().help("divide it into several nets"),
-        ));
-    }
+    check_size(&arena, operands.len())?;
     let plan = PlanData {
         catalogue: primitives::fingerprint(),
         configuration: net.graph.cell.fingerprint,
@@ -123,11 +85,22 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         clocks,
         survives_device_loss: net.graph.net.survives_device_loss,
     };
-    Ok(Lowered {
-        plan,
-        slots,
-        monitors: monitored,
-    })
+    Ok(Lowered { plan, slots })
+}
+
+fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {
+    let (reals, bools) = (arena.reals.len(), arena.bools.len());
+    let slots = reals.max(bools).max(arena.ints.len());
+    if slots <= SLOTS_MAX && operands <= OPERANDS_MAX {
+        return Ok(());
+    }
+    let message = format!(
+        "the net needs {slots} slots and {operands} operands, {SLOTS_MAX} and {OPERANDS_MAX} are possible"
+    );
+    let fault = Diagnostic::error(fault::NET_TOO_LARGE, Span::default(), message);
+    Err(Box::new(
+        fault.anywhere().help("divide it into several nets"),
+    ))
 }
 
 struct Lowering<'a> {
@@ -148,6 +121,37 @@ impl<'a> Lowering<'a> {
         let ty = self.net.inferred.port_type(self.net.graph, number, port.ty);
         // The check refuses nets in which a type is not known.
         ty.unwrap_or(Type::Real)
+    }
+
+    fn place(&mut self, schedule: &[Batch]) {
+        // Outputs first and in the order of evaluation: what is computed together lies together.
+        for number in schedule.iter().flat_map(|batch| &batch.items) {
+            self.place_outputs(*number);
+        }
+        for (number, item) in self.net.graph.items.iter().enumerate() {
+            if item.entry.kernels.is_empty() {
+                self.place_outputs(number);
+            }
+        }
+        for number in 0..self.net.graph.items.len() {
+            self.place_inputs(number);
+        }
+    }
+
+    fn runs(&mut self, schedule: &[Batch]) -> (Vec<Run>, Vec<u32>) {
+        let (mut runs, mut operands) = (Vec::new(), Vec::new());
+        for batch in schedule {
+            let first = operands.len() as u32;
+            for number in &batch.items {
+                self.operands(*number, &mut operands);
+            }
+            runs.push(Run {
+                kernel: batch.kernel,
+                first,
+                operands: operands.len() as u32 - first,
+            });
+        }
+        (runs, operands)
     }
 
     fn place_outputs(&mut self, number: usize) {
@@ -276,20 +280,19 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn monitors(&self) -> (Vec<MonitorPoint>, Vec<usize>) {
+    fn monitors(&self) -> Vec<MonitorPoint> {
         let items = self.net.graph.items.iter().enumerate();
         let points = items.filter(|(_, item)| item.spec().role == Role::Monitor);
-        let points = points.filter_map(|(number, item)| {
+        let point = |(number, item): (usize, &Item<'_>)| {
             let slot = self.slots[number].inputs.first()?;
-            let point = MonitorPoint {
+            Some(MonitorPoint {
                 store: slot.store,
                 slot: slot.slot,
                 width: slot.width,
                 // The check refuses rates that are none.
                 every: every(item, self.net.graph.cell).unwrap_or(1),
-            };
-            Some((point, number))
-        });
-        points.unzip()
+            })
+        };
+        points.filter_map(point).collect()
     }
 }

@@ -1,17 +1,19 @@
 //! Faults of a text: where they are, what is wrong, what to do; drawn for people or as rows for programs.
 //! Used by loader, command line and every reader of a configuration, never by the real-time thread.
 
-use std::fmt::{self, Write as _};
+mod drawing;
 
-use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
+
+use drawing::Lines;
+pub use drawing::render;
 
 /// Most faults that are drawn; the rest is counted.
 pub const DRAWN_MAX: usize = 100;
 /// Most faults that are kept; a text with more is broken in one way a thousand times.
 pub const KEPT_MAX: usize = 1000;
-/// Most characters of a line that are drawn; longer ones (JSON by machine) are cut around the place.
-const LINE_MAX: usize = 160;
 
 /// A place in a text, in bytes; `end` is behind the last one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -252,57 +254,6 @@ impl fmt::Display for Faults {
 
 impl std::error::Error for Faults {}
 
-/// Draws rows, also such as another process found; a row whose source is not here is drawn without its line.
-#[must_use]
-pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
-    let theme = if colour {
-        GraphicalTheme::unicode()
-    } else {
-        GraphicalTheme::unicode_nocolor()
-    };
-    let handler = GraphicalReportHandler::new_themed(theme)
-        .with_width(100)
-        .with_links(false);
-    let lines: Vec<Lines<'_>> = sources
-        .iter()
-        .map(|source| Lines::of(&source.text))
-        .collect();
-    let mut out = String::new();
-    for row in rows.iter().take(DRAWN_MAX) {
-        let source = sources.iter().position(|source| source.name == row.file);
-        let line = source
-            .and_then(|index| lines.get(index))
-            .and_then(|lines| lines.excerpt(row));
-        let report = Drawing { row, line };
-        // Drawing into a String fails only if the drawing itself does; then the words alone must do.
-        if handler.render_report(&mut out, &report).is_err() {
-            out.push_str(&row.message);
-        }
-        while out.ends_with("\n\n") {
-            out.pop();
-        }
-        out.push('\n');
-    }
-    let count = |severity| rows.iter().filter(|row| row.severity == severity).count();
-    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
-    if let Some(more) = rows.len().checked_sub(DRAWN_MAX).filter(|more| *more > 0) {
-        // Writing into a String cannot fail.
-        let _ = writeln!(out, "and {more} more");
-    }
-    // Writing into a String cannot fail.
-    let _ = writeln!(
-        out,
-        "{}, {}",
-        plural(errors, "error"),
-        plural(warnings, "warning")
-    );
-    out
-}
-
-fn plural(count: usize, word: &str) -> String {
-    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
-}
-
 /// The known name that an unknown one was most likely meant to be.
 pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = name.to_lowercase();
@@ -322,171 +273,6 @@ pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     });
     best.filter(|(rating, _)| *rating >= 0.75)
         .map(|(_, candidate)| candidate)
-}
-
-/// Where lines begin.
-struct Lines<'a> {
-    text: &'a str,
-    starts: Vec<usize>,
-}
-
-#[derive(Clone, Copy, Default)]
-struct Place {
-    line: usize,
-    column: usize,
-    length: usize,
-}
-
-impl<'a> Lines<'a> {
-    fn of(text: &'a str) -> Lines<'a> {
-        let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
-        let starts = std::iter::once(0)
-            .chain(breaks.map(|(index, _)| index + 1))
-            .collect();
-        Lines { text, starts }
-    }
-
-    /// The text of a line (counted from 0) without its end, and where it begins.
-    fn line(&self, number: usize) -> Option<(usize, &'a str)> {
-        let start = *self.starts.get(number)?;
-        let end = self
-            .starts
-            .get(number + 1)
-            .copied()
-            .unwrap_or(self.text.len());
-        let text = self.text.get(start..end)?;
-        Some((start, text.trim_end_matches(['\n', '\r'])))
-    }
-
-    fn place(&self, span: Span) -> Place {
-        let at = floor(self.text, span.start);
-        let number = self.starts.partition_point(|start| *start <= at) - 1;
-        let (start, line) = self.line(number).unwrap_or((0, ""));
-        let before = floor(line, at - start);
-        let end = floor(line, span.end.max(at) - start);
-        Place {
-            line: number + 1,
-            column: line[..before].chars().count() + 1,
-            length: end.saturating_sub(before),
-        }
-    }
-
-    /// The line of a row, cut around its place if it is long.
-    fn excerpt(&self, row: &Row) -> Option<Excerpt<'a>> {
-        let (_, line) = self.line(row.line.checked_sub(1)?)?;
-        let mut indices = line.char_indices().map(|(index, _)| index);
-        let at = indices
-            .nth(row.column.checked_sub(1)?)
-            .unwrap_or(line.len());
-        let fits = line.len() <= LINE_MAX;
-        let from = if fits {
-            0
-        } else {
-            floor(line, at.saturating_sub(LINE_MAX / 3))
-        };
-        let to = if fits {
-            line.len()
-        } else {
-            floor(line, at + LINE_MAX * 2 / 3)
-        };
-        let end = floor(line, at + row.length).min(to).max(at);
-        Some(Excerpt {
-            name: row.file.clone(),
-            text: &line[from..to],
-            label: (at - from, end - at),
-            line: row.line - 1,
-            column: row.column - 1,
-        })
-    }
-}
-
-/// The nearest place at or before `at` where a character begins.
-fn floor(text: &str, at: usize) -> usize {
-    let at = at.min(text.len());
-    (0..=at)
-        .rev()
-        .find(|at| text.is_char_boundary(*at))
-        .unwrap_or(0)
-}
-
-/// One line of a source, as the drawing wants it.
-#[derive(Debug)]
-struct Excerpt<'a> {
-    name: String,
-    text: &'a str,
-    label: (usize, usize),
-    line: usize,
-    column: usize,
-}
-
-impl miette::SourceCode for Excerpt<'_> {
-    fn read_span<'a>(
-        &'a self,
-        _span: &SourceSpan,
-        _before: usize,
-        _after: usize,
-    ) -> Result<Box<dyn miette::SpanContents<'a> + 'a>, miette::MietteError> {
-        Ok(Box::new(MietteSpanContents::new_named(
-            self.name.clone(),
-            self.text.as_bytes(),
-            (0, self.text.len()).into(),
-            self.line,
-            self.column,
-            1,
-        )))
-    }
-}
-
-#[derive(Debug)]
-struct Drawing<'a> {
-    row: &'a Row,
-    line: Option<Excerpt<'a>>,
-}
-
-impl fmt::Display for Drawing<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.row.message)?;
-        match (&self.line, self.row.line) {
-            (Some(_), _) => Ok(()),
-            (None, 0) => write!(f, " [{}]", self.row.file),
-            (None, line) => write!(f, " [{}:{line}:{}]", self.row.file, self.row.column),
-        }
-    }
-}
-
-impl std::error::Error for Drawing<'_> {}
-
-impl miette::Diagnostic for Drawing<'_> {
-    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(&self.row.code))
-    }
-
-    fn severity(&self) -> Option<miette::Severity> {
-        Some(match self.row.severity {
-            Severity::Error => miette::Severity::Error,
-            Severity::Warning => miette::Severity::Warning,
-        })
-    }
-
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        let help = self.row.help.as_ref()?;
-        Some(Box::new(help))
-    }
-
-    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
-        self.line
-            .as_ref()
-            .map(|line| line as &dyn miette::SourceCode)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let line = self.line.as_ref()?;
-        let text = (!self.row.label.is_empty()).then(|| self.row.label.clone());
-        let (at, length) = line.label;
-        Some(Box::new(std::iter::once(LabeledSpan::new(
-            text, at, length,
-        ))))
-    }
 }
 
 #[cfg(test)]

@@ -120,6 +120,15 @@ pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         if item.spec().role != Role::Monitor {
             continue;
         }
+        for (_, wire) in item.wires().filter(|(_, wire)| wire.delayed) {
+            let message =
+                "a monitor shows the values of its own cycle, never those of the one before";
+            let fault = Diagnostic::error(fault::WRONG_SHAPE, wire.span, message);
+            faults.push(fault.help(format!(
+                "write `value: {}`",
+                net.graph.output_name(wire.from)
+            )));
+        }
         let ports = item.spec().inputs.iter().zip(&item.inputs);
         for (port, feed) in ports {
             let ty = net.inferred.port_type(net.graph, number, port.ty);

@@ -16,8 +16,8 @@ use crate::resolve::Item;
 pub struct Batch {
     /// Number of the kernel.
     pub kernel: u16,
-    /// Numbers of the items, and the index of the kernel in their row.
-    pub items: Vec<(usize, usize)>,
+    /// Numbers of the items.
+    pub items: Vec<usize>,
 }
 
 /// The index of the kernel that an item needs; `None` if it has none.
@@ -42,12 +42,12 @@ struct Ready {
 /// good, then that with most ready ones, then that of the smallest number; items in the order of the file.
 pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     let items = &net.graph.items;
-    let kernels: Vec<Option<(u16, usize)>> = items
+    let kernels: Vec<Option<u16>> = items
         .iter()
         .enumerate()
         .map(|(number, item)| {
             let kernel = kernel_of(net, number, item)?;
-            Some((primitives::kernel_number(item.row, kernel), kernel))
+            Some(primitives::kernel_number(item.row, kernel))
         })
         .collect();
     let mut waits = vec![0usize; items.len()];
@@ -63,7 +63,7 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     }
     let mut ready: BTreeMap<u16, Ready> = BTreeMap::new();
     for (number, kernel) in kernels.iter().enumerate() {
-        let Some((kernel, _)) = kernel else { continue };
+        let Some(kernel) = kernel else { continue };
         let row = ready.entry(*kernel).or_insert_with(|| Ready {
             items: BinaryHeap::new(),
             left: 0,
@@ -80,13 +80,11 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
             items: Vec::new(),
         };
         while let Some(number) = take(&mut ready, kernel) {
-            batch
-                .items
-                .push((number, kernels[number].map_or(0, |(_, index)| index)));
+            batch.items.push(number);
             for reader in &readers[number] {
                 waits[*reader] -= 1;
                 if waits[*reader] == 0
-                    && let Some((kernel, _)) = kernels[*reader]
+                    && let Some(kernel) = kernels[*reader]
                     && let Some(row) = ready.get_mut(&kernel)
                 {
                     row.items.push(Reverse(*reader));

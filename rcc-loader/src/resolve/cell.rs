@@ -1,0 +1,119 @@
+//! Devices and channels of a net, looked up in the cell.
+//! The loader's threads.
+
+use rcc_config::device::{CHANNEL_KINDS, kind_name};
+use rcc_config::diagnostic::Span;
+use rcc_core::primitive::{ChannelKind, Parameter, ParameterKind, Spec};
+use rcc_core::unit::Unit;
+
+use super::Resolver;
+use crate::devices::Device;
+use crate::fault;
+use crate::syntax::literal::{Literal, Shape};
+
+impl<'a> Resolver<'a, '_> {
+    /// Index of the device and index and unit of the channel that the parameters of a primitive name.
+    pub(super) fn device_and_channel(
+        &mut self,
+        spec: &Spec,
+        parameters: &[Option<&'a Literal>],
+    ) -> (Option<usize>, Option<(u32, Unit)>) {
+        let cell = self.cell;
+        let mut device = None;
+        let mut channel = None;
+        for (parameter, literal) in spec.parameters.iter().zip(parameters) {
+            let Some(literal) = *literal else { continue };
+            match parameter.kind {
+                ParameterKind::Device | ParameterKind::Arm => {
+                    let found = self
+                        .name(parameter, literal)
+                        .and_then(|name| self.device(name, literal.span));
+                    device = found.filter(|(_, row)| {
+                        parameter.kind == ParameterKind::Device
+                            || self.is_arm(spec, row, literal.span)
+                    });
+                }
+                ParameterKind::Channel(kind) => {
+                    let name = self.name(parameter, literal);
+                    if let (Some(name), Some((_, row))) = (name, device) {
+                        channel = self.channel(kind, name, row, literal.span);
+                    }
+                }
+                _ => {}
+            }
+        }
+        let device = device.map(|(index, _)| index);
+        debug_assert!(device.is_none_or(|index| index < cell.devices.len()));
+        (device, channel)
+    }
+
+    /// The text of a parameter that is a name.
+    fn name(&mut self, parameter: &Parameter, literal: &'a Literal) -> Option<&'a str> {
+        if let Shape::Text(name) = &literal.shape {
+            return Some(name);
+        }
+        let message = format!("`{}` must be a name, not {literal}", parameter.name);
+        let help = parameter.doc.to_string();
+        self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
+        None
+    }
+
+    fn device(&mut self, name: &str, span: Span) -> Option<(usize, &'a Device)> {
+        let found = self.cell.find(name);
+        if found.is_none() {
+            let names = self.cell.devices.iter().map(|device| device.name.as_str());
+            let help = self.suggestions.word(name, "devices", names, None);
+            let message = format!("the cell has no device `{name}`");
+            self.error(fault::UNKNOWN_DEVICE, span, message, Some(help));
+        }
+        found
+    }
+
+    fn is_arm(&mut self, spec: &Spec, device: &Device, span: Span) -> bool {
+        let is_arm = device.model.arm.is_some();
+        if !is_arm {
+            let arms = self
+                .cell
+                .devices
+                .iter()
+                .filter(|device| device.model.arm.is_some());
+            let names: Vec<&str> = arms.map(|device| device.name.as_str()).collect();
+            let help = match names.as_slice() {
+                [] => "the cell has no arm".to_string(),
+                names => format!("arms of the cell: {}", names.join(", ")),
+            };
+            let message = format!("{} needs an arm, and `{}` has none", spec.name, device.name);
+            self.error(fault::NO_ARM, span, message, Some(help));
+        }
+        is_arm
+    }
+
+    fn channel(
+        &mut self,
+        kind: ChannelKind,
+        name: &str,
+        device: &Device,
+        span: Span,
+    ) -> Option<(u32, Unit)> {
+        let channels = device.channels_of(kind);
+        if let Some((channel, index)) = channels
+            .iter()
+            .zip(0u32..)
+            .find(|(row, _)| row.name == name)
+        {
+            return Some((index, channel.unit));
+        }
+        let other = CHANNEL_KINDS.into_iter().find(|kind| {
+            let channels = device.channels_of(*kind);
+            channels.iter().any(|channel| channel.name == name)
+        });
+        let names = channels.iter().map(|channel| channel.name.as_str());
+        let what = format!("{}s of `{}`", kind_name(kind), device.name);
+        let other =
+            other.map(|kind| format!("a {}", kind_name(kind)).replace("a analog", "an analog"));
+        let help = self.suggestions.word(name, &what, names, other.as_deref());
+        let message = format!("`{}` has no {} `{name}`", device.name, kind_name(kind));
+        self.error(fault::UNKNOWN_CHANNEL, span, message, Some(help));
+        None
+    }
+}
