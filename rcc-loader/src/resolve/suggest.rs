@@ -7,15 +7,15 @@ use rcc_core::primitives::CATALOGUE;
 
 use crate::syntax::reference::Reference;
 
-/// Searches that a text may cost; each looks at every candidate, and a text may be wrong in a hundred thousand places.
-const SEARCHES_MAX: u32 = 200;
+/// Names that may be compared for one text; it may be wrong in a hundred thousand places and have as many names.
+const COMPARISONS_MAX: usize = 200_000;
 /// Most names that are listed.
 const LISTED_MAX: usize = 16;
 
 /// Finds near names, not more often than is bearable.
 #[derive(Debug, Default)]
 pub struct Suggestions {
-    searches: u32,
+    compared: usize,
 }
 
 impl Suggestions {
@@ -25,8 +25,9 @@ impl Suggestions {
         name: &str,
         known: impl Iterator<Item = &'n str>,
     ) -> Option<&'n str> {
-        self.searches += 1;
-        if self.searches > SEARCHES_MAX {
+        let known: Vec<&str> = known.collect();
+        self.compared += known.len();
+        if self.compared > COMPARISONS_MAX {
             return None;
         }
         closest(name, known)
