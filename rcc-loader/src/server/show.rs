@@ -132,6 +132,10 @@ fn executor(attached: &Attached) -> ExecutorView {
 
 /// What was really obtained, in words. A core of its own is a plus, not a condition.
 fn grade(grants: u32, note: &str) -> String {
+    // The executor's own words are better: they name the limits that stood in the way.
+    if note.starts_with("RT:") {
+        return note.to_owned();
+    }
     let has = |bit: u32| grants & bit != 0;
     let got: Vec<&str> = GRANTS
         .iter()
@@ -188,6 +192,7 @@ mod tests {
     fn the_grade_tells_what_is_missing() {
         assert_eq!(grade(3, ""), "RT: granted (SCHED_FIFO, memory locked)");
         assert_eq!(grade(2, ""), "RT: degraded, because SCHED_FIFO was refused");
+        assert_eq!(grade(3, "RT: as I say"), "RT: as I say");
         assert_eq!(grade(0, "no rights"), "RT: degraded, because no rights");
     }
 

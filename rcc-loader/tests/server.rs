@@ -1,0 +1,374 @@
+//! The loader's service against an executor that only keeps a table: life cycle, names, restarts, and what is said when
+//! there is no executor. Each test has a cell of its own.
+
+#[path = "server/executor.rs"]
+mod executor;
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use executor::{FakeExecutor, TestCell};
+use rcc_config::{CellConfig, auto_ports};
+use rcc_core::frame::PrepareFault;
+use rcc_core::message::CommandState;
+use rcc_core::plan::Resource;
+use rcc_ipc::control::{Call, Refusal};
+use rcc_ipc::{Cell, Role, Session};
+use rcc_loader::server::executor::Executor;
+use rcc_loader::server::service::{Operation, Service};
+use rcc_loader::server::store::{CommandFile, Store};
+use rcc_loader::server::words::Namer;
+use rcc_loader::server::{codes, routes, socket};
+
+fn config() -> CellConfig {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
+    let ports: BTreeMap<String, u16> = auto_ports(&path)
+        .expect("ports")
+        .into_iter()
+        .map(|(name, _)| (name, 1))
+        .collect();
+    CellConfig::load(&path, &ports).expect("the demo's configuration")
+}
+
+fn service(cell: &Cell) -> Service {
+    let session = Session::join(cell, Role::Loader, "loader").expect("join");
+    Service::new(Executor::new(session), config())
+}
+
+fn line() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/nets/line.yaml");
+    std::fs::read_to_string(path).expect("the net of figure 3")
+}
+
+#[test]
+fn a_net_is_named_before_the_executor_has_its_plan() {
+    let test = TestCell::new("names");
+    let executor = FakeExecutor::start(&test.cell, &[], None);
+    let service = service(&test.cell);
+    let id = service.reserve(&line()).expect("a row is free");
+    assert_eq!(
+        service.detail(&id.to_string()).map(|d| d.command.state),
+        Ok("loading".into())
+    );
+    service.install(id, "line.yaml");
+    assert!(executor.seen.lock().expect("seen").named_before_install);
+    let detail = service.detail("line").expect("found by its name");
+    assert_eq!(
+        (detail.command.id, detail.command.state.as_str()),
+        (id, "ready")
+    );
+    assert_eq!(detail.command.uses, ["lwr"]);
+    assert_eq!(detail.names["monitors"][0]["source"], "move.pose");
+}
+
+#[test]
+fn a_text_with_faults_is_rejected_and_says_why_afterwards() {
+    let test = TestCell::new("faults");
+    let _executor = FakeExecutor::start(&test.cell, &[], None);
+    let service = service(&test.cell);
+    let id = service.reserve("net: broken\n").expect("a row is free");
+    service.install(id, "broken.yaml");
+    let command = service.detail("broken").expect("found by its name").command;
+    assert_eq!((command.id, command.state.as_str()), (id, "rejected"));
+    let first = command.diagnostics.first().expect("a diagnostic");
+    assert!(
+        first.code.starts_with("RCC1") && !first.rendered.is_empty(),
+        "{first:?}"
+    );
+}
+
+#[test]
+fn a_refused_plan_tells_the_executors_reason_by_name() {
+    let test = TestCell::new("refused");
+    let refusal = Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 });
+    let _executor = FakeExecutor::start(&test.cell, &[], Some(refusal));
+    let service = service(&test.cell);
+    let id = service.reserve(&line()).expect("a row is free");
+    service.install(id, "line.yaml");
+    let command = service.detail(&id.to_string()).expect("there").command;
+    assert_eq!(command.state, "rejected");
+    let last = command.diagnostics.last().expect("a diagnostic");
+    assert_eq!(last.code, codes::NOT_PREPARED.code);
+    assert!(
+        last.message.contains("the position of lwr is not known"),
+        "{last:?}"
+    );
+}
+
+#[test]
+fn a_restarted_loader_rejects_what_a_dead_one_was_loading_and_keeps_names() {
+    let test = TestCell::new("restart");
+    let rows = [(5, CommandState::Loading), (6, CommandState::Running)];
+    let executor = FakeExecutor::start(&test.cell, &rows, None);
+    let store = Store::of(&test.cell, executor.incarnation);
+    let running = CommandFile {
+        id: 6,
+        net: "weld".into(),
+        ..CommandFile::default()
+    };
+    store.write(&running).expect("written");
+    let service = service(&test.cell);
+    let weld = service.detail("weld").expect("found by its name").command;
+    assert_eq!((weld.id, weld.state.as_str()), (6, "running"));
+    let orphan = service.detail("5").expect("there").command;
+    assert_eq!(orphan.state, "rejected");
+    assert_eq!(orphan.diagnostics[0].code, codes::LOADER_DIED.code);
+    let calls = &executor.seen.lock().expect("seen").calls;
+    assert!(
+        matches!(calls.as_slice(), [Call::Reject { id: 5 }]),
+        "{calls:?}"
+    );
+}
+
+#[test]
+fn an_operation_means_the_newest_net_of_a_name_that_it_suits() {
+    let test = TestCell::new("newest");
+    let rows = [(3, CommandState::Running), (4, CommandState::Ready)];
+    let executor = FakeExecutor::start(&test.cell, &rows, None);
+    let store = Store::of(&test.cell, executor.incarnation);
+    for id in [3, 4] {
+        let net = "line".to_owned();
+        store
+            .write(&CommandFile {
+                id,
+                net,
+                ..CommandFile::default()
+            })
+            .expect("written");
+    }
+    let service = service(&test.cell);
+    assert_eq!(
+        service
+            .operate("line", Operation::Abort)
+            .map(|done| done.id),
+        Ok(3)
+    );
+    assert_eq!(
+        service
+            .operate("line", Operation::Start)
+            .map(|done| done.id),
+        Ok(4)
+    );
+    assert_eq!(
+        service.detail("line").map(|detail| detail.command.id),
+        Ok(4)
+    );
+}
+
+#[test]
+fn an_unloaded_net_leaves_no_file() {
+    let test = TestCell::new("unload");
+    let executor = FakeExecutor::start(&test.cell, &[], None);
+    let service = service(&test.cell);
+    let id = service.reserve(&line()).expect("a row is free");
+    service.install(id, "line.yaml");
+    let refused = service
+        .operate("line", Operation::Cancel)
+        .map_err(|error| error.code);
+    assert_eq!(refused.map(|done| done.id), Err(codes::NOT_CANCELABLE));
+    service
+        .operate("line", Operation::Unload)
+        .expect("it is not active");
+    let store = Store::of(&test.cell, executor.incarnation);
+    assert_eq!(store.read(id), None);
+    assert_eq!(
+        service.detail("line").map_err(|error| error.code),
+        Err(codes::UNKNOWN_COMMAND)
+    );
+}
+
+#[test]
+fn an_executor_that_is_gone_is_named_and_the_next_one_is_found() {
+    let test = TestCell::new("gone");
+    let service = service(&test.cell);
+    let missing = service.list().map_err(|error| error.code);
+    assert_eq!(missing, Err(codes::NO_EXECUTOR));
+    let _executor = FakeExecutor::start(&test.cell, &[(1, CommandState::Ready)], None);
+    assert_eq!(service.list().map(|all| all.len()), Ok(1));
+    let status = service.status().expect("an executor");
+    assert_eq!((status.executor.cycle, status.executor.fifo), (7, true));
+    assert!(status.executor.grade.starts_with("RT: granted"));
+    let devices = service.devices().expect("an executor");
+    assert_eq!(
+        (devices[0].name.as_str(), devices[0].state.as_str()),
+        ("lwr", "ready")
+    );
+}
+
+#[test]
+fn every_refusal_has_a_code_names_and_a_remedy() {
+    let config = config();
+    let namer = Namer {
+        config: &config,
+        net: &|id| format!("net#{id}"),
+        reason: &|_, reason| format!("because {reason}"),
+    };
+    let device = |violation| Refusal::FirstSetPoint {
+        device: 0,
+        joint: 2,
+        value: 0.2,
+        limit: 0.002,
+        violation,
+    };
+    let resource = Resource::Digital {
+        device: 0,
+        channel: 0,
+    };
+    let refusals = [
+        Refusal::NotUnderstood,
+        Refusal::TableFull,
+        Refusal::UnknownCommand,
+        Refusal::WrongState { state: 4 },
+        Refusal::Busy {
+            holder: 3,
+            resource,
+        },
+        Refusal::NotCancelable,
+        Refusal::DeviceNotReady {
+            device: 0,
+            state: 1,
+            reason: 9,
+        },
+        device(5),
+        device(2),
+        Refusal::FirstCycle { code: 3 },
+        Refusal::Plan(rcc_core::plan::PlanError::OtherConfiguration),
+        Refusal::Prepare(PrepareFault::AmbiguousRotation),
+        Refusal::Overloaded,
+        Refusal::Stopping,
+    ];
+    for refusal in refusals {
+        let error = namer.refusal(8, refusal);
+        assert!(codes::TABLE.contains(&error.code), "{refusal:?}");
+        assert!(
+            !error.help.is_empty() && !error.message.is_empty(),
+            "{refusal:?}"
+        );
+    }
+    let busy = namer
+        .refusal(
+            8,
+            Refusal::Busy {
+                holder: 3,
+                resource,
+            },
+        )
+        .message;
+    assert_eq!(busy, "net#8 needs lwr.torch, which net#3 holds");
+    let first = namer.refusal(8, device(5)).message;
+    let joint = &config.devices[0].robot.as_ref().expect("an arm").joints[1].name;
+    assert!(
+        first.contains(&format!("lwr joint {joint}")) && first.contains("11.459°"),
+        "{first}"
+    );
+}
+
+/// A server on the cell's socket until it is dropped.
+struct Served {
+    stop: Option<tokio::sync::oneshot::Sender<()>>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Served {
+    fn start(cell: &Cell) -> Served {
+        let service = Arc::new(service(cell));
+        let listener = socket::listen(&cell.socket()).expect("a socket");
+        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+        let thread = std::thread::spawn(move || {
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .expect("a runtime");
+            runtime.block_on(async {
+                let listener = tokio::net::UnixListener::from_std(listener).expect("a listener");
+                tokio::select! {
+                    served = async { axum::serve(listener, routes::router(service)).await } => served.expect("served"),
+                    _ = stopped => {}
+                }
+            });
+        });
+        Served {
+            stop: Some(stop),
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.stop.take();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn ask(cell: &Cell, head: &str, body: &[u8]) -> (u16, serde_json::Value) {
+    let mut stream = UnixStream::connect(cell.socket()).expect("connected");
+    stream
+        .set_read_timeout(Some(Duration::from_secs(20)))
+        .expect("a time limit");
+    let length = body.len();
+    let head = format!(
+        "{head} HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).expect("sent");
+    // A server that refuses a large body does not read all of it.
+    let _ = stream.write_all(body);
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    let text = String::from_utf8_lossy(&answer).into_owned();
+    let status = text
+        .split(' ')
+        .nth(1)
+        .and_then(|status| status.parse().ok());
+    let body = text.split_once("\r\n\r\n").map_or("", |(_, body)| body);
+    (
+        status.unwrap_or(0),
+        serde_json::from_str(body).unwrap_or_default(),
+    )
+}
+
+#[test]
+fn without_an_executor_every_address_says_so_and_the_catalogue_is_there() {
+    let test = TestCell::new("rest");
+    let cell = test.cell.clone();
+    let _served = Served::start(&cell);
+    // A client that connects and says nothing, and one that talks nonsense.
+    let _silent = UnixStream::connect(cell.socket()).expect("connected");
+    let mut nonsense = UnixStream::connect(cell.socket()).expect("connected");
+    nonsense.write_all(b"\x00\xff\r\n\r\n").expect("sent");
+    for head in [
+        "GET /commands",
+        "POST /commands",
+        "GET /commands/1",
+        "POST /commands/1/start",
+        "POST /commands/1/cancel",
+        "POST /commands/1/abort",
+        "DELETE /commands/1",
+        "GET /devices",
+        "GET /status",
+    ] {
+        let (status, body) = ask(&cell, head, b"net: x");
+        assert_eq!((status, &body["code"]), (503, &"RCC4001".into()), "{head}");
+    }
+    let (status, catalogue) = ask(&cell, "GET /primitives", b"");
+    assert_eq!(
+        (
+            status,
+            catalogue.as_array().is_some_and(|all| all.len() > 30)
+        ),
+        (200, true)
+    );
+    assert_eq!(ask(&cell, "GET /openapi.json", b"").0, 200);
+    assert_eq!(ask(&cell, "GET /nothing", b"").1["code"], "RCC4007");
+    assert_eq!(ask(&cell, "PUT /commands", b"").1["code"], "RCC4007");
+    assert_eq!(
+        ask(&cell, "POST /commands", b"\xff\xfe").1["code"],
+        "RCC4011"
+    );
+}

@@ -1,0 +1,205 @@
+//! An executor as the loader sees it, without a cycle: it keeps a table and answers calls.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use bytemuck::Zeroable;
+use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
+use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES};
+use rcc_ipc::{Announced, Announcement, BoardWriter, Cell, Role, Server, Session, wire};
+
+/// A cell in a folder of its own, removed at the end of its test.
+pub struct TestCell {
+    pub cell: Cell,
+    base: PathBuf,
+}
+
+impl TestCell {
+    pub fn new(name: &str) -> TestCell {
+        static NUMBER: AtomicU64 = AtomicU64::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let base = PathBuf::from(format!("/tmp/rcc-ld-{}-{number}", std::process::id()));
+        let cell = Cell::at(name, &base).expect("a cell in /tmp");
+        TestCell { cell, base }
+    }
+}
+
+impl Drop for TestCell {
+    fn drop(&mut self) {
+        let wiped = rcc_ipc::clean::remove_cell(&self.cell);
+        let _ = std::fs::remove_dir_all(&self.base);
+        if !thread::panicking() {
+            wiped.expect("every session of the test is closed");
+        }
+    }
+}
+
+/// What the executor was asked, and what it saw when asked.
+#[derive(Default)]
+pub struct Seen {
+    pub calls: Vec<Call>,
+    /// At an Install: the file with the names was there already.
+    pub named_before_install: bool,
+}
+
+/// The fake; ends when dropped.
+pub struct FakeExecutor {
+    pub incarnation: u64,
+    pub seen: Arc<Mutex<Seen>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct State {
+    cell: Cell,
+    incarnation: u64,
+    tables: Box<Tables>,
+    board: BoardWriter<Tables>,
+    seen: Arc<Mutex<Seen>>,
+    refuse_install: Option<Refusal>,
+    next_id: u64,
+}
+
+impl FakeExecutor {
+    /// With these commands in its table; Install is answered with that refusal, if there is one.
+    pub fn start(
+        cell: &Cell,
+        rows: &[(u64, CommandState)],
+        refuse: Option<Refusal>,
+    ) -> FakeExecutor {
+        let session = Session::join(cell, Role::Executor, "exec").expect("join");
+        let server = session.serve(CONTROL).expect("serve");
+        let mut status = session.create_board::<CycleStatus>(STATUS).expect("status");
+        let board = session.create_board::<Tables>(TABLES).expect("tables");
+        status.write(&CycleStatus {
+            magic: MAGIC,
+            cycle: 7,
+            grants: 3,
+            ..CycleStatus::zeroed()
+        });
+        let announced = cell
+            .announce(
+                &Announcement::of(&session)
+                    .service(CONTROL, server.service())
+                    .service(STATUS, status.service())
+                    .service(TABLES, board.service()),
+            )
+            .expect("announce");
+        let mut tables = Box::new(Tables::zeroed());
+        tables.magic = MAGIC;
+        tables.devices[0].state = DeviceState::Ready as u32;
+        tables.devices[0].attached = 1;
+        for (row, (id, state)) in tables.commands.iter_mut().zip(rows) {
+            (row.id, row.state) = (*id, *state as u32);
+        }
+        let seen = Arc::new(Mutex::new(Seen::default()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let incarnation = session.incarnation();
+        let mut state = State {
+            cell: cell.clone(),
+            incarnation,
+            tables,
+            board,
+            seen: Arc::clone(&seen),
+            refuse_install: refuse,
+            next_id: 100,
+        };
+        state.board.write(&state.tables);
+        let stopped = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            serve(&server, &mut state, &stopped);
+            drop((announced as Announced, status, state, server, session));
+        });
+        FakeExecutor {
+            incarnation,
+            seen,
+            stop,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for FakeExecutor {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn serve(server: &Server, state: &mut State, stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        match server.poll().expect("poll") {
+            None => thread::sleep(Duration::from_millis(1)),
+            Some(request) => {
+                let call: Call = wire::decode_serde(request.bytes()).expect("a call");
+                let answer = state.answer(call);
+                let bytes = wire::encode_serde(&answer).expect("an answer");
+                request.answer(&bytes).expect("answered");
+            }
+        }
+    }
+}
+
+impl State {
+    fn answer(&mut self, call: Call) -> Answer {
+        self.seen.lock().expect("seen").calls.push(call.clone());
+        let answer = match call {
+            Call::Reserve => {
+                self.next_id += 1;
+                let free = self.tables.commands.iter_mut().find(|row| row.id == 0);
+                let row = free.expect("a free row");
+                (row.id, row.state) = (self.next_id, CommandState::Loading as u32);
+                Answer::Reserved { id: self.next_id }
+            }
+            Call::Install { id, .. } => {
+                let folder = format!("{:016x}", self.incarnation);
+                let file = self
+                    .cell
+                    .commands_dir()
+                    .join(folder)
+                    .join(format!("{id}.json"));
+                self.seen.lock().expect("seen").named_before_install = file.is_file();
+                match self.refuse_install {
+                    Some(refusal) => {
+                        self.set(id, CommandState::Rejected);
+                        Answer::Refused(refusal)
+                    }
+                    None => self.set(id, CommandState::Ready),
+                }
+            }
+            Call::Reject { id } => self.set(id, CommandState::Rejected),
+            Call::Start { id } => self.set(id, CommandState::Running),
+            Call::Cancel { .. } => Answer::Refused(Refusal::NotCancelable),
+            Call::Abort { id } => self.set(id, CommandState::Terminated),
+            Call::Unload { id } => match self.row(id) {
+                Some(row) => {
+                    row.id = 0;
+                    Answer::Done { cycle: 0 }
+                }
+                None => Answer::Refused(Refusal::UnknownCommand),
+            },
+        };
+        self.board.write(&self.tables);
+        answer
+    }
+
+    fn row(&mut self, id: u64) -> Option<&mut CommandEntry> {
+        self.tables.commands.iter_mut().find(|row| row.id == id)
+    }
+
+    fn set(&mut self, id: u64, state: CommandState) -> Answer {
+        match self.row(id) {
+            Some(row) => {
+                row.state = state as u32;
+                Answer::Done { cycle: 8 }
+            }
+            None => Answer::Refused(Refusal::UnknownCommand),
+        }
+    }
+}
