@@ -1,5 +1,7 @@
 //! Sockets, a clock and threads around the simulated controller.
 //! Clock thread: sleeps to an absolute deadline, takes what has come, ticks, sends. Receiver thread: stamps what comes.
+//! What came while a busy machine kept the receiver from running, the clock thread takes from the socket itself: only
+//! an answer that did not come is a missed one.
 //!
 //! After a stall of the machine the clock goes on at the next deadline that is at least half a period away: ticks are
 //! skipped, never sent in a burst.
@@ -12,10 +14,12 @@ use crate::fri_lwr::wire::CMD_SIZE;
 use crate::sim::lines;
 use crate::sim::process::{Stop, request_stop};
 use nix::errno::Errno;
+use nix::sys::socket::{MsgFlags, SockaddrStorage, recvmsg};
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
+use std::os::fd::AsRawFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -222,13 +226,11 @@ impl Clock {
             let next = (index + 1)
                 .max(earliest.div_euclid(period_ns) + i64::from(earliest % period_ns != 0));
             sleep_until(start_ns + next * period_ns)?;
-            for arrival in self.arrivals.try_iter() {
-                if arrival.foreign {
-                    self.krc.receive_foreign();
-                } else {
-                    let delay_s = (arrival.time_ns - sent_ns).max(0) as f64 * 1e-9;
-                    self.krc.receive(&arrival.bytes[..arrival.length], delay_s);
-                }
+            while let Ok(arrival) = self.arrivals.try_recv() {
+                self.take(&arrival, sent_ns);
+            }
+            while let Some(arrival) = self.unreceived()? {
+                self.take(&arrival, sent_ns);
             }
             for (command, answer) in self.obeyed.try_iter().take(REQUESTS_PER_TICK) {
                 // who asked may be gone by now
@@ -249,6 +251,36 @@ impl Clock {
             );
         }
         Ok(())
+    }
+
+    fn take(&mut self, arrival: &Arrival, sent_ns: i64) {
+        if arrival.foreign {
+            return self.krc.receive_foreign();
+        }
+        let delay_s = (arrival.time_ns - sent_ns).max(0) as f64 * 1e-9;
+        self.krc.receive(&arrival.bytes[..arrival.length], delay_s);
+    }
+
+    /// A datagram that the receiver thread has not fetched yet.
+    fn unreceived(&self) -> Result<Option<Arrival>, Errno> {
+        let mut bytes = [0; CMD_SIZE + 1];
+        let mut parts = [io::IoSliceMut::new(&mut bytes)];
+        let socket = self.socket.as_raw_fd();
+        let received = recvmsg::<SockaddrStorage>(socket, &mut parts, None, MsgFlags::MSG_DONTWAIT);
+        let Ok((length, source)) = received.map(|message| (message.bytes, message.address)) else {
+            // Nothing is there; whatever else it is, the receiver thread tells.
+            return Ok(None);
+        };
+        let source = source.and_then(|address| match address.as_sockaddr_in() {
+            Some(v4) => Some(SocketAddr::V4((*v4).into())),
+            None => Some(SocketAddr::V6((*address.as_sockaddr_in6()?).into())),
+        });
+        Ok(Some(Arrival {
+            bytes,
+            length,
+            foreign: source != Some(self.driver),
+            time_ns: now_ns()?,
+        }))
     }
 
     fn send(&mut self, periods_max: u64) {
