@@ -16,9 +16,12 @@ use crate::programs::repository;
 /// A running cell.
 #[derive(Debug)]
 pub struct TestCell {
-    place: Place,
+    place: Option<Place>,
     up: Child,
 }
+
+/// The place leaves the cell only together with it.
+const HERE: &str = "the place is here until the end";
 
 impl TestCell {
     /// Starts the demo cell's configuration.
@@ -39,7 +42,10 @@ impl TestCell {
     /// Starts the cell of a place.
     pub fn in_place(place: Place) -> TestCell {
         let up = start_up(&place);
-        let mut cell = TestCell { place, up };
+        let mut cell = TestCell {
+            place: Some(place),
+            up,
+        };
         cell.await_ready();
         cell
     }
@@ -47,6 +53,7 @@ impl TestCell {
     /// Waits until every device is ready.
     pub fn await_ready(&mut self) {
         let Self { place, up } = self;
+        let place = place.as_ref().expect(HERE);
         await_some("the cell to be ready", || {
             if let Some(status) = up.try_wait().expect("the child can be asked") {
                 panic!("rcc-cli up ended ({status}):\n{}", place.logs());
@@ -71,7 +78,7 @@ impl TestCell {
 
     /// Starts `rcc-cli up` again after it has ended, and waits until the cell is ready.
     pub fn up_again(&mut self) {
-        self.up = start_up(&self.place);
+        self.up = start_up(self);
         self.await_ready();
     }
 
@@ -84,6 +91,12 @@ impl TestCell {
             self.logs()
         );
         self.assert_nothing_left();
+    }
+
+    /// Ends the cell as Ctrl-C does, whatever it says to that; the place is left for another one.
+    pub fn interrupt(mut self) -> Place {
+        self.end();
+        self.place.take().expect(HERE)
     }
 
     fn end(&mut self) -> Option<ExitStatus> {
@@ -106,19 +119,22 @@ impl Deref for TestCell {
     type Target = Place;
 
     fn deref(&self) -> &Place {
-        &self.place
+        self.place.as_ref().expect(HERE)
     }
 }
 
 impl Drop for TestCell {
     fn drop(&mut self) {
+        let Some(place) = self.place.take() else {
+            return;
+        };
         if std::thread::panicking() {
-            eprintln!("{}", self.logs());
+            eprintln!("{}", place.logs());
         }
         // Dead already after `stop`; otherwise the test failed, or has nothing more to say about this cell.
         let _ = self.up.kill();
         let _ = self.up.wait();
-        self.place.remove();
+        place.remove();
     }
 }
 

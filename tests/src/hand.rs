@@ -8,9 +8,10 @@ use std::process::{Child, Command, Stdio};
 
 use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
-use rcc_ipc::{Role, clean};
+use rcc_core::message::DeviceState;
+use rcc_ipc::{Life, Role, clean};
 
-use crate::place::{Place, await_some};
+use crate::place::{Place, Watch, await_some};
 use crate::processes::{ends_with_test, signal};
 use crate::programs::{program, repository};
 
@@ -83,6 +84,19 @@ impl HandCell {
         let mut command = self.ours("rcc-driver");
         command.args(["--device", device]);
         self.spawn(device, command)
+    }
+
+    /// Waits until the executor sees the driver that was started last, and its device is ready.
+    pub fn await_driver(&self, watch: &Watch, device: &str) {
+        let pid = self.pid(device);
+        let config = CellConfig::load(self.config(), &BTreeMap::new());
+        let config = config.unwrap_or_else(|faults| panic!("{faults}"));
+        let (index, _) = config.device(device).expect("a device of the cell");
+        await_some(&format!("driver {pid} of {device} to be ready"), || {
+            let row = watch.tables().devices[index];
+            let seen = Life::from_incarnation(row.incarnation).pid == pid;
+            (seen && row.state == DeviceState::Ready as u32).then_some(())
+        });
     }
 
     /// Sends a signal to a process and waits until it is dead; then the janitor does its work, as under a supervisor.

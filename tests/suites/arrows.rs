@@ -1,0 +1,167 @@
+//! Dependencies point down only (DESIGN section 4), by `cargo metadata` and by the sources of the real-time core.
+//! Run by the threads of the test harness.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use rcc_tests::place::files_below;
+use rcc_tests::repository;
+use serde_json::Value;
+
+/// Dependencies of each package of the workspace, without those of its tests.
+fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version=1", "--no-deps", "--offline"])
+        .current_dir(repository())
+        .output()
+        .expect("cargo runs");
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let packages = metadata["packages"].as_array().expect("packages");
+    let of = |package: &Value| {
+        let all = package["dependencies"].as_array().expect("dependencies");
+        let usual = all.iter().filter(|dependency| dependency["kind"] != "dev");
+        let names = usual.map(|dependency| dependency["name"].as_str().expect("a name").to_owned());
+        names.collect()
+    };
+    let row = |package: &Value| {
+        (
+            package["name"].as_str().expect("a name").to_owned(),
+            of(package),
+        )
+    };
+    packages.iter().map(row).collect()
+}
+
+/// What each package of ours may use of ours.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("rcc-core", &[]),
+    ("rcc-motion", &["rcc-core"]),
+    ("rcc-config", &["rcc-core"]),
+    ("rcc-ipc", &["rcc-core"]),
+    (
+        "rcc-loader",
+        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+    ),
+    (
+        "rcc-exec",
+        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+    ),
+    (
+        "rcc-drivers",
+        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+    ),
+    ("rcc-monitor", &["rcc-core", "rcc-config", "rcc-ipc"]),
+    // The one program that uses another one's library: `check`, and the words of the REST interface.
+    (
+        "rcc-cli",
+        &[
+            "rcc-core",
+            "rcc-motion",
+            "rcc-config",
+            "rcc-ipc",
+            "rcc-loader",
+        ],
+    ),
+];
+
+#[test]
+fn arrows_between_packages_point_down_only() {
+    let all = dependencies();
+    for (package, dependencies) in &all {
+        if package == "rcc-tests" {
+            continue;
+        }
+        let row = ARROWS.iter().find(|(name, _)| name == package);
+        let (_, allowed) = row.unwrap_or_else(|| panic!("{package} is not in the table of arrows"));
+        for dependency in dependencies.iter().filter(|name| all.contains_key(*name)) {
+            assert!(
+                allowed.contains(&dependency.as_str()),
+                "{package} must not use {dependency}"
+            );
+        }
+    }
+}
+
+#[test]
+fn only_rcc_ipc_names_iceoryx2() {
+    let direct = dependencies();
+    let users: Vec<&String> = direct
+        .iter()
+        .filter(|(_, names)| names.iter().any(|name| name.starts_with("iceoryx2")))
+        .map(|(package, _)| package)
+        .collect();
+    assert_eq!(users, ["rcc-ipc"]);
+}
+
+/// The part of a source file that is not tests: up to the first `#[cfg(test)]`.
+fn without_tests(path: &Path) -> String {
+    let text = fs::read_to_string(path).expect("a source file");
+    text.split("#[cfg(test)]")
+        .next()
+        .unwrap_or_default()
+        .to_owned()
+}
+
+#[test]
+fn the_real_time_core_has_no_std_no_heap_and_no_unsafe() {
+    let source = repository().join("rcc-core/src");
+    let root = fs::read_to_string(source.join("lib.rs")).expect("the crate's root");
+    assert!(
+        root.contains("#![no_std]") || root.contains("#![cfg_attr(not(test), no_std)]"),
+        "rcc-core is no_std"
+    );
+    assert!(
+        root.contains("forbid(unsafe_code)"),
+        "rcc-core forbids unsafe code"
+    );
+    let test_only = |path: &Path| {
+        // Files that only `#[cfg(test)] mod …;` names.
+        path.ends_with("tests.rs") || path.ends_with("testing.rs")
+    };
+    for path in files_below(&source).iter().filter(|path| !test_only(path)) {
+        let text = without_tests(path);
+        for word in ["std::", "alloc::", "extern crate"] {
+            let used = text.lines().find(|line| {
+                let code = line.split("//").next().unwrap_or_default();
+                code.contains(word) && !code.contains("no_std")
+            });
+            assert_eq!(used, None, "{} uses `{word}`", path.display());
+        }
+    }
+}
+
+#[test]
+fn unsafe_code_stands_only_where_it_may() {
+    const MAY: &[&str] = &["rcc-exec/src/setup.rs"];
+    for package in [
+        "rcc-core",
+        "rcc-exec",
+        "rcc-loader",
+        "rcc-drivers",
+        "rcc-monitor",
+        "rcc-cli",
+    ] {
+        for path in files_below(&repository().join(package)) {
+            let relative = path
+                .strip_prefix(repository())
+                .expect("below the repository");
+            let relative = relative.display().to_string();
+            let ours = relative.ends_with(".rs")
+                && relative.contains("/src/")
+                && !relative.contains("/tests");
+            if !ours || MAY.contains(&relative.as_str()) || relative.starts_with("rcc-core/ipc/") {
+                continue;
+            }
+            let text = without_tests(&path);
+            let used = text.lines().find(|line| {
+                let code = line.split("//").next().unwrap_or_default();
+                code.contains("unsafe {")
+                    || code.contains("unsafe fn")
+                    || code.contains("unsafe impl")
+            });
+            assert_eq!(used, None, "{relative}");
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Cells beside each other, one after the other in the same folder, and where there is too little room.
+//! Each test has cells of its own.
+
+use std::fs;
+use std::process::{Command, Stdio};
+
+use nix::sys::signal::Signal;
+use rcc_ipc::Role;
+use rcc_tests::place::Place;
+use rcc_tests::processes::{command_line, ends_with_test, of_folder, signal};
+use rcc_tests::{TestCell, await_some, nets, program, repository};
+
+#[test]
+fn two_cells_side_by_side_do_not_see_each_other() {
+    let (one, two) = (TestCell::demo(), TestCell::demo());
+    let line = one.run(&nets::line("line", 0.1, 0.1));
+    assert_eq!(two.rest("GET", "/commands", "").body, serde_json::json!([]));
+    assert_ne!(one.cell().prefix(), two.cell().prefix());
+    let pids = |cell: &TestCell| -> Vec<u32> {
+        let status = cell.rest("GET", "/status", "").body;
+        let rows = status["processes"].as_array().expect("rows").clone();
+        rows.iter()
+            .map(|row| row["pid"].as_u64().expect("a number") as u32)
+            .collect()
+    };
+    let (of_one, of_two) = (pids(&one), pids(&two));
+    assert!(
+        of_one.iter().all(|pid| !of_two.contains(pid)),
+        "{of_one:?} {of_two:?}"
+    );
+    let mut still = two.simulator("fri_control");
+    let before = still.joints();
+    // The death of one cell's processes is not noticed by the other.
+    one.assert_ends(line, "finished");
+    let (driver, executor) = (
+        two.announced(Role::Driver, "lwr"),
+        two.announced(Role::Executor, "exec"),
+    );
+    one.kill(Role::Driver, "lwr");
+    one.kill(Role::Executor, "exec");
+    one.stop();
+    assert!(driver.is_alive() && executor.is_alive());
+    assert_eq!(two.device("lwr").expect("a row")["losses"], 0);
+    assert!(
+        still
+            .joints()
+            .iter()
+            .zip(before)
+            .all(|(now, then)| (now - then).abs() < 1e-5)
+    );
+    let line = two.run(&nets::line("line", 0.1, 0.2));
+    two.assert_ends(line, "finished");
+    two.stop();
+}
+
+#[test]
+fn a_second_cell_of_the_same_name_is_refused_and_changes_nothing() {
+    let cell = TestCell::demo();
+    let line = cell.run(&nets::line("line", 0.1, 0.1));
+    let before = of_folder(cell.folder());
+    let (_, errors) = cell.cli_exits(5, &["up", cell.config().to_str().expect("plain")]);
+    assert!(
+        errors.contains("RCC4012") && errors.contains("test"),
+        "{errors}"
+    );
+    let named = before.iter().any(|pid| errors.contains(&pid.to_string()));
+    assert!(named, "it names a living process: {errors}");
+    cell.assert_ends(line, "finished");
+    assert_eq!(of_folder(cell.folder()), before);
+    // A further process of a role that is taken is refused, too.
+    let mut second = cell.program("rcc-exec");
+    let second = second
+        .arg("--config")
+        .arg(cell.config())
+        .output()
+        .expect("rcc-exec runs");
+    assert_eq!(second.status.code(), Some(1), "{second:?}");
+    let executor = cell.announced(Role::Executor, "exec");
+    let words = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(words.contains(&executor.pid.to_string()), "{words}");
+    let next = cell.run(&nets::line("next", 0.0, 0.2));
+    cell.assert_ends(next, "finished");
+    cell.stop();
+}
+
+#[test]
+fn a_dead_cell_is_cleaned_by_the_next_up() {
+    let mut cell = TestCell::demo();
+    cell.run(&nets::line("line", 0.2, 0.1));
+    // The supervisor first, or it would start again what dies.
+    for pid in std::iter::once(cell.supervisor()).chain(of_folder(cell.folder())) {
+        signal(pid, Signal::SIGKILL);
+    }
+    cell.kill_supervisor();
+    await_some("all to be dead", || {
+        of_folder(cell.folder()).is_empty().then_some(())
+    });
+    assert!(
+        !cell.cell().leftovers().expect("a list").is_empty(),
+        "there is something to clean"
+    );
+    cell.up_again();
+    assert_eq!(
+        cell.rest("GET", "/commands", "").body,
+        serde_json::json!([])
+    );
+    let line = cell.run(&nets::line("line", 0.1, 0.2));
+    cell.assert_ends(line, "finished");
+    cell.stop();
+}
+
+#[test]
+fn ctrl_c_in_motion_cancels_rests_and_leaves_nothing() {
+    let demo = repository().join("configs/cells/demo.yaml");
+    let cell = TestCell::start(&demo, |text| text);
+    let trace = cell.folder().join("trace.csv");
+    let mut arm = cell.simulator("fri_control");
+    arm.ask(&serde_json::json!({"trace": {"path": trace}}));
+    cell.run(&nets::line("line", 0.2, 0.1));
+    cell.run(&nets::lamp("lamp"));
+    arm.await_motion();
+    let folder = cell.folder().to_owned();
+    // The trace outlives the folder's removal as an open file.
+    let mut file = fs::File::open(&trace).expect("the trace is there");
+    cell.stop();
+    assert!(!folder.exists());
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut file, &mut text).expect("the trace can be read");
+    let joints: Vec<f64> = text
+        .lines()
+        .skip(1)
+        .filter_map(|line| line.split(',').nth(6)?.parse().ok())
+        .collect();
+    let last = &joints[joints.len().saturating_sub(50)..];
+    let moved = last
+        .iter()
+        .fold(0.0_f64, |most, q| most.max((q - last[0]).abs()));
+    assert!(
+        joints.len() > 100 && moved < 1e-5,
+        "the arm rested before its driver ended: {moved} rad"
+    );
+}
+
+#[test]
+fn a_monitor_may_stay_when_the_cell_ends() {
+    let cell = TestCell::demo();
+    let mut tail = cell.program("rcc-monitor");
+    tail.args(["tail", "--output", "json"])
+        .stdout(Stdio::piped());
+    let mut tail = ends_with_test(&mut tail)
+        .spawn()
+        .expect("rcc-monitor starts");
+    let lamp = cell.run(&nets::lamp("lamp"));
+    let mut first = [0];
+    let out = tail.stdout.as_mut().expect("a pipe");
+    std::io::Read::read_exact(out, &mut first).expect("a first record");
+    cell.done(lamp, "cancel");
+    let place = cell.interrupt();
+    let left: Vec<Vec<String>> = of_folder(place.folder())
+        .iter()
+        .map(|pid| command_line(*pid))
+        .collect();
+    assert!(
+        left.iter().all(|line| line[0].ends_with("rcc-monitor")),
+        "{left:?}"
+    );
+    signal(tail.id(), Signal::SIGTERM);
+    tail.wait().expect("the child is ours");
+    // What the monitor kept from being removed, the next start of the cell removes.
+    let again = TestCell::in_place(place);
+    again.stop();
+}
+
+#[test]
+fn too_little_room_in_shared_memory_is_refused_before_anything_is_made() {
+    let may = Command::new("unshare")
+        .args([
+            "-m", "mount", "-t", "tmpfs", "-o", "size=4m", "rcc", "/dev/shm",
+        ])
+        .output();
+    if !may.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: no mount namespace of our own (it takes root and `unshare`)");
+        return;
+    }
+    let place = Place::new(&repository().join("configs/cells/demo.yaml"), |text| text);
+    let script =
+        "mount -t tmpfs -o size=4m rcc /dev/shm && \"$@\"; code=$?; ls -A /dev/shm; exit $code";
+    let output = Command::new("unshare")
+        .args(["-m", "sh", "-c", script, "sh"])
+        .arg(program("rcc-cli"))
+        .args(["--cell", "test", "up"])
+        .arg(place.config())
+        .env("RCC_RUNTIME_DIR", place.folder())
+        .output()
+        .expect("unshare runs");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(
+        errors.contains("RCC4014") && errors.contains("/dev/shm"),
+        "{errors}"
+    );
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout),
+        "",
+        "nothing was made"
+    );
+    place.assert_nothing_left();
+    // The executor looks by itself, too.
+    let output = Command::new("unshare")
+        .args(["-m", "sh", "-c", script, "sh"])
+        .arg(program("rcc-exec"))
+        .args(["--cell", "test", "--config"])
+        .arg(place.config())
+        .env("RCC_RUNTIME_DIR", place.folder())
+        .output()
+        .expect("unshare runs");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(errors.contains("/dev/shm"), "{errors}");
+    place.remove();
+}

@@ -1,0 +1,272 @@
+//! `kill -9` of the driver and of the executor in motion: what goes on, what comes to rest, what does not move again.
+//! Each test has a cell of its own.
+
+use nix::sys::signal::Signal;
+use rcc_core::message::MonitorRecord;
+use rcc_ipc::Role;
+use rcc_tests::place::{Watch, files_below};
+use rcc_tests::processes::{self, Holdings};
+use rcc_tests::records::Records;
+use rcc_tests::reference::{Reference, Stall};
+use rcc_tests::simulator::assert_within_limits;
+use rcc_tests::{HandCell, TestCell, await_some, nets};
+
+/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+const LOST: i64 = 1;
+/// A second of the simulated controller's time.
+const SECOND: u64 = 1000;
+
+#[test]
+fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
+    let cell = TestCell::changed(|text| text.replace("{priority: 80}", "{priority: 80, core: 1}"));
+    let lamp = cell.run(&nets::lamp("lamp"));
+    let line = cell.run(&nets::line("line", 0.2, 0.1));
+    let mut arm = cell.simulator("fri_control");
+    arm.await_motion();
+    arm.reset_statistics();
+    let (records, watch) = (Records::follow(&cell), cell.watch());
+    let reference = Reference::start(1, 90);
+    let before = watch.status();
+
+    let dead = cell.kill(Role::Driver, "lwr");
+    let row = cell.await_end(line);
+    assert_eq!(row["fault"]["fault"], "device lost", "{row}");
+    assert_eq!(row["fault"]["device"], "lwr", "{row}");
+    assert_within_limits(&arm.await_rest(), &[LOST]);
+
+    cell.await_successor(Role::Driver, "lwr", dead);
+    cell.await_device("lwr", "ready");
+    arm.assert_still(SECOND);
+    assert_eq!(
+        cell.device("lwr").expect("a row")["holder"],
+        serde_json::Value::Null,
+        "a net never restarts"
+    );
+    let next = cell.run(&nets::line("next", 0.0, 0.2));
+    cell.assert_ends(next, "finished");
+    assert_within_limits(&arm.state(), &[LOST]);
+
+    assert_eq!(
+        cell.state(lamp)["state"],
+        "running",
+        "the other net did not notice"
+    );
+    let after = watch.status();
+    let stalls = reference.map(Reference::finish);
+    assert_no_cycle_missing(&records.finish(), &watch);
+    match stalls {
+        Some(stalls) if after.grants & 1 == 1 => {
+            assert_late_with_the_machine(&before, &after, &stalls)
+        }
+        _ => eprintln!("skipped: no SCHED_FIFO: whose fault a late cycle is cannot be told"),
+    }
+    drop(watch);
+    cell.done(lamp, "cancel");
+    cell.stop();
+}
+
+/// The lamp's net is the only one with a monitor, and it is one of every cycle: records and cycles go together.
+fn assert_no_cycle_missing(records: &[MonitorRecord], watch: &Watch) {
+    assert!(records.len() > 1000, "{} records", records.len());
+    for pair in records.windows(2) {
+        let cycles = pair[1].cycle - pair[0].cycle;
+        let lost = pair[1].sequence - pair[0].sequence;
+        assert_eq!(cycles, lost, "a cycle without a record: {pair:?}");
+        assert!(
+            pair[1].values[0] > pair[0].values[0],
+            "logical time goes on: {pair:?}"
+        );
+    }
+    assert_eq!(watch.status().dropped_records, 0);
+}
+
+/// A late cycle is the machine's if a thread of higher priority on the same core was late at that time, too.
+fn assert_late_with_the_machine(
+    before: &rcc_core::message::CycleStatus,
+    after: &rcc_core::message::CycleStatus,
+    stalls: &[Stall],
+) {
+    let late = after.late - before.late;
+    let cycles = after.cycle - before.cycle;
+    eprintln!(
+        "{late} late of {cycles} cycles; the reference thread was late {} times",
+        stalls.len()
+    );
+    // One stall of the machine makes one cycle late, or two when it lies between them.
+    assert!(
+        late <= 2 * stalls.len() as u64,
+        "{late} late cycles, the machine's stalls: {stalls:?}"
+    );
+}
+
+#[test]
+fn without_the_executor_the_driver_brings_the_arm_to_rest_and_nothing_moves_by_itself_again() {
+    let cell = TestCell::demo();
+    let line = cell.run(&nets::line("line", 0.2, 0.15));
+    let mut arm = cell.simulator("fri_control");
+    arm.await_motion();
+    let dead = cell.kill(Role::Executor, "exec");
+    let rest = arm.await_rest();
+    assert_within_limits(&rest, &[]);
+    cell.await_successor(Role::Executor, "exec", dead);
+    cell.await_devices();
+    arm.assert_still(SECOND);
+    let gone = cell.rest("GET", &format!("/commands/{line}"), "");
+    assert_eq!(
+        (gone.status, gone.code()),
+        (404, "RCC3001"),
+        "commands die with their executor: {gone:?}"
+    );
+    let next = cell.run(&nets::line("next", 0.0, 0.1));
+    cell.assert_ends(next, "finished");
+    assert_within_limits(&arm.state(), &[]);
+    cell.stop();
+}
+
+#[test]
+fn outputs_take_their_safe_value_when_the_executor_dies() {
+    let cell = TestCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    let mut station = cell.simulator("io_control");
+    cell.run(&nets::output("torch", "lwr", "torch"));
+    cell.run(&nets::output("gun", "lwr", "gun"));
+    cell.run(&nets::lamp("lamp"));
+    let mut outputs = || {
+        let krl = arm.state()["krl_from_pc"]["booleans"].clone();
+        (
+            krl[0] == true,
+            krl[2] == true,
+            station.state()["coils"][0] == true,
+        )
+    };
+    await_some("all outputs", || {
+        (outputs() == (true, true, true)).then_some(())
+    });
+    let dead = cell.kill(Role::Executor, "exec");
+    // A torch must not burn on; an open gripper would drop its part.
+    await_some("the safe values", || {
+        (outputs() == (false, true, false)).then_some(())
+    });
+    cell.await_successor(Role::Executor, "exec", dead);
+    cell.await_devices();
+    assert_eq!(
+        outputs(),
+        (false, true, false),
+        "nothing switches by itself again"
+    );
+    cell.stop();
+}
+
+#[test]
+fn outputs_of_a_killed_driver_take_their_safe_value_when_it_is_back() {
+    let cell = TestCell::demo();
+    let mut station = cell.simulator("io_control");
+    let lamp = cell.run(&nets::lamp("lamp"));
+    await_some("the lamp", || {
+        (station.state()["coils"][0] == true).then_some(())
+    });
+    let dead = cell.kill(Role::Driver, "io");
+    let row = cell.await_end(lamp);
+    assert_eq!(row["fault"]["fault"], "device lost", "{row}");
+    cell.await_successor(Role::Driver, "io", dead);
+    await_some("the lamp to be off", || {
+        (station.state()["coils"][0] == false).then_some(())
+    });
+    cell.stop();
+}
+
+/// xorshift64*, so that a printed seed gives the same moments again.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: u64) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) % bound
+    }
+}
+
+#[test]
+fn twenty_driver_kills_at_random_moments_leak_nothing() {
+    let seed = rcc_ipc::monotonic_ns() | 1;
+    eprintln!("seed {seed}");
+    let mut random = Random(seed);
+    let mut cell = HandCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    let executor = cell.pid("executor");
+    let watch = cell.watch();
+    let lamp = cell.run(&nets::lamp("lamp"));
+    let mut settled = None;
+    for round in 0..20 {
+        let y = if round % 2 == 0 { 0.1 } else { 0.0 };
+        let line = cell.load(&nets::line("line", y, 0.2));
+        cell.start_when_ready(line);
+        std::thread::sleep(std::time::Duration::from_micros(random.below(400_000)));
+        cell.end("lwr", Signal::SIGKILL);
+        // At the very end of the line the kill may come too late to matter.
+        let row = cell.await_end(line);
+        assert!(
+            row["fault"]["fault"] == "device lost" || row["reason"] == "finished",
+            "{row}"
+        );
+        let unload = cell.rest("DELETE", &format!("/commands/{line}"), "");
+        assert_eq!(unload.status, 200, "{unload:?}");
+        cell.start_driver("lwr");
+        // A driver may also be killed before it is ready.
+        if round % 5 == 4 {
+            std::thread::sleep(std::time::Duration::from_micros(random.below(100_000)));
+            cell.end("lwr", Signal::SIGKILL);
+            cell.start_driver("lwr");
+        }
+        cell.await_driver(&watch, "lwr");
+        let now = Census::of(&cell, executor);
+        // The first rounds settle what is made once: threads, buffers, files of the names.
+        match settled {
+            None if round >= 2 => settled = Some(now),
+            Some(settled) => await_some(&format!("{settled:?} after kill {round}"), || {
+                Census::of(&cell, executor)
+                    .is_within(&settled)
+                    .then_some(())
+            }),
+            None => {}
+        }
+    }
+    assert_within_limits(&arm.state(), &[LOST]);
+    assert_eq!(cell.state(lamp)["state"], "running");
+    cell.done(lamp, "cancel");
+    drop(watch);
+    cell.stop();
+}
+
+/// What a leak would raise.
+#[derive(Clone, Copy, Debug)]
+struct Census {
+    shared_memory: usize,
+    files: usize,
+    processes: usize,
+    executor: Holdings,
+}
+
+impl Census {
+    fn of(cell: &HandCell, executor: u32) -> Census {
+        Census {
+            shared_memory: cell
+                .cell()
+                .leftovers()
+                .expect("/dev/shm can be listed")
+                .len(),
+            files: files_below(cell.cell().runtime_dir()).len(),
+            processes: processes::of_folder(cell.folder()).len(),
+            executor: processes::holdings(executor),
+        }
+    }
+
+    fn is_within(&self, other: &Census) -> bool {
+        self.shared_memory <= other.shared_memory
+            && self.files <= other.files
+            && self.processes <= other.processes
+            && self.executor.files <= other.executor.files
+            && self.executor.mappings <= other.executor.mappings
+    }
+}

@@ -1,0 +1,8 @@
+//! All suites in one program, because linking costs time: each test starts a cell of its own and they run in parallel.
+//! Run by the threads of the test harness.
+
+mod arrows;
+mod cells;
+mod crash;
+mod crash_others;
+mod life;
