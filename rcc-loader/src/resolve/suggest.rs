@@ -7,7 +7,8 @@ use rcc_core::primitives::CATALOGUE;
 
 use crate::syntax::reference::Reference;
 
-/// Names that may be compared for one text; it may be wrong in a hundred thousand places and have as many names.
+/// After so many comparisons of names no other search is begun: a text may be wrong in a hundred thousand places and
+/// have as many names.
 const COMPARISONS_MAX: usize = 200_000;
 /// Most names that are listed.
 const LISTED_MAX: usize = 16;
@@ -25,12 +26,11 @@ impl Suggestions {
         name: &str,
         known: impl Iterator<Item = &'n str>,
     ) -> Option<&'n str> {
-        let known: Vec<&str> = known.collect();
-        self.compared += known.len();
-        if self.compared > COMPARISONS_MAX {
+        if self.compared >= COMPARISONS_MAX {
             return None;
         }
-        closest(name, known)
+        let compared = &mut self.compared;
+        closest(name, known.inspect(|_| *compared += 1))
     }
 
     /// A near name, or what the name is elsewhere, or all names.
