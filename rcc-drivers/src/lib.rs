@@ -7,4 +7,5 @@ pub mod driver;
 pub mod drivers;
 pub mod fri_lwr;
 pub mod host;
+pub mod priority;
 pub mod sim;

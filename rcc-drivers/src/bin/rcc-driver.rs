@@ -10,12 +10,9 @@ use clap::Parser;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_drivers::drivers;
 use rcc_drivers::host::Host;
+use rcc_drivers::priority::rise;
 use rcc_drivers::sim::process::Stop;
 use rcc_ipc::Cell;
-use thread_priority::{
-    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
-    set_thread_priority_and_policy, thread_native_id,
-};
 
 /// Exit code of a configuration that cannot be used (sysexits' EX_CONFIG).
 const CONFIGURATION: u8 = 78;
@@ -116,19 +113,4 @@ fn device<'a>(config: &'a CellConfig, name: &str) -> Result<&'a DeviceConfig, St
                 names.join(", ")
             )
         })
-}
-
-/// SCHED_FIFO for the calling thread, and says what was obtained.
-fn rise(priority: u8) {
-    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
-    let result =
-        value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy));
-    match result {
-        Ok(Ok(())) => tracing::info!(priority, "runs with SCHED_FIFO"),
-        refused => tracing::warn!(
-            priority,
-            "runs without SCHED_FIFO ({refused:?}): allow it with `ulimit -r` or CAP_SYS_NICE"
-        ),
-    }
 }

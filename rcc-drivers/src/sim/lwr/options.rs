@@ -101,6 +101,9 @@ pub struct Options {
     /// Seed of the answers that are dropped on request
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// SCHED_FIFO priority of its clock, where the system grants it: a real controller is punctual
+    #[arg(long, value_name = "1..99", value_parser = clap::value_parser!(u8).range(1..=99))]
+    pub priority: Option<u8>,
     /// Ends when the thread that started it ends
     #[arg(long)]
     pub parent_death: bool,

@@ -11,6 +11,7 @@ use super::krc::Krc;
 use super::options::{OptionError, Options};
 use super::trace::{TraceError, TraceSink};
 use crate::fri_lwr::wire::CMD_SIZE;
+use crate::priority::rise;
 use crate::sim::lines;
 use crate::sim::process::{Stop, request_stop};
 use nix::errno::Errno;
@@ -120,7 +121,11 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
             obeyed,
             trace: trace.clone(),
         };
+        let priority = options.priority;
         thread::Builder::new().name("clock".into()).spawn(move || {
+            if let Some(priority) = priority {
+                rise(priority);
+            }
             let result = clock.run(&ending);
             request_stop();
             result
