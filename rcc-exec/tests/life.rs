@@ -222,6 +222,8 @@ fn a_first_set_point_elsewhere_is_refused_writes_nothing_and_leaves_the_command_
     };
     assert!((value + 0.01).abs() < 1e-9 && limit == 1e-3, "{refusal:?}");
     assert_eq!(bench.state(id), CommandState::Ready);
+    let entry = bench.entry(id);
+    assert_eq!((entry.cycles, entry.exec_max_ns), (0, 0), "no cycle counts");
     let image = bench.engine.image(0).unwrap();
     assert!(image.set_points.iter().all(|point| point.has_position == 0));
     bench.driver.measurement.hold = HOLD;

@@ -302,6 +302,10 @@ impl Engine {
                     if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
                         net.reset();
                     }
+                    if let Some(entry) = self.tables.commands.get_mut(row) {
+                        // As if it had not been evaluated.
+                        (entry.cycles, entry.exec_last_ns, entry.exec_max_ns) = (0, 0, 0);
+                    }
                     Some(self.refusal_of(fault))
                 }
             },
