@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
-use axum::http::StatusCode;
+use axum::http::{StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -100,6 +100,15 @@ async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> 
             let message = format!("a text has at most {TEXT_MAX} bytes");
             ApiError::new(codes::TOO_LARGE, message, "divide the net into several").into_response()
         }
+        Ok(response) if response.status() == StatusCode::BAD_REQUEST && !is_json(&response) => {
+            let message = "the address or its query is not understood";
+            ApiError::new(
+                codes::BAD_REQUEST,
+                message,
+                "write it as UTF-8, percent-encoded",
+            )
+            .into_response()
+        }
         Ok(response) => response,
         Err(_) => ApiError::new(
             codes::LOADER_SILENT,
@@ -108,6 +117,12 @@ async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> 
         )
         .into_response(),
     }
+}
+
+/// Errors of ours are JSON; those that the extractors make by themselves are not.
+fn is_json(response: &Response) -> bool {
+    let kind = response.headers().get(header::CONTENT_TYPE);
+    kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
 }
 
 fn too_many(most: usize) -> ApiError {
