@@ -134,7 +134,6 @@ impl Drop for TestCell {
         // Dead already after `stop`; otherwise the test failed, or has nothing more to say about this cell.
         let _ = self.up.kill();
         let _ = self.up.wait();
-        place.remove();
     }
 }
 

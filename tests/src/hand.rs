@@ -180,6 +180,5 @@ impl Drop for HandCell {
             let _ = child.kill();
             let _ = child.wait();
         }
-        self.place.remove();
     }
 }

@@ -44,7 +44,11 @@ impl Place {
         let base = new_folder();
         let folder = config.parent().expect("a configuration is in a folder");
         let folder = folder.canonicalize().expect("it exists");
-        let text = change(fs::read_to_string(config).expect("the configuration can be read"));
+        let text = fs::read_to_string(config).expect("the configuration can be read");
+        // What a test judges is not how punctual a busy machine is: the simulated controller bridges more missed
+        // answers than by default, and rates the connection more mildly.
+        let mild = "      - --bridge=40\n      - --quality=0.5,0.3,0.1\n      - --krl=first-app\n";
+        let text = change(text.replace("      - --krl=first-app\n", mild));
         // Relative paths are relative to the file, which moves.
         let text = text.replace("../robots/", &format!("{}/../robots/", folder.display()));
         let (text, ports) = choose_ports(&text);
@@ -317,9 +321,11 @@ impl Place {
         let files = files_below(self.cell.runtime_dir());
         assert!(files.is_empty(), "left in the runtime folder: {files:?}");
     }
+}
 
+impl Drop for Place {
     /// Ends and removes whatever is there; nothing else carries this folder in its environment.
-    pub fn remove(&self) {
+    fn drop(&mut self) {
         let begun = Instant::now();
         loop {
             let running = processes::of_folder(&self.base);

@@ -2,7 +2,10 @@
 //! Run by the threads of the test harness.
 
 mod arrows;
+mod bad_input;
 mod cells;
 mod crash;
 mod crash_others;
+mod examples;
 mod life;
+mod readme;

@@ -1,0 +1,66 @@
+//! Every net in `configs/nets` is valid for the demo cell and runs there, through every process.
+//! Each test has a cell of its own.
+
+use std::path::PathBuf;
+
+use rcc_tests::simulator::assert_within_limits;
+use rcc_tests::{TestCell, await_some, place::files_below, repository};
+
+fn example_nets() -> Vec<PathBuf> {
+    let mut files = files_below(&repository().join("configs/nets"));
+    files.sort();
+    assert!(files.len() >= 3, "{files:?}");
+    files
+}
+
+#[test]
+fn every_example_net_is_valid_offline() {
+    let config = repository().join("configs/cells/demo.yaml");
+    let files = example_nets();
+    let output = std::process::Command::new(rcc_tests::program("rcc-cli"))
+        .arg("check")
+        .args(&files)
+        .arg("--config")
+        .arg(config)
+        .output()
+        .expect("rcc-cli runs");
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+#[test]
+fn every_example_net_runs_in_a_cell() {
+    let cell = TestCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    for path in example_nets() {
+        let text = std::fs::read_to_string(&path).expect("a net");
+        let name = path.file_stem().expect("a name").display().to_string();
+        // The next one begins where the last one ended.
+        cell.await_devices();
+        let id = cell.load(&text);
+        cell.start_when_ready(id);
+        let row = await_some(&format!("some cycles of {name}"), || {
+            let row = cell.state(id);
+            (row["cycles"].as_u64() > Some(200) || row["state"] == "terminated").then_some(row)
+        });
+        let moves = row["uses"]
+            .as_array()
+            .is_some_and(|uses| uses.iter().any(|used| used == "lwr"));
+        let reason = if moves || row["state"] == "terminated" {
+            "finished"
+        } else if row["can_cancel"] == true {
+            cell.done(id, "cancel");
+            "canceled"
+        } else {
+            cell.done(id, "abort");
+            "aborted"
+        };
+        cell.assert_ends(id, reason);
+    }
+    assert_within_limits(&arm.state(), &[]);
+    cell.stop();
+}
