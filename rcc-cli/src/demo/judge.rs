@@ -164,51 +164,45 @@ fn of_event(recorded: &Recorded<'_>, event: Event, track: &Track<'_>, line: &Lin
             checks.extend(verify::soft_stop("contact", track, asked));
             checks
         }
-        Event::Weld => {
-            let (on, off) = (recorded.facts.torch_on, recorded.facts.torch_off);
-            [("on", true, on), ("off", false, off)]
-                .into_iter()
-                .flat_map(|(word, value, position)| {
-                    let switched = recorded.switched("burn.out", value);
-                    let pair =
-                        switched.and_then(|cycle| Some((track.at(cycle - 1)?, track.at(cycle)?)));
-                    let along = pair.map_or(f64::NAN, |(_, after)| after);
-                    [
-                        verify::crosses(
-                            &format!("torch {word} in the cycle of the crossing"),
-                            position.unwrap_or(f64::NAN),
-                            pair,
-                        ),
-                        verify::switches_with(
-                            &format!("torch {word} in the datagram of that set-point"),
-                            &sent,
-                            value,
-                            along,
-                        ),
-                    ]
-                })
-                .collect()
-        }
-        Event::Cancel => {
-            let asked = recorded.first_true("cancel.requested");
-            let off = recorded.switched("burn.out", false);
-            let along = asked.and_then(|cycle| track.at(cycle)).unwrap_or(f64::NAN);
-            let mut checks = verify::soft_stop("cancel", track, asked);
-            checks.push(Check::new(
-                "torch off in the cycle of the cancel",
-                off.is_some() && off == asked,
-                in_cycle(asked),
-                in_cycle(off),
-            ));
-            checks.push(verify::switches_with(
-                "torch off in the datagram of that set-point",
-                &sent,
-                false,
-                along,
-            ));
-            checks
-        }
+        Event::Weld => weld(recorded, track, &sent),
+        Event::Cancel => cancel(recorded, track, &sent),
     }
+}
+
+fn weld(recorded: &Recorded<'_>, track: &Track<'_>, sent: &[Sent]) -> Vec<Check> {
+    let (on, off) = (recorded.facts.torch_on, recorded.facts.torch_off);
+    let switching = |(word, value, position): (&str, bool, Option<f64>)| {
+        let switched = recorded.switched("burn.out", value);
+        let pair = switched.and_then(|cycle| Some((track.at(cycle - 1)?, track.at(cycle)?)));
+        let along = pair.map_or(f64::NAN, |(_, after)| after);
+        let position = position.unwrap_or(f64::NAN);
+        let crossing = format!("torch {word} in the cycle of the crossing");
+        let datagram = format!("torch {word} in the datagram of that set-point");
+        [
+            verify::crosses(&crossing, position, pair),
+            verify::switches_with(&datagram, sent, value, along),
+        ]
+    };
+    [("on", true, on), ("off", false, off)]
+        .into_iter()
+        .flat_map(switching)
+        .collect()
+}
+
+fn cancel(recorded: &Recorded<'_>, track: &Track<'_>, sent: &[Sent]) -> Vec<Check> {
+    let asked = recorded.first_true("cancel.requested");
+    let off = recorded.switched("burn.out", false);
+    let along = asked.and_then(|cycle| track.at(cycle)).unwrap_or(f64::NAN);
+    let mut checks = verify::soft_stop("cancel", track, asked);
+    checks.push(Check::new(
+        "torch off in the cycle of the cancel",
+        off.is_some() && off == asked,
+        in_cycle(asked),
+        in_cycle(off),
+    ));
+    let datagram = "torch off in the datagram of that set-point";
+    checks.push(verify::switches_with(datagram, sent, false, along));
+    checks
 }
 
 fn in_cycle(cycle: Option<u64>) -> String {

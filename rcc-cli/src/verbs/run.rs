@@ -1,6 +1,8 @@
 //! `run FILE`: load, start, follow, unload. The first Ctrl-C cancels (aborts a net that cannot be cancelled), the
 //! second one aborts.
 
+use std::time::{Duration, Instant};
+
 use rcc_loader::server::api::CommandView;
 use rcc_loader::server::codes::exit;
 
@@ -9,6 +11,9 @@ use crate::context::{Context, Format, say};
 use crate::failure::{Failure, draw};
 use crate::follow::{self, Rejected};
 use crate::interrupt::Interrupts;
+
+/// How long a loader that died is waited for.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What to run.
 #[derive(clap::Args, Debug)]
@@ -60,8 +65,19 @@ fn start_and_follow(
     }
     follow::operate(client, &id, "start")?;
     let (mut shown, mut obeyed) = (String::new(), 0);
+    let mut answered = Instant::now();
     loop {
-        let command = follow::state(client, &id)?.command;
+        let command = match follow::state(client, &id) {
+            // A loader that died is started again; the net runs on meanwhile.
+            Err(failure)
+                if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE =>
+            {
+                std::thread::sleep(follow::POLL);
+                continue;
+            }
+            state => state?.command,
+        };
+        answered = Instant::now();
         let words = follow::state_words(&command);
         // A snapshot may be a few cycles older than the START that was just answered.
         let old = command.state == "ready";

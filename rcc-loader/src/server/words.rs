@@ -90,14 +90,7 @@ impl Namer<'_> {
             ),
             Refusal::UnknownCommand => return unknown(&id.to_string()),
             Refusal::WrongState { state } => wrong_state(&net, CommandState::from_number(state)),
-            Refusal::Busy { holder, resource } => {
-                let (holder, resource) = ((self.net)(holder), self.resource(resource));
-                (
-                    codes::BUSY,
-                    format!("{net} needs {resource}, which {holder} holds"),
-                    format!("wait until {holder} is over, or end it: `rcc-cli cancel {holder}`"),
-                )
-            }
+            Refusal::Busy { holder, resource } => self.busy(&net, holder, resource),
             Refusal::NotCancelable => (
                 codes::NOT_CANCELABLE,
                 format!("{net} has no Cancel primitive and can only be aborted"),
@@ -116,16 +109,7 @@ impl Namer<'_> {
                 value,
                 limit,
                 violation,
-            } => (
-                codes::FIRST_SET_POINT,
-                format!(
-                    "{net} cannot start: {}",
-                    self.violation(device, joint, value, limit, violation)
-                ),
-                "begin where the device is held (a LinearMotion without `from` does): load the net again and start it; \
-                 there is deliberately no flag to skip this check"
-                    .into(),
-            ),
+            } => first_set_point(&net, &self.violation(device, joint, value, limit, violation)),
             Refusal::FirstCycle { code } => (
                 codes::FIRST_CYCLE,
                 format!(
@@ -148,6 +132,15 @@ impl Namer<'_> {
             ),
         };
         ApiError::new(code, message, help)
+    }
+
+    fn busy(&self, net: &str, holder: u64, resource: Resource) -> (Code, String, String) {
+        let (holder, resource) = ((self.net)(holder), self.resource(resource));
+        (
+            codes::BUSY,
+            format!("{net} needs {resource}, which {holder} holds"),
+            format!("wait until {holder} is over, or end it: `rcc-cli cancel {holder}`"),
+        )
     }
 
     fn not_ready(
@@ -332,6 +325,16 @@ pub fn unknown(name: &str) -> ApiError {
         codes::UNKNOWN_COMMAND,
         format!("there is no command `{name}`"),
         "`rcc-cli ls` shows all commands; `rcc-cli load FILE` makes one",
+    )
+}
+
+fn first_set_point(net: &str, violation: &str) -> (Code, String, String) {
+    let help = "begin where the device is held (a LinearMotion without `from` does): load the net again and start it; \
+                there is deliberately no flag to skip this check";
+    (
+        codes::FIRST_SET_POINT,
+        format!("{net} cannot start: {violation}"),
+        help.to_owned(),
     )
 }
 
