@@ -391,7 +391,7 @@ fn every_plan_that_is_cut_or_bent_is_refused_or_harmless() {
                     measurement: bench.driver.measurement,
                 };
                 for _ in 0..3 {
-                    net.evaluate(&[bench.model], &[input], 1e-3);
+                    net.evaluate(&bench.models, &[input], 1e-3);
                 }
             }
         }

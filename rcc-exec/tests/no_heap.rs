@@ -4,9 +4,11 @@ mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::path::Path;
 
 use common::{Bench, HOLD, Plan, endless_net, line_net, output_net};
-use rcc_core::message::{DeviceState, EndReason};
+use rcc_config::CellConfig;
+use rcc_core::message::{CommandState, DeviceState, EndReason};
 use rcc_exec::queue::Order;
 use rcc_ipc::control::Answer;
 
@@ -135,4 +137,78 @@ fn an_unreachable_pose_and_null_inputs_make_none() {
     obey(&mut bench, |ticket| Order::Start { ticket, id }, 100);
     bench.driver.measurement.state = DeviceState::Online as u32;
     obey(&mut bench, |ticket| Order::Abort { ticket, id }, 3);
+}
+
+/// The start of the demo's arm (`configs/cells/demo.yaml`).
+const DEMO_START: [f64; 8] = {
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
+    [0.0, -FRAC_PI_6, 0.0, FRAC_PI_2, 0.0, -FRAC_PI_3, 0.0, 0.0]
+};
+
+/// Loads every net of `configs/nets` into a cell of its own, and gives it to `live`.
+fn with_example_nets(live: impl Fn(&str, &mut Bench, u64)) {
+    let configs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../configs"));
+    let config = CellConfig::load_offline(&configs.join("cells/demo.yaml")).unwrap();
+    let files = std::fs::read_dir(configs.join("nets")).unwrap();
+    let mut count = 0;
+    for path in files.map(|file| file.unwrap().path()) {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let compiled = rcc_loader::compile(&text, &name, &config);
+        let plan = compiled.unwrap_or_else(|faults| panic!("{faults}")).plan;
+        let mut bench = Bench::of_cell(config.models(), config.fingerprint(), DEMO_START);
+        let id = bench.load(plan);
+        live(&name, &mut bench, id);
+        count += 1;
+    }
+    assert!(count >= 3, "{count} example nets");
+}
+
+#[test]
+fn no_example_net_makes_any_from_start_to_cancel_or_abort() {
+    with_example_nets(|name, bench, id| {
+        obey(bench, |ticket| Order::Start { ticket, id }, 300);
+        assert_ne!(bench.state(id), CommandState::Ready, "{name} runs");
+        // Whatever happens while a net runs: forces, inputs that change and that are not known.
+        for force in [20.0, -20.0, f64::NAN, 0.0] {
+            bench.driver.measurement.wrench = [force; 6];
+            for other in &mut bench.others {
+                other.digital = !other.digital;
+                other.digital_known = !other.digital_known;
+                other.analog = [force; 16];
+            }
+            obey(bench, |ticket| Order::Start { ticket, id }, 50);
+        }
+        obey(bench, |ticket| Order::Cancel { ticket, id }, 3000);
+        obey(bench, |ticket| Order::Abort { ticket, id }, 30);
+        assert_eq!(bench.state(id), CommandState::Terminated, "{name}");
+        obey(bench, |ticket| Order::Unload { ticket, id }, 3);
+    });
+}
+
+#[test]
+fn no_example_net_makes_any_to_its_end_or_through_a_fault() {
+    with_example_nets(|_, bench, id| {
+        obey(bench, |ticket| Order::Start { ticket, id }, 5000);
+        obey(bench, |ticket| Order::Abort { ticket, id }, 30);
+    });
+    with_example_nets(|name, bench, id| {
+        obey(bench, |ticket| Order::Start { ticket, id }, 100);
+        bench.driver.alive = false;
+        obey(bench, |ticket| Order::Start { ticket, id }, 100);
+        bench.driver.alive = true;
+        obey(bench, |ticket| Order::Abort { ticket, id }, 100);
+        assert_eq!(bench.state(id), CommandState::Terminated, "{name}");
+    });
+    with_example_nets(|name, bench, id| {
+        // Refused: the arm is elsewhere, then too many late cycles.
+        bench.driver.measurement.hold[0] += 0.1;
+        obey(bench, |ticket| Order::Start { ticket, id }, 3);
+        bench.driver.measurement.hold = DEMO_START;
+        obey(bench, |ticket| Order::Start { ticket, id }, 100);
+        let late = operations(|| (0..10).for_each(|_| bench.engine.account(5_000_000, 1, 5)));
+        assert_eq!(late, 0, "{name}");
+        obey(bench, |ticket| Order::Abort { ticket, id }, 100);
+        assert_eq!(bench.state(id), CommandState::Terminated, "{name}");
+    });
 }

@@ -88,7 +88,10 @@ pub struct Bench {
     pub ends: HelperEnds,
     pub driver: Driver,
     pub now_ns: u64,
-    pub model: DeviceModel,
+    pub models: Vec<DeviceModel>,
+    /// What the devices after the arm measure; they are plain I/O.
+    pub others: Vec<Measurement>,
+    configuration: u64,
     next_ticket: u64,
 }
 
@@ -98,20 +101,26 @@ impl Bench {
     }
 
     pub fn with(model: DeviceModel) -> Bench {
+        Bench::of_cell(vec![model], 5, HOLD)
+    }
+
+    /// The devices of a cell, the arm first; it is held at `hold`.
+    pub fn of_cell(models: Vec<DeviceModel>, configuration: u64, hold: Joints) -> Bench {
         let (rt, ends) = rings();
         let config = EngineConfig {
             incarnation: 7,
             period_ns: PERIOD_NS,
             stale_after_ns: 50_000_000,
             late_in_a_row_max: 3,
-            models: vec![model],
+            models: models.clone(),
         };
         let mut measurement = Measurement::zeroed();
         measurement.magic = MAGIC;
         measurement.state = DeviceState::Ready as u32;
+        let others = vec![measurement; models.len() - 1];
         measurement.joints = 7;
-        measurement.hold = HOLD;
-        measurement.position = HOLD;
+        measurement.hold = hold;
+        measurement.position = hold;
         let driver = Driver {
             measurement,
             delay: 10,
@@ -123,7 +132,9 @@ impl Bench {
             ends,
             driver,
             now_ns: 1_000_000_000,
-            model,
+            models,
+            others,
+            configuration,
             next_ticket: 1,
         };
         bench.step();
@@ -143,6 +154,12 @@ impl Bench {
         };
         self.engine
             .latch(0, Some((1, self.driver.measurement)), self.now_ns);
+        for (index, other) in self.others.iter_mut().enumerate() {
+            if self.driver.alive {
+                other.stamp_ns = self.now_ns;
+            }
+            self.engine.latch(index + 1, Some((2, *other)), self.now_ns);
+        }
         self.engine.cycle(self.now_ns);
         self.engine.account(0, 1000, 0);
     }
@@ -172,13 +189,9 @@ impl Bench {
     }
 
     pub fn build(&self, plan: PlanData) -> Result<Box<Net>, Refusal> {
-        Net::build(
-            plan,
-            &[self.model],
-            5,
-            &[Some(self.driver.measurement.hold)],
-            1e-3,
-        )
+        let mut holds = vec![Some(self.driver.measurement.hold)];
+        holds.resize(self.models.len(), None);
+        Net::build(plan, &self.models, self.configuration, &holds, 1e-3)
     }
 
     /// Reserves a row and makes the plan ready in it.
