@@ -3,6 +3,7 @@
 
 pub mod names;
 pub mod pattern;
+pub mod reader;
 pub mod signals;
 pub mod stream;
 pub mod tail;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
 use rcc_monitor::pattern::Pattern;
+use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, Options, tail};
 
@@ -65,7 +66,9 @@ fn main() -> ExitCode {
         }
     };
     let mut out = BufWriter::new(io::stdout().lock());
-    match tail(&arguments.cell, &options, &mut signals, &mut out) {
+    match tail(&arguments.cell, &options, &mut signals, &mut out, || {
+        reader::is_gone(&io::stdout())
+    }) {
         Ok(Some(signal)) if signal == Signal::SIGINT as i32 => ExitCode::from(INTERRUPTED),
         Ok(_) => ExitCode::SUCCESS,
         Err(error) => {

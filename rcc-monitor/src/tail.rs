@@ -60,6 +60,7 @@ pub fn tail(
     options: &Options,
     signals: &mut Signals,
     out: &mut impl Write,
+    reader_is_gone: impl Fn() -> bool,
 ) -> Result<Option<i32>, TailError> {
     let mut follower = Follower::new(cell);
     let begun = Instant::now();
@@ -92,6 +93,9 @@ pub fn tail(
             Ok(()) => {}
         }
         if look.records.is_empty() {
+            if reader_is_gone() {
+                return Ok(None);
+            }
             std::thread::sleep(if follower.is_attached() {
                 LOOK_EVERY
             } else {
