@@ -46,7 +46,7 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
     let (root, mut faults) = yaml::read(text);
     let net = root.and_then(|root| syntax::read(&root, &mut faults));
     let Some(net) = net else {
-        return Err(Faults::new(file, text, faults));
+        return Err(finished(file, text, faults));
     };
     let graph = resolve(&net, cell, &mut faults);
     let inferred = infer(&graph);
@@ -56,13 +56,13 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
     };
     check(typed, &mut faults);
     if faults.iter().any(|fault| fault.severity == Severity::Error) {
-        return Err(Faults::new(file, text, faults));
+        return Err(finished(file, text, faults));
     }
     let lowered = match lower(typed) {
         Ok(lowered) => lowered,
         Err(fault) => {
             faults.push(*fault);
-            return Err(Faults::new(file, text, faults));
+            return Err(finished(file, text, faults));
         }
     };
     if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
@@ -74,13 +74,23 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
                 .anywhere()
                 .help("this is a mistake of the loader: report it with the net"),
         );
-        return Err(Faults::new(file, text, faults));
+        return Err(finished(file, text, faults));
     }
     Ok(Compiled {
         names: names(typed, &lowered),
         net: net.name.name,
         description: net.description,
         plan: lowered.plan,
-        warnings: Faults::new(file, text, faults),
+        warnings: finished(file, text, faults),
     })
+}
+
+/// The faults of a text, each with a remedy: its own, or that of its kind.
+fn finished(file: &str, text: &str, mut faults: Vec<Diagnostic>) -> Faults {
+    for fault in &mut faults {
+        if fault.help.is_none() {
+            fault.help = fault::remedy(fault.code).map(str::to_owned);
+        }
+    }
+    Faults::new(file, text, faults)
 }

@@ -48,6 +48,8 @@ fn every_bad_net_is_told_what_is_wrong() {
             faults.diagnostics.iter().any(|fault| fault.code == code),
             "{name} does not cause {code}:\n{faults}"
         );
+        let silent = faults.diagnostics.iter().find(|fault| fault.help.is_none());
+        assert!(silent.is_none(), "{name}: no remedy for {silent:?}");
         let found = faults.render(false);
         let expected = path.with_extension("txt");
         if bless {

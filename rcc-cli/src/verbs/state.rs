@@ -52,8 +52,12 @@ fn human(detail: &CommandDetail) -> String {
     add("uses", command.uses.join(", "));
     add("cancel", if command.can_cancel { "possible" } else { "not possible, only abort" }.into());
     if command.started_cycle > 0 {
-        let (first, last) = (grouped(command.started_cycle), grouped(command.ended_cycle));
-        add("cycles", format!("{} (executor cycles {first} to {last})", grouped(command.cycles)));
+        let first = grouped(command.started_cycle);
+        let span = match command.ended_cycle {
+            0 => format!("since executor cycle {first}"),
+            last => format!("executor cycles {first} to {}", grouped(last)),
+        };
+        add("cycles", format!("{} ({span})", grouped(command.cycles)));
         let (last, max) = (time(command.exec_last_ns), time(command.exec_max_ns));
         add("execution", format!("last {last}, longest {max}"));
     }
