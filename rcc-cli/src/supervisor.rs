@@ -31,6 +31,8 @@ const DEVICES_EVERY: Duration = Duration::from_millis(250);
 const ANSWER_LIMIT: Duration = Duration::from_millis(500);
 /// How long a cell may take to be up.
 const START_LIMIT: Duration = Duration::from_secs(30);
+/// Pause before a janitor that did not succeed runs again.
+const CLEAN_AGAIN: Duration = Duration::from_secs(1);
 /// Shared memory that a cell takes: executor, loader and a few monitors, and each device. Measured: 8.4 MB in all with
 /// two devices and a monitor.
 const ROOM_CELL: u64 = 14 << 20;
@@ -60,6 +62,8 @@ pub struct Supervisor {
     devices: Vec<(String, String)>,
     devices_asked: Instant,
     grade_told: u32,
+    /// When the janitor has to run again, on the supervisor's clock.
+    clean_due: Option<Duration>,
     failed: bool,
     logs: PathBuf,
     // Held to the end: a second supervisor of this cell is refused.
@@ -99,6 +103,7 @@ impl Supervisor {
             devices: Vec::new(),
             devices_asked: Instant::now(),
             grade_told: 0,
+            clean_due: None,
             failed: false,
             logs,
             presence: Some(presence),
@@ -143,6 +148,12 @@ impl Supervisor {
     pub fn look(&mut self) {
         for index in 0..self.children.len() {
             self.look_at(index);
+        }
+        if self
+            .clean_due
+            .is_some_and(|due| due <= self.begun.elapsed())
+        {
+            self.clean(None);
         }
         if self.devices_asked.elapsed() >= DEVICES_EVERY {
             self.devices_asked = Instant::now();
@@ -224,9 +235,7 @@ impl Supervisor {
         for line in last_words {
             self.say(&name, &format!("  | {line}"));
         }
-        if let Err(error) = clean::run_janitor(&self.cell, JANITOR_TIMEOUT) {
-            self.say("janitor", &error.to_string());
-        }
+        self.clean(Some(clean::HALF_CREATED_AFTER * 2));
         match verdict {
             Verdict::Again { nth, .. } => {
                 let (most, window) = (policy::RESTARTS_MAX, policy::WINDOW.as_secs());
@@ -239,6 +248,17 @@ impl Supervisor {
                 self.failed = true;
                 self.say(&name, "failed: it is not started again");
             }
+        }
+    }
+
+    /// Runs the janitor; `again` after a death, because what a process left half-made is removed only when it is old
+    /// enough. One that does not succeed runs again in any case.
+    fn clean(&mut self, again: Option<Duration>) {
+        let done = clean::run_janitor(&self.cell, JANITOR_TIMEOUT);
+        let pause = done.as_ref().map_or(Some(CLEAN_AGAIN), |_| again);
+        self.clean_due = pause.map(|pause| self.begun.elapsed() + pause);
+        if let Err(error) = done {
+            self.say("janitor", &error.to_string());
         }
     }
 
