@@ -104,7 +104,14 @@ impl HandCell {
         let mut child = self.children.remove(name).expect("it was started");
         signal(child.id(), with);
         child.wait().expect("the child is ours");
-        clean::run_janitor(self.cell(), clean::JANITOR_TIMEOUT).expect("the janitor ends");
+        self.clean();
+    }
+
+    /// Runs the janitor until it succeeds, as a supervisor does.
+    pub fn clean(&self) {
+        await_some("the janitor", || {
+            clean::run_janitor(self.cell(), clean::JANITOR_TIMEOUT).ok()
+        });
     }
 
     /// Process id of a child.

@@ -41,7 +41,19 @@ impl Place {
     /// A new folder with the configuration `config` after `change` was applied to its text. Ports that the file leaves
     /// open are chosen here, so that the test can reach the simulators.
     pub fn new(config: &Path, change: impl Fn(String) -> String) -> Place {
-        let base = new_folder();
+        // In memory: iceoryx2 writes files through to the disk, which takes seconds while others keep the disk busy.
+        let memory = Path::new("/dev/shm");
+        let usual = std::env::temp_dir();
+        Place::below(
+            if memory.is_dir() { memory } else { &usual },
+            config,
+            change,
+        )
+    }
+
+    /// As [`Place::new`], in a new folder below `parent`.
+    pub fn below(parent: &Path, config: &Path, change: impl Fn(String) -> String) -> Place {
+        let base = new_folder(parent);
         let folder = config.parent().expect("a configuration is in a folder");
         let folder = folder.canonicalize().expect("it exists");
         let text = fs::read_to_string(config).expect("the configuration can be read");
@@ -390,11 +402,11 @@ pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-fn new_folder() -> PathBuf {
+fn new_folder(parent: &Path) -> PathBuf {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     // Short, because the path of a Unix socket is limited to 107 bytes. Relaxed: only different numbers are wanted.
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-    let folder = std::env::temp_dir().join(format!("rcc-t{}-{number}", std::process::id()));
+    let folder = parent.join(format!("rcc-t{}-{number}", std::process::id()));
     fs::create_dir_all(&folder).expect("a temporary folder");
     folder.canonicalize().expect("it was just made")
 }
