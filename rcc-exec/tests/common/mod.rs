@@ -179,10 +179,10 @@ impl Bench {
 
     pub fn answer(&mut self, wanted: u64) -> Option<Answer> {
         while let Ok(outcome) = self.ends.outcomes.pop() {
-            if let Outcome::Answer { ticket, answer } = outcome {
-                if ticket == wanted {
-                    return Some(answer);
-                }
+            if let Outcome::Answer { ticket, answer } = outcome
+                && ticket == wanted
+            {
+                return Some(answer);
             }
         }
         None
