@@ -1,4 +1,5 @@
 //! The workspace's programs, built once per test binary in the profile of the tests.
+//! Run by the threads of the test harness.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,13 +10,17 @@ pub fn repository() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// The path of a program of the workspace. `cargo test` does not build other packages' programs, so this does.
+/// The path of a program of the workspace. `cargo test` does not build other packages' programs, so this does, unless
+/// `RCC_PROGRAMS` names a folder in which they are installed.
 pub fn program(name: &str) -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(build).join(name)
 }
 
 fn build() -> PathBuf {
+    if let Some(folder) = std::env::var_os("RCC_PROGRAMS").filter(|folder| !folder.is_empty()) {
+        return folder.into();
+    }
     let test = std::env::current_exe().expect("a test has a path");
     let folder = test
         .ancestors()
