@@ -39,7 +39,6 @@ pub struct Intake {
     stale_after_ns: u64,
     devices: Vec<Watched>,
     waiting: HashMap<u64, Request>,
-    /// Calls that were answered by `Refused` before they became orders need a rejection whose answer nobody awaits.
     next_ticket: u64,
     watched_at: Option<Instant>,
 }

@@ -2,6 +2,7 @@
 //!
 //! `engine` is the real-time thread's work without clock and boards, so that tests run it in virtual
 //! time; `rt` is its loop; `intake` makes what it runs; `pump` carries away what it says.
+#![forbid(unsafe_code)]
 
 pub mod engine;
 pub mod intake;

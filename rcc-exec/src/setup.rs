@@ -1,6 +1,5 @@
 //! What the executor asks of the system: locked memory, SCHED_FIFO, a core. Says what it did not get;
 //! everything also works without. Run at start, before the first cycle.
-#![allow(unsafe_code)] // The one file of this package with `unsafe`: a scheduler call that has no safe wrapper.
 
 use std::fmt;
 
@@ -9,6 +8,10 @@ use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::mman::{MlockAllFlags, mlockall};
 use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit};
 use nix::unistd::{Pid, geteuid};
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
 
 /// Bit in `CycleStatus::grants`: SCHED_FIFO.
 pub const FIFO: u32 = 1;
@@ -56,17 +59,15 @@ pub fn lock_memory(grants: &mut Grants) {
 
 /// Makes the calling thread SCHED_FIFO, and pins it if a core is configured.
 pub fn promote_thread(priority: u8, core: Option<usize>, grants: &mut Grants) {
-    let parameters = libc::sched_param {
-        sched_priority: i32::from(priority),
-    };
-    // SAFETY: `parameters` is a valid `sched_param` that outlives the call; pid 0 is the calling thread.
-    let result = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) };
-    match Errno::result(result) {
-        Ok(_) => grants.bits |= FIFO,
-        Err(error) => grants.refusals.push(format!(
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let value = ThreadPriorityValue::try_from(priority).map(ThreadPriority::Crossplatform);
+    match value.map(|value| set_thread_priority_and_policy(thread_native_id(), value, policy)) {
+        Ok(Ok(())) => grants.bits |= FIFO,
+        Ok(Err(error)) => grants.refusals.push(format!(
             "SCHED_FIFO {priority} was refused ({}): raise the limit `rtprio` (LimitRTPRIO={priority})",
-            error.desc()
+            cause(&error)
         )),
+        Err(_) => grants.refusals.push(format!("SCHED_FIFO has no priority {priority}: choose 1 to 99")),
     }
     let Some(core) = core else { return };
     let mut set = CpuSet::new();
@@ -78,6 +79,13 @@ pub fn promote_thread(priority: u8, core: Option<usize>, grants: &mut Grants) {
         Err(error) => grants
             .refusals
             .push(format!("core {core} was refused ({})", error.desc())),
+    }
+}
+
+fn cause(error: &thread_priority::Error) -> String {
+    match error {
+        thread_priority::Error::OS(number) => Errno::from_raw(*number).desc().to_owned(),
+        other => format!("{other:?}"),
     }
 }
 

@@ -211,12 +211,10 @@ fn fault_at(code: FaultCode, device: usize, cycle: u64) -> FaultRecord {
 
 fn fault_of(code: FaultCode, device: usize, cycle: u64, violation: Violation) -> FaultRecord {
     // A first set-point that breaks a limit is a matter of the limit, not of where the device is.
-    let code = if violation.kind == ViolationKind::Jump {
-        FaultCode::Jump
-    } else if code == FaultCode::Jump {
-        FaultCode::Limit
-    } else {
-        code
+    let code = match (code, violation.kind) {
+        (_, ViolationKind::Jump) => FaultCode::Jump,
+        (FaultCode::Jump, _) => FaultCode::Limit,
+        (code, _) => code,
     };
     debug_assert!(usize::from(violation.joint) < JOINTS_MAX);
     FaultRecord {
