@@ -175,6 +175,13 @@ impl Cell {
     }
 
     /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
+    /// The folder above this cell's, if it is the usual one and not of the user's choice (`$RCC_RUNTIME_DIR`).
+    pub(crate) fn own_base(&self) -> Option<PathBuf> {
+        let chosen = std::env::var_os("RCC_RUNTIME_DIR").is_some_and(|value| !value.is_empty());
+        let above = self.runtime_dir.parent().map(Path::to_owned);
+        above.filter(|above| !chosen && *above == base_dir())
+    }
+
     pub(crate) fn make_folders(&self) -> Result<(), CellError> {
         for path in [
             self.runtime_dir.clone(),

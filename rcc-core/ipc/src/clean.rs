@@ -337,6 +337,10 @@ pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
     }
     // Not empty: somebody else's files; they are not ours to remove.
     let _ = fs::remove_dir(cell.runtime_dir());
+    if let Some(base) = cell.own_base() {
+        // Not empty: other cells. One that is just being made makes it again.
+        let _ = fs::remove_dir(base);
+    }
     Ok(report)
 }
 
