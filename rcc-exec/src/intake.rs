@@ -181,7 +181,7 @@ impl Intake {
     fn hold(&self, device: &Watched) -> Option<Joints> {
         let (_, board) = device.attached.as_ref()?;
         let measurement = board.read();
-        let fresh = monotonic_ns().saturating_sub(measurement.stamp_ns) <= self.stale_after_ns;
+        let fresh = monotonic_ns().abs_diff(measurement.stamp_ns) <= self.stale_after_ns;
         let online = DeviceState::from_number(measurement.state) != DeviceState::Offline;
         let finite = measurement.hold.iter().all(|value| value.is_finite());
         let known = measurement.magic == MAGIC

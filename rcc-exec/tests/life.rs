@@ -275,6 +275,35 @@ fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
 }
 
 #[test]
+fn a_board_with_wrong_magic_or_a_stamp_far_from_now_is_a_lost_device() {
+    let mut bench = Bench::new();
+    let good = bench.driver.measurement;
+    let offline =
+        |bench: &Bench| bench.engine.tables().devices[0].state == DeviceState::Offline as u32;
+    let year_ns = 31_557_600_000_000_000;
+    for stamp_ns in [
+        bench.now_ns - 60_000_000,
+        bench.now_ns + 60_000_000,
+        bench.now_ns + year_ns,
+        0,
+        u64::MAX,
+    ] {
+        let measurement = rcc_core::message::Measurement { stamp_ns, ..good };
+        bench.engine.latch(0, Some((1, measurement)), bench.now_ns);
+        assert!(offline(&bench), "stamp {stamp_ns}");
+        bench.step();
+        assert!(!offline(&bench));
+    }
+    let measurement = rcc_core::message::Measurement {
+        magic: 1,
+        stamp_ns: bench.now_ns,
+        ..good
+    };
+    bench.engine.latch(0, Some((1, measurement)), bench.now_ns);
+    assert!(offline(&bench));
+}
+
+#[test]
 fn a_driver_that_stops_by_itself_ends_the_net() {
     for state in [DeviceState::Stopping, DeviceState::Online] {
         let mut bench = Bench::new();

@@ -19,7 +19,8 @@ impl Engine {
         let before = (input.present, input.measurement.state);
         input.present = false;
         if let Some((_, measurement)) = board {
-            let age_ns = now_ns.saturating_sub(measurement.stamp_ns);
+            // A stamp from the future is no better than an old one: nobody could tell when it ages.
+            let age_ns = now_ns.abs_diff(measurement.stamp_ns);
             let online = DeviceState::from_number(measurement.state) != DeviceState::Offline;
             let fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
             input.present = fresh && online;
