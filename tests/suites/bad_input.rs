@@ -1,15 +1,14 @@
-//! Bad input gets a clear error and changes nothing: texts, plans, bytes, datagrams, configurations, HTTP, and an I/O
-//! station that is gone. Each test has a cell of its own.
+//! Bad input gets a clear error and changes nothing: texts, datagrams, configurations, HTTP, and an I/O station that is
+//! gone. Each test has a cell of its own.
 
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
-use rcc_config::CellConfig;
-use rcc_core::message::{CommandState, Measurement};
+use rcc_core::message::Measurement;
 use rcc_drivers::fri_lwr::wire::MSR_SIZE;
-use rcc_ipc::control::{Answer, CONTROL, Call, MEASUREMENT, PlanData, Refusal};
-use rcc_ipc::{Client, Role, Session, wire};
+use rcc_ipc::control::MEASUREMENT;
+use rcc_ipc::{Role, Session};
 use rcc_tests::place::Place;
 use rcc_tests::processes::{command_line, of_folder, signal};
 use rcc_tests::records::Records;
@@ -63,196 +62,6 @@ fn broken_texts_are_rejected_with_place_and_remedy_while_a_net_runs() {
         offline.contains("lwt") && online.contains("lwt"),
         "{offline}\n{online}"
     );
-    cell.done(lamp, "cancel");
-    cell.stop();
-}
-
-/// The executor's control service, as only the loader uses it.
-struct Control {
-    client: Client,
-    config: CellConfig,
-    _session: Session,
-}
-
-impl Control {
-    fn of(cell: &Place) -> Control {
-        let session = Session::join(cell.cell(), Role::Loader, "stranger").expect("a cell");
-        let executor = cell.announced(Role::Executor, "exec");
-        let client = session
-            .client(&executor.services[CONTROL])
-            .expect("the control service");
-        let config = CellConfig::load(cell.config(), &Default::default());
-        Control {
-            client,
-            config: config.unwrap_or_else(|faults| panic!("{faults}")),
-            _session: session,
-        }
-    }
-
-    fn bytes(&self, bytes: &[u8]) -> Answer {
-        let answer = self
-            .client
-            .call(bytes, Duration::from_secs(20))
-            .expect("an answer");
-        wire::decode_serde(&answer).expect("an answer of this build")
-    }
-
-    fn call(&self, call: &Call) -> Answer {
-        self.bytes(&wire::encode_serde(call).expect("a call"))
-    }
-
-    fn reserve(&self) -> u64 {
-        match self.call(&Call::Reserve) {
-            Answer::Reserved { id } => id,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    fn plan(&self, text: &str) -> PlanData {
-        let compiled = rcc_loader::compile(text, "net", &self.config);
-        compiled.unwrap_or_else(|faults| panic!("{faults}")).plan
-    }
-}
-
-#[test]
-fn bytes_that_are_no_call_are_refused_and_change_nothing() {
-    let cell = TestCell::demo();
-    let lamp = cell.run(&nets::lamp("lamp"));
-    let executor = cell.announced(Role::Executor, "exec");
-    let control = Control::of(&cell);
-    let before = cell
-        .rest("GET", "/commands", "")
-        .body
-        .as_array()
-        .expect("rows")
-        .len();
-    let mut random = rcc_ipc::monotonic_ns() | 1;
-    eprintln!("seed {random}");
-    for length in [0, 1, 2, 7, 64, 1000, 100_000] {
-        // A call number that does not exist, then whatever comes.
-        let mut bytes = vec![0xfa; length];
-        for byte in bytes.iter_mut().skip(1) {
-            random = random
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            *byte = (random >> 56) as u8;
-        }
-        assert_eq!(
-            control.bytes(&bytes),
-            Answer::Refused(Refusal::NotUnderstood),
-            "{length} bytes"
-        );
-    }
-    let mut cut = wire::encode_serde(&Call::Install {
-        id: lamp,
-        plan: control.plan(&nets::lamp("lamp")),
-    })
-    .expect("a call");
-    cut.truncate(cut.len() / 2);
-    assert_eq!(
-        control.bytes(&cut),
-        Answer::Refused(Refusal::NotUnderstood),
-        "half of a call"
-    );
-    drop(control);
-    let rows = cell.rest("GET", "/commands", "").body;
-    assert_eq!(rows.as_array().expect("rows").len(), before, "{rows}");
-    assert_eq!(
-        cell.announced(Role::Executor, "exec"),
-        executor,
-        "the same executor"
-    );
-    assert_eq!(cell.state(lamp)["state"], "running");
-    cell.done(lamp, "cancel");
-    cell.stop();
-}
-
-#[test]
-fn a_plan_that_does_not_check_is_refused_by_the_executor_itself() {
-    let cell = TestCell::demo();
-    let lamp = cell.run(&nets::lamp("lamp"));
-    let control = Control::of(&cell);
-    let plan = control.plan(&nets::line("line", 0.1, 0.1));
-    let wrongs: [fn(&mut PlanData); 7] = [
-        |plan| plan.catalogue ^= 1,
-        |plan| plan.configuration ^= 1,
-        |plan| plan.operands[0] = u32::MAX,
-        |plan| plan.runs[0].kernel = u16::MAX,
-        |plan| plan.runs[0].first = u32::MAX,
-        |plan| plan.clocks = 0,
-        |plan| plan.reals.clear(),
-    ];
-    for (number, wrong) in wrongs.iter().enumerate() {
-        let mut plan = plan.clone();
-        wrong(&mut plan);
-        let id = control.reserve();
-        let answer = control.call(&Call::Install { id, plan });
-        assert!(
-            matches!(answer, Answer::Refused(Refusal::Plan(_))),
-            "{number}: {answer:?}"
-        );
-        await_some("the rejection", || {
-            (cell.state(id)["state"] == "rejected").then_some(())
-        });
-        let start = cell.operate(id, "start");
-        assert_eq!(start.code(), "RCC3003", "{start:?}");
-        let unloaded = control.call(&Call::Unload { id });
-        assert!(matches!(unloaded, Answer::Done { .. }), "{unloaded:?}");
-    }
-    assert_eq!(cell.state(lamp)["state"], "running");
-    drop(control);
-    cell.stop();
-}
-
-#[test]
-fn a_plan_with_flipped_bits_is_refused_or_harmless() {
-    let cell = TestCell::demo();
-    let executor = cell.announced(Role::Executor, "exec");
-    let lamp = cell.run(&nets::lamp("lamp"));
-    let control = Control::of(&cell);
-    let watch = cell.watch();
-    let plan = control.plan(&nets::input("input", "io", "lamp_on"));
-    let seed = rcc_ipc::monotonic_ns() | 1;
-    eprintln!("seed {seed}");
-    let (mut random, mut refused) = (seed, 0);
-    for round in 0..300 {
-        let id = control.reserve();
-        let mut bytes = wire::encode_serde(&Call::Install {
-            id,
-            plan: plan.clone(),
-        })
-        .expect("a call");
-        random = random
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
-        let bit = (random >> 33) as usize % (bytes.len() * 8);
-        bytes[bit / 8] ^= 1 << (bit % 8);
-        let answer = control.bytes(&bytes);
-        refused += u32::from(matches!(answer, Answer::Refused(_)));
-        // What is accepted is a plan that checks: it may run, and can be ended.
-        if matches!(answer, Answer::Done { .. })
-            && let Answer::Done { .. } = control.call(&Call::Start { id })
-        {
-            control.call(&Call::Abort { id });
-        }
-        if matches!(answer, Answer::Refused(_)) {
-            control.call(&Call::Reject { id });
-        }
-        assert!(
-            matches!(control.call(&Call::Unload { id }), Answer::Done { .. }),
-            "round {round}: bit {bit}: {answer:?}"
-        );
-    }
-    assert!(refused > 50, "{refused} of 300 were refused");
-    let tables = watch.tables();
-    let row = tables
-        .commands
-        .iter()
-        .find(|row| row.id == lamp)
-        .expect("the lamp's row");
-    assert_eq!(CommandState::from_number(row.state), CommandState::Running);
-    assert!(executor.is_alive(), "the same executor");
-    drop((watch, control));
     cell.done(lamp, "cancel");
     cell.stop();
 }

@@ -8,4 +8,5 @@ mod crash;
 mod crash_others;
 mod examples;
 mod life;
+mod plans;
 mod readme;
