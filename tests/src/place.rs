@@ -304,11 +304,12 @@ impl Place {
         text
     }
 
-    /// Waits until nothing of the cell is left: no process, no shared memory.
-    pub fn await_nothing_left(&self) {
-        await_some(&format!("nothing to be left of {:?}", self.base), || {
-            let left = self.cell.leftovers().expect("/dev/shm can be listed");
-            (left.is_empty() && processes::of_folder(&self.base).is_empty()).then_some(())
+    /// Waits until every process of the cell is dead; one that is just ending has no environment any more, but lives.
+    pub fn await_dead(&self) {
+        await_some("all processes to be dead", || {
+            let announced = self.cell.announced_all().expect("a list");
+            let dead = announced.iter().all(|announced| !announced.is_alive());
+            (dead && processes::of_folder(&self.base).is_empty()).then_some(())
         });
     }
 

@@ -8,7 +8,7 @@ use nix::sys::signal::Signal;
 use rcc_ipc::Role;
 use rcc_tests::place::Place;
 use rcc_tests::processes::{command_line, ends_with_test, of_folder, signal};
-use rcc_tests::{TestCell, await_some, nets, program, repository};
+use rcc_tests::{TestCell, nets, program, repository};
 
 #[test]
 fn two_cells_side_by_side_do_not_see_each_other() {
@@ -92,9 +92,7 @@ fn a_dead_cell_is_cleaned_by_the_next_up() {
         signal(pid, Signal::SIGKILL);
     }
     cell.kill_supervisor();
-    await_some("all to be dead", || {
-        of_folder(cell.folder()).is_empty().then_some(())
-    });
+    cell.await_dead();
     assert!(
         !cell.cell().leftovers().expect("a list").is_empty(),
         "there is something to clean"

@@ -9,7 +9,7 @@ use rcc_config::CellConfig;
 use rcc_core::message::CommandState;
 use rcc_ipc::Role;
 use rcc_tests::place::Place;
-use rcc_tests::processes::{ends_with_test, of_folder, signal};
+use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::simulator::assert_within_limits;
 use rcc_tests::{TestCell, await_some, nets, program, repository};
 
@@ -262,9 +262,7 @@ fn a_killed_supervisor_takes_its_children_with_it_and_the_arm_rests() {
     cell.run(&nets::line("line", 0.2, 0.1));
     arm.await_motion();
     cell.kill_supervisor();
-    await_some("the children to end", || {
-        of_folder(cell.folder()).is_empty().then_some(())
-    });
+    cell.await_dead();
     assert_within_limits(&arm.await_rest(), &[1]);
     cell.up_again();
     arm.assert_still(1000);

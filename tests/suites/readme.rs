@@ -58,7 +58,10 @@ fn every_rcc_cli_command_of_the_readme_runs() {
             continue;
         }
         run += 1;
-        cell.await_devices();
+        // A person types more slowly than an arm comes to rest.
+        if matches!(arguments.first(), Some(&("run" | "load" | "start"))) {
+            cell.await_devices();
+        }
         let mut line = cell.program("rcc-cli");
         let output = line
             .args(arguments)
