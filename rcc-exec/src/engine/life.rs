@@ -395,20 +395,20 @@ impl Engine {
         let waited_ns = (self.status.cycle - since_cycle) * period_ns;
         // The first set-point that commands nothing is that of the cycle after the last evaluation.
         if self.arms_settled(row, (since_cycle + 1) * period_ns) {
-            self.finish(row);
-        } else if self.lost_device(row).is_some() || waited_ns > SETTLE_MAX_NS {
-            let device = self
-                .claims(row)
-                .map_or(u32::MAX, |claims| claims.arms.trailing_zeros());
-            let device = self.lost_device(row).map_or(device, |device| device as u32);
-            self.end(
-                row,
-                EndReason::Fault,
-                FaultRecord {
-                    device,
-                    ..self.fault(FaultCode::DeviceLost)
-                },
-            );
+            return self.finish(row);
+        }
+        let lost = self.lost_device(row).map(|device| device as u32);
+        if lost.is_some() || waited_ns > SETTLE_MAX_NS {
+            let arm = || {
+                self.claims(row)
+                    .map_or(u32::MAX, |claims| claims.arms.trailing_zeros())
+            };
+            let device = lost.unwrap_or_else(arm);
+            let fault = FaultRecord {
+                device,
+                ..self.fault(FaultCode::DeviceLost)
+            };
+            self.end(row, EndReason::Fault, fault);
         }
     }
 
