@@ -22,6 +22,9 @@ pub const HALF_CREATED_AFTER: Duration = Duration::from_millis(300);
 /// How long a janitor may take, unless the caller says otherwise: 34 ms were the most ever seen.
 pub const JANITOR_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// A killed process counts as dead before the system has closed its files; so long a wipe waits for its lock.
+const DYING: Duration = Duration::from_secs(2);
+
 const JANITOR: &str = "rcc-janitor";
 /// How often a child that should end soon is looked at.
 const WAIT_STEP: Duration = Duration::from_millis(2);
@@ -348,7 +351,7 @@ fn wipe_alone(cell: &Cell) -> Result<(WipeReport, impl Drop), WipeError> {
     cell.make_folders()?;
     let announced = cell.announced_all()?;
     refuse_living(cell, &announced)?;
-    let alone = lock::exclusive(&cell.lock_file()).map_err(|error| match error {
+    let alone = lock::exclusive_within(&cell.lock_file(), DYING).map_err(|error| match error {
         LockError::Held { path } => WipeError::InUse {
             cell: cell.name().to_owned(),
             lock: path,
