@@ -21,12 +21,13 @@ fn build() -> PathBuf {
     if let Some(folder) = std::env::var_os("RCC_PROGRAMS").filter(|folder| !folder.is_empty()) {
         return folder.into();
     }
-    let test = std::env::current_exe().expect("a test has a path");
-    let folder = test
-        .ancestors()
-        .nth(2)
-        .expect("target/PROFILE/deps/test")
-        .to_owned();
+    let this = std::env::current_exe().expect("a program has a path");
+    // A test lies in target/PROFILE/deps, a program in target/PROFILE.
+    let folder = this.parent().expect("a program is in a folder");
+    let folder = match folder.parent() {
+        Some(profile) if folder.ends_with("deps") => profile.to_owned(),
+        _ => folder.to_owned(),
+    };
     let mut cargo = Command::new(env!("CARGO"));
     cargo
         .args(["build", "--quiet", "--workspace", "--bins"])
