@@ -152,6 +152,12 @@ impl Cell {
         self.runtime_dir.join("commands")
     }
 
+    /// What each driver knows about its device's connection, one JSON file a device; see `rcc-cli doctor device`.
+    #[must_use]
+    pub fn drivers_dir(&self) -> PathBuf {
+        self.runtime_dir.join("drivers")
+    }
+
     /// Where iceoryx2 keeps what it does not keep in shared memory.
     #[must_use]
     pub fn iox_root(&self) -> PathBuf {
@@ -187,6 +193,7 @@ impl Cell {
             self.runtime_dir.clone(),
             self.processes_dir(),
             self.commands_dir(),
+            self.drivers_dir(),
             self.iox_root(),
         ] {
             make_private_dir(&path)?;
@@ -214,7 +221,9 @@ fn is_name(name: &str) -> bool {
         && name.starts_with(|first: char| first.is_ascii_alphanumeric())
 }
 
-fn base_dir() -> PathBuf {
+/// The usual base folder, in which each cell has its own; see [`Cell::new`]. It need not be there.
+#[must_use]
+pub fn base_dir() -> PathBuf {
     let variable = |name| {
         std::env::var_os(name)
             .filter(|value| !value.is_empty())

@@ -372,7 +372,12 @@ fn wipe_alone(cell: &Cell) -> Result<(WipeReport, impl Drop), WipeError> {
         let removed = remove_file(&path).map_err(|source| WipeError::File { path, source })?;
         report.shared_memory += usize::from(removed);
     }
-    for path in [cell.iox_root(), cell.processes_dir(), cell.commands_dir()] {
+    for path in [
+        cell.iox_root(),
+        cell.processes_dir(),
+        cell.commands_dir(),
+        cell.drivers_dir(),
+    ] {
         remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
     }
     let path = cell.socket();
