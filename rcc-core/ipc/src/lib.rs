@@ -23,6 +23,7 @@ pub mod cell;
 pub mod clean;
 pub mod clock;
 pub mod control;
+pub mod events;
 pub mod life;
 pub mod lock;
 mod reap;

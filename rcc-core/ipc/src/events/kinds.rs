@@ -1,0 +1,424 @@
+//! The kinds of events with their fields: one table, from which the type, the names and the documentation come.
+//! Plain data.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Severity;
+
+/// A kind of events, as in `docs/events.md`.
+#[derive(Clone, Copy, Debug)]
+pub struct KindRow {
+    /// Its name in the log.
+    pub name: &'static str,
+    /// Who writes it.
+    pub writer: &'static str,
+    /// How much it matters, usually.
+    pub severity: Severity,
+    /// What it says.
+    pub summary: &'static str,
+    /// Its fields.
+    pub fields: &'static [&'static str],
+}
+
+macro_rules! kinds {
+    ($(
+        #[doc = $doc:literal]
+        $name:ident = $text:literal, $writer:literal, $severity:ident {
+            $($(#[doc = $about:literal])* $field:ident: $type:ty,)*
+        }
+    )*) => {
+        /// What happened.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "kind", content = "fields")]
+        pub enum Kind {
+            $(#[doc = $doc] #[serde(rename = $text)] $name { $($(#[doc = $about])* $field: $type,)* },)*
+        }
+
+        /// All kinds.
+        pub const KINDS: &[KindRow] = &[$(KindRow {
+            name: $text,
+            writer: $writer,
+            severity: Severity::$severity,
+            summary: $doc,
+            fields: &[$(stringify!($field)),*],
+        }),*];
+
+        impl Kind {
+            /// Its name in the log.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Kind::$name { .. } => $text,)*
+                }
+            }
+
+            fn usual_severity(&self) -> Severity {
+                match self {
+                    $(Kind::$name { .. } => Severity::$severity,)*
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// A process of the cell is ready; if its predecessor died, which one that was.
+    Started = "started", "every process", Info {
+        /// For people; the executor's is its real-time grade.
+        note: String,
+        /// The dead process of the same role and label, if there was one.
+        predecessor: Option<Former>,
+    }
+    /// A process of the cell ends because it was asked to.
+    Stopping = "stopping", "every process", Info {
+        /// Who or what asked.
+        why: String,
+    }
+    /// Events were not written because there were too many.
+    Suppressed = "suppressed", "every process", Warning {
+        /// How many.
+        count: u64,
+    }
+    /// A command changed its state; a terminated one with its reason, a fault with its numbers.
+    Command = "command", "executor", Info {
+        /// Its id in this life of the executor.
+        command: u64,
+        /// loading, rejected, ready, running, canceling or terminated.
+        state: String,
+        /// finished, canceled, aborted or fault.
+        reason: Option<String>,
+        /// What was wrong.
+        fault: Option<Fault>,
+    }
+    /// A device is lost: its ports are null from this cycle on.
+    DeviceLost = "device-lost", "executor", Error {
+        /// Its name.
+        device: String,
+        /// Age of the driver's last measurement, µs; nothing if the driver's death was known first.
+        board_age_us: Option<u64>,
+        /// The driver's life.
+        driver: Option<String>,
+        /// The driver's last words about it.
+        reason: String,
+    }
+    /// A device is there: its ports have values from this cycle on. No net commands it until START.
+    DeviceFound = "device-found", "executor", Info {
+        /// Its name.
+        device: String,
+        /// online, ready, commanded or stopping.
+        state: String,
+        /// The driver's life.
+        driver: Option<String>,
+    }
+    /// A device changed its state as the executor sees it.
+    DeviceState = "device-state", "executor", Info {
+        /// Its name.
+        device: String,
+        /// The new state.
+        state: String,
+        /// The old one.
+        was: String,
+        /// The driver's words.
+        reason: String,
+    }
+    /// The executor reads the boards of a new life of a driver.
+    DriverAttached = "driver-attached", "executor", Info {
+        /// Its device.
+        device: String,
+        /// The driver's process.
+        pid: u32,
+        /// The driver's life.
+        driver: String,
+    }
+    /// The executor found a driver dead.
+    DriverGone = "driver-gone", "executor", Warning {
+        /// Its device.
+        device: String,
+        /// The driver's life.
+        driver: String,
+    }
+    /// Cycles were late: at most one line a second.
+    Late = "late", "executor", Warning {
+        /// How many since the last line.
+        count: u64,
+        /// The first of them.
+        first_cycle: u64,
+        /// Longest time from a deadline to the wake-up, µs.
+        worst_wake_us: f64,
+        /// Longest evaluation, µs.
+        worst_exec_us: f64,
+    }
+    /// A text was loaded and its command is ready; this names the command.
+    Loaded = "loaded", "loader", Info {
+        /// The command.
+        command: u64,
+        /// The life of the executor that has it.
+        executor: String,
+        /// The net's name.
+        net: String,
+        /// Number of primitives.
+        primitives: u32,
+        /// What it uses.
+        uses: Vec<String>,
+    }
+    /// A text was refused; the first fault.
+    Rejected = "rejected", "loader", Warning {
+        /// The command.
+        command: u64,
+        /// The life of the executor.
+        executor: String,
+        /// The net's name, if the text tells it.
+        net: String,
+        /// Code of the first fault.
+        code: String,
+        /// Its words.
+        words: String,
+        /// Number of faults.
+        count: usize,
+    }
+    /// The loader works with this life of the executor.
+    ExecutorFound = "executor-found", "loader", Info {
+        /// Its process.
+        pid: u32,
+        /// Its life.
+        executor: String,
+    }
+    /// The loader found the executor dead: all its commands are gone.
+    ExecutorLost = "executor-lost", "loader", Error {
+        /// Its process.
+        pid: u32,
+        /// Its life.
+        executor: String,
+    }
+    /// A client was cut off.
+    ClientCutOff = "client-cut-off", "loader", Warning {
+        /// Which one, as far as one can tell.
+        client: String,
+        /// What it did.
+        why: String,
+    }
+    /// A device changed its state as its driver sees it.
+    DriverState = "driver-state", "driver", Info {
+        /// The new state.
+        state: String,
+        /// The old one.
+        was: String,
+        /// Why it is not ready.
+        reason: String,
+    }
+    /// The quality of the connection to a device has clearly changed.
+    Quality = "quality", "driver", Info {
+        /// Thousandths, 1000 is best.
+        permille: u32,
+        /// Before.
+        was: u32,
+    }
+    /// A driver brings its device to rest by itself.
+    RestBegun = "rest-begun", "driver", Warning {
+        /// Why.
+        reason: String,
+    }
+    /// A device that was brought to rest rests.
+    RestReached = "rest-reached", "driver", Info {
+        /// How long it took, ms.
+        after_ms: u64,
+    }
+    /// A driver refused a set-point.
+    Refused = "refused", "driver", Error {
+        /// Joint from 1.
+        joint: u32,
+        /// What was asked for.
+        value: Option<f64>,
+        /// What is allowed.
+        limit: Option<f64>,
+        /// Of both.
+        unit: String,
+        /// The broken rule in words.
+        words: String,
+    }
+    /// Analog outputs were commanded out of their range and are released instead.
+    OutOfRange = "out-of-range", "driver", Error {
+        /// Their names.
+        channels: Vec<String>,
+    }
+    /// A life of the cell begins.
+    CellStarted = "cell-started", "supervisor", Info {
+        /// The configuration.
+        config: String,
+        /// The ports of this life.
+        ports: BTreeMap<String, u16>,
+        /// The last event of a life that ended without a goodbye.
+        previous: Option<Last>,
+    }
+    /// The cell is being ended.
+    CellStopping = "cell-stopping", "supervisor", Info {
+        /// Who or what asked.
+        why: String,
+    }
+    /// A process was started.
+    ProcessStarted = "process-started", "supervisor", Info {
+        /// Its name: executor, loader, driver/lwr, simulator/lwr-sim.
+        process: String,
+        /// Its process id.
+        pid: u32,
+    }
+    /// A process died.
+    ProcessDied = "process-died", "supervisor", Error {
+        /// Its name.
+        process: String,
+        /// Its process id.
+        pid: u32,
+        /// Signal or exit code.
+        how: String,
+        /// The last line it wrote.
+        last_words: String,
+    }
+    /// A process that died is started again.
+    ProcessRestart = "process-restart", "supervisor", Warning {
+        /// Its name.
+        process: String,
+        /// The how manieth time.
+        nth: usize,
+        /// How often it may be.
+        most: usize,
+        /// Within this time.
+        within_s: u64,
+    }
+    /// A process is not started again.
+    ProcessFailed = "process-failed", "supervisor", Error {
+        /// Its name.
+        process: String,
+        /// Why not.
+        why: String,
+    }
+    /// A process that gave no sign of life was killed.
+    WatchdogKill = "watchdog-kill", "supervisor", Error {
+        /// Its name.
+        process: String,
+        /// Its process id.
+        pid: u32,
+        /// How long it was silent, ms.
+        silent_ms: u64,
+    }
+    /// What dead processes left was removed.
+    Cleaned = "cleaned", "janitor", Info {
+        /// Half-created files.
+        half_created: usize,
+        /// Dead nodes.
+        dead_nodes: u64,
+        /// Other files.
+        files: usize,
+        /// Whose, as far as announcements tell.
+        of: Vec<String>,
+    }
+    /// Somebody broke something on purpose (`rcc-cli fault`).
+    FaultInjected = "fault-injected", "cli", Warning {
+        /// Device or process.
+        target: String,
+        /// What was done.
+        what: String,
+    }
+}
+
+/// A process that is dead.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Former {
+    /// Its process id.
+    pub pid: u32,
+    /// Its life, 16 hexadecimal digits.
+    pub incarnation: String,
+}
+
+/// The last event of a life of the cell.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Last {
+    // Not the time first: only a line begins with it.
+    /// Who.
+    pub who: String,
+    /// When.
+    pub time: String,
+    /// What.
+    pub words: String,
+}
+
+/// Why a net was ended, with its numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    /// device lost, jump, limit, panic, motion, overrun.
+    pub code: String,
+    /// The device.
+    pub device: Option<String>,
+    /// The joint, from 1.
+    pub joint: Option<u32>,
+    /// The rule that was broken.
+    pub rule: Option<String>,
+    /// What was asked for, SI.
+    pub value: Option<f64>,
+    /// What is allowed, SI.
+    pub limit: Option<f64>,
+    /// Unit of both.
+    pub unit: Option<String>,
+}
+
+impl Kind {
+    /// How much it matters.
+    #[must_use]
+    pub fn severity(&self) -> Severity {
+        match self {
+            Kind::Command { fault: Some(_), .. } => Severity::Error,
+            Kind::Command {
+                reason: Some(reason),
+                ..
+            } if reason == "aborted" => Severity::Warning,
+            Kind::DriverState { state, .. } if state == "offline" => Severity::Warning,
+            Kind::Quality { permille, was } if permille < was => Severity::Warning,
+            Kind::CellStarted {
+                previous: Some(_), ..
+            }
+            | Kind::Started {
+                predecessor: Some(_),
+                ..
+            } => Severity::Warning,
+            other => other.usual_severity(),
+        }
+    }
+
+    /// The device it is about, if it names one. A driver's events are about the device that is its label.
+    #[must_use]
+    pub fn device(&self) -> Option<&str> {
+        match self {
+            Kind::DeviceLost { device, .. }
+            | Kind::DeviceFound { device, .. }
+            | Kind::DeviceState { device, .. }
+            | Kind::DriverAttached { device, .. }
+            | Kind::DriverGone { device, .. } => Some(device),
+            Kind::Command {
+                fault: Some(fault), ..
+            } => fault.device.as_deref(),
+            Kind::FaultInjected {
+                target: process, ..
+            }
+            | Kind::ProcessStarted { process, .. }
+            | Kind::ProcessDied { process, .. }
+            | Kind::ProcessRestart { process, .. }
+            | Kind::ProcessFailed { process, .. }
+            | Kind::WatchdogKill { process, .. } => {
+                Some(process.strip_prefix("driver/").unwrap_or(process))
+            }
+            _ => None,
+        }
+    }
+
+    /// The command it is about.
+    #[must_use]
+    pub fn command(&self) -> Option<u64> {
+        match self {
+            Kind::Command { command, .. }
+            | Kind::Loaded { command, .. }
+            | Kind::Rejected { command, .. } => Some(*command),
+            _ => None,
+        }
+    }
+}

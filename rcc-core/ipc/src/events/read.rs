@@ -1,0 +1,139 @@
+//! Reading the event log, from its oldest line on and then as it grows, also across rotations.
+//! Run by anybody; needs no living process.
+
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use crate::cell::Cell;
+
+use super::{Event, LINE_MAX};
+
+/// What every line begins with; within a JSON text the quotes would be escaped.
+const BEGINNING: &[u8] = b"{\"time\":";
+/// Most bytes of one file that one look takes.
+const LOOK_MAX: u64 = 4 << 20;
+
+/// Reads the events of a cell.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    before: PathBuf,
+    /// The file that was moved aside last: a writer may still have a line for it.
+    old: Option<Tail>,
+    current: Option<Tail>,
+    unreadable: u64,
+}
+
+#[derive(Debug)]
+struct Tail {
+    file: File,
+    inode: u64,
+    rest: Vec<u8>,
+}
+
+impl Reader {
+    /// A reader that begins with the oldest line.
+    #[must_use]
+    pub fn open(cell: &Cell) -> Reader {
+        let (path, before) = (cell.events_file(), cell.events_before_file());
+        Reader {
+            old: Tail::open(&before),
+            current: None,
+            path,
+            before,
+            unreadable: 0,
+        }
+    }
+
+    /// Lines that were torn or are no events.
+    #[must_use]
+    pub fn unreadable(&self) -> u64 {
+        self.unreadable
+    }
+
+    /// The events that came since the last look, in the order of the files.
+    ///
+    /// # Errors
+    /// A file cannot be read.
+    pub fn poll(&mut self) -> io::Result<Vec<Event>> {
+        let mut events = Vec::new();
+        let mut unreadable = 0;
+        if let Some(old) = &mut self.old {
+            old.read(&mut events, &mut unreadable)?;
+        }
+        if let Some(current) = &mut self.current {
+            current.read(&mut events, &mut unreadable)?;
+        }
+        let known = self.current.as_ref().map(|tail| tail.inode);
+        let inode = fs::metadata(&self.path).ok().map(|found| found.ino());
+        if inode.is_some() && inode != known {
+            self.take_new(&mut events, &mut unreadable)?;
+        }
+        self.unreadable += unreadable;
+        Ok(events)
+    }
+
+    /// There is another file than the one we read: that one is the old one now, unless it was moved aside twice.
+    fn take_new(&mut self, events: &mut Vec<Event>, unreadable: &mut u64) -> io::Result<()> {
+        if let Some(mut moved) = self.current.take() {
+            // What was written between the look and the move.
+            moved.read(events, unreadable)?;
+            let before = Tail::open(&self.before).filter(|before| before.inode != moved.inode);
+            self.old = Some(match before {
+                Some(mut missed) => {
+                    missed.read(events, unreadable)?;
+                    missed
+                }
+                None => moved,
+            });
+        }
+        self.current = Tail::open(&self.path);
+        match &mut self.current {
+            Some(current) => current.read(events, unreadable),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Tail {
+    fn open(path: &Path) -> Option<Tail> {
+        let file = File::open(path).ok()?;
+        let inode = file.metadata().ok()?.ino();
+        Some(Tail {
+            file,
+            inode,
+            rest: Vec::new(),
+        })
+    }
+
+    fn read(&mut self, events: &mut Vec<Event>, unreadable: &mut u64) -> io::Result<()> {
+        let mut bytes = std::mem::take(&mut self.rest);
+        (&mut self.file).take(LOOK_MAX).read_to_end(&mut bytes)?;
+        let whole = bytes.iter().rposition(|byte| *byte == b'\n');
+        let (lines, rest) = bytes.split_at(whole.map_or(0, |at| at + 1));
+        for line in lines.split(|byte| *byte == b'\n') {
+            match parse(line) {
+                Some(event) => events.push(event),
+                None => *unreadable += u64::from(!line.is_empty()),
+            }
+        }
+        // Only the end of a line without end may still be one.
+        let kept = rest.len().saturating_sub(2 * LINE_MAX);
+        self.rest = rest[kept..].to_vec();
+        Ok(())
+    }
+}
+
+/// The event of a line. A torn line has no end: what follows it stands on the same line, and begins as all do.
+fn parse(line: &[u8]) -> Option<Event> {
+    let from = line
+        .windows(BEGINNING.len())
+        .rposition(|window| window == BEGINNING)?;
+    let line = &line[from..];
+    if line.len() > LINE_MAX {
+        return None;
+    }
+    serde_json::from_slice(line).ok()
+}

@@ -1,0 +1,130 @@
+//! One process' pen: events are handed to a thread of its own, so that a slow disk holds nobody up, and no more of
+//! them than a person can read. The thread writes them in order and ends with the last handle.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::Instant;
+
+use crate::cell::Cell;
+use crate::session::Role;
+
+use super::{Event, Kind, Origin, Source, append};
+
+/// Events that may wait for the thread.
+const WAITING: usize = 256;
+/// So many events at once …
+const BURST: f64 = 100.0;
+/// … and then so many a second; the others are only counted.
+const PER_SECOND: f64 = 20.0;
+/// Enough for formatting; executors lock their memory.
+const STACK: usize = 256 << 10;
+
+/// Writes the events of one process; clones write to the same queue. Dropping the last one waits for the queue.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    source: Source,
+    pen: Arc<Pen>,
+}
+
+#[derive(Debug)]
+struct Pen {
+    queue: Option<SyncSender<Event>>,
+    // Relaxed everywhere: a number that is only counted.
+    lost: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Recorder {
+    /// The recorder of this process. Start it before the calling thread becomes real-time: its thread inherits.
+    ///
+    /// # Errors
+    /// The system refuses a thread.
+    pub fn start(cell: &Cell, role: Role, label: &str) -> io::Result<Recorder> {
+        let source = Source::this(Origin::from(role), label);
+        let (queue, events) = sync_channel(WAITING);
+        let lost = Arc::new(AtomicU64::new(0));
+        let writer = Writer {
+            cell: cell.clone(),
+            source: source.clone(),
+            lost: Arc::clone(&lost),
+            tokens: BURST,
+            filled: Instant::now(),
+        };
+        let thread = thread::Builder::new()
+            .name("events".into())
+            .stack_size(STACK)
+            .spawn(move || writer.run(&events))?;
+        Ok(Recorder {
+            source,
+            pen: Arc::new(Pen {
+                queue: Some(queue),
+                lost,
+                thread: Some(thread),
+            }),
+        })
+    }
+
+    /// Records what happens now; never waits.
+    pub fn tell(&self, what: Kind) {
+        self.tell_in(None, what);
+    }
+
+    /// Records what happened in a cycle of the executor; never waits.
+    pub fn tell_in(&self, cycle: Option<u64>, what: Kind) {
+        let event = Event::now(self.source.clone(), cycle, what);
+        if let Some(queue) = &self.pen.queue
+            && queue.try_send(event).is_err()
+        {
+            self.pen.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Drop for Pen {
+    fn drop(&mut self) {
+        self.queue = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread loses events and nothing else.
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Writer {
+    cell: Cell,
+    source: Source,
+    lost: Arc<AtomicU64>,
+    tokens: f64,
+    filled: Instant,
+}
+
+impl Writer {
+    fn run(mut self, events: &Receiver<Event>) {
+        while let Ok(event) = events.recv() {
+            let now = Instant::now();
+            let gained = now.duration_since(self.filled).as_secs_f64() * PER_SECOND;
+            self.tokens = (self.tokens + gained).min(BURST);
+            self.filled = now;
+            if self.tokens < 1.0 {
+                self.lost.fetch_add(1, Ordering::Relaxed);
+                continue;
+            }
+            self.tokens -= 1.0;
+            self.tell_lost();
+            // A log that cannot be written has nobody to be told to.
+            let _ = append(&self.cell, &event);
+        }
+        self.tell_lost();
+    }
+
+    fn tell_lost(&self) {
+        let count = self.lost.swap(0, Ordering::Relaxed);
+        if count > 0 {
+            let what = Kind::Suppressed { count };
+            let _ = append(&self.cell, &Event::now(self.source.clone(), None, what));
+        }
+    }
+}

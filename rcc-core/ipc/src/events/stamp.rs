@@ -1,0 +1,71 @@
+//! Wall time as text. Run by any thread that is not real-time.
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// The wall time now, UTC with microseconds: `2026-11-21T16:02:03.123456Z`. Such texts sort as their times do.
+#[must_use]
+pub fn wall_time() -> String {
+    wall_time_before(Duration::ZERO)
+}
+
+/// The wall time so long ago.
+#[must_use]
+pub fn wall_time_before(ago: Duration) -> String {
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    format(since.saturating_sub(ago))
+}
+
+fn format(since_epoch: Duration) -> String {
+    let seconds = since_epoch.as_secs();
+    let (year, month, day) = civil(seconds / 86_400);
+    let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
+    let micros = since_epoch.subsec_micros();
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{micros:06}Z")
+}
+
+/// Year, month and day of a day since 1970-01-01 in the Gregorian calendar: years of 400 begin in March, so that the
+/// leap day is the last of its year.
+fn civil(day: u64) -> (u64, u64, u64) {
+    // Days from 0000-03-01 to 1970-01-01, days in 400, 100, 4 years and one.
+    let day = day + 719_468;
+    let era = day / 146_097;
+    let of_era = day % 146_097;
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    // Months from March, of 31 30 31 30 31 days again and again.
+    let month = (5 * of_year + 2) / 153;
+    let day_of_month = of_year - (153 * month + 2) / 5 + 1;
+    let (month, next) = if month < 10 {
+        (month + 3, 0)
+    } else {
+        (month - 9, 1)
+    };
+    (era * 400 + year_of_era + next, month, day_of_month)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_of_known_dates() {
+        for (seconds, text) in [
+            (0, "1970-01-01T00:00:00.000000Z"),
+            (951_782_399, "2000-02-28T23:59:59.000000Z"),
+            (951_782_400, "2000-02-29T00:00:00.000000Z"),
+            (1_709_251_199, "2024-02-29T23:59:59.000000Z"),
+            (1_735_689_599, "2024-12-31T23:59:59.000000Z"),
+            (4_107_542_400, "2100-03-01T00:00:00.000000Z"),
+        ] {
+            assert_eq!(format(Duration::from_secs(seconds)), text);
+        }
+    }
+
+    #[test]
+    fn texts_sort_as_their_times() {
+        let earlier = wall_time_before(Duration::from_secs(1));
+        assert!(earlier < wall_time());
+    }
+}

@@ -1,0 +1,203 @@
+//! The log with several writers, rotation, torn and hostile lines.
+
+use std::io::Write;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use super::*;
+
+/// A cell in a folder of its own, removed at the end.
+struct Place {
+    cell: Cell,
+}
+
+impl Place {
+    fn new() -> Place {
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("rcc-events-{}-{number}", std::process::id());
+        let cell = Cell::at("events", &std::env::temp_dir().join(name)).unwrap();
+        Place { cell }
+    }
+
+    fn read(&self) -> (Vec<Event>, u64) {
+        let mut reader = Reader::open(&self.cell);
+        let events = reader.poll().unwrap();
+        (events, reader.unreadable())
+    }
+
+    fn raw(&self, bytes: &[u8]) {
+        opened(&self.cell.events_file())
+            .unwrap()
+            .write_all(bytes)
+            .unwrap();
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(self.cell.runtime_dir());
+        for path in self.cell.leftovers().unwrap_or_default() {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+fn stopping(why: &str) -> Kind {
+    Kind::Stopping {
+        why: why.to_owned(),
+    }
+}
+
+fn fault() -> Kind {
+    Kind::Command {
+        command: 3,
+        state: "terminated".into(),
+        reason: Some("fault".into()),
+        fault: Some(Fault {
+            code: "limit".into(),
+            device: Some("lwr".into()),
+            joint: Some(4),
+            rule: Some("velocity".into()),
+            value: Some(2.5),
+            limit: Some(2.0),
+            unit: Some("rad/s".into()),
+        }),
+    }
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let place = Place::new();
+    let source = Source::this(Origin::Executor, "exec");
+    let event = Event::now(source, Some(42), fault());
+    append(&place.cell, &event).unwrap();
+    assert_eq!(place.read(), (vec![event], 0));
+}
+
+#[test]
+fn a_fault_names_net_joint_value_limit_unit_and_remedy() {
+    let event = Event::now(Source::this(Origin::Executor, "exec"), Some(42), fault());
+    let words = event.sentence(&|_, id| format!("line#{id}"));
+    for part in ["line#3", "lwr joint 4", "2.5", "2.0", "rad/s", "correct"] {
+        assert!(words.contains(part), "{part} in {words}");
+    }
+    assert_eq!(event.severity, Severity::Error);
+}
+
+#[test]
+fn torn_and_hostile_lines_are_counted_and_hide_nothing() {
+    let place = Place::new();
+    tell(&place.cell, Origin::Loader, "loader", stopping("one"));
+    // Killed within a write: the next line follows on the same one.
+    place.raw(b"{\"time\":\"2026-11-21T16:02:03.12");
+    tell(&place.cell, Origin::Loader, "loader", stopping("two"));
+    place.raw(b"\xff\xfe\x00 nonsense\n{}\n[[[[\n\n{\"time\":1}\n");
+    place.raw(&[b'x'; 3 * LINE_MAX]);
+    place.raw(b"\n");
+    tell(&place.cell, Origin::Loader, "loader", stopping("three"));
+    let (events, unreadable) = place.read();
+    let words: Vec<Kind> = events.into_iter().map(|event| event.what).collect();
+    assert_eq!(words, ["one", "two", "three"].map(stopping));
+    assert_eq!(unreadable, 5);
+}
+
+#[test]
+fn a_text_has_one_line_and_an_end() {
+    assert_eq!(text("a\x1b[31m\nb"), "a [31m b");
+    assert!(text(&"ä".repeat(1000)).len() <= TEXT_MAX + 3);
+}
+
+#[test]
+fn a_line_that_comes_in_two_pieces_is_read_whole() {
+    let place = Place::new();
+    let mut reader = Reader::open(&place.cell);
+    let event = Event::now(Source::this(Origin::Cli, "x"), None, stopping("whole"));
+    let line = event.line().unwrap();
+    place.raw(&line[..20]);
+    assert_eq!(reader.poll().unwrap(), []);
+    place.raw(&line[20..]);
+    assert_eq!(reader.poll().unwrap(), [event]);
+}
+
+#[test]
+fn a_reader_follows_rotations_and_the_log_stays_bounded() {
+    let place = Place::new();
+    let mut reader = Reader::open(&place.cell);
+    let why = "x".repeat(TEXT_MAX);
+    let (mut read, count) = (0_u64, 6 * FILE_MAX / TEXT_MAX as u64);
+    for number in 0..count {
+        tell(
+            &place.cell,
+            Origin::Loader,
+            "loader",
+            stopping(&format!("{number} {why}")),
+        );
+        if number % 500 == 0 {
+            for event in reader.poll().unwrap() {
+                let expected = stopping(&format!("{read} {why}"));
+                assert_eq!(event.what, expected);
+                read += 1;
+            }
+        }
+    }
+    read += reader.poll().unwrap().len() as u64;
+    assert_eq!((read, reader.unreadable()), (count, 0));
+    let size = |path: PathBuf| fs::metadata(path).unwrap().len();
+    let most = FILE_MAX + LINE_MAX as u64;
+    assert!(
+        size(place.cell.events_file()) <= most && size(place.cell.events_before_file()) <= most
+    );
+}
+
+#[test]
+fn a_new_life_tells_the_last_word_of_one_that_died() {
+    let place = Place::new();
+    begin(&place.cell, "cell.yaml", &BTreeMap::new());
+    let (events, _) = place.read();
+    assert!(matches!(
+        &events[..],
+        [Event {
+            what: Kind::CellStarted { previous: None, .. },
+            ..
+        }]
+    ));
+    tell(&place.cell, Origin::Loader, "loader", stopping("the end"));
+    begin(&place.cell, "cell.yaml", &BTreeMap::new());
+    let (events, _) = place.read();
+    assert_eq!(events.len(), 3, "the old life can still be read");
+    let words = events[2].sentence(&|_, id| id.to_string());
+    assert!(words.contains("the end"), "{words}");
+}
+
+#[test]
+fn a_recorder_writes_in_order_and_counts_what_is_too_much() {
+    let place = Place::new();
+    let recorder = Recorder::start(&place.cell, Role::Driver, "lwr").unwrap();
+    for number in 0..2000 {
+        recorder.tell_in(Some(number), stopping("x"));
+    }
+    drop(recorder);
+    let (events, _) = place.read();
+    let mut told = 0;
+    let mut suppressed = 0;
+    for event in &events {
+        match event.what {
+            Kind::Suppressed { count } => suppressed += count,
+            _ => told += 1,
+        }
+    }
+    assert_eq!(told + suppressed, 2000);
+    assert!(told >= 100, "{told}");
+    let cycles: Vec<u64> = events.iter().filter_map(|event| event.cycle).collect();
+    assert!(cycles.is_sorted());
+}
+
+#[test]
+fn every_kind_has_a_row_with_its_name() {
+    for row in KINDS {
+        assert!(!row.summary.is_empty() && !row.writer.is_empty());
+        let same = KINDS.iter().filter(|other| other.name == row.name);
+        assert_eq!(same.count(), 1, "{}", row.name);
+    }
+    assert!(KINDS.iter().any(|row| row.name == fault().name()));
+}

@@ -1,0 +1,287 @@
+//! Events as sentences: what was lost, what ended and why, and what to do.
+//! Pure.
+
+use super::{Event, Fault, Former, Kind, Origin};
+
+impl Event {
+    /// Who says so: `executor`, `driver lwr`.
+    #[must_use]
+    pub fn who(&self) -> String {
+        match self.source.role {
+            Origin::Driver => format!("driver {}", self.source.label),
+            role => role.as_str().to_owned(),
+        }
+    }
+
+    /// The life of the executor that its command numbers belong to; empty if it has none.
+    #[must_use]
+    pub fn executor(&self) -> &str {
+        match (&self.what, self.source.role) {
+            (Kind::Loaded { executor, .. } | Kind::Rejected { executor, .. }, _) => executor,
+            (_, Origin::Executor) => &self.source.incarnation,
+            _ => "",
+        }
+    }
+
+    /// What happened, in a sentence; `net` names a command of a life of the executor.
+    #[must_use]
+    pub fn sentence(&self, net: &dyn Fn(&str, u64) -> String) -> String {
+        let named = |id: u64| net(self.executor(), id);
+        match &self.what {
+            Kind::Command {
+                command,
+                state,
+                reason,
+                fault,
+            } => command_words(&named(*command), state, reason.as_deref(), fault.as_ref()),
+            Kind::Loaded {
+                command,
+                primitives,
+                uses,
+                ..
+            } => {
+                let uses = match uses.join(", ") {
+                    none if none.is_empty() => String::new(),
+                    some => format!(", uses {some}"),
+                };
+                format!("{} loaded: {primitives} primitives{uses}", named(*command))
+            }
+            Kind::Rejected {
+                command,
+                code,
+                words,
+                count,
+                ..
+            } => {
+                let more = match count.saturating_sub(1) {
+                    0 => String::new(),
+                    more => format!(" (and {more} more)"),
+                };
+                let net = named(*command);
+                format!("{net} rejected: {code} {words}{more}; correct the text and load it again")
+            }
+            other => other.plain(),
+        }
+    }
+}
+
+impl Kind {
+    /// The sentences that name no net.
+    fn plain(&self) -> String {
+        match self {
+            Kind::Started { note, predecessor } => started(note, predecessor.as_ref()),
+            Kind::Stopping { why } => format!("stops: {why}"),
+            Kind::Suppressed { count } => {
+                format!("{count} more events were not written: too many at once")
+            }
+            Kind::Late {
+                count,
+                first_cycle,
+                worst_wake_us,
+                worst_exec_us,
+            } => format!(
+                "{count} late cycles, the first is {first_cycle}: woke up to {:.3} ms after its time, computed up to \
+                 {:.3} ms",
+                worst_wake_us / 1e3,
+                worst_exec_us / 1e3
+            ),
+            Kind::ExecutorFound { pid, .. } => format!("works with the executor (pid {pid})"),
+            Kind::ExecutorLost { pid, .. } => format!(
+                "the executor (pid {pid}) is gone, and with it every command: load your nets again when it is back"
+            ),
+            Kind::ClientCutOff { client, why } => format!("cut off client {client}: {why}"),
+            Kind::CellStarted {
+                config, previous, ..
+            } => match previous {
+                None => format!("cell started from {config}"),
+                Some(last) => format!(
+                    "cell started from {config}; the life before ended without a goodbye, its last word ({}, {}): {}",
+                    last.time, last.who, last.words
+                ),
+            },
+            Kind::CellStopping { why } => format!("the cell stops: {why}"),
+            Kind::Cleaned {
+                half_created,
+                dead_nodes,
+                files,
+                of,
+            } => {
+                let of = if of.is_empty() {
+                    "dead processes".to_owned()
+                } else {
+                    of.join(", ")
+                };
+                format!(
+                    "cleaned up after {of}: {dead_nodes} nodes, {files} files, {half_created} half-made"
+                )
+            }
+            Kind::FaultInjected { target, what } => format!("fault on purpose: {target} {what}"),
+            other => other.of_device().unwrap_or_else(|| other.of_process()),
+        }
+    }
+
+    fn of_device(&self) -> Option<String> {
+        Some(match self {
+            Kind::DeviceLost {
+                device,
+                board_age_us,
+                reason,
+                ..
+            } => {
+                let why = match (board_age_us, reason.is_empty()) {
+                    (Some(age), true) => {
+                        format!("its driver wrote nothing for {:.1} ms", *age as f64 / 1e3)
+                    }
+                    (_, false) => reason.clone(),
+                    (None, true) => "its driver is gone".to_owned(),
+                };
+                format!(
+                    "device {device} lost: {why}; its ports are null, nets that command it end, the robot's own side or \
+                     the driver brings it to rest"
+                )
+            }
+            Kind::DeviceFound { device, state, .. } => {
+                format!("device {device} found: {state}, not commanded; nothing moves before START")
+            }
+            Kind::DeviceState {
+                device,
+                state,
+                was,
+                reason,
+            } => {
+                format!("device {device}: {was} → {state}{}", because(reason))
+            }
+            Kind::DriverAttached {
+                device,
+                pid,
+                driver,
+            } => {
+                format!("follows the driver of {device} (pid {pid}, life {driver})")
+            }
+            Kind::DriverGone { device, driver } => format!(
+                "the driver of {device} is dead (life {driver}); its supervisor starts another, nets do not go on by \
+                 themselves"
+            ),
+            Kind::DriverState { state, was, reason } => {
+                format!("{was} → {state}{}", because(reason))
+            }
+            Kind::Quality { permille, was } => {
+                let (now, was) = (f64::from(*permille) / 10.0, f64::from(*was) / 10.0);
+                let advice = if now < was {
+                    "; rcc-cli devices shows it"
+                } else {
+                    ""
+                };
+                format!("quality of the connection {was:.1} % → {now:.1} %{advice}")
+            }
+            Kind::RestBegun { reason } => format!("brings the device to rest: {reason}"),
+            Kind::RestReached { after_ms } => {
+                format!("the device rests, {after_ms} ms after; it moves again only by START")
+            }
+            Kind::Refused { words, .. } => {
+                format!("refused a set-point, {words}; correct the net's limits or its path")
+            }
+            Kind::OutOfRange { channels } => format!(
+                "{} commanded out of range and released (on_release); correct the net",
+                channels.join(", ")
+            ),
+            _ => return None,
+        })
+    }
+
+    fn of_process(&self) -> String {
+        match self {
+            Kind::ProcessStarted { process, pid } => format!("{process} up (pid {pid})"),
+            Kind::ProcessDied {
+                process,
+                pid,
+                how,
+                last_words,
+            } => {
+                let words = match last_words.as_str() {
+                    "" => String::new(),
+                    words => format!("; its last words: {words}"),
+                };
+                format!("{process} (pid {pid}) died: {how}{words}")
+            }
+            Kind::ProcessRestart {
+                process,
+                nth,
+                most,
+                within_s,
+            } => format!(
+                "{process} is started again ({nth} of {most} in {within_s} s); nothing moves by that"
+            ),
+            Kind::ProcessFailed { process, why } => format!(
+                "{process} failed and is not started again: {why}; end the cell, cure that, start it again"
+            ),
+            Kind::WatchdogKill {
+                process,
+                pid,
+                silent_ms,
+            } => format!(
+                "{process} (pid {pid}) gave no sign of life for {silent_ms} ms and was killed"
+            ),
+            other => other.name().to_owned(),
+        }
+    }
+}
+
+fn started(note: &str, predecessor: Option<&Former>) -> String {
+    let note = match note {
+        "" => String::new(),
+        note => format!("; {note}"),
+    };
+    match predecessor {
+        None => format!("started{note}"),
+        Some(dead) => format!(
+            "started after its predecessor (pid {}, life {}) died{note}",
+            dead.pid, dead.incarnation
+        ),
+    }
+}
+
+fn because(reason: &str) -> String {
+    match reason {
+        "" => String::new(),
+        reason => format!(" ({reason})"),
+    }
+}
+
+fn command_words(net: &str, state: &str, reason: Option<&str>, fault: Option<&Fault>) -> String {
+    match (fault, reason) {
+        (Some(fault), _) => format!("{net} {state} by a fault, {}", fault.words()),
+        (None, Some(reason)) => format!("{net} {state}: {reason}"),
+        (None, None) => format!("{net} {state}"),
+    }
+}
+
+impl Fault {
+    /// What was wrong and what to do.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let device = match &self.device {
+            Some(device) => format!(" {device}"),
+            None => String::new(),
+        };
+        let numbers = match (self.joint, &self.rule, self.value, self.limit) {
+            (Some(joint), Some(rule), Some(value), Some(limit)) => {
+                let unit = self.unit.as_deref().unwrap_or("");
+                format!(" joint {joint}: {rule} {value:.6} {unit}, allowed {limit:.6} {unit}")
+            }
+            (Some(joint), Some(rule), ..) => format!(" joint {joint}: {rule}"),
+            _ => String::new(),
+        };
+        let advice = match self.code.as_str() {
+            "device lost" => {
+                "when it is ready again (rcc-cli devices), load and start the net again"
+            }
+            "jump" => "begin where the device is held: load the net again",
+            "limit" => "correct the net's speeds or its path",
+            "overrun" => "make the net cheaper, or the machine quieter (rcc-cli doctor)",
+            "panic" => "a fault of ours: report it with the net",
+            _ => "correct the net's parameters",
+        };
+        format!("{}:{device}{numbers}; {advice}", self.code)
+    }
+}
