@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use nix::fcntl::Flock;
 
 use crate::cell::{Cell, CellError};
+use crate::clean::write_private;
 use crate::life::Life;
 use crate::lock::{self, LockError};
 use crate::session::{Role, Session};
@@ -276,7 +277,7 @@ fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> 
     };
     let text = serde_json::to_vec_pretty(announcement).map_err(|error| failed(error.into()))?;
     let beside = path.with_extension("new");
-    fs::write(&beside, text)
+    write_private(&beside, &text)
         .and_then(|()| fs::rename(&beside, path))
         .map_err(failed)
 }

@@ -1,11 +1,13 @@
 //! A cell by name: its runtime folder, its shared-memory prefix, and where every file of it lies.
-//! Run by any thread that is not real-time; what it makes on disk is only folders of mode 0700.
+//! Run by any thread that is not real-time; what it makes is only folders of mode 0700.
 
 use std::fs::{self, DirBuilder};
 use std::io;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
+
+use crate::room::SHM;
 
 /// Names have at most this many characters.
 const NAME_LENGTH_MAX: usize = 32;
@@ -61,6 +63,16 @@ pub enum CellError {
         owner: u32,
         /// Ours.
         uid: u32,
+    },
+    /// Others may write to the folder, and so could put their files in the place of ours.
+    #[error(
+        "{path} can be written by others (mode {mode:04o}): `chmod go-w {path}`, or set RCC_RUNTIME_DIR to a folder of your own"
+    )]
+    Writable {
+        /// The folder.
+        path: PathBuf,
+        /// Its permissions.
+        mode: u32,
     },
 }
 
@@ -158,10 +170,11 @@ impl Cell {
         self.runtime_dir.join("drivers")
     }
 
-    /// Where iceoryx2 keeps what it does not keep in shared memory.
+    /// Where iceoryx2 keeps the files that it does not map, and where long requests lie. Beside the shared memory,
+    /// because iceoryx2 writes its files through (fsync): on a busy disk one of them took up to 13.5 s.
     #[must_use]
     pub fn iox_root(&self) -> PathBuf {
-        self.runtime_dir.join("iox")
+        Path::new(SHM).join(format!("{}iox", self.prefix))
     }
 
     /// The configuration this cell was started with.
@@ -180,7 +193,6 @@ impl Cell {
         self.runtime_dir.join("janitor.lock")
     }
 
-    /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
     /// The folder above this cell's, if it is the usual one and not of the user's choice (`$RCC_RUNTIME_DIR`).
     pub(crate) fn own_base(&self) -> Option<PathBuf> {
         let chosen = std::env::var_os("RCC_RUNTIME_DIR").is_some_and(|value| !value.is_empty());
@@ -188,17 +200,22 @@ impl Cell {
         above.filter(|above| !chosen && *above == base_dir())
     }
 
+    /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
     pub(crate) fn make_folders(&self) -> Result<(), CellError> {
         for path in [
             self.runtime_dir.clone(),
             self.processes_dir(),
             self.commands_dir(),
             self.drivers_dir(),
-            self.iox_root(),
         ] {
             make_private_dir(&path)?;
         }
         Ok(())
+    }
+
+    /// Makes iceoryx2's folder. It lies where everybody may write, so nobody else may have prepared it.
+    pub(crate) fn make_iox_root(&self) -> Result<(), CellError> {
+        make_private_dir(&self.iox_root())
     }
 }
 
@@ -254,7 +271,8 @@ fn prefix_of(uid: u32, runtime_dir: &Path) -> String {
     format!("rcc_{:010x}_", (hash ^ (hash >> 40)) & 0xff_ffff_ffff)
 }
 
-/// Makes the folder if it is missing (mode 0700) and makes sure that nobody else can have prepared it for us.
+/// Makes the folder if it is missing (mode 0700) and makes sure that nobody else can have prepared it for us, or can put
+/// anything into it. One that others may only look into stays as it is: the cell's configuration may want that.
 fn make_private_dir(path: &Path) -> Result<(), CellError> {
     let failed = |source| CellError::Folder {
         path: path.to_owned(),
@@ -265,17 +283,26 @@ fn make_private_dir(path: &Path) -> Result<(), CellError> {
         .mode(0o700)
         .create(path)
         .map_err(failed)?;
-    let found = fs::metadata(path).map_err(failed)?;
     let uid = nix::unistd::getuid().as_raw();
-    if found.uid() != uid {
-        return Err(CellError::NotOurs {
-            path: path.to_owned(),
-            owner: found.uid(),
-            uid,
-        });
+    let not_ours = |owner| CellError::NotOurs {
+        path: path.to_owned(),
+        owner,
+        uid,
+    };
+    // A link of somebody else's would lead us wherever he likes.
+    let named = fs::symlink_metadata(path).map_err(failed)?;
+    if named.is_symlink() && named.uid() != uid && named.uid() != 0 {
+        return Err(not_ours(named.uid()));
     }
-    if found.mode() & 0o077 != 0 {
-        fs::set_permissions(path, fs::Permissions::from_mode(0o700)).map_err(failed)?;
+    let found = fs::metadata(path).map_err(failed)?;
+    if found.uid() != uid {
+        return Err(not_ours(found.uid()));
+    }
+    if found.mode() & 0o022 != 0 {
+        return Err(CellError::Writable {
+            path: path.to_owned(),
+            mode: found.mode() & 0o7777,
+        });
     }
     Ok(())
 }
@@ -283,6 +310,7 @@ fn make_private_dir(path: &Path) -> Result<(), CellError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt;
 
     #[test]
     fn names_are_short_lower_case_words() {
@@ -323,5 +351,59 @@ mod tests {
         fs::remove_dir_all(&base)?;
         assert!(matches!(refused, Err(CellError::PathTooLong { size, .. }) if size > 107));
         Ok(())
+    }
+
+    #[test]
+    fn a_folder_that_others_may_write_to_is_refused_with_the_remedy() -> io::Result<()> {
+        let base = std::env::temp_dir().join(format!("rcc-cell-mode-{}", std::process::id()));
+        for (mode, refuse) in [
+            (0o770, true),
+            (0o1777, true),
+            (0o750, false),
+            (0o700, false),
+        ] {
+            DirBuilder::new().create(&base)?;
+            fs::set_permissions(&base, fs::Permissions::from_mode(mode))?;
+            let result = Cell::at("demo", &base);
+            let still = fs::metadata(&base)?.mode() & 0o7777;
+            fs::remove_dir_all(&base)?;
+            assert_eq!(still, mode, "it is not changed");
+            match result {
+                Err(error @ CellError::Writable { .. }) if refuse => {
+                    assert!(error.to_string().contains("chmod go-w"), "{error}");
+                }
+                other => assert!(!refuse && other.is_ok(), "{mode:o}: {other:?}"),
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_folder_of_somebody_else_is_refused() {
+        if nix::unistd::getuid().is_root() {
+            let base = std::env::temp_dir().join(format!("rcc-cell-owner-{}", std::process::id()));
+            let link = base.with_extension("link");
+            let made = DirBuilder::new().mode(0o700).create(&base);
+            let nobody = Some(nix::unistd::Uid::from_raw(65534));
+            let linked = std::os::unix::fs::symlink(&base, &link);
+            let own_link = Cell::at("demo", &link);
+            let given = std::os::unix::fs::lchown(&link, Some(65534), None);
+            let foreign_link = Cell::at("demo", &link);
+            let given = given.and(nix::unistd::chown(&base, nobody, None).map_err(Into::into));
+            let foreign = Cell::at("demo", &base);
+            let gone = fs::remove_dir_all(&base).and(fs::remove_file(&link));
+            assert!(made.and(linked).and(given).and(gone).is_ok());
+            assert!(own_link.is_ok());
+            for refused in [foreign_link, foreign] {
+                assert!(matches!(
+                    refused,
+                    Err(CellError::NotOurs { owner: 65534, .. })
+                ));
+            }
+        } else {
+            // An ordinary user cannot give folders away, but meets one of root's.
+            let refused = Cell::at("demo", Path::new("/usr"));
+            assert!(matches!(refused, Err(CellError::NotOurs { owner: 0, .. })));
+        }
     }
 }

@@ -2,7 +2,8 @@
 //! Run by supervisors and by `rcc-janitor`, never by a real-time thread.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
@@ -148,25 +149,58 @@ pub enum WipeError {
 }
 
 impl Cell {
-    /// The shared-memory files of this cell, used or left behind. In a cell without processes all are left behind.
+    /// What lies in `/dev/shm` for this cell, used or left behind: its shared-memory files, and the files in iceoryx2's
+    /// folder, or that folder itself when it is empty. In a cell without processes all are left behind.
     ///
     /// # Errors
     /// `/dev/shm` cannot be read.
     pub fn leftovers(&self) -> io::Result<Vec<PathBuf>> {
+        let mut found = self.shared_memory()?;
+        let root = self.iox_root();
+        match files_below(&root)? {
+            Some(files) if files.is_empty() => found.push(root),
+            files => found.extend(files.unwrap_or_default()),
+        }
+        found.sort();
+        Ok(found)
+    }
+
+    /// The shared-memory files of this cell.
+    pub(crate) fn shared_memory(&self) -> io::Result<Vec<PathBuf>> {
+        let root = self.iox_root();
         let mut found = Vec::new();
         for entry in fs::read_dir(SHM)? {
             let entry = entry?;
-            if entry
+            let ours = entry
                 .file_name()
                 .as_encoded_bytes()
-                .starts_with(self.prefix().as_bytes())
-            {
+                .starts_with(self.prefix().as_bytes());
+            if ours && entry.path() != root {
                 found.push(entry.path());
             }
         }
         found.sort();
         Ok(found)
     }
+}
+
+/// All files below a folder, or nothing if there is no folder.
+fn files_below(folder: &Path) -> io::Result<Option<Vec<PathBuf>>> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let mut files = Vec::new();
+    for entry in entries {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            files.extend(files_below(&entry.path())?.unwrap_or_default());
+        } else {
+            files.push(entry.path());
+        }
+    }
+    Ok(Some(files))
 }
 
 /// Removes this cell's shared-memory files that are still empty after [`HALF_CREATED_AFTER`]; returns how many.
@@ -182,7 +216,7 @@ pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
     };
     let mut removed = 0;
     for path in cell
-        .leftovers()
+        .shared_memory()
         .map_err(|source| failed(Path::new(SHM), source))?
     {
         // Missing now: its owner removed it in the meantime.
@@ -263,6 +297,7 @@ pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
             let _ = remove_half_created(&beside);
         }
     });
+    cell.make_iox_root().map_err(SessionError::from)?;
     use_as_global_configuration(cell)?;
     let (_membership, node) = session::enter(cell)?;
     // One at a time: a second one would fail on what the first removes.
@@ -300,7 +335,7 @@ fn use_as_global_configuration(cell: &Cell) -> Result<(), CleanError> {
         quoted(&cell.iox_root().display().to_string()),
         quoted(cell.prefix()),
     );
-    fs::write(&path, text).map_err(failed)?;
+    write_private(&path, text.as_bytes()).map_err(failed)?;
     let taken = FilePath::new(path.as_os_str().as_encoded_bytes())
         .ok()
         .and_then(|file| Config::setup_global_config_from_file(&file).ok());
@@ -364,7 +399,7 @@ fn wipe_alone(cell: &Cell) -> Result<(WipeReport, impl Drop), WipeError> {
         announcements: announced.len(),
         shared_memory: 0,
     };
-    let shared = cell.leftovers().map_err(|source| WipeError::File {
+    let shared = cell.shared_memory().map_err(|source| WipeError::File {
         path: SHM.into(),
         source,
     })?;
@@ -398,6 +433,13 @@ fn refuse_living(cell: &Cell, announced: &[Announcement]) -> Result<(), WipeErro
             pid: living.pid,
         }),
     }
+}
+
+/// Writes a file that only its owner may read.
+pub(crate) fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut options = fs::OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    options.open(path)?.write_all(bytes)
 }
 
 /// True when the file was there.

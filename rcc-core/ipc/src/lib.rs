@@ -26,6 +26,7 @@ pub mod control;
 pub mod events;
 pub mod life;
 pub mod lock;
+pub mod parcel;
 mod reap;
 pub mod request;
 pub mod room;

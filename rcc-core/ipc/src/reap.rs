@@ -9,6 +9,7 @@ use std::time::{Duration, SystemTime};
 
 use crate::cell::Cell;
 use crate::life::started_ns;
+use crate::parcel;
 
 /// Ticks, clocks and their reading differ by less than this.
 const CLOCK_SLACK_NS: u64 = 50_000_000;
@@ -51,14 +52,21 @@ fn ids_in(name: &str) -> impl Iterator<Item = Id> {
 /// # Errors
 /// A folder cannot be read, or a file cannot be removed; with its path.
 pub(crate) fn reap(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
-    Ok(reap_shared_memory(cell)? + reap_services(cell)? + reap_nodes(cell)?)
+    Ok(reap_shared_memory(cell)? + reap_services(cell)? + reap_nodes(cell)? + reap_parcels(cell)?)
+}
+
+/// Files of long requests whose sender is dead.
+fn reap_parcels(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+    let mut dead = files_in(&cell.iox_root())?;
+    dead.retain(|path| parcel::owner_of(&name_of(path)).is_some_and(|life| !life.is_alive()));
+    remove_all(dead)
 }
 
 /// Shared memory that a dead process took part in and that nobody has mapped. What a living one still has mapped is
 /// left for it to clean.
 fn reap_shared_memory(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let here = |error| (PathBuf::from(crate::room::SHM), error);
-    let mut dead = cell.leftovers().map_err(here)?;
+    let mut dead = cell.shared_memory().map_err(here)?;
     dead.retain(|path| ids_in(&name_of(path)).any(|id| !id.maker_is_alive()));
     if dead.is_empty() {
         return Ok(0);
@@ -71,7 +79,7 @@ fn reap_shared_memory(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
 /// Descriptions of services whose creator is dead and whose shared memory is gone, or that were never finished.
 fn reap_services(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let shared = cell
-        .leftovers()
+        .shared_memory()
         .map_err(|error| (PathBuf::from(crate::room::SHM), error))?;
     let names: Vec<String> = shared.iter().map(|path| name_of(path)).collect();
     let mut dead = files_in(&cell.iox_root().join("services"))?;

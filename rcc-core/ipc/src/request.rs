@@ -1,7 +1,9 @@
-//! Requests and answers of bytes between processes (iceoryx2 request/response), polled by both sides.
+//! Requests and answers of bytes between processes (iceoryx2 request/response), polled by both sides. A long request
+//! travels as a file beside the shared memory: as a message it would make both sides map ten times its size.
 //! Run by threads that are not real-time: a call allocates, and maps memory when peers come and go.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use iceoryx2::active_request::ActiveRequest;
@@ -9,35 +11,32 @@ use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy as Backpressure;
 use iceoryx2::port::client::{Client as IoxClient, RequestSendError};
 use iceoryx2::port::server::Server as IoxServer;
-use iceoryx2::port::{DegradationAction, LoanError, SendError};
-use iceoryx2::prelude::{AllocationStrategy, PayloadHeader, ServiceName, ipc_threadsafe};
+use iceoryx2::port::{DegradationAction, SendError};
+use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 
 use crate::life::Life;
+use crate::parcel::{self, Parcel, ParcelError};
 use crate::room::{self, NoRoom};
 use crate::session::{Cause, Membership, Session, owner_of};
 
 /// The longest request, in bytes (a plan with its tables).
 pub const REQUEST_MAX: usize = 4 << 20;
 /// The longest answer, in bytes.
-pub const RESPONSE_MAX: usize = 1 << 20;
+pub const RESPONSE_MAX: usize = 16 << 10;
 /// Clients of one server at a time, dead ones that were not cleaned up included.
 pub const CLIENTS_MAX: usize = 16;
 
 /// Calls of one client that a server may hold: one in progress, and one given up by a client that calls again.
 const ACTIVE_MAX: usize = 2;
-/// Memory is taken for messages of this size, and grows by powers of two for larger ones.
-const USUAL_SIZE: usize = 1 << 10;
+/// The longest message of a client: what is longer goes into a file, and the message names it.
+const MESSAGE_MAX: usize = 4 << 10;
 /// Answers that a server has memory for at a time; iceoryx2 would reckon with 256 of the longest, and an executor
 /// locks all of its memory.
 const ANSWERS_MAX: usize = CLIENTS_MAX;
-/// Requests that iceoryx2 takes memory for in a client.
-const REQUESTS_MAX: usize = ACTIVE_MAX + 3;
-/// More than iceoryx2 puts before each message.
-const HEADER_SIZE: usize = 256;
-/// Shared memory of a client or server beside large messages; measured below 900 kB.
+/// Shared memory of a client or server; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
 /// A client looks for the answer at these intervals: at once, then in growing steps.
 const POLL_FIRST: Duration = Duration::from_micros(20);
@@ -75,14 +74,26 @@ pub enum RequestError {
     },
 }
 
-/// Why a server could not look for requests.
+/// Why a server has no request although something came, or may have come.
 #[derive(Debug, thiserror::Error)]
-#[error("server {service} cannot receive: {cause}")]
-pub struct PollError {
-    /// Full service name.
-    pub service: String,
-    /// What iceoryx2 said.
-    pub cause: Cause,
+pub enum PollError {
+    /// A message that is none of ours, or a file that it names and that is none: its client is told that no answer
+    /// comes.
+    #[error("server {service} refused a request: {fault}")]
+    Refused {
+        /// Full service name.
+        service: String,
+        /// What is wrong with it.
+        fault: ParcelError,
+    },
+    /// Anything else that iceoryx2 says.
+    #[error("server {service} cannot receive: {cause}")]
+    Failed {
+        /// Full service name.
+        service: String,
+        /// What iceoryx2 said.
+        cause: Cause,
+    },
 }
 
 /// Why an answer was not sent.
@@ -96,9 +107,6 @@ pub enum AnswerError {
         /// The limit.
         max: usize,
     },
-    /// Too little shared memory for this answer.
-    #[error(transparent)]
-    NoRoom(#[from] NoRoom),
     /// Anything else that iceoryx2 says; that memory ran out means that clients do not take their answers.
     #[error("the answer cannot be sent: {cause}")]
     Failed {
@@ -141,6 +149,9 @@ pub enum CallError {
     /// Too little shared memory for this request.
     #[error(transparent)]
     NoRoom(#[from] NoRoom),
+    /// A long request could not be laid down as a file.
+    #[error(transparent)]
+    Parcel(#[from] ParcelError),
     /// Anything else that iceoryx2 says.
     #[error("{service}: {cause}")]
     Failed {
@@ -155,6 +166,7 @@ pub enum CallError {
 pub struct Server {
     server: IoxServer<Service, [u8], (), [u8], ()>,
     service: String,
+    folder: PathBuf,
     membership: Membership,
 }
 
@@ -165,30 +177,38 @@ impl fmt::Debug for Server {
 }
 
 impl Server {
-    /// The next request, if one is there; never waits. Requests that their clients gave up, and such that claim more
-    /// than [`REQUEST_MAX`] bytes, are left out.
+    /// The next request, if one is there; never waits. Requests that their clients gave up are left out.
     ///
     /// # Errors
-    /// What iceoryx2 says; the server stays usable, so log it and go on.
+    /// A request that is none, or what iceoryx2 says; the server stays usable, so log it and go on.
     pub fn poll(&self) -> Result<Option<Request>, PollError> {
-        // Each turn takes one request out of a bounded queue; clients cannot fill it faster than this empties it.
-        loop {
-            let received = self.server.receive().map_err(|error| PollError {
+        let received = self.server.receive().map_err(|error| PollError::Failed {
+            service: self.service.clone(),
+            cause: Cause::of(error),
+        })?;
+        let Some(active) = received else {
+            return Ok(None);
+        };
+        // The length is the client's word; it is looked at before the bytes are.
+        let claimed = active.header().number_of_elements();
+        let message = if claimed > MESSAGE_MAX as u64 {
+            Err(ParcelError::TooLarge {
+                size: claimed,
+                max: MESSAGE_MAX as u64,
+            })
+        } else {
+            parcel::open(&self.folder, active.payload())
+        };
+        match message {
+            Ok(bytes) => Ok(Some(Request {
+                active,
+                bytes,
+                _membership: self.membership.clone(),
+            })),
+            Err(fault) => Err(PollError::Refused {
                 service: self.service.clone(),
-                cause: Cause::of(error),
-            })?;
-            match received {
-                None => return Ok(None),
-                // The length is the client's word; it is looked at before the bytes are.
-                Some(active) if active.header().number_of_elements() > REQUEST_MAX as u64 => {}
-                Some(active) => {
-                    let _membership = self.membership.clone();
-                    return Ok(Some(Request {
-                        active,
-                        _membership,
-                    }));
-                }
-            }
+                fault,
+            }),
         }
     }
 
@@ -202,6 +222,7 @@ impl Server {
 /// One request. It may be kept, sent to another thread and answered later; dropped, its client is told at once.
 pub struct Request {
     active: ActiveRequest<Service, [u8], (), [u8], ()>,
+    bytes: Vec<u8>,
     _membership: Membership,
 }
 
@@ -212,11 +233,10 @@ impl fmt::Debug for Request {
 }
 
 impl Request {
-    /// What the client sent: anything at all, so decode it with care. It lies in memory that the client could still
-    /// write to.
+    /// What the client sent: anything at all, so decode it with care. A copy, which the client cannot change any more.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
-        self.active.payload()
+        &self.bytes
     }
 
     /// True while the client waits for the answer (a client killed a moment ago still seems to).
@@ -236,7 +256,6 @@ impl Request {
                 max: RESPONSE_MAX,
             });
         }
-        require_room(bytes.len(), ANSWERS_MAX)?;
         let failed = |cause| AnswerError::Failed { cause };
         let response = self
             .active
@@ -254,6 +273,7 @@ pub struct Client {
     client: IoxClient<Service, [u8], (), [u8], ()>,
     factory: Factory,
     service: String,
+    folder: PathBuf,
     server: Option<Life>,
     _membership: Membership,
 }
@@ -271,7 +291,8 @@ impl Client {
     /// See [`CallError`]; after an error the client can be used again.
     pub fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, CallError> {
         let started = Instant::now();
-        let pending = self.send(request)?;
+        // The file of a long request stays until its answer is there, or none is waited for.
+        let (pending, _file) = self.send(request)?;
         let mut pause = POLL_FIRST;
         let mut life_checked = started;
         loop {
@@ -316,7 +337,7 @@ impl Client {
         self.server.is_none_or(Life::is_alive)
     }
 
-    fn send(&self, request: &[u8]) -> Result<Pending, CallError> {
+    fn send(&self, request: &[u8]) -> Result<(Pending, Option<Parcel>), CallError> {
         let size = request.len();
         if size > REQUEST_MAX {
             return Err(CallError::TooLarge {
@@ -324,24 +345,24 @@ impl Client {
                 max: REQUEST_MAX,
             });
         }
-        require_room(size, REQUESTS_MAX)?;
         if !self.server_is_alive() {
             return Err(CallError::ServerGone {
                 service: self.service.clone(),
             });
         }
+        let (message, file) = if parcel::fits(size, MESSAGE_MAX) {
+            (parcel::message(request), None)
+        } else {
+            room::require(size as u64)?;
+            let (message, file) = Parcel::lay_down(&self.folder, request)?;
+            (message, Some(file))
+        };
         let loan = self
             .client
-            .loan_slice_uninit(size)
-            .map_err(|error| match error {
-                LoanError::ExceedsMaxLoanSize => CallError::TooLarge {
-                    size,
-                    max: REQUEST_MAX,
-                },
-                other => self.failed(other),
-            })?;
+            .loan_slice_uninit(message.len())
+            .map_err(|error| self.failed(error))?;
         let pending = loan
-            .write_from_slice(request)
+            .write_from_slice(&message)
             .send()
             .map_err(|error| match error {
                 RequestSendError::SendError(SendError::UnableToDeliver) => CallError::ServerGone {
@@ -354,7 +375,7 @@ impl Client {
                 service: self.service.clone(),
             });
         }
-        Ok(pending)
+        Ok((pending, file))
     }
 
     fn answer(&self, pending: &Pending) -> Result<Option<Vec<u8>>, CallError> {
@@ -392,14 +413,6 @@ impl Client {
             cause: Cause::of(error),
         }
     }
-}
-
-/// Memory for messages longer than the usual ones comes in powers of two, for all that may be under way at once.
-fn require_room(size: usize, count: usize) -> Result<(), NoRoom> {
-    if size <= USUAL_SIZE {
-        return Ok(());
-    }
-    room::require(((size + HEADER_SIZE).next_power_of_two() * count) as u64)
 }
 
 type Factory = PortFactory<Service, [u8], (), [u8], ()>;
@@ -441,8 +454,7 @@ impl Session {
             .map_err(|error| failed(Cause::of(error)))?;
         let server = factory
             .server_builder()
-            .initial_max_slice_len(USUAL_SIZE)
-            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .initial_max_slice_len(RESPONSE_MAX)
             .override_response_preallocation(|_| ANSWERS_MAX)
             .max_loaned_responses_per_request(1)
             .backpressure_strategy(Backpressure::DiscardData)
@@ -454,6 +466,7 @@ impl Session {
         Ok(Server {
             server,
             service,
+            folder: self.cell().iox_root(),
             membership: self.membership(),
         })
     }
@@ -484,8 +497,7 @@ impl Session {
             })?;
         let client = factory
             .client_builder()
-            .initial_max_slice_len(USUAL_SIZE)
-            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .initial_max_slice_len(MESSAGE_MAX)
             .backpressure_strategy(Backpressure::DiscardData)
             .create()
             .map_err(|error| failed(Cause::of(error)))?;
@@ -493,6 +505,7 @@ impl Session {
             client,
             factory,
             service: service.to_owned(),
+            folder: self.cell().iox_root(),
             server: owner_of(service),
             _membership: self.membership(),
         })

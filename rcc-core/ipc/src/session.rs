@@ -3,6 +3,7 @@
 
 use std::fmt;
 use std::fs::File;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -17,7 +18,7 @@ use crate::cell::{Cell, CellError};
 use crate::clean;
 use crate::life::Life;
 use crate::lock::{self, LockError};
-use crate::room::{self, NoRoom};
+use crate::room::{self, NoRoom, SHM};
 
 /// Shared memory that a node itself needs, with the management segment of the first node of a cell.
 const NODE_ROOM: u64 = 1 << 20;
@@ -257,6 +258,7 @@ fn enter_as_it_is(
         })?;
     // Again: a wipe may have ended between the two.
     cell.make_folders()?;
+    cell.make_iox_root()?;
     let node = NodeBuilder::new()
         .config(&config(cell)?)
         .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -265,7 +267,42 @@ fn enter_as_it_is(
             cell: cell.name().to_owned(),
             cause: Cause::of(error),
         })?;
+    close_common_segment(cell)?;
     Ok((membership, node))
+}
+
+/// The segment that all nodes of a cell share (a counter of nodes) is the one file that iceoryx2 0.10.0 opens to
+/// everybody (mode 0666, by fchmod, which no umask changes): it gets the mode of the others, and is refused when
+/// somebody else made it.
+fn close_common_segment(cell: &Cell) -> Result<(), SessionError> {
+    let failed = |path: &std::path::Path, source| {
+        SessionError::from(CellError::Folder {
+            path: path.to_owned(),
+            source,
+        })
+    };
+    let files = cell
+        .shared_memory()
+        .map_err(|source| failed(std::path::Path::new(SHM), source))?;
+    let common = files
+        .iter()
+        .filter(|path| path.extension().is_some_and(|kind| kind == "global_mgmt"));
+    for path in common {
+        let found = std::fs::symlink_metadata(path).map_err(|source| failed(path, source))?;
+        let uid = nix::unistd::getuid().as_raw();
+        if found.uid() != uid {
+            return Err(SessionError::from(CellError::NotOurs {
+                path: path.clone(),
+                owner: found.uid(),
+                uid,
+            }));
+        }
+        if found.mode() & 0o077 != 0 {
+            let private = std::fs::Permissions::from_mode(0o600);
+            std::fs::set_permissions(path, private).map_err(|source| failed(path, source))?;
+        }
+    }
+    Ok(())
 }
 
 /// Everything that the cell's processes must agree on; all cleaning is left to the janitor.

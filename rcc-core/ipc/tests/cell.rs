@@ -4,6 +4,7 @@
 mod common;
 
 use std::fs::{self, File, FileTimes};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
@@ -246,7 +247,63 @@ fn a_removed_cell_leaves_no_file_and_foreign_files_alone() {
     assert_eq!(left.len(), 1, "{left:?}");
     fs::remove_file(foreign).unwrap();
     clean::remove_cell(&cell).unwrap();
-    assert!(!cell.runtime_dir().exists() && cell.files().is_empty());
+    assert!(!cell.runtime_dir().exists() && cell.leftovers().unwrap().is_empty());
+}
+
+#[test]
+fn nothing_of_a_living_cell_is_open_to_other_users() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let board = session.create_board::<[u64; 64]>("board").unwrap();
+    let server = session.serve("server").unwrap();
+    let publisher = session.publisher::<[u64; 8]>("stream").unwrap();
+    let _reader = session.open_board::<[u64; 64]>(board.service()).unwrap();
+    let _client = session.client(server.service()).unwrap();
+    let _subscriber = session.subscribe::<[u64; 8]>(publisher.service()).unwrap();
+    let _announced = cell.announce(&Announcement::of(&session)).unwrap();
+    run_janitor(&cell).unwrap();
+    let on_disk = files_below(cell.runtime_dir());
+    let in_memory = cell.leftovers().unwrap();
+    assert!(on_disk.len() >= 3 && in_memory.len() > 10);
+    for path in on_disk.iter().chain(&in_memory) {
+        let mode = fs::metadata(path).unwrap().mode() & 0o7777;
+        assert_eq!(mode & 0o177, 0, "{} has mode {mode:04o}", path.display());
+    }
+    for folder in [cell.runtime_dir(), &cell.iox_root(), &cell.processes_dir()] {
+        let mode = fs::metadata(folder).unwrap().mode() & 0o7777;
+        assert_eq!(mode, 0o700, "{}", folder.display());
+    }
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().flatten();
+    let nested = entries.map(|entry| match entry.path() {
+        path if path.is_dir() => files_below(&path),
+        path => vec![path],
+    });
+    nested.flatten().collect()
+}
+
+#[test]
+fn iceoryx2_keeps_all_its_files_in_memory() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let _board = session.create_board::<u64>("board").unwrap();
+    let all = cell.leftovers().unwrap();
+    assert!(all.iter().any(|path| path.starts_with(cell.iox_root())));
+    assert!(all.iter().all(|path| path.starts_with("/dev/shm")));
+    let names = fs::read_dir(cell.runtime_dir()).unwrap().flatten();
+    let names: Vec<_> = names.map(|entry| entry.file_name()).collect();
+    assert!(!names.iter().any(|name| name == "iox"), "{names:?}");
+}
+
+#[test]
+fn a_wipe_removes_the_folder_in_memory_too() {
+    let cell = TestCell::new();
+    drop(Session::join(&cell, Role::Loader, "loader").unwrap());
+    assert!(cell.iox_root().is_dir());
+    clean::wipe(&cell).unwrap();
+    assert!(cell.leftovers().unwrap().is_empty() && !cell.iox_root().exists());
 }
 
 fn plant_empty_file(cell: &Cell, like: &Path, age: Duration) -> PathBuf {

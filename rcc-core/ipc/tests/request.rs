@@ -86,9 +86,10 @@ fn an_answer_comes_back_from_another_process() {
     let session = Session::join(&cell, Role::Loader, "loader").unwrap();
     let (_peer, announcement) = Peer::announced(&cell, "echo", "lwr");
     let client = session.client(&announcement.services["ask"]).unwrap();
-    for size in [0, 1, 100, 5000, 300_000, RESPONSE_MAX, 3] {
+    for size in [0, 1, 100, 4095, 4096, 5000, RESPONSE_MAX, 300_000, 3] {
         let request: Vec<u8> = (0..size).map(|index| index as u8).collect();
-        assert_eq!(client.call(&request, LIMIT).unwrap(), request);
+        let answer = client.call(&request, LIMIT).unwrap();
+        assert_eq!(answer, request[..size.min(RESPONSE_MAX)]);
     }
 }
 
@@ -106,6 +107,53 @@ fn the_longest_request_arrives_and_a_longer_one_is_refused() {
         );
         assert_eq!(client.call(b"still here", LIMIT).unwrap(), b"still here");
     });
+}
+
+#[test]
+fn a_long_request_leaves_no_file_and_maps_no_more_than_a_short_one() {
+    let cell = TestCell::new();
+    let (_session, server, client) = in_one_process(&cell);
+    while_echoing(&server, || {
+        client.call(b"short", LIMIT).unwrap();
+        let sizes = || -> (usize, u64) {
+            let all = cell.leftovers().unwrap();
+            let bytes = all.iter().map(|path| path.metadata().unwrap().len());
+            (all.len(), bytes.sum())
+        };
+        let before = sizes();
+        assert!(before.1 < 2 << 20, "a server and a client take {before:?}");
+        assert_eq!(
+            client.call(&vec![1; REQUEST_MAX], LIMIT).unwrap().len(),
+            RESPONSE_MAX
+        );
+        assert_eq!(sizes(), before);
+    });
+}
+
+#[test]
+fn a_file_of_a_killed_client_goes_with_the_janitor_and_a_request_given_up_leaves_none() {
+    let cell = TestCell::new();
+    let (_session, server, client) = in_one_process(&cell);
+    let files = || -> Vec<_> {
+        let mut all = cell.leftovers().unwrap();
+        all.retain(|path| {
+            path.file_name()
+                .unwrap()
+                .to_string_lossy()
+                .starts_with("request-")
+        });
+        all
+    };
+    refused(client.call(&vec![1; REQUEST_MAX], SOON));
+    assert_eq!(files().len(), 0);
+    // As a killed process leaves it: no process has this start.
+    let orphan = cell
+        .iox_root()
+        .join(format!("request-{:016x}-0", u64::from(std::process::id())));
+    std::fs::write(&orphan, "").unwrap();
+    run_janitor(&cell).unwrap();
+    assert!(!orphan.exists());
+    drop(server);
 }
 
 #[test]
@@ -243,7 +291,7 @@ fn eight_clients_are_served_at_once() {
             for index in 0..8_u8 {
                 let client = session.client(server.service()).unwrap();
                 scope.spawn(move || {
-                    for size in (0..200).map(|step| step * 97) {
+                    for size in (0..200).map(|step| step * 81) {
                         let request = vec![index; size];
                         assert_eq!(client.call(&request, LIMIT).unwrap(), request);
                     }
@@ -259,7 +307,10 @@ fn killed_clients_change_nothing_for_the_server_and_leave_nothing() {
     let (_session, server, client) = in_one_process(&cell);
     let part = format!("call {}", server.service());
     while_echoing(&server, || {
-        assert_eq!(client.call(&[5; 200_000], LIMIT).unwrap(), [5; 200_000]);
+        assert_eq!(
+            client.call(&[5; 200_000], LIMIT).unwrap(),
+            [5; RESPONSE_MAX]
+        );
         run_janitor(&cell).unwrap();
         let before = cell.files();
         for _ in 0..20 {

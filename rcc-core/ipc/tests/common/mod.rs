@@ -35,7 +35,10 @@ impl TestCell {
 
     /// Its shared-memory files now.
     pub fn files(&self) -> Vec<PathBuf> {
-        self.cell.leftovers().unwrap()
+        let root = self.cell.iox_root();
+        let mut files = self.cell.leftovers().unwrap();
+        files.retain(|path| !path.starts_with(&root));
+        files
     }
 }
 
@@ -52,6 +55,7 @@ impl Drop for TestCell {
         for path in self.cell.leftovers().unwrap_or_default() {
             let _ = std::fs::remove_file(path);
         }
+        let _ = std::fs::remove_dir_all(self.cell.iox_root());
         let _ = std::fs::remove_dir_all(&self.folder);
     }
 }

@@ -1,0 +1,255 @@
+//! What a request is as a message: its bytes, or the name of the file that holds them when they are many. The file lies in
+//! iceoryx2's folder, in memory, and is read, never mapped: cutting it short harms nobody.
+//! Run by the threads that call and serve; never by a real-time thread.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::life::Life;
+use crate::request::REQUEST_MAX;
+
+/// First byte of a message: the rest of it is the request.
+const INLINE: u8 = 0;
+/// First byte of a message: two numbers follow, by which the file is named (`u64`, least significant byte first).
+const NAMED: u8 = 1;
+/// Bytes of a message that names a file.
+const NAMED_SIZE: usize = 17;
+/// What the files' names begin with.
+const PREFIX: &str = "request-";
+
+/// Why a message is no request, or a long request could not be laid down.
+#[derive(Debug, thiserror::Error)]
+pub enum ParcelError {
+    /// More bytes than allowed.
+    #[error("a message of {size} bytes is longer than {max}")]
+    TooLarge {
+        /// What was claimed or found.
+        size: u64,
+        /// The limit.
+        max: u64,
+    },
+    /// The message has another form.
+    #[error("a message of {size} bytes is no request: are both programs of the same build?")]
+    Malformed {
+        /// Its bytes.
+        size: usize,
+    },
+    /// The file cannot be written or read.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+/// True when a request of `size` bytes goes into a message of `message_max`.
+pub(crate) fn fits(size: usize, message_max: usize) -> bool {
+    size < message_max
+}
+
+/// The message of a short request.
+pub(crate) fn message(request: &[u8]) -> Vec<u8> {
+    let mut message = Vec::with_capacity(request.len() + 1);
+    message.push(INLINE);
+    message.extend_from_slice(request);
+    message
+}
+
+/// The file of a long request; dropped, it is removed. One whose process dies first is removed by the janitor.
+pub(crate) struct Parcel {
+    path: PathBuf,
+}
+
+impl Parcel {
+    /// Writes the file into `folder`; returns the message that names it.
+    pub(crate) fn lay_down(
+        folder: &Path,
+        request: &[u8],
+    ) -> Result<(Vec<u8>, Parcel), ParcelError> {
+        static NUMBER: AtomicU64 = AtomicU64::new(0);
+        let incarnation = Life::current().incarnation();
+        // Relaxed: only different numbers are wanted.
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let path = folder.join(name(incarnation, number));
+        let mut options = OpenOptions::new();
+        options.write(true).create_new(true).mode(0o600);
+        let failed = |source| ParcelError::File {
+            path: path.clone(),
+            source,
+        };
+        let mut file = options.open(&path).map_err(failed)?;
+        let parcel = Parcel { path: path.clone() };
+        file.write_all(request).map_err(failed)?;
+        let mut message = vec![NAMED];
+        message.extend(incarnation.to_le_bytes());
+        message.extend(number.to_le_bytes());
+        Ok((message, parcel))
+    }
+}
+
+impl Drop for Parcel {
+    fn drop(&mut self) {
+        // Gone already with the whole folder, when somebody wiped the cell.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// The request that a message carries or names.
+pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, ParcelError> {
+    let size = message.len();
+    match message.split_first() {
+        Some((&INLINE, bytes)) => Ok(bytes.to_vec()),
+        Some((&NAMED, numbers)) if size == NAMED_SIZE => {
+            let number = |bytes: &[u8]| bytes.try_into().map(u64::from_le_bytes).ok();
+            let (incarnation, count) = numbers.split_at(8);
+            let numbers = number(incarnation).zip(number(count));
+            let (incarnation, count) = numbers.ok_or(ParcelError::Malformed { size })?;
+            read(&folder.join(name(incarnation, count)))
+        }
+        _ => Err(ParcelError::Malformed { size }),
+    }
+}
+
+/// The life of the process that wrote the file of this name, if it is such a file.
+pub(crate) fn owner_of(file_name: &str) -> Option<Life> {
+    let digits = file_name.strip_prefix(PREFIX)?.split('-').next()?;
+    u64::from_str_radix(digits, 16)
+        .ok()
+        .map(Life::from_incarnation)
+}
+
+fn name(incarnation: u64, number: u64) -> String {
+    format!("{PREFIX}{incarnation:016x}-{number:x}")
+}
+
+/// All of a file, at most [`REQUEST_MAX`] bytes of it: its length may change while it is read.
+fn read(path: &Path) -> Result<Vec<u8>, ParcelError> {
+    let failed = |source| ParcelError::File {
+        path: path.to_owned(),
+        source,
+    };
+    let mut options = OpenOptions::new();
+    // No link is followed, and no pipe is waited for.
+    let flags = nix::fcntl::OFlag::O_NOFOLLOW | nix::fcntl::OFlag::O_NONBLOCK;
+    options.read(true).custom_flags(flags.bits());
+    let file: File = options.open(path).map_err(failed)?;
+    let found = file.metadata().map_err(failed)?;
+    if !found.is_file() {
+        return Err(failed(io::Error::other("it is no plain file")));
+    }
+    let too_large = |size| ParcelError::TooLarge {
+        size,
+        max: REQUEST_MAX as u64,
+    };
+    if found.len() > REQUEST_MAX as u64 {
+        return Err(too_large(found.len()));
+    }
+    let mut bytes = Vec::with_capacity(found.len() as usize);
+    let mut limited = file.take(REQUEST_MAX as u64 + 1);
+    limited.read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() > REQUEST_MAX {
+        return Err(too_large(bytes.len() as u64));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> Folder {
+            let path =
+                std::env::temp_dir().join(format!("rcc-parcel-{}-{name}", std::process::id()));
+            assert!(fs::create_dir(&path).is_ok());
+            Folder(path)
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    #[test]
+    fn a_long_request_comes_back_and_its_file_goes() -> Result<(), ParcelError> {
+        let folder = Folder::new("long");
+        let request = vec![7; REQUEST_MAX];
+        let (message, parcel) = Parcel::lay_down(&folder.0, &request)?;
+        assert_eq!(message.len(), NAMED_SIZE);
+        assert_eq!(open(&folder.0, &message)?, request);
+        let name = parcel
+            .path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        assert_eq!(owner_of(&name), Some(Life::current()));
+        drop(parcel);
+        assert!(matches!(
+            open(&folder.0, &message),
+            Err(ParcelError::File { .. })
+        ));
+        assert_eq!(open(&folder.0, &message_of(b"short"))?, b"short");
+        Ok(())
+    }
+
+    fn message_of(bytes: &[u8]) -> Vec<u8> {
+        message(bytes)
+    }
+
+    #[test]
+    fn a_message_of_another_form_is_refused() {
+        let folder = Folder::new("form");
+        for message in [&[][..], &[2, 0, 0], &[NAMED], &[NAMED; 16], &[NAMED; 18]] {
+            let refused = open(&folder.0, message);
+            assert!(
+                matches!(refused, Err(ParcelError::Malformed { .. })),
+                "{message:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_too_long_or_no_plain_file_is_refused() -> io::Result<()> {
+        let folder = Folder::new("kinds");
+        let named = |number: u64| {
+            let message: Vec<u8> =
+                [vec![NAMED], vec![0; 8], number.to_le_bytes().to_vec()].concat();
+            (folder.0.join(name(0, number)), message)
+        };
+        let (long, message) = named(1);
+        File::create(long)?.set_len(REQUEST_MAX as u64 + 1)?;
+        assert!(matches!(
+            open(&folder.0, &message),
+            Err(ParcelError::TooLarge { .. })
+        ));
+        let (link, message) = named(2);
+        std::os::unix::fs::symlink("/etc/hostname", link)?;
+        assert!(matches!(
+            open(&folder.0, &message),
+            Err(ParcelError::File { .. })
+        ));
+        let (directory, message) = named(3);
+        fs::create_dir(directory)?;
+        assert!(matches!(
+            open(&folder.0, &message),
+            Err(ParcelError::File { .. })
+        ));
+        let (pipe, message) = named(4);
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRUSR)?;
+        assert!(matches!(
+            open(&folder.0, &message),
+            Err(ParcelError::File { .. })
+        ));
+        Ok(())
+    }
+}
