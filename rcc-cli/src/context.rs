@@ -98,7 +98,7 @@ pub fn say(text: &str) {
 pub fn of_cell(error: &rcc_ipc::CellError) -> Failure {
     use rcc_ipc::CellError;
     let code = match error {
-        CellError::NotOurs { .. } => codes::NOT_PERMITTED,
+        CellError::NotOurs { .. } | CellError::Writable { .. } => codes::NOT_PERMITTED,
         CellError::BadName { .. } | CellError::PathTooLong { .. } => codes::BAD_REQUEST,
         CellError::Folder { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
             codes::NOT_PERMITTED

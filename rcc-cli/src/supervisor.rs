@@ -7,6 +7,7 @@ pub mod places;
 pub mod policy;
 mod stop;
 
+use std::os::unix::fs::DirBuilderExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -86,10 +87,17 @@ impl Supervisor {
         let cell = Cell::new(name).map_err(|error| of_cell(&error))?;
         let presence = take(&cell)?;
         let need = ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64;
-        room::require(need)
-            .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
+        if let Err(error) = room::require(need) {
+            drop(presence);
+            // Nothing of ours stays; what cannot be removed, the next `up` removes.
+            let _ = clean::remove_cell(&cell);
+            return Err(Failure::new(codes::NO_SPACE, error.to_string(), ""));
+        }
         let logs = cell.runtime_dir().join("logs");
-        std::fs::create_dir_all(&logs)
+        std::fs::DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(&logs)
             .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
         let client = Client::new(name, &cell.socket(), ANSWER_LIMIT)?;
         let children = specs.into_iter().map(|spec| Child::new(spec, &logs));

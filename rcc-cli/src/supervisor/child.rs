@@ -3,6 +3,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom};
+use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -74,7 +75,8 @@ impl Child {
         };
         let create = |path: &Path| {
             // Appending, so that emptying the file leaves no hole.
-            let options = OpenOptions::new().create(true).append(true).open(path);
+            let mut options = OpenOptions::new();
+            let options = options.create(true).append(true).mode(0o600).open(path);
             let file = options.map_err(|error| named(path, error))?;
             file.set_len(0).map_err(|error| named(path, error))?;
             Ok::<File, io::Error>(file)
