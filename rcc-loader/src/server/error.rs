@@ -62,6 +62,11 @@ impl ApiError {
                 room.to_string(),
                 "free shared memory, then try again",
             ),
+            CallError::Parcel(fault) => ApiError::new(
+                codes::NOT_STORED,
+                fault.to_string(),
+                "free shared memory, then try again",
+            ),
             CallError::ServerGone { .. } | CallError::Unanswered { .. } => {
                 ApiError::no_executor(cell)
             }

@@ -2,7 +2,8 @@
 //! Written by the loader's threads before the executor gets a plan; read by monitors and by a restarted loader.
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -70,7 +71,10 @@ impl Store {
         fs::create_dir_all(&self.folder).map_err(named)?;
         let bytes = serde_json::to_vec(command).map_err(io::Error::other)?;
         let half = path.with_extension("half");
-        fs::write(&half, bytes).map_err(named)?;
+        let mut options = fs::OpenOptions::new();
+        options.write(true).create(true).truncate(true).mode(0o600);
+        let mut file = options.open(&half).map_err(named)?;
+        file.write_all(&bytes).map_err(named)?;
         fs::rename(&half, &path).map_err(named)
     }
 
