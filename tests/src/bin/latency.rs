@@ -161,11 +161,14 @@ fn measure(delay: &'static str, seconds: u64) -> io::Result<Figures> {
     let driver_port = free_udp_port()?;
     driver_told.send(driver_port).map_err(io::Error::other)?;
     let cell = TestCell::changed(|text| {
-        text.replace("fri: auto udp", &format!("fri: {driver_port}"))
-            .replace(
-                "--driver=127.0.0.1:${fri}",
-                &format!("--driver=127.0.0.1:{relay_port}"),
-            )
+        text.replace(
+            "--driver=127.0.0.1:${fri}",
+            &format!("--driver=127.0.0.1:{relay_port}"),
+        )
+        .replace(
+            "listen: 127.0.0.1:${fri}",
+            &format!("listen: 127.0.0.1:{driver_port}"),
+        )
             .replace("delay: 10 ms", &format!("delay: {delay}"))
     });
     let watch = cell.watch();
