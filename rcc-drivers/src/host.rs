@@ -1,6 +1,7 @@
 //! Everything around a driver: boards, life, set-points in time, rest, release. A driver only speaks its wire.
 //! One thread exchanges with the device; a helper thread watches the announcements and opens boards.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -19,6 +20,7 @@ pub mod blend;
 pub mod limits;
 pub mod pace;
 pub mod player;
+pub mod pulse;
 pub mod reason;
 pub mod release;
 pub mod station;
@@ -28,6 +30,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
+use pulse::Pulse;
 use reason::Reason;
 use station::{LOOK_PERIODS, Station};
 use watch::Watch;
@@ -64,6 +67,7 @@ pub struct Host {
     commands: Option<BoardReader<CommandImage>>,
     wait: Duration,
     told: Told,
+    pulse: Arc<Pulse>,
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
     farewell_ns: Option<u64>,
     /// Taken back when the host ends.
@@ -107,9 +111,16 @@ impl Host {
             commands: None,
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
             told: Told::default(),
+            pulse: Pulse::new(reasons),
             farewell_ns: None,
             _announced: announced,
         })
+    }
+
+    /// How this driver does, for whoever supervises it.
+    #[must_use]
+    pub fn pulse(&self) -> Arc<Pulse> {
+        Arc::clone(&self.pulse)
     }
 
     /// Exchanges with the device until `stop` is set and the device has been brought to rest and let go.
@@ -134,6 +145,7 @@ impl Host {
                     }
                 }
             }
+            self.pulse.turn(self.station.measurement());
             self.tell();
         }
     }

@@ -4,4 +4,3 @@
 pub mod io;
 pub mod lines;
 pub mod lwr;
-pub mod process;

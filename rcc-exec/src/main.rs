@@ -2,7 +2,6 @@
 //!
 //! The main thread sets everything up, starts the three threads and then waits for a signal.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,9 +9,8 @@ use std::sync::mpsc;
 use std::thread;
 
 use clap::Parser;
-use nix::sys::signal::{SigSet, Signal};
-use rcc_config::cell::CellConfig;
-use rcc_config::ports::PortArgument;
+use rcc_config::cell::{CellConfig, RealTime};
+use rcc_core::message::CycleStatus;
 use rcc_exec::engine::{Engine, EngineConfig};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
@@ -20,72 +18,36 @@ use rcc_exec::queue::{HelperEnds, RtEnds, rings};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, RECORDS, STATUS, TABLES, command_board};
-use rcc_ipc::{Announcement, Cell, Role, Session};
+use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::{Announcement, BoardError, Cell, Role, Session};
+use rcc_process::{CellArguments, Ending, Notifier, Pulse, Stop, ending};
 use tracing::{error, info, warn};
 
 /// Runs the nets of a cell, every cycle.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Name of the cell.
-    #[arg(long, env = "RCC_CELL")]
-    cell: String,
-    /// Configuration of the cell.
-    #[arg(long)]
-    config: PathBuf,
-    /// A port that the configuration leaves to the supervisor, `name=number`.
-    #[arg(long = "port")]
-    ports: Vec<PortArgument>,
-    /// End when the parent process dies.
-    #[arg(long)]
-    parent_death: bool,
+    #[command(flatten)]
+    cell: CellArguments,
 }
-
-/// Exit code of a configuration error: a supervisor need not try again (sysexits.h EX_CONFIG).
-const EXIT_CONFIG: u8 = 78;
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
-        .with_target(false)
-        .init();
-    let ports = arguments
-        .ports
-        .iter()
-        .map(|port| (port.name.clone(), port.number))
-        .collect();
-    let config = match CellConfig::load(&arguments.config, &ports) {
-        Ok(config) => config,
-        Err(faults) => {
-            eprintln!("{faults}");
-            return ExitCode::from(EXIT_CONFIG);
-        }
-    };
-    match execute(&arguments, &config) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(cause) => {
-            error!("{cause}");
-            ExitCode::FAILURE
-        }
-    }
+    let Arguments { cell } = Arguments::parse();
+    rcc_process::log();
+    ending::conclude(execute(&cell))
 }
 
-type Failure = Box<dyn std::error::Error>;
-
-fn execute(arguments: &Arguments, config: &CellConfig) -> Result<(), Failure> {
-    let signals: SigSet = [Signal::SIGTERM, Signal::SIGINT].into_iter().collect();
-    signals.thread_block()?;
-    if arguments.parent_death {
-        nix::sys::prctl::set_pdeathsig(Signal::SIGTERM)?;
-    }
+fn execute(arguments: &CellArguments) -> Result<(), Ending> {
+    let signals = Stop::prepare(arguments.parent_death)?;
+    let config = &arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
     let session = Session::join(&cell, Role::Executor, "exec")?;
     let mut grants = Grants::default();
+    let recorder = Recorder::start(&cell, Role::Executor, session.label())?;
     let (rt_ends, helper_ends) = rings();
     let models = config.models();
     let boards = make_boards(&session, config)?;
+    let status = session.open_board::<CycleStatus>(boards.status.service())?;
     let server = session.serve(CONTROL)?;
     let publisher = session.publisher(RECORDS)?;
     let announcement = Announcement::of(&session)
@@ -126,17 +88,62 @@ fn execute(arguments: &Arguments, config: &CellConfig) -> Result<(), Failure> {
         events,
     } = helper_ends;
     let intake = Intake::new(session, server, orders, outcomes, intake_config);
+    let intake = intake.recording(recorder.clone());
     let pump = Pump::new(records, events, publisher, names);
+    let pump = pump.recording(&cell, recorder.clone());
     let stop = Arc::new(AtomicBool::new(false));
     let (rt, grants) = start_rt(engine_config, rt_ends, boards, config, grants, &stop)?;
     info!("{grants}");
+    if config.executor.rt == RealTime::Required && !grants.refusals.is_empty() {
+        stop.store(true, Ordering::Release);
+        // It has run a few cycles that nobody could see; how it ended does not matter any more.
+        let _ = rt.join();
+        return Err(Ending::not_permitted(&refused(&grants)));
+    }
+    let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
-    run_helpers(intake, pump, rt, &stop, &signals);
+    recorder.tell(Kind::Started {
+        note: events::text(&grants.to_string()),
+        predecessor,
+    });
+    let supervisor = Notifier::ready(move || pulse(&status.read(), &grants))?;
+    run_helpers(intake, pump, rt, &stop, &signals, &supervisor);
     drop(announced);
     Ok(())
 }
 
-fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, Failure> {
+/// What becomes of a cell that must be real-time on a system that does not let it.
+fn refused(grants: &Grants) -> String {
+    format!(
+        "not started: {}; the configuration says `executor: {{rt: required}}` (under systemd: the unit's limits; \
+         otherwise /etc/security/limits.d and a new login; `rcc-cli doctor` says more)",
+        grants.refusals.join("; ")
+    )
+}
+
+/// For the supervisor: progress is the number of the cycle, the words are what a person wants to see first.
+fn pulse(status: &CycleStatus, grants: &Grants) -> Pulse {
+    let hertz = 1e9 / status.period_ns.max(1) as f64;
+    let grade = match grants.refusals.as_slice() {
+        [] => "RT granted".to_owned(),
+        refusals => format!("DEGRADED: not real-time: {}", refusals.join("; ")),
+    };
+    let nets = match status.running {
+        1 => "1 net".to_owned(),
+        nets => format!("{nets} nets"),
+    };
+    Pulse {
+        progress: status.cycle,
+        status: format!(
+            "{hertz:.0} Hz, {nets}, {} late cycles (last {}), longest cycle {:.1} µs; {grade}",
+            status.late,
+            status.last_late_cycle,
+            status.exec_max_ns as f64 * 1e-3
+        ),
+    }
+}
+
+fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardError> {
     let commands = config
         .devices
         .iter()
@@ -156,7 +163,7 @@ fn start_rt(
     config: &CellConfig,
     mut grants: Grants,
     stop: &Arc<AtomicBool>,
-) -> Result<(thread::JoinHandle<()>, Grants), Failure> {
+) -> Result<(thread::JoinHandle<()>, Grants), Ending> {
     let (period_ns, executor) = (config.period_ns, config.executor.clone());
     let (told, tell) = mpsc::channel();
     let stop = Arc::clone(stop);
@@ -180,7 +187,8 @@ fn run_helpers(
     mut pump: Pump,
     rt: thread::JoinHandle<()>,
     stop: &Arc<AtomicBool>,
-    signals: &SigSet,
+    signals: &Stop,
+    supervisor: &Notifier,
 ) {
     let over = Arc::new(AtomicBool::new(false));
     thread::scope(|scope| {
@@ -202,9 +210,15 @@ fn run_helpers(
             pump.round();
         });
         match signals.wait() {
-            Ok(signal) => info!("{signal}: stopping"),
+            Ok(signal) => {
+                info!("{signal}: stopping");
+                recorder.tell(Kind::Stopping {
+                    why: signal.to_string(),
+                });
+            }
             Err(error) => warn!("signals cannot be awaited ({error}): stopping"),
         }
+        supervisor.stopping();
         stop.store(true, Ordering::Release);
         if rt.join().is_err() {
             error!("the real-time thread panicked");

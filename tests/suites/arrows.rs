@@ -40,17 +40,36 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-motion", &["rcc-core"]),
     ("rcc-config", &["rcc-core"]),
     ("rcc-ipc", &["rcc-core"]),
+    ("rcc-process", &["rcc-core", "rcc-config"]),
     (
         "rcc-loader",
-        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+        &[
+            "rcc-core",
+            "rcc-motion",
+            "rcc-config",
+            "rcc-ipc",
+            "rcc-process",
+        ],
     ),
     (
         "rcc-exec",
-        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+        &[
+            "rcc-core",
+            "rcc-motion",
+            "rcc-config",
+            "rcc-ipc",
+            "rcc-process",
+        ],
     ),
     (
         "rcc-drivers",
-        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+        &[
+            "rcc-core",
+            "rcc-motion",
+            "rcc-config",
+            "rcc-ipc",
+            "rcc-process",
+        ],
     ),
     ("rcc-monitor", &["rcc-core", "rcc-config", "rcc-ipc"]),
     // The one program that uses another one's library: `check`, and the words of the REST interface.
@@ -61,6 +80,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-motion",
             "rcc-config",
             "rcc-ipc",
+            "rcc-process",
             "rcc-loader",
         ],
     ),

@@ -25,6 +25,8 @@ pub struct CellConfig {
     pub stale_after_ns: u64,
     /// The real-time thread.
     pub executor: ExecutorConfig,
+    /// What supervisors do with processes that die or hang.
+    pub supervision: SupervisionConfig,
     /// At most 16, in the order of the file: the place is the device's index in plans.
     pub devices: Vec<DeviceConfig>,
     /// Robot-side programs that `up` starts; none in production.
@@ -44,6 +46,42 @@ pub struct ExecutorConfig {
     pub core: Option<usize>,
     /// After this many late cycles in a row the most expensive net ends; 0 = never.
     pub late_in_a_row_max: u32,
+    /// What becomes of an executor that is not real-time.
+    pub rt: RealTime,
+}
+
+/// What becomes of an executor that the system does not let be real-time: SCHED_FIFO, locked memory, and its core if
+/// one is configured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RealTime {
+    /// It runs, and says what it lacks.
+    BestEffort,
+    /// It ends.
+    Required,
+}
+
+/// What supervisors (`rcc-cli up`, systemd) do with processes that die or hang.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SupervisionConfig {
+    /// A process that dies is started again so many times …
+    pub restarts: u32,
+    /// … within this time, ns; one more death and it has failed for good.
+    pub within_ns: u64,
+    /// How long a process that was asked to end may take before it is killed, ns.
+    pub stop_timeout_ns: u64,
+    /// How long a process may make no progress before it is killed and started again, ns.
+    pub watchdog_ns: u64,
+}
+
+impl Default for SupervisionConfig {
+    fn default() -> Self {
+        SupervisionConfig {
+            restarts: 5,
+            within_ns: 30_000_000_000,
+            stop_timeout_ns: 3_000_000_000,
+            watchdog_ns: 2_000_000_000,
+        }
+    }
 }
 
 /// A program that plays a device's part.
@@ -63,6 +101,7 @@ impl Default for ExecutorConfig {
             priority: 80,
             core: None,
             late_in_a_row_max: 100,
+            rt: RealTime::BestEffort,
         }
     }
 }

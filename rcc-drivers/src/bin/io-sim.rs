@@ -7,10 +7,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
-        .init();
+    rcc_process::log();
     let options = Options::parse();
     let result = program::run(&options, |line| {
         // whoever started it may not care to read; that is no reason to end

@@ -1,7 +1,7 @@
 //! A control port: a TCP server on which each line is a request and gets one line as its answer.
 //! One thread accepts, one thread serves each connection; none of them ever touches a simulator's clock thread.
 
-use super::process::request_stop;
+use rcc_process::signals::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use rcc_core::message::{DEVICES_MAX, SET_POINTS};
 use rcc_core::unit::Unit;
 
-use super::{CellConfig, ExecutorConfig, SimulatorConfig};
+use super::{CellConfig, ExecutorConfig, RealTime, SimulatorConfig, SupervisionConfig};
 use crate::codes;
 use crate::device::{DeviceConfig, channels};
 use crate::diagnostic::{Faults, Span};
@@ -17,16 +17,18 @@ use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
 use crate::robot::{self, RobotConfig};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 7] = [
+const KEYS: [&str; 8] = [
     "cell",
     "period",
     "stale_after",
     "executor",
+    "supervision",
     "ports",
     "simulators",
     "devices",
 ];
-const EXECUTOR_KEYS: [&str; 3] = ["priority", "core", "late_in_a_row_max"];
+const EXECUTOR_KEYS: [&str; 4] = ["priority", "core", "late_in_a_row_max", "rt"];
+const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
 const SIMULATOR_KEYS: [&str; 2] = ["program", "arguments"];
 const DEVICE_KEYS: [&str; 7] = [
     "driver",
@@ -52,6 +54,13 @@ const FIRST_TOLERANCE_RAD: f64 = std::f64::consts::PI / 180.0 * 0.1;
 const FIRST_TOLERANCE_RAD_MAX: f64 = std::f64::consts::PI / 180.0;
 /// Far beyond any machine; a core that is not there is found out when the thread is bound.
 const CORE_MAX: i64 = 4095;
+
+/// More restarts than this in a row hide a fault.
+const RESTARTS_MAX: i64 = 1000;
+const WITHIN_NS: [u64; 2] = [1000 * MS, 3_600_000 * MS];
+const STOP_TIMEOUT_NS: [u64; 2] = [100 * MS, 60_000 * MS];
+/// Less would kill processes of a machine that is only busy.
+const WATCHDOG_NS: [u64; 2] = [500 * MS, 60_000 * MS];
 
 /// What reading needs beside the tree.
 struct Reading<'a> {
@@ -116,6 +125,7 @@ impl Reading<'_> {
         let stale_after_ns =
             self.timeout(&fields, "stale_after", STALE_AFTER_NS, STALE_AFTER_NS_MAX);
         let executor = self.executor(&fields);
+        let supervision = self.supervision(&fields);
         let simulators = self.simulators(&fields);
         let devices = self.devices(&fields);
         Some(CellConfig {
@@ -123,6 +133,7 @@ impl Reading<'_> {
             period_ns: period_ns?,
             stale_after_ns: stale_after_ns?,
             executor: executor?,
+            supervision: supervision?,
             devices: devices?,
             simulators: simulators?,
             ports: self.ports.clone(),
@@ -174,7 +185,44 @@ impl Reading<'_> {
         if let Some(late) = whole("late_in_a_row_max", 0, i64::from(u32::MAX)) {
             executor.late_in_a_row_max = u32::try_from(late).ok()?;
         }
+        if let Some(node) = fields.get("rt") {
+            let words = [
+                ("best-effort", RealTime::BestEffort),
+                ("required", RealTime::Required),
+            ];
+            executor.rt = self.reader.word(node, "kind of real time", &words)?;
+        }
         Some(executor)
+    }
+
+    fn supervision(&mut self, cell: &Fields<'_>) -> Option<SupervisionConfig> {
+        let mut supervision = SupervisionConfig::default();
+        let Some(entry) = cell.entry("supervision") else {
+            return Some(supervision);
+        };
+        let (node, place) = (&entry.value, entry.key.span);
+        let fields = self
+            .reader
+            .fields(node, place, "the supervision", &SUPERVISION_KEYS)?;
+        if let Some(node) = fields.get("restarts") {
+            let restarts = self.reader.whole(node, "restarts", 0, RESTARTS_MAX)?;
+            supervision.restarts = u32::try_from(restarts).ok()?;
+        }
+        let times = [
+            ("within", WITHIN_NS, &mut supervision.within_ns),
+            (
+                "stop_timeout",
+                STOP_TIMEOUT_NS,
+                &mut supervision.stop_timeout_ns,
+            ),
+            ("watchdog", WATCHDOG_NS, &mut supervision.watchdog_ns),
+        ];
+        for (key, [least, most], time) in times {
+            if let Some(node) = fields.get(key) {
+                *time = self.reader.nanoseconds(node, key, least, most)?;
+            }
+        }
+        Some(supervision)
     }
 
     fn simulators(&mut self, cell: &Fields<'_>) -> Option<Vec<SimulatorConfig>> {

@@ -5,8 +5,7 @@ use super::control::{Command, ControlError};
 use super::image::Image;
 use super::options::Options;
 use crate::sim::lines;
-use crate::sim::process::{Stop, request_stop};
-use nix::errno::Errno;
+use rcc_process::signals::{SignalError, Stop, request_stop};
 use std::future::Future;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -40,8 +39,8 @@ pub enum RunError {
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
     /// The system refuses signals.
-    #[error("the system refuses: {0}")]
-    Signals(#[from] Errno),
+    #[error(transparent)]
+    Signals(#[from] SignalError),
 }
 
 /// The station, shared by server and control port.

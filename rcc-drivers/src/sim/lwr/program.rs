@@ -13,11 +13,11 @@ use super::trace::{TraceError, TraceSink};
 use crate::fri_lwr::wire::CMD_SIZE;
 use crate::priority::rise;
 use crate::sim::lines;
-use crate::sim::process::{Stop, request_stop};
 use nix::errno::Errno;
 use nix::sys::socket::{MsgFlags, SockaddrStorage, recvmsg};
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
+use rcc_process::signals::{SignalError, Stop, request_stop};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::fd::AsRawFd;
@@ -51,9 +51,12 @@ pub enum RunError {
     /// The system refuses a thread or a socket's option.
     #[error("the system refuses: {0}")]
     System(#[from] io::Error),
-    /// The system refuses signals or the clock.
+    /// The system refuses the clock.
     #[error("the system refuses: {0}")]
-    Signals(#[from] Errno),
+    Clock(#[from] Errno),
+    /// The simulator could not be ended as it should.
+    #[error(transparent)]
+    Signals(#[from] SignalError),
     /// The trace cannot be written.
     #[error(transparent)]
     Trace(#[from] TraceError),

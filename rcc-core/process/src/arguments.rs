@@ -1,0 +1,85 @@
+//! The arguments that all programs of a cell take, by option or by environment.
+//! Read once, by the main thread.
+
+use std::path::PathBuf;
+
+use rcc_config::CellConfig;
+use rcc_config::ports::PortArgument;
+
+use crate::ending::Ending;
+
+/// Which cell, which configuration. To be flattened into a program's own arguments.
+#[derive(Clone, Debug, clap::Args)]
+pub struct CellArguments {
+    /// Name of the cell
+    #[arg(long, env = "RCC_CELL")]
+    pub cell: String,
+    /// Configuration of the cell
+    #[arg(long, env = "RCC_CONFIG", value_name = "FILE")]
+    pub config: PathBuf,
+    /// Number of a port that the configuration leaves open
+    #[arg(
+        long = "port",
+        env = "RCC_PORTS",
+        value_name = "NAME=NUMBER",
+        value_delimiter = ','
+    )]
+    pub ports: Vec<PortArgument>,
+    /// End when the parent process dies
+    #[arg(long)]
+    pub parent_death: bool,
+}
+
+impl CellArguments {
+    /// Reads the configuration with the ports that were given.
+    ///
+    /// # Errors
+    /// Every fault of the configuration; the exit code is that of a configuration error.
+    pub fn load(&self) -> Result<CellConfig, Ending> {
+        let ports = self.ports.iter();
+        let ports = ports.map(|port| (port.name.clone(), port.number)).collect();
+        CellConfig::load(&self.config, &ports).map_err(|faults| Ending::configuration(&faults))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Program {
+        #[command(flatten)]
+        cell: CellArguments,
+    }
+
+    #[test]
+    fn several_ports_are_given_one_by_one_or_with_commas() {
+        let given = [
+            "program",
+            "--cell=a",
+            "--config=b",
+            "--port=x=1,y=2",
+            "--port",
+            "z=3",
+        ];
+        let ports = Program::parse_from(given).cell.ports;
+        let names: Vec<_> = ports
+            .iter()
+            .map(|port| (&*port.name, port.number))
+            .collect();
+        assert_eq!(names, [("x", 1), ("y", 2), ("z", 3)]);
+    }
+
+    #[test]
+    fn a_configuration_that_is_not_there_ends_with_78() {
+        let given = ["program", "--cell=a", "--config=/nowhere/cell.yaml"];
+        let ending = Program::parse_from(given).cell.load().unwrap_err();
+        assert_eq!(ending.code, crate::ending::CONFIGURATION);
+        assert!(
+            ending.words.contains("/nowhere/cell.yaml"),
+            "{}",
+            ending.words
+        );
+    }
+}

@@ -1,0 +1,70 @@
+//! Life and death of a program: it ends on SIGTERM and SIGINT, and with its parent if asked to.
+//! The main thread calls all of it; one thread waits for the end.
+
+use nix::errno::Errno;
+use nix::sys::prctl::set_pdeathsig;
+use nix::sys::signal::{SigSet, Signal, kill};
+use nix::unistd::{getpid, getppid};
+
+/// The signals that end a program, blocked in every thread, taken by [`Stop::wait`].
+#[derive(Debug)]
+pub struct Stop {
+    signals: SigSet,
+}
+
+/// The program cannot be ended as it should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SignalError {
+    /// The system refuses.
+    #[error("the system refuses signals: {0}")]
+    System(#[from] Errno),
+    /// Whoever started this program is dead already.
+    #[error("the parent process is dead, and --parent-death was given")]
+    Orphan,
+}
+
+impl Stop {
+    /// Blocks the signals; to be called before the first thread starts, so that all threads inherit it.
+    ///
+    /// With `with_parent` the process also ends when the *thread* that started it ends (that is what
+    /// `PR_SET_PDEATHSIG` means): start it from a thread that lives as long as it should.
+    ///
+    /// # Errors
+    /// The system refuses, or the parent is gone already.
+    pub fn prepare(with_parent: bool) -> Result<Self, SignalError> {
+        let signals: SigSet = [Signal::SIGTERM, Signal::SIGINT].into_iter().collect();
+        signals.thread_block()?;
+        if with_parent {
+            end_with_parent()?;
+        }
+        Ok(Self { signals })
+    }
+
+    /// Sleeps until one of the signals comes.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn wait(&self) -> Result<Signal, SignalError> {
+        Ok(self.signals.wait()?)
+    }
+}
+
+/// Asks for SIGTERM at the parent's death, and looks whether it is dead already.
+///
+/// # Errors
+/// The system refuses, or the parent is gone already.
+pub fn end_with_parent() -> Result<(), SignalError> {
+    let parent = getppid();
+    set_pdeathsig(Signal::SIGTERM)?;
+    if getppid() != parent {
+        return Err(SignalError::Orphan);
+    }
+    Ok(())
+}
+
+/// Ends this process in the same way as a SIGTERM from outside.
+pub fn request_stop() {
+    if let Err(error) = kill(getpid(), Signal::SIGTERM) {
+        tracing::error!(%error, "the process cannot signal itself");
+    }
+}
