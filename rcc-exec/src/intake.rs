@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
 use rcc_ipc::control::{Answer, Call, MEASUREMENT, Refusal};
+use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::request::{Request, Server};
-use rcc_ipc::{BoardReader, Role, Session, monotonic_ns, wire};
+use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
@@ -41,6 +42,7 @@ pub struct Intake {
     waiting: HashMap<u64, Request>,
     next_ticket: u64,
     watched_at: Option<Instant>,
+    recorder: Option<Recorder>,
 }
 
 /// What the intake thread must know about the cell.
@@ -87,6 +89,20 @@ impl Intake {
             waiting: HashMap::new(),
             next_ticket: 1,
             watched_at: None,
+            recorder: None,
+        }
+    }
+
+    /// Writes what happens to the cell's event log, too.
+    #[must_use]
+    pub fn recording(mut self, recorder: Recorder) -> Intake {
+        self.recorder = Some(recorder);
+        self
+    }
+
+    fn record(&self, what: Kind) {
+        if let Some(recorder) = &self.recorder {
+            recorder.tell(what);
         }
     }
 
@@ -208,11 +224,15 @@ impl Intake {
             match (alive, attached) {
                 (Some(announcement), attached) if attached != Some(announcement.incarnation) => {
                     if let Some(service) = announcement.services.get(MEASUREMENT) {
-                        self.attach(index, announcement.incarnation, service);
+                        self.attach(index, &announcement, service);
                     }
                 }
                 (None, Some(incarnation)) => {
                     info!("driver of {} is gone", device.name);
+                    let gone = Kind::DriverGone {
+                        device: device.name.clone(),
+                        driver: events::digits(incarnation),
+                    };
                     if self
                         .orders
                         .push(Order::Detach {
@@ -221,6 +241,7 @@ impl Intake {
                         })
                         .is_ok()
                     {
+                        self.record(gone);
                         self.devices[index].attached = None;
                     }
                 }
@@ -229,7 +250,8 @@ impl Intake {
         }
     }
 
-    fn attach(&mut self, index: usize, incarnation: u64, service: &str) {
+    fn attach(&mut self, index: usize, driver: &Announcement, service: &str) {
+        let incarnation = driver.incarnation;
         let boards = (
             self.session.open_board(service),
             self.session.open_board(service),
@@ -244,6 +266,11 @@ impl Intake {
                 // A full ring leaves the device unattached; the next look at the announcements tries again.
                 if self.orders.push(order).is_ok() {
                     info!("driver of {} is attached", self.devices[index].name);
+                    self.record(Kind::DriverAttached {
+                        device: self.devices[index].name.clone(),
+                        pid: driver.pid,
+                        driver: events::digits(incarnation),
+                    });
                     self.devices[index].attached = Some((incarnation, mine));
                 }
             }

@@ -1,13 +1,14 @@
-//! The pump thread: carries monitor records to the stream and events to the log. May block; the
-//! real-time thread does not wait for it.
+//! The pump thread: carries monitor records to the stream, and events to the log and to the cell's event log. May
+//! block; the real-time thread does not wait for it.
 
 use std::time::{Duration, Instant};
 
-use rcc_core::guard::ViolationKind;
+use rcc_core::guard::{Violation, ViolationKind};
 use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, FaultRecord, MonitorRecord,
 };
-use rcc_ipc::Publisher;
+use rcc_ipc::events::{self, Fault, Kind, Recorder};
+use rcc_ipc::{Cell, Publisher};
 use rtrb::Consumer;
 use tracing::{info, warn};
 
@@ -27,6 +28,7 @@ pub struct Pump {
     batch: Vec<MonitorRecord>,
     devices: Vec<String>,
     late: Late,
+    log: Option<(Cell, Recorder)>,
 }
 
 #[derive(Debug, Default)]
@@ -53,7 +55,15 @@ impl Pump {
             batch: Vec::with_capacity(4096),
             devices,
             late: Late::default(),
+            log: None,
         }
+    }
+
+    /// Writes events to the cell's event log, too.
+    #[must_use]
+    pub fn recording(mut self, cell: &Cell, recorder: Recorder) -> Pump {
+        self.log = Some((cell.clone(), recorder));
+        self
     }
 
     /// Empties both rings once.
@@ -74,35 +84,6 @@ impl Pump {
 
     fn tell(&mut self, event: Event) {
         match event {
-            Event::Command {
-                cycle,
-                id,
-                state,
-                reason,
-                fault,
-            } => {
-                let state = CommandState::from_number(state).name();
-                match EndReason::from_number(reason) {
-                    EndReason::Fault => warn!(
-                        "command {id} {state}, {} (cycle {cycle})",
-                        self.fault_text(&fault)
-                    ),
-                    EndReason::None => info!("command {id} {state} (cycle {cycle})"),
-                    reason => info!("command {id} {state}: {} (cycle {cycle})", reason.name()),
-                }
-            }
-            Event::Device {
-                cycle,
-                device,
-                state,
-                reason,
-            } => {
-                let state = DeviceState::from_number(state).name();
-                info!(
-                    "device {} {state} (reason {reason}, cycle {cycle})",
-                    self.device(device)
-                );
-            }
             Event::Late {
                 cycle,
                 wake_ns,
@@ -115,7 +96,107 @@ impl Pump {
                 self.late.worst_wake_ns = self.late.worst_wake_ns.max(wake_ns);
                 self.late.worst_exec_ns = self.late.worst_exec_ns.max(exec_ns);
             }
+            Event::Command { cycle, .. } | Event::Device { cycle, .. } => {
+                if let Some(what) = self.kind(&event) {
+                    self.record(Some(cycle), what);
+                }
+            }
         }
+    }
+
+    /// To both logs.
+    fn record(&self, cycle: Option<u64>, what: Kind) {
+        let Some((_, recorder)) = &self.log else {
+            return;
+        };
+        let event = events::Event::now(recorder.source().clone(), cycle, what);
+        let words = event.sentence(&|_, id| format!("command {id}"));
+        let cycle = cycle.map_or_else(String::new, |cycle| format!(" (cycle {cycle})"));
+        match event.severity {
+            events::Severity::Info => info!("{words}{cycle}"),
+            _ => warn!("{words}{cycle}"),
+        }
+        recorder.record(event);
+    }
+
+    /// An event of the real-time thread with names instead of numbers.
+    fn kind(&self, event: &Event) -> Option<Kind> {
+        Some(match *event {
+            Event::Late { .. } => return None,
+            Event::Command {
+                id,
+                state,
+                reason,
+                ref fault,
+                ..
+            } => {
+                let reason = EndReason::from_number(reason);
+                let faulty = reason == EndReason::Fault;
+                Kind::Command {
+                    command: id,
+                    state: CommandState::from_number(state).name().to_owned(),
+                    reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
+                    fault: faulty.then(|| self.fault(fault)),
+                }
+            }
+            Event::Device {
+                device,
+                state,
+                was,
+                reason,
+                age_ns,
+                driver,
+                ..
+            } => self.device_kind(device, [was, state], reason, age_ns, driver),
+        })
+    }
+
+    fn device_kind(
+        &self,
+        index: u32,
+        [was, state]: [u32; 2],
+        reason: u32,
+        age_ns: u64,
+        driver: u64,
+    ) -> Kind {
+        let device = self.device(index).to_owned();
+        let [was, state] = [was, state].map(DeviceState::from_number);
+        let driver = (driver != 0).then(|| events::digits(driver));
+        if state == DeviceState::Offline {
+            return Kind::DeviceLost {
+                // What a driver said before it fell silent is no reason for its silence.
+                reason: if age_ns == 0 {
+                    self.reason(&device, reason)
+                } else {
+                    String::new()
+                },
+                board_age_us: (age_ns != 0).then_some(age_ns / 1000),
+                driver,
+                device,
+            };
+        }
+        if was == DeviceState::Offline {
+            let state = state.name().to_owned();
+            return Kind::DeviceFound {
+                device,
+                state,
+                driver,
+            };
+        }
+        Kind::DeviceState {
+            state: state.name().to_owned(),
+            was: was.name().to_owned(),
+            reason: self.reason(&device, reason),
+            device,
+        }
+    }
+
+    /// The driver's words for a number, read from its announcement.
+    fn reason(&self, device: &str, number: u32) -> String {
+        let log = self.log.as_ref();
+        log.map_or_else(String::new, |(cell, _)| {
+            events::reason_words(cell, device, number)
+        })
     }
 
     fn tell_late(&mut self) {
@@ -133,11 +214,13 @@ impl Pump {
             worst_exec_ns,
             ..
         } = self.late;
-        warn!(
-            "{count} late cycles since cycle {first_cycle}: woke up to {:.3} ms after the deadline, computed up to {:.3} ms",
-            worst_wake_ns as f64 * 1e-6,
-            worst_exec_ns as f64 * 1e-6
-        );
+        let what = Kind::Late {
+            count,
+            first_cycle,
+            worst_wake_us: worst_wake_ns as f64 * 1e-3,
+            worst_exec_us: worst_exec_ns as f64 * 1e-3,
+        };
+        self.record(Some(first_cycle), what);
         self.late = Late {
             said_at: Some(Instant::now()),
             ..Late::default()
@@ -148,18 +231,34 @@ impl Pump {
         self.devices.get(index as usize).map_or("?", String::as_str)
     }
 
-    fn fault_text(&self, fault: &FaultRecord) -> String {
-        let code = FaultCode::from_number(fault.code).name();
-        let mut text = format!("fault: {code}");
-        if fault.device != u32::MAX {
-            text += &format!(" on {}", self.device(fault.device));
+    fn fault(&self, fault: &FaultRecord) -> Fault {
+        let kind = ViolationKind::from_number(fault.violation);
+        let unit = kind.map(|kind| {
+            let (joint, value, limit) = (0, fault.value, fault.limit);
+            let violation = Violation {
+                kind,
+                joint,
+                value,
+                limit,
+            };
+            violation.unit().to_owned()
+        });
+        let rule = kind.map(|kind| match kind {
+            ViolationKind::NotFinite => "set-point is no number",
+            ViolationKind::Range => "position",
+            ViolationKind::Velocity => "velocity",
+            ViolationKind::Acceleration => "acceleration",
+            ViolationKind::Jump => "distance from where the device is held",
+        });
+        let number = |value: f64| value.is_finite().then_some(value);
+        Fault {
+            code: FaultCode::from_number(fault.code).name().to_owned(),
+            device: (fault.device != u32::MAX).then(|| self.device(fault.device).to_owned()),
+            joint: (fault.joint != 0).then_some(fault.joint),
+            rule: rule.map(str::to_owned),
+            value: kind.and(number(fault.value)),
+            limit: kind.and(number(fault.limit)),
+            unit,
         }
-        if let Some(kind) = ViolationKind::from_number(fault.violation) {
-            text += &format!(
-                ", joint {}: {kind:?} {} (limit {})",
-                fault.joint, fault.value, fault.limit
-            );
-        }
-        text
     }
 }

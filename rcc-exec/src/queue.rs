@@ -69,12 +69,16 @@ pub enum Event {
         reason: u32,
         fault: FaultRecord,
     },
-    /// A device changed its state (number of `DeviceState`).
+    /// A device changed its state from `was` to `state` (numbers of `DeviceState`); `age_ns` is the age of its last
+    /// measurement when that was too old, else 0; `driver` is the incarnation of its driver, 0 = none.
     Device {
         cycle: u64,
         device: u32,
         state: u32,
+        was: u32,
         reason: u32,
+        age_ns: u64,
+        driver: u64,
     },
     /// A cycle was late: how long after its deadline it woke, and how long it computed.
     Late {

@@ -16,13 +16,14 @@ impl Engine {
         let Some(input) = self.inputs.get_mut(index) else {
             return;
         };
-        let before = (input.present, input.measurement.state);
+        let before = input.present;
+        let mut fresh = false;
         input.present = false;
         if let Some((_, measurement)) = board {
             // A stamp from the future is no better than an old one: nobody could tell when it ages.
             let age_ns = now_ns.abs_diff(measurement.stamp_ns);
             let online = DeviceState::from_number(measurement.state) != DeviceState::Offline;
-            let fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
+            fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
             input.present = fresh && online;
             input.measurement = measurement;
         }
@@ -36,15 +37,17 @@ impl Engine {
             return;
         };
         entry.attached = u32::from(board.is_some());
+        let driver = board.map_or(entry.incarnation, |(incarnation, _)| incarnation);
         entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
         entry.sequence = measurement.sequence;
         entry.stamp_ns = measurement.stamp_ns;
         entry.quality_permille = measurement.quality_permille;
         entry.reason = measurement.reason;
-        if before.0 && !present {
+        if before && !present {
             entry.losses += 1;
         }
         if entry.state != state as u32 {
+            let was = entry.state;
             entry.state = state as u32;
             self.tables_changed = true;
             let cycle = self.status.cycle + 1;
@@ -53,7 +56,14 @@ impl Engine {
                 cycle,
                 device: index as u32,
                 state: state as u32,
+                was,
                 reason,
+                age_ns: if fresh {
+                    0
+                } else {
+                    now_ns.abs_diff(measurement.stamp_ns)
+                },
+                driver,
             });
         }
     }

@@ -74,7 +74,17 @@ impl Recorder {
 
     /// Records what happened in a cycle of the executor; never waits.
     pub fn tell_in(&self, cycle: Option<u64>, what: Kind) {
-        let event = Event::now(self.source.clone(), cycle, what);
+        self.record(Event::now(self.source.clone(), cycle, what));
+    }
+
+    /// Who writes.
+    #[must_use]
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// Records an event that was made before; never waits.
+    pub fn record(&self, event: Event) {
         if let Some(queue) = &self.pen.queue
             && queue.try_send(event).is_err()
         {
