@@ -8,7 +8,8 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
 use rcc_ipc::control::{Answer, Call, MEASUREMENT, Refusal};
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::request::{Request, Server};
+use rcc_ipc::request::{PollError, Request, Server};
+use rcc_ipc::seldom::Seldom;
 use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
@@ -42,6 +43,7 @@ pub struct Intake {
     waiting: HashMap<u64, Request>,
     next_ticket: u64,
     watched_at: Option<Instant>,
+    complaints: Seldom,
     recorder: Option<Recorder>,
 }
 
@@ -89,6 +91,7 @@ impl Intake {
             waiting: HashMap::new(),
             next_ticket: 1,
             watched_at: None,
+            complaints: Seldom::default(),
             recorder: None,
         }
     }
@@ -123,7 +126,11 @@ impl Intake {
                 self.take(request);
             }
             Ok(None) => {}
-            Err(error) => warn!("requests cannot be received: {error}"),
+            // A refused one was something to do: others may wait behind it.
+            Err(error) => {
+                busy = matches!(error, PollError::Refused { .. });
+                self.complain(&error);
+            }
         }
         busy
     }
@@ -141,9 +148,22 @@ impl Intake {
         }
     }
 
+    /// Tells of a request that was none, seldom enough that nobody can fill the log.
+    fn complain(&mut self, error: &dyn std::fmt::Display) {
+        match self.complaints.say(Instant::now()) {
+            Some(0) => warn!("{error}"),
+            Some(others) => warn!("{error}; {others} more since the last such line"),
+            None => {}
+        }
+    }
+
     fn take(&mut self, request: Request) {
-        let Ok(call) = wire::decode_serde::<Call>(request.bytes()) else {
-            return reply(request, &Answer::Refused(Refusal::NotUnderstood));
+        let call = match wire::decode_serde::<Call>(request.bytes()) {
+            Ok(call) => call,
+            Err(error) => {
+                self.complain(&format_args!("a request is refused: {error}"));
+                return reply(request, &Answer::Refused(Refusal::NotUnderstood));
+            }
         };
         let ticket = self.next_ticket;
         self.next_ticket += 1;

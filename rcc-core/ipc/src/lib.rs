@@ -30,6 +30,7 @@ pub mod parcel;
 mod reap;
 pub mod request;
 pub mod room;
+pub mod seldom;
 pub mod session;
 mod shared;
 pub mod stream;
