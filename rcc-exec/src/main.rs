@@ -19,6 +19,7 @@ use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, RECORDS, STATUS, TABLES, command_board};
 use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{Announcement, BoardError, Cell, Role, Session};
 use rcc_process::{CellArguments, Ending, Notifier, Pulse, Stop, ending};
 use tracing::{error, info, warn};
@@ -43,6 +44,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     let cell = Cell::new(&arguments.cell)?;
     let session = Session::join(&cell, Role::Executor, "exec")?;
     let mut grants = Grants::default();
+    let recorder = Recorder::start(&cell, Role::Executor, session.label())?;
     let recorder = Recorder::start(&cell, Role::Executor, session.label())?;
     let (rt_ends, helper_ends) = rings();
     let models = config.models();
@@ -101,13 +103,18 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         return Err(Ending::not_permitted(&refused(&grants)));
     }
     let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
+    let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
     recorder.tell(Kind::Started {
         note: events::text(&grants.to_string()),
         predecessor,
     });
+    recorder.tell(Kind::Started {
+        note: events::text(&grants.to_string()),
+        predecessor,
+    });
     let supervisor = Notifier::ready(move || pulse(&status.read(), &grants))?;
-    run_helpers(intake, pump, rt, &stop, &signals, &supervisor);
+    run_helpers(intake, pump, rt, &stop, &signals, &supervisor, &recorder);
     drop(announced);
     Ok(())
 }
@@ -189,6 +196,7 @@ fn run_helpers(
     stop: &Arc<AtomicBool>,
     signals: &Stop,
     supervisor: &Notifier,
+    recorder: &Recorder,
 ) {
     let over = Arc::new(AtomicBool::new(false));
     thread::scope(|scope| {

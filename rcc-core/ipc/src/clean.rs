@@ -366,11 +366,12 @@ pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
 /// As [`wipe`].
 pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
     let (report, _alone) = wipe_alone(cell)?;
-    for path in [
+    let ours = [
         cell.config_copy(),
         cell.janitor_lock_file(),
         cell.lock_file(),
-    ] {
+    ];
+    for path in ours.into_iter().chain(cell.life_files()) {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
     }
     // Not empty: somebody else's files; they are not ours to remove.

@@ -185,13 +185,19 @@ impl Cell {
         self.runtime_dir().join("events.lock")
     }
 
-    /// All files of the log, whether they are there or not.
+    /// Configuration and ports of the running cell, for programs that come later.
     #[must_use]
-    pub fn events_files(&self) -> [PathBuf; 3] {
+    pub fn running_file(&self) -> PathBuf {
+        self.runtime_dir().join("cell.json")
+    }
+
+    /// What belongs to one life of the cell and goes with its orderly end, whether it is there or not.
+    pub(crate) fn life_files(&self) -> [PathBuf; 4] {
         [
             self.events_file(),
             self.events_before_file(),
             self.events_lock_file(),
+            self.running_file(),
         ]
     }
 }
@@ -266,20 +272,6 @@ pub fn begin(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
         previous,
     };
     tell(cell, Origin::Supervisor, "up", what);
-}
-
-/// Removes the log: the cell has ended as it should.
-///
-/// # Errors
-/// A file cannot be removed, with its path.
-pub fn remove(cell: &Cell) -> Result<(), (PathBuf, io::Error)> {
-    for path in cell.events_files() {
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err((path, error)),
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 /// The dead process that left its announcement under this role and label: whoever announces itself there follows it.

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use rcc_ipc::{Cell, clean};
+use rcc_ipc::{Cell, clean, events};
 
 const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
 Removes what dead processes of the cell left in shared memory; with --wipe everything of a cell that is dead.
@@ -66,5 +66,7 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
             cell.name()
         ));
     }
-    Ok(serde_json::to_string(&clean::be_the_janitor(&cell)?)?)
+    let report = clean::be_the_janitor(&cell)?;
+    events::cleaned(&cell, &report);
+    Ok(serde_json::to_string(&report)?)
 }
