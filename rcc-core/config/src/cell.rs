@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_core::frame::DeviceModel;
 
+use crate::access::AccessConfig;
 use crate::device::{ChannelConfig, DeviceConfig, kind_name};
 use crate::diagnostic::Faults;
 use crate::file::{self, Text};
@@ -27,6 +28,8 @@ pub struct CellConfig {
     pub executor: ExecutorConfig,
     /// What supervisors do with processes that die or hang.
     pub supervision: SupervisionConfig,
+    /// Who may use the cell beside the user that runs it.
+    pub access: AccessConfig,
     /// At most 16, in the order of the file: the place is the device's index in plans.
     pub devices: Vec<DeviceConfig>,
     /// Robot-side programs that `up` starts; none in production.

@@ -69,6 +69,10 @@ pub const UNSAFE_VALUE: Code = code("RCC2021", "a safe value is outside of the c
 pub const BAD_PORT: Code = code("RCC2022", "a port is neither a number nor automatic");
 /// A `$` that begins nothing.
 pub const BROKEN_PLACEHOLDER: Code = code("RCC2023", "a placeholder is not closed");
+/// Not an address with a port.
+pub const BAD_ADDRESS: Code = code("RCC2024", "a text is no address with a port");
+/// An address that other machines reach, without a word that this is wanted.
+pub const REMOTE_ADDRESS: Code = code("RCC2025", "other machines can reach an address");
 
 /// All kinds, in order.
 pub const CODES: &[Code] = &[
@@ -95,6 +99,8 @@ pub const CODES: &[Code] = &[
     UNSAFE_VALUE,
     BAD_PORT,
     BROKEN_PLACEHOLDER,
+    BAD_ADDRESS,
+    REMOTE_ADDRESS,
 ];
 
 #[cfg(test)]

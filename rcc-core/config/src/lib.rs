@@ -1,6 +1,7 @@
 //! The one text parser, diagnostics with places, and the configuration of a cell.
 //! Used by every process at start-up and by the loader; nothing here is real-time.
 
+pub mod access;
 pub mod cell;
 pub mod codes;
 pub mod device;
@@ -12,6 +13,7 @@ mod reader;
 pub mod robot;
 pub mod yaml;
 
+pub use access::{AccessConfig, TcpAccess};
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
 pub use ports::{Protocol, auto_ports, free_port};

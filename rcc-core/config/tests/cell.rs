@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use rcc_config::diagnostic::Faults;
-use rcc_config::{CellConfig, OnRelease, ports::PortArgument};
+use rcc_config::{AccessConfig, CellConfig, OnRelease, ports::PortArgument};
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 
@@ -53,6 +53,19 @@ fn what_is_left_out_has_its_documented_value() {
     assert_eq!(device.command_timeout_ns, 50_000_000);
     assert!((device.first_tolerance_rad.to_degrees() - 0.1).abs() < 1e-15);
     assert_eq!(device.settings, serde_json::json!({}));
+}
+
+#[test]
+fn nobody_but_its_user_reaches_a_cell_that_does_not_say_so() {
+    let text = "cell: a\nperiod: 1 ms\ndevices: {b: {driver: c}}\n";
+    assert_eq!(cell(text).access, AccessConfig::default());
+    let open =
+        "access: {group: rcc, tcp: {listen: \"0.0.0.0:80\", token_file: t, allow_remote: true}}\n";
+    let access = cell(&format!("{text}{open}")).access;
+    assert_eq!(access.group.as_deref(), Some("rcc"));
+    let tcp = access.tcp.expect("it is given");
+    assert_eq!(tcp.listen.to_string(), "0.0.0.0:80");
+    assert_eq!(tcp.token_file, Path::new("tests/bad/t"));
 }
 
 #[test]

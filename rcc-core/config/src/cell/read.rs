@@ -8,6 +8,7 @@ use rcc_core::message::{DEVICES_MAX, SET_POINTS};
 use rcc_core::unit::Unit;
 
 use super::{CellConfig, ExecutorConfig, RealTime, SimulatorConfig, SupervisionConfig};
+use crate::access;
 use crate::codes;
 use crate::device::{DeviceConfig, channels};
 use crate::diagnostic::{Faults, Span};
@@ -17,12 +18,13 @@ use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
 use crate::robot::{self, RobotConfig};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 8] = [
+const KEYS: [&str; 9] = [
     "cell",
     "period",
     "stale_after",
     "executor",
     "supervision",
+    "access",
     "ports",
     "simulators",
     "devices",
@@ -126,6 +128,7 @@ impl Reading<'_> {
             self.timeout(&fields, "stale_after", STALE_AFTER_NS, STALE_AFTER_NS_MAX);
         let executor = self.executor(&fields);
         let supervision = self.supervision(&fields);
+        let access = access::read(&mut self.reader, &fields, self.base, &self.ports);
         let simulators = self.simulators(&fields);
         let devices = self.devices(&fields);
         Some(CellConfig {
@@ -134,6 +137,7 @@ impl Reading<'_> {
             stale_after_ns: stale_after_ns?,
             executor: executor?,
             supervision: supervision?,
+            access: access?,
             devices: devices?,
             simulators: simulators?,
             ports: self.ports.clone(),
