@@ -5,6 +5,7 @@ pub mod child;
 pub mod launch;
 pub mod places;
 pub mod policy;
+pub mod running;
 mod stop;
 
 use std::os::unix::fs::DirBuilderExt;
@@ -12,6 +13,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
+use rcc_ipc::events::{self, Kind, Origin};
 use rcc_ipc::{AnnounceError, Announced, Announcement, Cell, Life as ProcessLife, Role, room};
 use rcc_loader::server::api::{DeviceView, StatusView};
 use rcc_loader::server::codes;
@@ -99,6 +101,9 @@ impl Supervisor {
             .mode(0o700)
             .create(&logs)
             .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
+        let config = prepared.path.display().to_string();
+        events::begin(&cell, &config, &prepared.ports);
+        running::write(&cell, &prepared)?;
         let client = Client::new(name, &cell.socket(), ANSWER_LIMIT)?;
         let children = specs.into_iter().map(|spec| Child::new(spec, &logs));
         let mut supervisor = Supervisor {
@@ -215,6 +220,7 @@ impl Supervisor {
                         child.life = Life::Up(process);
                     }
                     self.say(&name, &format!("up  pid {pid}"));
+                    self.record(Kind::ProcessStarted { process: name, pid });
                 }
             }
             other => {
@@ -230,6 +236,7 @@ impl Supervisor {
             return;
         };
         let (name, last_words) = (child.spec.name.clone(), child.last_words());
+        let pid = child.pid().unwrap_or(0);
         let verdict = if is_final {
             Verdict::Failed
         } else {
@@ -240,6 +247,12 @@ impl Supervisor {
             Verdict::Failed => Life::Failed,
         };
         self.say(&name, &format!("died: {words}"));
+        self.record(Kind::ProcessDied {
+            process: name.clone(),
+            pid,
+            how: words.to_owned(),
+            last_words: events::text(last_words.last().map_or("", String::as_str)),
+        });
         for line in last_words {
             self.say(&name, &format!("  | {line}"));
         }
@@ -251,10 +264,20 @@ impl Supervisor {
                     &name,
                     &format!("starting again ({nth}/{most} in {window} s)"),
                 );
+                self.record(Kind::ProcessRestart {
+                    process: name,
+                    nth,
+                    most,
+                    within_s: window,
+                });
             }
             Verdict::Failed => {
                 self.failed = true;
                 self.say(&name, "failed: it is not started again");
+                self.record(Kind::ProcessFailed {
+                    process: name,
+                    why: words.to_owned(),
+                });
             }
         }
     }
@@ -316,6 +339,11 @@ impl Supervisor {
             self.grade_told = pid;
             self.say("executor", &status.executor.grade);
         }
+    }
+
+    /// Into the cell's event log.
+    fn record(&self, what: Kind) {
+        events::tell(&self.cell, Origin::Supervisor, "up", what);
     }
 
     fn say(&mut self, who: &str, what: &str) {

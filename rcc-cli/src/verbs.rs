@@ -59,6 +59,8 @@ verbs! {
     Primitives = primitives;
     /// The executor's health and the processes of the cell.
     Status = status;
+    /// What happened: who died, what was lost, what ended and why.
+    Events = events;
     /// Print monitored values as they come.
     Tail = tail;
 }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::clean::{self, WipeError};
+use rcc_ipc::events::Kind;
 use rcc_loader::server::api::{CommandView, DeviceView};
 
 use super::child::{self, Life};
@@ -26,6 +27,9 @@ impl Supervisor {
     /// Ends the cell: cancel, wait for rest, stop executor, loader, drivers, simulators; remove all files. A second
     /// Ctrl-C does not wait. True when nothing was left behind and no process had to be killed.
     pub fn stop(mut self, interrupts: &Interrupts) -> bool {
+        self.record(Kind::CellStopping {
+            why: "asked to (Ctrl-C, SIGTERM, or the end of its task)".to_owned(),
+        });
         let asked = interrupts.count();
         let hurried = || interrupts.count() > asked;
         self.end_commands(&hurried);

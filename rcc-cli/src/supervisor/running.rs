@@ -1,0 +1,61 @@
+//! What a running cell was started with: configuration and ports, in a file of its runtime folder, because automatic
+//! ports are in no other. Written by the supervisor's thread, read by verbs.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use rcc_config::CellConfig;
+use rcc_ipc::Cell;
+use rcc_loader::server::codes;
+use serde::{Deserialize, Serialize};
+
+use super::launch::Prepared;
+use crate::failure::Failure;
+
+/// The file's content.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Running {
+    /// The configuration's file, absolute.
+    pub config: PathBuf,
+    /// The numbers of its automatic ports.
+    pub ports: BTreeMap<String, u16>,
+}
+
+/// Tells what the cell was started with.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(cell: &Cell, prepared: &Prepared) -> Result<(), Failure> {
+    let running = Running {
+        config: prepared.path.clone(),
+        ports: prepared.ports.clone(),
+    };
+    let path = cell.running_file();
+    let half = path.with_extension("half");
+    serde_json::to_vec(&running)
+        .map_err(std::io::Error::other)
+        .and_then(|text| std::fs::write(&half, text))
+        .and_then(|()| std::fs::rename(&half, &path))
+        .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))
+}
+
+/// What the cell was started with; its configuration is read again.
+///
+/// # Errors
+/// Nobody has told, or the configuration is not valid any more.
+pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
+    let path = cell.running_file();
+    let text = std::fs::read(&path).map_err(|_| {
+        Failure::new(
+            codes::NO_LOADER,
+            format!("cell '{}' has not told its configuration", cell.name()),
+            "start it with `rcc-cli up FILE`",
+        )
+    })?;
+    let running: Running = serde_json::from_slice(&text).map_err(|error| {
+        let words = format!("{}: {error}", path.display());
+        Failure::new(codes::BAD_REQUEST, words, "start the cell again")
+    })?;
+    CellConfig::load(&running.config, &running.ports)
+        .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))
+}

@@ -1,0 +1,353 @@
+//! `events`: what happened in the cell: who died, what was lost, what ended and why. Reads a file, so it works while
+//! every process of the cell is dead.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use rcc_ipc::Cell;
+use rcc_ipc::events::{Event, Kind, Origin, Reader, Severity, wall_time_before};
+use rcc_loader::server::codes;
+
+use crate::context::{Context, Format, of_cell, say};
+use crate::failure::Failure;
+use crate::interrupt::Interrupts;
+use crate::table::grouped;
+
+/// How often a followed log is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// Which events.
+#[derive(clap::Args, Debug, Default)]
+pub struct Arguments {
+    /// Go on with what happens from now on; Ctrl-C ends it.
+    #[arg(long, short)]
+    follow: bool,
+    /// Only what is younger than this time (500ms, 10s, 10min), or happened from this cycle of the executor on.
+    #[arg(long, value_name = "TIME|CYCLE")]
+    since: Option<String>,
+    /// Only what concerns this net: name, name#id or id.
+    #[arg(long, value_name = "NET")]
+    net: Option<String>,
+    /// Only what concerns this device, its driver, or this process.
+    #[arg(long, value_name = "NAME")]
+    device: Option<String>,
+}
+
+/// Does it.
+///
+/// # Errors
+/// There is no such cell, or its log cannot be read.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let name = context.cell_name();
+    let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
+    let cell = cell.ok_or_else(|| {
+        Failure::new(
+            codes::NO_LOADER,
+            format!("there is no cell '{name}', and no log of it: an orderly end takes it away"),
+            "start one with `rcc-cli up FILE`, or name another one with --cell (RCC_CELL)",
+        )
+    })?;
+    let interrupts = Interrupts::listen()?;
+    let mut view = View::new(context.format, &arguments)?;
+    let mut reader = Reader::open(&cell);
+    let unreadable = |error| Failure::unreadable(&cell.events_file().display().to_string(), &error);
+    let mut batch = reader.poll().map_err(unreadable)?;
+    // Of one life of the machine, this is the order in which it happened.
+    batch.sort_by(|a, b| a.time.cmp(&b.time));
+    view.begin(&batch);
+    loop {
+        batch.iter().for_each(|event| view.show(event));
+        if !arguments.follow || interrupts.asked() {
+            break;
+        }
+        if !cell.runtime_dir().is_dir() {
+            say("the cell has ended, and its log with it");
+            break;
+        }
+        std::thread::sleep(LOOK_EVERY);
+        batch = reader.poll().map_err(unreadable)?;
+    }
+    if reader.unreadable() > 0 {
+        eprintln!(
+            "{} lines of the log are torn or no events",
+            reader.unreadable()
+        );
+    }
+    Ok(())
+}
+
+/// From which event on.
+#[derive(Debug, PartialEq)]
+enum Since {
+    Always,
+    Time(String),
+    Cycle(u64),
+}
+
+/// What is shown, and how.
+struct View {
+    format: Format,
+    since: Since,
+    net: Option<String>,
+    device: Option<String>,
+    /// Names of commands by the executor's life and id.
+    names: HashMap<(String, u64), String>,
+    headed: bool,
+}
+
+impl View {
+    fn new(format: Format, arguments: &Arguments) -> Result<View, Failure> {
+        Ok(View {
+            format,
+            since: since(arguments.since.as_deref())?,
+            net: arguments.net.clone(),
+            device: arguments.device.clone(),
+            names: HashMap::new(),
+            headed: false,
+        })
+    }
+
+    /// What must be known before the first line: names that are given late, and when a cycle was.
+    fn begin(&mut self, events: &[Event]) {
+        events.iter().for_each(|event| self.learn(event));
+        let Since::Cycle(from) = self.since else {
+            return;
+        };
+        // Cycles count anew in each life of the executor: the newest one is meant.
+        let ours = |event: &&Event| event.source.role == Origin::Executor && event.cycle.is_some();
+        let newest = events
+            .iter()
+            .rfind(ours)
+            .map(|event| &event.source.incarnation);
+        let first = events
+            .iter()
+            .filter(ours)
+            .find(|event| Some(&event.source.incarnation) == newest && event.cycle >= Some(from));
+        if let Some(first) = first {
+            self.since = Since::Time(first.time.clone());
+        }
+    }
+
+    fn learn(&mut self, event: &Event) {
+        if let Kind::Loaded {
+            command,
+            executor,
+            net,
+            ..
+        }
+        | Kind::Rejected {
+            command,
+            executor,
+            net,
+            ..
+        } = &event.what
+            && !net.is_empty()
+        {
+            self.names.insert((executor.clone(), *command), net.clone());
+        }
+    }
+
+    fn net(&self, executor: &str, id: u64) -> String {
+        let name = self.names.get(&(executor.to_owned(), id));
+        name.map_or_else(|| format!("#{id}"), |name| format!("{name}#{id}"))
+    }
+
+    fn wanted(&self, event: &Event) -> bool {
+        let young = match &self.since {
+            Since::Always => true,
+            Since::Time(time) => event.time >= *time,
+            Since::Cycle(cycle) => event.cycle.is_some_and(|is| is >= *cycle),
+        };
+        young && self.is_of_net(event) && self.is_of_device(event)
+    }
+
+    fn is_of_net(&self, event: &Event) -> bool {
+        let Some(wanted) = &self.net else { return true };
+        event.what.command().is_some_and(|id| {
+            let whole = self.net(event.executor(), id);
+            let name = whole.split('#').next().unwrap_or_default();
+            [whole.as_str(), name, &id.to_string()].contains(&wanted.as_str())
+        })
+    }
+
+    fn is_of_device(&self, event: &Event) -> bool {
+        let Some(wanted) = &self.device else {
+            return true;
+        };
+        let of_driver = event.source.role == Origin::Driver && event.source.label == *wanted;
+        let process = wanted.strip_prefix("driver/").unwrap_or(wanted);
+        of_driver || event.what.device() == Some(process)
+    }
+
+    fn show(&mut self, event: &Event) {
+        self.learn(event);
+        if !self.wanted(event) {
+            return;
+        }
+        let words = event.sentence(&|executor, id| self.net(executor, id));
+        match self.format {
+            Format::Json => say(&json(event, &words, self)),
+            Format::Human => {
+                if !self.headed {
+                    say(&row("TIME (UTC)", "CYCLE", "WHO", " ", "WHAT"));
+                    self.headed = true;
+                }
+                let cycle = event.cycle.map_or_else(String::new, grouped);
+                let mark = match event.severity {
+                    Severity::Info => " ",
+                    Severity::Warning => "!",
+                    Severity::Error => "‼",
+                };
+                let time = event.time.get(11..23).unwrap_or(&event.time);
+                // The log is text of other processes: nothing of it may steer a terminal.
+                let clean = |text: &str| text.replace(char::is_control, " ");
+                say(&row(
+                    &clean(time),
+                    &cycle,
+                    &clean(&event.who()),
+                    mark,
+                    &clean(&words),
+                ));
+            }
+        }
+    }
+}
+
+fn row(time: &str, cycle: &str, who: &str, mark: &str, what: &str) -> String {
+    format!("{time:<12}  {cycle:>10}  {who:<12} {mark} {what}")
+}
+
+/// The line of the log, with its sentence and the net's name.
+fn json(event: &Event, words: &str, view: &View) -> String {
+    let mut value = serde_json::to_value(event).unwrap_or_default();
+    if let Some(object) = value.as_object_mut() {
+        object.insert("words".to_owned(), words.into());
+        if let Some(id) = event.what.command() {
+            object.insert("net".to_owned(), view.net(event.executor(), id).into());
+        }
+    }
+    value.to_string()
+}
+
+fn since(text: Option<&str>) -> Result<Since, Failure> {
+    let Some(text) = text else {
+        return Ok(Since::Always);
+    };
+    if let Ok(cycle) = text.replace([' ', '_'], "").parse() {
+        return Ok(Since::Cycle(cycle));
+    }
+    match super::duration(text) {
+        Ok(ago) => Ok(Since::Time(wall_time_before(ago))),
+        Err(words) => Err(Failure::new(
+            codes::BAD_REQUEST,
+            words,
+            "--since takes a time (10s, 10min) or the number of a cycle",
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_ipc::events::{Fault, Source};
+
+    fn event(role: Origin, label: &str, cycle: Option<u64>, what: Kind) -> Event {
+        Event::now(Source::this(role, label), cycle, what)
+    }
+
+    fn loaded() -> Event {
+        let executor = Source::this(Origin::Executor, "exec").incarnation;
+        let what = Kind::Loaded {
+            command: 3,
+            executor,
+            net: "line".into(),
+            primitives: 9,
+            uses: vec!["lwr".into()],
+        };
+        event(Origin::Loader, "loader", None, what)
+    }
+
+    fn lost() -> Event {
+        let fault = Fault {
+            code: "device lost".into(),
+            device: Some("lwr".into()),
+            joint: None,
+            rule: None,
+            value: None,
+            limit: None,
+            unit: None,
+        };
+        let what = Kind::Command {
+            command: 3,
+            state: "terminated".into(),
+            reason: Some("fault".into()),
+            fault: Some(fault),
+        };
+        event(Origin::Executor, "exec", Some(70), what)
+    }
+
+    fn view(arguments: &Arguments) -> View {
+        let mut view = View::new(Format::Human, arguments).unwrap();
+        view.begin(&[loaded(), lost()]);
+        view
+    }
+
+    #[test]
+    fn a_command_has_the_name_under_which_it_was_loaded() {
+        let view = view(&Arguments::default());
+        let words = lost().sentence(&|executor, id| view.net(executor, id));
+        assert!(
+            words.starts_with("line#3 terminated by a fault, device lost: lwr"),
+            "{words}"
+        );
+        assert_eq!(view.net("another life", 3), "#3");
+    }
+
+    #[test]
+    fn a_net_is_wanted_by_name_id_or_both() {
+        for net in ["line", "line#3", "3"] {
+            let view = view(&Arguments {
+                net: Some(net.into()),
+                ..Arguments::default()
+            });
+            assert!(view.wanted(&lost()), "{net}");
+        }
+        let view = view(&Arguments {
+            net: Some("other".into()),
+            ..Arguments::default()
+        });
+        assert!(!view.wanted(&lost()));
+    }
+
+    #[test]
+    fn a_device_is_wanted_with_its_driver_and_its_process() {
+        let view = view(&Arguments {
+            device: Some("lwr".into()),
+            ..Arguments::default()
+        });
+        let stopping = || Kind::Stopping { why: "x".into() };
+        let died = Kind::ProcessDied {
+            process: "driver/lwr".into(),
+            pid: 1,
+            how: "SIGKILL".into(),
+            last_words: String::new(),
+        };
+        assert!(view.wanted(&lost()));
+        assert!(view.wanted(&event(Origin::Driver, "lwr", None, stopping())));
+        assert!(view.wanted(&event(Origin::Supervisor, "up", None, died)));
+        assert!(!view.wanted(&event(Origin::Driver, "io", None, stopping())));
+    }
+
+    #[test]
+    fn since_takes_a_time_or_a_cycle() {
+        assert_eq!(since(Some("81 422")).unwrap(), Since::Cycle(81_422));
+        assert!(matches!(since(Some("10min")).unwrap(), Since::Time(_)));
+        assert!(since(Some("yesterday")).is_err());
+        let since = Some("71".to_owned());
+        let view = view(&Arguments {
+            since,
+            ..Arguments::default()
+        });
+        assert!(!view.wanted(&lost()));
+    }
+}
