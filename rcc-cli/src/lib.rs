@@ -4,6 +4,7 @@
 pub mod client;
 pub mod context;
 pub mod demo;
+pub mod doctor;
 pub mod failure;
 pub mod follow;
 pub mod interrupt;

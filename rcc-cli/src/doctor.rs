@@ -1,0 +1,117 @@
+//! What the machine grants and how it really behaves, as findings with causes and remedies.
+//! Run by the main thread of `rcc-cli doctor`; only [`measure`] starts a thread of its own.
+//!
+//! [`facts`] are read once, [`checks`] are pure functions of them, [`measure`] is the one that takes its time.
+
+use serde::Serialize;
+
+pub mod checks;
+pub mod clean;
+pub mod facts;
+pub mod grade;
+pub mod histogram;
+pub mod measure;
+pub mod record;
+pub mod report;
+pub mod trial;
+pub mod wish;
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// As it should be.
+    Ok,
+    /// Worth knowing; nothing is wrong because of it.
+    Note,
+    /// It works, but worse than it could.
+    Warn,
+    /// It prevents a cell from running.
+    Fail,
+}
+
+impl Level {
+    /// As printed before a finding.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Level::Ok => "ok",
+            Level::Note => "note",
+            Level::Warn => "WARN",
+            Level::Fail => "FAIL",
+        }
+    }
+}
+
+/// One thing that was looked at.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Which check found it.
+    pub check: &'static str,
+    /// How bad it is.
+    pub level: Level,
+    /// What is so.
+    pub what: String,
+    /// Why, where it is known.
+    pub cause: Option<String>,
+    /// What to do.
+    pub fix: Option<String>,
+}
+
+impl Finding {
+    fn new(level: Level, what: impl Into<String>) -> Finding {
+        Finding {
+            // The table of checks writes it in.
+            check: "",
+            level,
+            what: what.into(),
+            cause: None,
+            fix: None,
+        }
+    }
+
+    /// As it should be.
+    #[must_use]
+    pub fn ok(what: impl Into<String>) -> Finding {
+        Finding::new(Level::Ok, what)
+    }
+
+    /// Worth knowing.
+    #[must_use]
+    pub fn note(what: impl Into<String>) -> Finding {
+        Finding::new(Level::Note, what)
+    }
+
+    /// It works, but worse than it could.
+    #[must_use]
+    pub fn warn(what: impl Into<String>, fix: impl Into<String>) -> Finding {
+        Finding::new(Level::Warn, what).fix(fix)
+    }
+
+    /// It prevents a cell from running.
+    #[must_use]
+    pub fn fail(what: impl Into<String>, fix: impl Into<String>) -> Finding {
+        Finding::new(Level::Fail, what).fix(fix)
+    }
+
+    /// Why it is so.
+    #[must_use]
+    pub fn cause(mut self, cause: impl Into<String>) -> Finding {
+        self.cause = Some(cause.into());
+        self
+    }
+
+    /// What to do.
+    #[must_use]
+    pub fn fix(mut self, fix: impl Into<String>) -> Finding {
+        self.fix = Some(fix.into());
+        self
+    }
+}
+
+/// The worst level among findings.
+#[must_use]
+pub fn worst(findings: &[Finding]) -> Level {
+    let levels = findings.iter().map(|finding| finding.level);
+    levels.max().unwrap_or(Level::Ok)
+}

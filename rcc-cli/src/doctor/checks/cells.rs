@@ -1,0 +1,108 @@
+//! Cells that run, and how they are.
+//! Pure.
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+use crate::doctor::facts::cells::CellFacts;
+use crate::table::{grouped, time};
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let alive = facts
+        .cells
+        .iter()
+        .filter(|cell| !cell.living.is_empty() || cell.refused.is_some());
+    alive.flat_map(one).collect()
+}
+
+fn one(cell: &CellFacts) -> Vec<Finding> {
+    let name = &cell.name;
+    if let Some(words) = &cell.refused {
+        let fix = format!("ask its owner, or look at {}", cell.folder.display());
+        return vec![Finding::warn(
+            format!("cell {name} cannot be looked at: {words}"),
+            fix,
+        )];
+    }
+    let mut found = Vec::new();
+    if !cell.dead.is_empty() {
+        let what = format!(
+            "cell {name}: dead and not replaced: {}",
+            cell.dead.join(", ")
+        );
+        found.push(Finding::warn(
+            what,
+            "look at `rcc-cli events`, and at what supervises it (`up`, systemctl status 'rcc*')",
+        ));
+    }
+    match &cell.executor {
+        None => {
+            let what = format!(
+                "cell {name} runs ({} processes) but its loader or executor does not answer",
+                cell.living.len()
+            );
+            found.push(Finding::warn(
+                what,
+                format!("rcc-cli --cell {name} status; start what is missing"),
+            ));
+        }
+        Some(executor) if executor.late > 0 => {
+            let what = format!(
+                "cell {name} runs: cycle {}, {} late (last {}), worst wake-up {}",
+                grouped(executor.cycle),
+                grouped(executor.late),
+                grouped(executor.last_late_cycle),
+                time(executor.worst_wake_ns)
+            );
+            found.push(Finding::note(what).cause(executor.grade.clone()));
+        }
+        Some(executor) => {
+            let what = format!(
+                "cell {name} runs: cycle {}, no late cycle",
+                grouped(executor.cycle)
+            );
+            found.push(Finding::ok(what).cause(executor.grade.clone()));
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use rcc_loader::server::api::ExecutorView;
+
+    #[test]
+    fn a_running_cell_is_told_with_its_health() {
+        let mut facts = Facts::default();
+        facts.cells = vec![CellFacts {
+            name: "demo".to_owned(),
+            living: vec!["executor/exec (pid 7)".to_owned()],
+            executor: Some(ExecutorView {
+                cycle: 81_422,
+                ..ExecutorView::default()
+            }),
+            ..CellFacts::default()
+        }];
+        assert!(
+            check(&facts)[0]
+                .what
+                .contains("cycle 81 422, no late cycle")
+        );
+        facts.cells[0].executor = None;
+        assert_eq!(check(&facts)[0].level, Level::Warn);
+        facts.cells[0].dead = vec!["driver/lwr (pid 8)".to_owned()];
+        assert!(check(&facts)[0].what.contains("driver/lwr"));
+    }
+
+    #[test]
+    fn a_dead_cell_is_the_business_of_the_leftovers() {
+        let mut facts = Facts::default();
+        facts.cells = vec![CellFacts {
+            name: "demo".to_owned(),
+            files: 3,
+            ..CellFacts::default()
+        }];
+        assert_eq!(check(&facts), []);
+    }
+}

@@ -1,0 +1,48 @@
+//! The clock that CLOCK_MONOTONIC is read from; steps of the wall clock do not matter here.
+//! Pure.
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+/// Read within some ten nanoseconds, without asking a device or the host.
+const QUICK: [&str; 5] = [
+    "tsc",
+    "arch_sys_counter",
+    "kvm-clock",
+    "hyperv_clocksource_tsc_page",
+    "timebase",
+];
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let Some(name) = &facts.kernel.clock_source else {
+        return Vec::new();
+    };
+    if QUICK.contains(&name.as_str()) {
+        return vec![Finding::ok(format!("clock source {name}"))];
+    }
+    let fix = "look in `dmesg` why the tsc was found unstable (often the BIOS); kernel parameter tsc=reliable if it is not";
+    vec![Finding::warn(
+        format!("clock source {name}: reading the time takes microseconds"),
+        fix,
+    )]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+
+    #[test]
+    fn a_slow_clock_warns() {
+        let mut facts = Facts::default();
+        assert_eq!(check(&facts), []);
+        for (name, level) in [
+            ("tsc", Level::Ok),
+            ("hpet", Level::Warn),
+            ("acpi_pm", Level::Warn),
+        ] {
+            facts.kernel.clock_source = Some(name.to_owned());
+            assert_eq!(check(&facts)[0].level, level, "{name}");
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! SCHED_FIFO at the configured priority: was it granted to a thread, and if not, what stood in the way?
+//! Pure.
+
+use nix::errno::Errno;
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+use crate::doctor::facts::limits::Granted;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let priority = facts.wish.priority;
+    match facts.trial.fifo {
+        Ok(()) => vec![Finding::ok(format!(
+            "SCHED_FIFO {priority} obtained ({})",
+            by_what(facts)
+        ))],
+        Err(errno) => {
+            let (cause, fix) = cause_and_fix(facts, errno);
+            let what = format!("SCHED_FIFO {priority} refused: {}", errno.desc());
+            vec![Finding::warn(what, fix).cause(cause)]
+        }
+    }
+}
+
+fn by_what(facts: &Facts) -> String {
+    if facts.user.may_nice {
+        return "CAP_SYS_NICE".to_owned();
+    }
+    match facts.limits.rtprio.soft {
+        Some(limit) => format!("the limit rtprio is {limit}"),
+        None => "the limit rtprio is unlimited".to_owned(),
+    }
+}
+
+fn cause_and_fix(facts: &Facts, errno: Errno) -> (String, String) {
+    let priority = u64::from(facts.wish.priority);
+    if !(1..=99).contains(&priority) {
+        return (
+            "SCHED_FIFO has the priorities 1 to 99".to_owned(),
+            "set executor.priority to one of them in the cell's file".to_owned(),
+        );
+    }
+    if facts.user.may_nice || facts.limits.rtprio.allows(priority) {
+        return in_spite_of_the_right(facts, errno);
+    }
+    if let Some(container) = &facts.user.container {
+        return (
+            format!(
+                "this is a container ({container}); its limit rtprio is {}",
+                limit(facts)
+            ),
+            "start the container with --cap-add=SYS_NICE --ulimit rtprio=90 --ulimit memlock=-1"
+                .to_owned(),
+        );
+    }
+    if let Some(service) = facts.user.service() {
+        return (
+            format!("the limit rtprio of {service} is {}", limit(facts)),
+            format!(
+                "LimitRTPRIO=90 in the section [Service] (systemctl edit {service}), then restart it"
+            ),
+        );
+    }
+    if facts.limits.rtprio.could(priority) {
+        return (
+            format!(
+                "the soft limit rtprio is {}, the hard one would do",
+                limit(facts)
+            ),
+            format!("ulimit -S -r {priority}   in this shell"),
+        );
+    }
+    at_login(facts, priority)
+}
+
+/// What the files of pam_limits say decides about the remedy.
+fn at_login(facts: &Facts, priority: u64) -> (String, String) {
+    let lines = || facts.granted.iter().filter(|line| line.item == "rtprio");
+    let enough = |line: &&Granted| line.value.is_none_or(|value| value >= priority);
+    let name = &facts.user.name;
+    // Of several lines for us the last counts.
+    let ours = lines()
+        .filter(|line| facts.user.is_meant_by(&line.whom))
+        .next_back();
+    if let Some(line) = ours.filter(enough) {
+        return (
+            format!(
+                "{} grants {} to {}, but this session has {}: it began before, or does not read that file",
+                line.place, words(line.value), line.whom, limit(facts)
+            ),
+            "log out of all sessions and in again (a graphical session: restart the computer); over ssh: UsePAM yes"
+                .to_owned(),
+        );
+    }
+    if let Some(line) = ours {
+        return (
+            format!(
+                "{} grants only {} to {}",
+                line.place,
+                words(line.value),
+                line.whom
+            ),
+            format!(
+                "write 90 there, then log out and in again ({name} has no right to do it: ask root)"
+            ),
+        );
+    }
+    let group = lines()
+        .filter(enough)
+        .find_map(|line| line.whom.strip_prefix('@'));
+    if let Some(group) = group {
+        return (
+            format!(
+                "the limit rtprio is {}; the group {group} would have it, {name} is not in it",
+                limit(facts)
+            ),
+            format!("sudo usermod -aG {group} {name}   then log out of all sessions and in again"),
+        );
+    }
+    (
+        format!(
+            "the limit rtprio is {} and no file of pam_limits raises it",
+            limit(facts)
+        ),
+        format!(
+            "as root: groupadd -f rcc; usermod -aG rcc {name}; \
+             printf '@rcc - rtprio 90\\n@rcc - memlock unlimited\\n' > /etc/security/limits.d/rcc.conf   \
+             then log out of all sessions and in again"
+        ),
+    )
+}
+
+/// The right is there, and yet it was refused.
+fn in_spite_of_the_right(facts: &Facts, errno: Errno) -> (String, String) {
+    let kernel = &facts.kernel;
+    let group = &facts.user.cgroup;
+    if kernel.rt_runtime_us == Some(0) {
+        return (
+            "kernel.sched_rt_runtime_us is 0: no real-time thread may run at all".to_owned(),
+            "sudo sysctl -w kernel.sched_rt_runtime_us=950000".to_owned(),
+        );
+    }
+    let grouped = kernel.rt_group_sched == Some(true) || kernel.group_rt_runtime_us == Some(0);
+    let nested = !matches!(group.as_str(), "" | "/");
+    if grouped || (errno == Errno::EPERM && nested && facts.user.container.is_none()) {
+        let certain = if grouped { "has" } else { "probably has" };
+        return (
+            format!(
+                "the kernel {certain} CONFIG_RT_GROUP_SCHED, and the control group {group} has no real-time share"
+            ),
+            format!(
+                "run a kernel without CONFIG_RT_GROUP_SCHED; or give a share (control groups version 1): \
+                 echo 950000 | sudo tee /sys/fs/cgroup/cpu{group}/cpu.rt_runtime_us"
+            ),
+        );
+    }
+    match &facts.user.container {
+        Some(container) => (
+            format!("the container ({container}) forbids it although the limit would do"),
+            "start the container with --cap-add=SYS_NICE, and look at its seccomp profile".to_owned(),
+        ),
+        None => (
+            "limit and capabilities would do: something else forbids it (seccomp, AppArmor, SELinux)".to_owned(),
+            "look at `dmesg` and `journalctl -t audit` for a denial of sched_setscheduler".to_owned(),
+        ),
+    }
+}
+
+fn limit(facts: &Facts) -> String {
+    words(facts.limits.rtprio.soft)
+}
+
+fn words(value: Option<u64>) -> String {
+    value.map_or_else(|| "unlimited".to_owned(), |value| value.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use crate::doctor::facts::limits::Limit;
+
+    fn refused() -> Facts {
+        let mut facts = Facts::default();
+        facts.trial.fifo = Err(Errno::EPERM);
+        facts.limits.rtprio = Limit {
+            soft: Some(0),
+            hard: Some(0),
+        };
+        facts.user.name = "anna".to_owned();
+        facts.user.uid = 1000;
+        facts.user.cgroup = "/user.slice/user-1000.slice/session-2.scope".to_owned();
+        facts
+    }
+
+    fn granted(whom: &str, value: u64) -> Granted {
+        Granted {
+            place: "/etc/security/limits.d/rcc.conf:1".to_owned(),
+            whom: whom.to_owned(),
+            item: "rtprio".to_owned(),
+            value: Some(value),
+        }
+    }
+
+    fn only(facts: &Facts) -> (String, String) {
+        let [finding] = &check(facts)[..] else {
+            panic!("one finding")
+        };
+        assert_eq!(finding.level, Level::Warn);
+        (
+            finding.cause.clone().unwrap_or_default(),
+            finding.fix.clone().unwrap_or_default(),
+        )
+    }
+
+    #[test]
+    fn what_was_obtained_says_by_which_right() {
+        let mut facts = Facts::default();
+        facts.user.may_nice = true;
+        assert_eq!(
+            check(&facts),
+            [Finding::ok("SCHED_FIFO 80 obtained (CAP_SYS_NICE)")]
+        );
+        facts.user.may_nice = false;
+        facts.limits.rtprio.soft = Some(90);
+        assert_eq!(
+            check(&facts),
+            [Finding::ok(
+                "SCHED_FIFO 80 obtained (the limit rtprio is 90)"
+            )]
+        );
+    }
+
+    #[test]
+    fn without_any_grant_the_file_to_write_is_told() {
+        let (cause, fix) = only(&refused());
+        assert!(cause.contains("no file of pam_limits"), "{cause}");
+        assert!(
+            fix.contains("/etc/security/limits.d/rcc.conf") && fix.contains("usermod -aG rcc anna"),
+            "{fix}"
+        );
+    }
+
+    #[test]
+    fn a_session_older_than_its_grant_needs_a_new_login() {
+        let mut facts = refused();
+        facts.user.groups = vec!["rcc".to_owned()];
+        facts.granted = vec![granted("@rcc", 90)];
+        let (cause, fix) = only(&facts);
+        assert!(
+            cause.contains("limits.d/rcc.conf:1") && cause.contains("this session has 0"),
+            "{cause}"
+        );
+        assert!(fix.starts_with("log out"), "{fix}");
+    }
+
+    #[test]
+    fn a_grant_to_another_group_names_that_group() {
+        let mut facts = refused();
+        facts.granted = vec![granted("@audio", 95)];
+        let (_, fix) = only(&facts);
+        assert!(fix.contains("usermod -aG audio anna"), "{fix}");
+    }
+
+    #[test]
+    fn a_grant_that_is_too_small_is_named() {
+        let mut facts = refused();
+        facts.granted = vec![granted("anna", 50)];
+        let (cause, _) = only(&facts);
+        assert!(cause.contains("grants only 50"), "{cause}");
+    }
+
+    #[test]
+    fn a_soft_limit_is_raised_in_the_shell() {
+        let mut facts = refused();
+        facts.limits.rtprio.hard = Some(90);
+        assert!(only(&facts).1.starts_with("ulimit -S -r 80"));
+    }
+
+    #[test]
+    fn a_service_is_told_its_unit_setting_and_a_container_its_option() {
+        let mut facts = refused();
+        facts.user.cgroup = "/system.slice/rcc-executor.service".to_owned();
+        assert!(only(&facts).1.contains("LimitRTPRIO=90"));
+        facts.user.container = Some("docker".to_owned());
+        assert!(only(&facts).1.contains("--cap-add=SYS_NICE"));
+    }
+
+    #[test]
+    fn a_refusal_in_spite_of_the_right_names_real_time_groups_or_throttling() {
+        let mut facts = refused();
+        facts.user.may_nice = true;
+        facts.kernel.rt_group_sched = Some(true);
+        let (cause, _) = only(&facts);
+        assert!(cause.contains("has CONFIG_RT_GROUP_SCHED"), "{cause}");
+        facts.kernel.rt_group_sched = None;
+        let (cause, _) = only(&facts);
+        assert!(
+            cause.contains("probably has CONFIG_RT_GROUP_SCHED"),
+            "{cause}"
+        );
+        facts.kernel.rt_runtime_us = Some(0);
+        assert!(only(&facts).1.contains("sched_rt_runtime_us=950000"));
+    }
+}

@@ -1,0 +1,66 @@
+//! Interrupts of devices that came to the configured core while we measured.
+//! Pure.
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+/// How many are named.
+const NAMED: usize = 3;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let (Some(core), Some(_)) = (facts.wish.core, &facts.measured) else {
+        return Vec::new();
+    };
+    let all = &facts.during.interrupts;
+    if all.is_empty() {
+        return vec![Finding::ok(format!(
+            "no device interrupted core {core} while we measured"
+        ))];
+    }
+    let named: Vec<String> = all
+        .iter()
+        .take(NAMED)
+        .map(|(name, count)| format!("{name} ({count} times)"))
+        .collect();
+    let number = all[0].0.split(' ').next().unwrap_or("N");
+    let what = format!("devices interrupted core {core}: {}", named.join(", "));
+    let fix = format!(
+        "send them elsewhere: echo 0 | sudo tee /proc/irq/{number}/smp_affinity_list; stop irqbalance, which undoes it"
+    );
+    vec![Finding::warn(what, fix)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use crate::doctor::grade::tests::measured;
+
+    #[test]
+    fn interrupts_on_the_core_are_named_with_how_to_move_them() {
+        let mut facts = Facts::default();
+        facts.wish.core = Some(1);
+        assert_eq!(check(&facts), []);
+        facts.measured = Some(measured(20, 30));
+        assert_eq!(check(&facts)[0].level, Level::Ok);
+        facts.during.interrupts = vec![
+            ("36 virtio1-req.0".to_owned(), 1000),
+            ("42 enp3s0".to_owned(), 7),
+        ];
+        let found = check(&facts);
+        assert_eq!(found[0].level, Level::Warn);
+        assert!(
+            found[0]
+                .what
+                .contains("virtio1-req.0 (1000 times), 42 enp3s0 (7 times)"),
+            "{found:?}"
+        );
+        assert!(
+            found[0]
+                .fix
+                .as_deref()
+                .is_some_and(|fix| fix.contains("/proc/irq/36/")),
+            "{found:?}"
+        );
+    }
+}

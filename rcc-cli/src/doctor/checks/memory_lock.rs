@@ -1,0 +1,82 @@
+//! Locked memory: a page that was swapped out or never touched costs a cycle milliseconds.
+//! Pure.
+
+use super::bytes;
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let limit = facts.limits.memlock.soft;
+    let privileged = facts.user.may_lock || facts.user.uid == 0;
+    match (facts.trial.lock, limit) {
+        (Ok(()), _) if privileged => vec![Finding::ok("memory can be locked (CAP_IPC_LOCK)")],
+        (Ok(()), None) => vec![Finding::ok(
+            "memory can be locked (the limit memlock is unlimited)",
+        )],
+        (Ok(()), Some(limit)) => {
+            let what = format!("memory is locked only up to {}", bytes(limit));
+            vec![Finding::warn(what, fix(facts)).cause(
+                "the executor does not lock under a finite limit: later memory would be refused in the middle of its work",
+            )]
+        }
+        (Err(errno), limit) => {
+            let limit = limit.map_or_else(|| "unlimited".to_owned(), bytes);
+            let what = format!("memory cannot be locked: {}", errno.desc());
+            vec![Finding::warn(what, fix(facts)).cause(format!("the limit memlock is {limit}"))]
+        }
+    }
+}
+
+fn fix(facts: &Facts) -> String {
+    if facts.user.container.is_some() {
+        return "start the container with --ulimit memlock=-1".to_owned();
+    }
+    match facts.user.service() {
+        Some(service) => format!("LimitMEMLOCK=infinity in {service}, then restart it"),
+        None if facts.limits.memlock.hard.is_none() => "ulimit -S -l unlimited   in this shell".to_owned(),
+        None => "`@rcc - memlock unlimited` in /etc/security/limits.d/rcc.conf (you in the group rcc), then log out of \
+                 all sessions and in again"
+            .to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use crate::doctor::facts::limits::Limit;
+    use nix::errno::Errno;
+
+    #[test]
+    fn root_and_unlimited_are_fine_and_a_finite_limit_is_not() {
+        let mut facts = Facts::default();
+        facts.user.uid = 1000;
+        assert_eq!(check(&facts)[0].level, Level::Ok);
+        facts.limits.memlock = Limit {
+            soft: Some(8 << 20),
+            hard: Some(8 << 20),
+        };
+        let found = check(&facts);
+        assert_eq!(found[0].level, Level::Warn);
+        assert!(found[0].what.contains("8 MB"), "{found:?}");
+        facts.user.may_lock = true;
+        assert_eq!(check(&facts)[0].level, Level::Ok);
+    }
+
+    #[test]
+    fn a_refusal_names_the_limit_and_the_remedy_that_suits_the_place() {
+        let mut facts = Facts::default();
+        facts.user.uid = 1000;
+        facts.trial.lock = Err(Errno::ENOMEM);
+        facts.limits.memlock = Limit {
+            soft: Some(65_536),
+            hard: None,
+        };
+        let fix = |facts: &Facts| check(facts)[0].fix.clone().unwrap_or_default();
+        assert!(fix(&facts).starts_with("ulimit -S -l"));
+        facts.limits.memlock.hard = Some(65_536);
+        assert!(fix(&facts).contains("limits.d/rcc.conf"));
+        facts.user.cgroup = "/system.slice/rcc-executor.service".to_owned();
+        assert!(fix(&facts).contains("LimitMEMLOCK"));
+    }
+}

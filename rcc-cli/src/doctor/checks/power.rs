@@ -1,0 +1,77 @@
+//! Power saving: a core that sleeps deeply or runs slowly wakes late.
+//! Pure.
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let cpu = &facts.cpu;
+    let whose = facts
+        .wish
+        .core
+        .map_or_else(|| "cores".to_owned(), |core| format!("core {core}"));
+    let mut found = Vec::new();
+    let slow: Vec<&str> = cpu
+        .governors
+        .iter()
+        .map(String::as_str)
+        .filter(|governor| *governor != "performance")
+        .collect();
+    if !slow.is_empty() {
+        found.push(Finding::warn(
+            format!("frequency governor of {whose}: {}", slow.join(", ")),
+            "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor   \
+             (or rcc-rt-setup.service, which does it at every start)",
+        ));
+    } else if !cpu.governors.is_empty() {
+        found.push(Finding::ok(format!(
+            "frequency governor of {whose}: performance"
+        )));
+    }
+    if cpu.deep_idle.is_empty() {
+        return found;
+    }
+    let states: Vec<String> = cpu
+        .deep_idle
+        .iter()
+        .map(|(name, latency_us)| format!("{name} ({latency_us} µs)"))
+        .collect();
+    let shortest = cpu
+        .deep_idle
+        .iter()
+        .map(|(_, latency_us)| *latency_us)
+        .min()
+        .unwrap_or(0);
+    if cpu.dma_latency_us.is_some_and(|asked| asked < shortest) {
+        found.push(Finding::ok(
+            "deep idle states are kept away by somebody who holds /dev/cpu_dma_latency",
+        ));
+    } else {
+        found.push(Finding::warn(
+            format!("idle states that take long to leave are in use: {}", states.join(", ")),
+            "keep /dev/cpu_dma_latency open with 0 (rcc-rt-setup.service does), or the kernel parameter \
+             processor.max_cstate=1 intel_idle.max_cstate=1",
+        ));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+
+    #[test]
+    fn governor_and_idle_states_warn_unless_they_are_kept_away() {
+        let mut facts = Facts::default();
+        assert_eq!(check(&facts), []);
+        facts.cpu.governors = vec!["powersave".to_owned()];
+        assert_eq!(check(&facts)[0].level, Level::Warn);
+        facts.cpu.governors = vec!["performance".to_owned()];
+        facts.cpu.deep_idle = vec![("C6".to_owned(), 133)];
+        let found = check(&facts);
+        assert_eq!((found[0].level, found[1].level), (Level::Ok, Level::Warn));
+        facts.cpu.dma_latency_us = Some(0);
+        assert_eq!(check(&facts)[1].level, Level::Ok);
+    }
+}

@@ -1,0 +1,44 @@
+//! RLIMIT_RTTIME: the system kills a process whose real-time thread computes longer than this without sleeping.
+//! Pure.
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+/// A second is what a healthy cell never needs, even when it loads a plan under a debugger.
+const ENOUGH_US: u64 = 1_000_000;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    match facts.limits.rttime.soft {
+        None => Vec::new(),
+        Some(limit) if limit >= ENOUGH_US => vec![Finding::note(format!(
+            "the limit rttime is {limit} µs: enough for the cycle"
+        ))],
+        Some(limit) => {
+            let fix = match facts.user.service() {
+                Some(service) => format!("LimitRTTIME=infinity in {service}"),
+                None => "ulimit -S -R unlimited, or raise `rttime` where it is set (desktop sessions: rtkit)".to_owned(),
+            };
+            let what = format!("the limit rttime is {limit} µs");
+            vec![
+                Finding::warn(what, fix)
+                    .cause("the system kills the executor when one cycle takes longer"),
+            ]
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+
+    #[test]
+    fn unlimited_says_nothing_and_a_short_time_warns() {
+        let mut facts = Facts::default();
+        assert_eq!(check(&facts), []);
+        facts.limits.rttime.soft = Some(200_000);
+        assert_eq!(check(&facts)[0].level, Level::Warn);
+        facts.limits.rttime.soft = Some(2_000_000);
+        assert_eq!(check(&facts)[0].level, Level::Note);
+    }
+}

@@ -1,0 +1,122 @@
+//! `/dev/shm`: in memory, large enough, writable.
+//! Pure.
+
+use super::bytes;
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+/// A small cell needs about this; every client of the executor's requests needs 5 MB more.
+const NEEDED: u64 = 64 << 20;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let shared = &facts.shared;
+    if !shared.writable {
+        return vec![Finding::fail(
+            "/dev/shm cannot be written",
+            "sudo mount -o remount,mode=1777 /dev/shm",
+        )];
+    }
+    let mut found = Vec::new();
+    match shared.kind.as_deref() {
+        Some("tmpfs" | "ramfs") => {}
+        Some(other) => found.push(
+            Finding::warn(
+                format!("/dev/shm is {other}, not memory"),
+                "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm, and in /etc/fstab",
+            )
+            .cause("every write of the cycle may wait for a disk"),
+        ),
+        None => found.push(
+            Finding::warn(
+                "nothing is mounted at /dev/shm",
+                "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm; in a container: --shm-size=256m",
+            )
+            .cause("every write of the cycle may wait for a disk"),
+        ),
+    }
+    if shared.options.iter().any(|option| option == "ro") {
+        found.push(Finding::fail(
+            "/dev/shm is mounted read-only",
+            "sudo mount -o remount,rw /dev/shm",
+        ));
+    }
+    if shared.free < NEEDED {
+        let what = format!(
+            "/dev/shm has {} free of {}",
+            bytes(shared.free),
+            bytes(shared.size)
+        );
+        let fix = "rcc-cli doctor --clean removes what dead cells left; or enlarge it: \
+                   sudo mount -o remount,size=512m /dev/shm (in a container: --shm-size=256m)";
+        found.push(Finding::fail(what, fix).cause(format!("a cell needs about {}", bytes(NEEDED))));
+    }
+    if found.is_empty() {
+        found.push(Finding::ok(format!(
+            "/dev/shm is memory with {} free of {}",
+            bytes(shared.free),
+            bytes(shared.size)
+        )));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use crate::doctor::facts::shared::Shared;
+
+    #[test]
+    fn memory_with_room_is_fine_and_everything_else_is_not() {
+        let good = Shared {
+            kind: Some("tmpfs".to_owned()),
+            options: vec!["rw".to_owned()],
+            size: 1 << 30,
+            free: 1 << 29,
+            writable: true,
+        };
+        let level = |shared: Shared| {
+            let facts = Facts {
+                shared,
+                ..Facts::default()
+            };
+            check(&facts)[0].level
+        };
+        assert_eq!(level(good.clone()), Level::Ok);
+        assert_eq!(
+            level(Shared {
+                kind: Some("ext4".to_owned()),
+                ..good.clone()
+            }),
+            Level::Warn
+        );
+        assert_eq!(
+            level(Shared {
+                kind: None,
+                ..good.clone()
+            }),
+            Level::Warn
+        );
+        assert_eq!(
+            level(Shared {
+                options: vec!["ro".to_owned()],
+                ..good.clone()
+            }),
+            Level::Fail
+        );
+        assert_eq!(
+            level(Shared {
+                free: 1 << 20,
+                ..good.clone()
+            }),
+            Level::Fail
+        );
+        assert_eq!(
+            level(Shared {
+                writable: false,
+                ..good
+            }),
+            Level::Fail
+        );
+    }
+}

@@ -1,0 +1,77 @@
+//! Memory and swap: what is swapped out comes back in milliseconds.
+//! Pure.
+
+use super::bytes;
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+
+/// Less than this, and the system begins to take memory away.
+const LITTLE: u64 = 256 << 20;
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let memory = &facts.memory;
+    let locked =
+        facts.trial.lock.is_ok() && (facts.user.may_lock || facts.limits.memlock.soft.is_none());
+    let mut found = Vec::new();
+    if let Some(available) = memory.available.filter(|available| *available < LITTLE) {
+        let what = format!("only {} of memory are left", bytes(available));
+        found.push(Finding::warn(
+            what,
+            "close programs: the system may kill a process of the cell for want of memory",
+        ));
+    }
+    if memory.swap_used > 0 && !locked {
+        let what = format!(
+            "{} are swapped out, and memory cannot be locked here",
+            bytes(memory.swap_used)
+        );
+        found.push(Finding::warn(
+            what,
+            "sudo swapoff -a, or allow locked memory (above)",
+        ));
+    } else if memory.swap > 0 && !locked {
+        found.push(
+            Finding::note(format!(
+                "there are {} of swap, and memory cannot be locked here",
+                bytes(memory.swap)
+            ))
+            .fix("sudo swapoff -a, or allow locked memory (above)"),
+        );
+    }
+    if memory.overcommit == Some(2) {
+        found.push(
+            Finding::note("vm.overcommit_memory is 2: memory is refused when it is asked for, not when it is used")
+                .fix("nothing, unless a process of the cell does not start for want of memory"),
+        );
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use crate::doctor::facts::limits::Limit;
+
+    #[test]
+    fn swap_matters_only_where_memory_is_not_locked() {
+        let mut facts = Facts::default();
+        facts.memory.swap = 1 << 30;
+        facts.memory.swap_used = 1 << 20;
+        assert_eq!(check(&facts), []);
+        facts.limits.memlock = Limit {
+            soft: Some(65_536),
+            hard: Some(65_536),
+        };
+        assert_eq!(check(&facts)[0].level, Level::Warn);
+        facts.memory.swap_used = 0;
+        assert_eq!(check(&facts)[0].level, Level::Note);
+    }
+
+    #[test]
+    fn little_memory_warns() {
+        let mut facts = Facts::default();
+        facts.memory.available = Some(100 << 20);
+        assert_eq!(check(&facts)[0].level, Level::Warn);
+    }
+}

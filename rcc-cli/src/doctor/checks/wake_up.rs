@@ -1,0 +1,136 @@
+//! The grade: what was measured, and what it allows.
+//! Pure.
+
+use crate::doctor::Finding;
+use crate::doctor::facts::Facts;
+use crate::doctor::grade::Grade;
+use crate::doctor::measure::Measured;
+use crate::table::{grouped, time};
+
+pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+    let measured = match (&facts.measured, &facts.not_measured) {
+        (Some(measured), _) => measured,
+        (None, Some(why)) => {
+            let fix = "name a core of this machine in executor.core, or leave it out";
+            return vec![Finding::fail(
+                format!("wake-ups cannot be measured: {why}"),
+                fix,
+            )];
+        }
+        (None, None) => {
+            return vec![
+                Finding::note("wake-ups were not measured").fix("rcc-cli doctor --measure 10s"),
+            ];
+        }
+    };
+    let grade = Grade::of(measured);
+    let what = format!(
+        "{} → grade {grade} for {}",
+        words(measured),
+        time(measured.period_ns)
+    );
+    vec![match grade {
+        Grade::A | Grade::B => Finding::ok(what),
+        Grade::C | Grade::D => Finding::warn(what, remedy(facts, measured)),
+    }]
+}
+
+/// One line about a measurement.
+fn words(measured: &Measured) -> String {
+    let how = match measured.priority {
+        Some(priority) => format!("SCHED_FIFO {priority}"),
+        None => "without SCHED_FIFO".to_owned(),
+    };
+    let place = match measured.core {
+        Some(core) => format!("core {core}"),
+        None => "any core".to_owned(),
+    };
+    let missed = match measured.missed {
+        0 => String::new(),
+        missed => format!(", {missed} after the next deadline"),
+    };
+    format!(
+        "wake-up latency on {place}, {how}, {} cycles: p50 {} p99 {} p99.9 {} max {}{missed}",
+        grouped(measured.cycles),
+        time(measured.p50_ns),
+        time(measured.p99_ns),
+        time(measured.p999_ns),
+        time(measured.max_ns)
+    )
+}
+
+fn remedy(facts: &Facts, measured: &Measured) -> String {
+    let mut ways = Vec::new();
+    if measured.priority.is_none() {
+        ways.push("get SCHED_FIFO (above)");
+    }
+    if measured.core.is_none() {
+        ways.push("give the executor a core of its own (executor.core, isolcpus)");
+    }
+    if facts.kernel.virtual_machine.is_some() {
+        ways.push("leave the virtual machine");
+    }
+    if !facts.kernel.preempt_rt {
+        ways.push("use a kernel with PREEMPT_RT");
+    }
+    if measured.cycles < crate::doctor::grade::CYCLES_MIN {
+        ways.push("measure longer (--measure 60s)");
+    }
+    if ways.is_empty() {
+        ways.push("look at the warnings above and below, and at the BIOS (power management, SMI)");
+    }
+    ways.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::Level;
+    use crate::doctor::grade::tests::measured;
+
+    #[test]
+    fn a_good_machine_is_graded_with_what_it_is_good_for() {
+        let mut facts = Facts::default();
+        facts.measured = Some(measured(21, 38));
+        let found = check(&facts);
+        assert_eq!(found[0].level, Level::Ok);
+        assert!(
+            found[0].what.contains("max 38.0 µs → grade A for 1.0 ms"),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_bad_one_is_told_what_would_help() {
+        let mut facts = Facts::default();
+        facts.kernel.virtual_machine = Some("QEMU".to_owned());
+        facts.measured = Some(Measured {
+            priority: None,
+            core: None,
+            ..measured(700, 17_800)
+        });
+        let found = check(&facts);
+        assert_eq!(found[0].level, Level::Warn);
+        assert!(
+            found[0].what.contains("without SCHED_FIFO") && found[0].what.contains("grade D"),
+            "{found:?}"
+        );
+        let fix = found[0].fix.clone().unwrap_or_default();
+        for word in [
+            "SCHED_FIFO",
+            "executor.core",
+            "virtual machine",
+            "PREEMPT_RT",
+        ] {
+            assert!(fix.contains(word), "{fix}");
+        }
+    }
+
+    #[test]
+    fn a_measurement_that_is_impossible_prevents() {
+        let mut facts = Facts::default();
+        assert_eq!(check(&facts)[0].level, Level::Note);
+        facts.not_measured = Some("Invalid argument".to_owned());
+        assert_eq!(check(&facts)[0].level, Level::Fail);
+    }
+}

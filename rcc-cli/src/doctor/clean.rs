@@ -1,0 +1,78 @@
+//! Removes what dead cells have left, and nothing else: a cell with a living process is refused by its lock.
+//! Run by the main thread.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use rcc_ipc::Cell;
+use rcc_ipc::clean::remove_cell;
+use serde::Serialize;
+
+use super::facts::cells::{self, CellFacts, Stray};
+
+/// What was removed, or why not.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Cleaned {
+    /// For people: a line each.
+    pub removed: Vec<String>,
+    /// For people: a line each.
+    pub refused: Vec<String>,
+}
+
+/// Removes dead cells below `base`, and shared memory in `shm` that nobody uses and that is ours (root: anybody's).
+#[must_use]
+pub fn clean(shm: &Path, base: &Path) -> Cleaned {
+    let mut cleaned = Cleaned::default();
+    let dead = |cell: &CellFacts| cell.living.is_empty() && cell.refused.is_none();
+    for cell in cells::read(base).into_iter().filter(dead) {
+        match remove(&cell) {
+            Ok(Some(line)) => cleaned.removed.push(line),
+            Ok(None) => {}
+            Err(words) => cleaned.refused.push(words),
+        }
+    }
+    let uid = nix::unistd::getuid();
+    let ours = |stray: &Stray| !stray.used && (uid.is_root() || stray.owner == uid.as_raw());
+    for stray in cells::strays(shm, base).into_iter().filter(ours) {
+        match remove_all(&stray.paths) {
+            Ok(()) => cleaned.removed.push(format!(
+                "shared memory {}*: {} files",
+                stray.prefix,
+                stray.paths.len()
+            )),
+            Err((path, error)) => cleaned.refused.push(format!("{}: {error}", path.display())),
+        }
+    }
+    cleaned
+}
+
+fn remove(facts: &CellFacts) -> Result<Option<String>, String> {
+    let words = |error: &dyn std::fmt::Display| format!("cell {}: {error}", facts.name);
+    let Some(cell) = Cell::find(&facts.name).map_err(|error| words(&error))? else {
+        return Ok(None);
+    };
+    let report = remove_cell(&cell).map_err(|error| words(&error))?;
+    Ok(Some(format!(
+        "cell {}: {} files in shared memory, {} announcements, its folder",
+        facts.name, report.shared_memory, report.announcements
+    )))
+}
+
+fn remove_all(paths: &[PathBuf]) -> Result<(), (PathBuf, io::Error)> {
+    for path in paths {
+        let is_folder = fs::symlink_metadata(path).is_ok_and(|found| found.is_dir());
+        let removed = if is_folder {
+            fs::remove_dir_all(path)
+        } else {
+            fs::remove_file(path)
+        };
+        match removed {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err((path.clone(), error));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}

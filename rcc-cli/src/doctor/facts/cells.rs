@@ -1,0 +1,269 @@
+//! The cells of this user: who lives in them, how they are, and what the dead have left.
+//! Run by the main thread; asks loaders with a short time-out, and changes nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use rcc_ipc::Cell;
+use rcc_loader::server::api::ExecutorView;
+use rcc_loader::server::api::StatusView;
+
+use crate::client::Client;
+
+/// A loader that does not answer within this is said not to answer.
+const ANSWER: Duration = Duration::from_millis(500);
+/// Names in `/dev/shm` begin with `rcc_`, 10 hexadecimal digits and `_`.
+const PREFIX_LENGTH: usize = 15;
+/// Younger files may belong to a process that has not mapped them yet.
+const STRAY_AFTER: Duration = Duration::from_secs(60);
+
+/// One cell.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CellFacts {
+    /// Its name.
+    pub name: String,
+    /// Its folder.
+    pub folder: PathBuf,
+    /// Processes that live, as `role/label (pid)`.
+    pub living: Vec<String>,
+    /// Processes that died and are still announced.
+    pub dead: Vec<String>,
+    /// Files in shared memory.
+    pub files: usize,
+    /// Their bytes.
+    pub bytes: u64,
+    /// The folder cannot be looked at.
+    pub refused: Option<String>,
+    /// The executor, if the loader answers.
+    pub executor: Option<ExecutorView>,
+}
+
+/// Shared memory under a prefix that belongs to no cell in the usual base folder.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stray {
+    /// What the names begin with.
+    pub prefix: String,
+    /// The files and folders.
+    pub paths: Vec<PathBuf>,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Their owner.
+    pub owner: u32,
+    /// A process has one of them open or mapped, or they are so young that one may be about to.
+    pub used: bool,
+}
+
+/// The cells below `base`.
+#[must_use]
+pub fn read(base: &Path) -> Vec<CellFacts> {
+    let entries = fs::read_dir(base).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .filter(|entry| entry.path().is_dir())
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    names.sort();
+    names
+        .into_iter()
+        .filter_map(|name| cell(base, name))
+        .collect()
+}
+
+/// Nothing if the name cannot be a cell's.
+fn cell(base: &Path, name: String) -> Option<CellFacts> {
+    let folder = base.join(&name);
+    let cell = match Cell::find(&name) {
+        Ok(Some(cell)) => cell,
+        Ok(None) | Err(rcc_ipc::CellError::BadName { .. }) => return None,
+        Err(error) => {
+            return Some(CellFacts {
+                name,
+                folder,
+                refused: Some(error.to_string()),
+                ..CellFacts::default()
+            });
+        }
+    };
+    let announced = cell.announced_all().unwrap_or_default();
+    let (living, dead): (Vec<_>, Vec<_>) = announced.iter().partition(|one| one.is_alive());
+    let words = |all: Vec<&rcc_ipc::Announcement>| -> Vec<String> {
+        all.iter()
+            .map(|one| format!("{}/{} (pid {})", one.role, one.label, one.pid))
+            .collect()
+    };
+    let left = cell.leftovers().unwrap_or_default();
+    let executor = (!living.is_empty())
+        .then(|| Client::new(&name, &cell.socket(), ANSWER).ok())
+        .flatten()
+        .and_then(|client| client.get::<StatusView>("/status").ok())
+        .map(|status| status.executor);
+    Some(CellFacts {
+        living: words(living),
+        dead: words(dead),
+        files: left.len(),
+        bytes: left.iter().map(|path| size(path)).sum(),
+        refused: None,
+        executor,
+        folder,
+        name,
+    })
+}
+
+/// Shared memory in `shm` that belongs to no cell below `base`.
+#[must_use]
+pub fn strays(shm: &Path, base: &Path) -> Vec<Stray> {
+    let known: BTreeSet<String> = known_prefixes(base);
+    let mut all: BTreeMap<String, Stray> = BTreeMap::new();
+    for entry in fs::read_dir(shm).into_iter().flatten().flatten() {
+        let Some(prefix) = entry
+            .file_name()
+            .to_str()
+            .and_then(prefix_of)
+            .map(str::to_owned)
+        else {
+            continue;
+        };
+        let Ok(found) = fs::symlink_metadata(entry.path()) else {
+            continue;
+        };
+        if known.contains(&prefix) {
+            continue;
+        }
+        let stray = all.entry(prefix.clone()).or_insert_with(|| Stray {
+            prefix,
+            ..Stray::default()
+        });
+        stray.owner = found.uid();
+        stray.bytes += size(&entry.path());
+        stray.used |= is_young(&found);
+        stray.paths.push(entry.path());
+    }
+    if !all.is_empty() {
+        let used = in_use();
+        for stray in all.values_mut() {
+            stray.used |= used.contains(&stray.prefix);
+            stray.paths.sort();
+        }
+    }
+    all.into_values().collect()
+}
+
+fn known_prefixes(base: &Path) -> BTreeSet<String> {
+    let entries = fs::read_dir(base).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let cells = names.filter_map(|name| Cell::find(&name).ok().flatten());
+    cells.map(|cell| cell.prefix().to_owned()).collect()
+}
+
+/// `rcc_0123456789_…`
+fn prefix_of(name: &str) -> Option<&str> {
+    let prefix = name.get(..PREFIX_LENGTH)?;
+    let digits = prefix.strip_prefix("rcc_")?.strip_suffix('_')?;
+    digits
+        .bytes()
+        .all(|byte| byte.is_ascii_hexdigit())
+        .then_some(prefix)
+}
+
+fn is_young(found: &fs::Metadata) -> bool {
+    let age = found
+        .modified()
+        .ok()
+        .and_then(|made| SystemTime::now().duration_since(made).ok());
+    age.is_none_or(|age| age < STRAY_AFTER)
+}
+
+/// Prefixes that occur in the maps, open files or folders of processes that we may look into.
+fn in_use() -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for entry in fs::read_dir("/proc").into_iter().flatten().flatten() {
+        let process = entry.path();
+        if !entry
+            .file_name()
+            .as_encoded_bytes()
+            .iter()
+            .all(u8::is_ascii_digit)
+        {
+            continue;
+        }
+        let maps = fs::read_to_string(process.join("maps")).unwrap_or_default();
+        found.extend(maps.lines().filter_map(prefix_in));
+        for file in fs::read_dir(process.join("fd"))
+            .into_iter()
+            .flatten()
+            .flatten()
+        {
+            let target = fs::read_link(file.path()).unwrap_or_default();
+            found.extend(target.to_str().and_then(prefix_in));
+        }
+    }
+    found
+}
+
+fn prefix_in(text: &str) -> Option<String> {
+    let (_, after) = text.split_once("/dev/shm/")?;
+    prefix_of(after).map(str::to_owned)
+}
+
+/// Bytes of a file, or of everything below a folder.
+fn size(path: &Path) -> u64 {
+    let Ok(found) = fs::symlink_metadata(path) else {
+        return 0;
+    };
+    if !found.is_dir() {
+        return found.blocks() * 512;
+    }
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
+    entries.map(|entry| size(&entry.path())).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prefixes_of_cells_are_recognised() {
+        assert_eq!(
+            prefix_of("rcc_0123456789_x.dynamic"),
+            Some("rcc_0123456789_")
+        );
+        for other in [
+            "rcc_test_x",
+            "rcc_0123456789",
+            "sem.rcc_0123456789_",
+            "rcc_012345678g_x",
+            "ä",
+        ] {
+            assert_eq!(prefix_of(other), None, "{other}");
+        }
+        let mapped = "7f00-7f01 rw-s 0 00:17 5 /dev/shm/rcc_0123456789_abc";
+        assert_eq!(prefix_in(mapped).as_deref(), Some("rcc_0123456789_"));
+    }
+
+    #[test]
+    fn young_files_under_an_unknown_prefix_count_as_used() -> std::io::Result<()> {
+        let folder = std::env::temp_dir().join(format!("rcc-strays-{}", std::process::id()));
+        fs::create_dir_all(folder.join("base"))?;
+        fs::write(folder.join("rcc_0123456789_a"), [1; 4096])?;
+        fs::write(folder.join("rcc_0123456789_b"), [1; 4096])?;
+        fs::write(folder.join("other"), "")?;
+        let found = strays(&folder, &folder.join("base"));
+        let old = SystemTime::now() - 2 * STRAY_AFTER;
+        for path in &found[0].paths {
+            fs::File::options()
+                .write(true)
+                .open(path)?
+                .set_modified(old)?;
+        }
+        let later = strays(&folder, &folder.join("base"));
+        fs::remove_dir_all(&folder)?;
+        assert_eq!(
+            (found.len(), found[0].paths.len(), found[0].used),
+            (1, 2, true)
+        );
+        assert!(!later[0].used && later[0].bytes >= 8192, "{later:?}");
+        Ok(())
+    }
+}

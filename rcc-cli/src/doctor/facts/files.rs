@@ -1,0 +1,49 @@
+//! A folder: whether it is there, whose it is, who else may use it.
+//! Run by the main thread.
+
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// A folder that need not be there.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Folder {
+    /// Its path.
+    pub path: PathBuf,
+    /// Its owner, if it is there.
+    pub owner: Option<u32>,
+    /// Its permissions, if it is there.
+    pub mode: u32,
+    /// We may make files in it, or make it.
+    pub usable: bool,
+}
+
+/// Looks; makes nothing.
+#[must_use]
+pub fn read(path: &Path) -> Folder {
+    let found = fs::metadata(path).ok().filter(fs::Metadata::is_dir);
+    let nearest = path.ancestors().find(|above| above.exists());
+    let access = nix::unistd::AccessFlags::W_OK | nix::unistd::AccessFlags::X_OK;
+    let allowed = nearest
+        .is_some_and(|nearest| nearest.is_dir() && nix::unistd::access(nearest, access).is_ok());
+    Folder {
+        path: path.to_owned(),
+        owner: found.as_ref().map(MetadataExt::uid),
+        mode: found.as_ref().map_or(0, |found| found.mode() & 0o7777),
+        usable: allowed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_is_not_there_is_judged_by_the_one_above() {
+        let path = std::env::temp_dir().join(format!("rcc-none-{}/a/b", std::process::id()));
+        let folder = read(&path);
+        assert!(folder.usable && folder.owner.is_none());
+        let below_a_file = read(Path::new("/proc/version/x"));
+        assert!(!below_a_file.usable);
+    }
+}

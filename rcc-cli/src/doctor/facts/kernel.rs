@@ -1,0 +1,173 @@
+//! The kernel: preemption, throttling of real-time threads, groups, clock; memory and swap.
+//! Run by the main thread.
+
+use super::system::{System, value_in};
+
+/// The kernel as it runs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Kernel {
+    /// `6.1.0-13-rt-amd64`.
+    pub release: String,
+    /// The whole kernel can be preempted.
+    pub preempt_rt: bool,
+    /// How else it is preempted: `PREEMPT_DYNAMIC`, `PREEMPT`, or nothing.
+    pub preemption: String,
+    /// Microseconds that real-time threads may run in [`Kernel::rt_period_us`]; -1 = no limit.
+    pub rt_runtime_us: Option<i64>,
+    /// Microseconds.
+    pub rt_period_us: Option<i64>,
+    /// CONFIG_RT_GROUP_SCHED, where the kernel's configuration can be read.
+    pub rt_group_sched: Option<bool>,
+    /// What our control group may use of it (version 1).
+    pub group_rt_runtime_us: Option<i64>,
+    /// `tsc`, `hpet`, …
+    pub clock_source: Option<String>,
+    /// The kernel's own name for the machine that simulates this one.
+    pub virtual_machine: Option<String>,
+}
+
+/// Memory and swap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Memory {
+    /// Bytes that programs can still get.
+    pub available: Option<u64>,
+    /// Bytes of swap, used or not.
+    pub swap: u64,
+    /// Bytes of swap in use.
+    pub swap_used: u64,
+    /// vm.overcommit_memory: 0 guess, 1 always, 2 never.
+    pub overcommit: Option<i64>,
+}
+
+/// Reads the kernel's facts; `cgroup` is ours.
+#[must_use]
+pub fn read(system: &System, cgroup: &str) -> Kernel {
+    let version = system.text("proc/version").unwrap_or_default();
+    let release = system.text("proc/sys/kernel/osrelease").unwrap_or_default();
+    let words = version.split([' ', '_']).any(|word| word == "RT");
+    let flagged = system.number("sys/kernel/realtime") == Some(1);
+    let preemption = version.split(' ').find(|word| word.starts_with("PREEMPT"));
+    Kernel {
+        preempt_rt: flagged || words,
+        preemption: preemption.unwrap_or_default().to_owned(),
+        rt_runtime_us: system.number("proc/sys/kernel/sched_rt_runtime_us"),
+        rt_period_us: system.number("proc/sys/kernel/sched_rt_period_us"),
+        rt_group_sched: configured(system, &release, "CONFIG_RT_GROUP_SCHED"),
+        group_rt_runtime_us: group_runtime(system, cgroup),
+        clock_source: system
+            .text("sys/devices/system/clocksource/clocksource0/current_clocksource"),
+        virtual_machine: virtual_machine(system),
+        release,
+    }
+}
+
+/// Reads `/proc/meminfo`.
+#[must_use]
+pub fn memory(system: &System) -> Memory {
+    let text = system.text("proc/meminfo").unwrap_or_default();
+    let bytes = |key| {
+        let words = value_in(&text, key)?.split_whitespace().next()?;
+        words.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
+    };
+    let swap = bytes("SwapTotal").unwrap_or(0);
+    Memory {
+        available: bytes("MemAvailable"),
+        swap,
+        swap_used: swap.saturating_sub(bytes("SwapFree").unwrap_or(swap)),
+        overcommit: system.number("proc/sys/vm/overcommit_memory"),
+    }
+}
+
+fn configured(system: &System, release: &str, key: &str) -> Option<bool> {
+    let text = system
+        .text(&format!("boot/config-{release}"))
+        .or_else(|| system.text(&format!("lib/modules/{release}/config")))?;
+    Some(value_in(&text, key) == Some("y"))
+}
+
+fn group_runtime(system: &System, cgroup: &str) -> Option<i64> {
+    let folders = ["sys/fs/cgroup/cpu", "sys/fs/cgroup/cpu,cpuacct"];
+    folders
+        .iter()
+        .find_map(|folder| system.number(&format!("{folder}{cgroup}/cpu.rt_runtime_us")))
+}
+
+/// The processor says that there is a hypervisor; the machine's name says which, where it has one.
+fn virtual_machine(system: &System) -> Option<String> {
+    let processor = system.text("proc/cpuinfo")?;
+    let flags = value_in(&processor, "flags")?;
+    if !flags.split_whitespace().any(|flag| flag == "hypervisor") {
+        return None;
+    }
+    let named = |path: &str| system.text(path).filter(|text| !text.is_empty());
+    let name = named("sys/class/dmi/id/sys_vendor").or_else(|| named("sys/hypervisor/type"));
+    Some(name.unwrap_or_else(|| "it does not say which".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::system::tests::Recorded;
+    use super::*;
+
+    #[test]
+    fn a_real_time_kernel_is_recognised_by_either_sign() {
+        let by_version = [(
+            "proc/version",
+            "Linux version 6.12.1 (x) #1 SMP PREEMPT_RT Debian",
+        )];
+        let by_version = Recorded::new("kernel-1", &by_version);
+        assert!(read(&by_version.system(), "/").preempt_rt);
+        let by_flag = [
+            ("proc/version", "Linux version 5.10"),
+            ("sys/kernel/realtime", "1\n"),
+        ];
+        let by_flag = Recorded::new("kernel-2", &by_flag);
+        assert!(read(&by_flag.system(), "/").preempt_rt);
+        let plain = [(
+            "proc/version",
+            "Linux version 6.18 (x) #1 SMP PREEMPT_DYNAMIC @0",
+        )];
+        let plain = Recorded::new("kernel-3", &plain);
+        let kernel = read(&plain.system(), "/");
+        assert!(!kernel.preempt_rt);
+        assert_eq!(kernel.preemption, "PREEMPT_DYNAMIC");
+    }
+
+    #[test]
+    fn groups_of_real_time_threads_are_recognised() {
+        let files = [
+            ("proc/sys/kernel/osrelease", "6.1\n"),
+            ("boot/config-6.1", "CONFIG_RT_GROUP_SCHED=y\nCONFIG_X=n\n"),
+            ("sys/fs/cgroup/cpu/user.slice/cpu.rt_runtime_us", "0\n"),
+        ];
+        let recorded = Recorded::new("kernel-4", &files);
+        let kernel = read(&recorded.system(), "/user.slice");
+        assert_eq!(kernel.rt_group_sched, Some(true));
+        assert_eq!(kernel.group_rt_runtime_us, Some(0));
+    }
+
+    #[test]
+    fn a_virtual_machine_is_named_and_swap_is_counted() {
+        let files = [
+            (
+                "proc/cpuinfo",
+                "processor\t: 0\nflags\t\t: fpu hypervisor\n",
+            ),
+            ("sys/class/dmi/id/sys_vendor", "QEMU\n"),
+            (
+                "proc/meminfo",
+                "MemAvailable:  2048 kB\nSwapTotal: 100 kB\nSwapFree: 60 kB\n",
+            ),
+        ];
+        let recorded = Recorded::new("kernel-5", &files);
+        assert_eq!(
+            read(&recorded.system(), "/").virtual_machine.as_deref(),
+            Some("QEMU")
+        );
+        let memory = memory(&recorded.system());
+        assert_eq!(
+            (memory.available, memory.swap, memory.swap_used),
+            (Some(2 << 20), 102_400, 40_960)
+        );
+    }
+}

@@ -1,0 +1,224 @@
+//! Who we are: user, groups, capabilities, control group, and what logind does when we leave.
+//! Run by the main thread.
+
+use super::system::{System, value_in};
+
+/// CAP_IPC_LOCK (linux/capability.h).
+const CAP_IPC_LOCK: u32 = 14;
+/// CAP_SYS_NICE.
+const CAP_SYS_NICE: u32 = 23;
+
+/// Who we are.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct User {
+    /// User id.
+    pub uid: u32,
+    /// Name, or the number.
+    pub name: String,
+    /// Names of its groups.
+    pub groups: Vec<String>,
+    /// It may give any priority to its threads.
+    pub may_nice: bool,
+    /// It may lock any amount of memory.
+    pub may_lock: bool,
+    /// No person: logind leaves it alone.
+    pub is_system: bool,
+    /// Path of the control group.
+    pub cgroup: String,
+    /// Kind of the container we are in.
+    pub container: Option<String>,
+}
+
+impl User {
+    /// The systemd service that we are in, if it is one of the system's and not a session's.
+    #[must_use]
+    pub fn service(&self) -> Option<&str> {
+        let last = self.cgroup.rsplit('/').next()?;
+        (last.ends_with(".service") && !last.starts_with("user@")).then_some(last)
+    }
+
+    /// True if a line of pam_limits for `whom` is about this user.
+    #[must_use]
+    pub fn is_meant_by(&self, whom: &str) -> bool {
+        match whom.strip_prefix('@') {
+            Some(group) => self.groups.iter().any(|own| own == group),
+            // The wildcard is not for root (limits.conf(5)).
+            None => whom == self.name || (whom == "*" && self.uid != 0),
+        }
+    }
+}
+
+/// Reads `/proc/self` and the user tables.
+#[must_use]
+pub fn read(system: &System) -> User {
+    let status = system.text("proc/self/status").unwrap_or_default();
+    let field = |key| value_in(&status, key).unwrap_or_default().to_owned();
+    let second = |text: &str| {
+        text.split_whitespace()
+            .nth(1)
+            .and_then(|word| word.parse::<u32>().ok())
+    };
+    // Real, effective, saved, file system.
+    let uid = second(&field("Uid")).unwrap_or(u32::MAX);
+    let mut gids: Vec<u32> = field("Groups")
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    gids.extend(second(&field("Gid")));
+    let capabilities = u64::from_str_radix(&field("CapEff"), 16).unwrap_or(0);
+    let system_max = system
+        .text("etc/login.defs")
+        .as_deref()
+        .and_then(|text| word_after(text, "SYS_UID_MAX"))
+        .unwrap_or(999);
+    User {
+        uid,
+        name: name_of(system, "etc/passwd", uid).unwrap_or_else(|| uid.to_string()),
+        groups: gids
+            .iter()
+            .map(|gid| name_of(system, "etc/group", *gid).unwrap_or_else(|| gid.to_string()))
+            .collect(),
+        may_nice: capabilities >> CAP_SYS_NICE & 1 == 1,
+        may_lock: capabilities >> CAP_IPC_LOCK & 1 == 1,
+        // nobody counts as one, too (systemd's uid_is_system, uid_is_dynamic and 65534).
+        is_system: uid <= system_max || uid == 65_534,
+        cgroup: cgroup(system),
+        container: container(system),
+    }
+}
+
+/// What logind does with shared memory of a user whose last session ends; none without systemd.
+#[must_use]
+pub fn remove_ipc(system: &System) -> Option<bool> {
+    // Where sd_booted(3) looks.
+    if !system.has("run/systemd/system") {
+        return None;
+    }
+    let mut paths = vec!["etc/systemd/logind.conf".to_owned()];
+    for folder in ["usr/lib", "lib", "run", "etc"] {
+        let folder = format!("{folder}/systemd/logind.conf.d");
+        let names = system.names(&folder).into_iter();
+        paths.extend(names.map(|name| format!("{folder}/{name}")));
+    }
+    // The default, logind.conf(5); the last word counts.
+    let mut found = true;
+    for path in paths {
+        match system.value(&path, "RemoveIPC").as_deref() {
+            Some("no" | "false" | "off" | "0") => found = false,
+            Some(_) => found = true,
+            None => {}
+        }
+    }
+    Some(found)
+}
+
+fn word_after(text: &str, key: &str) -> Option<u32> {
+    text.lines().find_map(|line| {
+        let mut words = line.split_whitespace();
+        (words.next() == Some(key)).then(|| words.next()?.parse().ok())?
+    })
+}
+
+/// Name of a number in a table such as `/etc/passwd`.
+fn name_of(system: &System, path: &str, id: u32) -> Option<String> {
+    let text = system.text(path)?;
+    text.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(id)).then(|| name.to_owned())
+    })
+}
+
+/// Version 2, else the group of version 1 that schedules.
+fn cgroup(system: &System) -> String {
+    let text = system.text("proc/self/cgroup").unwrap_or_default();
+    let of = |wanted: &dyn Fn(&str) -> bool| {
+        text.lines().find_map(|line| {
+            let mut fields = line.splitn(3, ':').skip(1);
+            let (controllers, path) = (fields.next()?, fields.next()?);
+            wanted(controllers).then(|| path.to_owned())
+        })
+    };
+    of(&|controllers| controllers.split(',').any(|one| one == "cpu"))
+        .or_else(|| of(&str::is_empty))
+        .unwrap_or_default()
+}
+
+fn container(system: &System) -> Option<String> {
+    if let Some(name) = system.text("run/systemd/container") {
+        return Some(name);
+    }
+    let kinds = [(".dockerenv", "docker"), ("run/.containerenv", "podman")];
+    let found = kinds.iter().find(|(path, _)| system.has(path));
+    found.map(|(_, name)| (*name).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::system::tests::Recorded;
+    use super::*;
+
+    const STATUS: &str = "Name:\tx\nUid:\t1000\t1000\t1000\t1000\nGid:\t1000\t1000\t1000\t1000\n\
+                          Groups:\t29 1000 \nCapEff:\t0000000000804000\n";
+
+    #[test]
+    fn a_person_at_a_terminal_is_recognised() {
+        let files = [
+            ("proc/self/status", STATUS),
+            (
+                "proc/self/cgroup",
+                "0::/user.slice/user-1000.slice/session-2.scope\n",
+            ),
+            (
+                "etc/passwd",
+                "root:x:0:0::/root:/bin/sh\nanna:x:1000:1000::/home/anna:/bin/sh\n",
+            ),
+            ("etc/group", "audio:x:29:anna\nanna:x:1000:\n"),
+        ];
+        let recorded = Recorded::new("login", &files);
+        let user = read(&recorded.system());
+        assert_eq!((user.uid, user.name.as_str()), (1000, "anna"));
+        assert_eq!(user.groups, ["audio", "anna", "anna"]);
+        assert!(user.may_nice && user.may_lock && !user.is_system);
+        assert_eq!(user.service(), None);
+        assert!(user.is_meant_by("@audio") && user.is_meant_by("*") && user.is_meant_by("anna"));
+        assert!(!user.is_meant_by("@rcc") && !user.is_meant_by("bert"));
+    }
+
+    #[test]
+    fn a_service_and_a_container_are_recognised() {
+        let files = [
+            (
+                "proc/self/cgroup",
+                "3:cpu,cpuacct:/system.slice/rcc-executor.service\n0::/x\n",
+            ),
+            (".dockerenv", ""),
+        ];
+        let recorded = Recorded::new("service", &files);
+        let user = read(&recorded.system());
+        assert_eq!(user.service(), Some("rcc-executor.service"));
+        assert_eq!(user.container.as_deref(), Some("docker"));
+    }
+
+    #[test]
+    fn the_last_word_about_shared_memory_counts_and_the_default_is_yes() {
+        let without = Recorded::new("logind-0", &[("etc/systemd/logind.conf", "")]);
+        assert_eq!(remove_ipc(&without.system()), None);
+        let default = [
+            ("run/systemd/system/x", ""),
+            ("etc/systemd/logind.conf", "#RemoveIPC=no\n"),
+        ];
+        let default = Recorded::new("logind-1", &default);
+        assert_eq!(remove_ipc(&default.system()), Some(true));
+        let off = [
+            ("run/systemd/system/x", ""),
+            ("etc/systemd/logind.conf", "RemoveIPC=yes\n"),
+            (
+                "etc/systemd/logind.conf.d/rcc.conf",
+                "[Login]\nRemoveIPC=no\n",
+            ),
+        ];
+        let off = Recorded::new("logind-2", &off);
+        assert_eq!(remove_ipc(&off.system()), Some(false));
+    }
+}

@@ -1,0 +1,67 @@
+//! `/dev/shm`: what it is, how large, how it is mounted.
+//! Run by the main thread.
+
+use super::system::System;
+
+/// Where the processes of a cell share memory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Shared {
+    /// Type of its file system; none: nothing is mounted there.
+    pub kind: Option<String>,
+    /// Its mount options.
+    pub options: Vec<String>,
+    /// Bytes.
+    pub size: u64,
+    /// Bytes that are free.
+    pub free: u64,
+    /// We may make files there.
+    pub writable: bool,
+}
+
+/// Reads the table of mounts and asks the file system.
+#[must_use]
+pub fn read(system: &System) -> Shared {
+    let path = system.path("dev/shm");
+    let mounts = system.text("proc/self/mountinfo").unwrap_or_default();
+    let (kind, options) = mount(&mounts, "/dev/shm").unzip();
+    let (size, free) = nix::sys::statvfs::statvfs(&path).map_or((0, 0), |found| {
+        let bytes = |blocks: u64| blocks.saturating_mul(found.fragment_size());
+        (bytes(found.blocks()), bytes(found.blocks_available()))
+    });
+    let access = nix::unistd::AccessFlags::W_OK | nix::unistd::AccessFlags::X_OK;
+    Shared {
+        kind,
+        options: options.unwrap_or_default(),
+        size,
+        free,
+        writable: nix::unistd::access(&path, access).is_ok(),
+    }
+}
+
+/// proc_pid_mountinfo(5): the fifth field is the place, the sixth the options; after a dash the type. The last one counts.
+fn mount(text: &str, place: &str) -> Option<(String, Vec<String>)> {
+    text.lines().rev().find_map(|line| {
+        let mut fields = line.split_whitespace().skip(4);
+        if fields.next() != Some(place) {
+            return None;
+        }
+        let options = fields.next()?.split(',').map(str::to_owned).collect();
+        let kind = line.split(" - ").nth(1)?.split_whitespace().next()?;
+        Some((kind.to_owned(), options))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_mount_at_the_place_counts() {
+        let text = "24 23 0:22 / /dev/shm rw,nosuid - tmpfs tmpfs rw\n\
+                    25 24 0:23 / /dev/shm rw,noexec,relatime shared:4 - ext4 /dev/sda rw\n";
+        let found = mount(text, "/dev/shm");
+        let options = ["rw", "noexec", "relatime"].map(str::to_owned).to_vec();
+        assert_eq!(found, Some(("ext4".to_owned(), options)));
+        assert_eq!(mount(text, "/dev"), None);
+    }
+}

@@ -1,0 +1,142 @@
+//! Files of the system below a root folder, so that facts can be read from a folder that was written down.
+//! Run by the main thread; a file that is not there or not readable is no fact.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A file system; usually `/`.
+#[derive(Clone, Debug)]
+pub struct System {
+    root: PathBuf,
+}
+
+impl System {
+    /// With this folder as `/`.
+    #[must_use]
+    pub fn at(root: &Path) -> System {
+        System {
+            root: root.to_owned(),
+        }
+    }
+
+    /// The path of `path`, which has no leading slash.
+    #[must_use]
+    pub fn path(&self, path: &str) -> PathBuf {
+        self.root.join(path.trim_start_matches('/'))
+    }
+
+    /// Text of a file without blanks around it.
+    #[must_use]
+    pub fn text(&self, path: &str) -> Option<String> {
+        let bytes = fs::read(self.path(path)).ok()?;
+        Some(String::from_utf8_lossy(&bytes).trim().to_owned())
+    }
+
+    /// A number in a file of its own.
+    #[must_use]
+    pub fn number(&self, path: &str) -> Option<i64> {
+        self.text(path)?.parse().ok()
+    }
+
+    /// True if something is there.
+    #[must_use]
+    pub fn has(&self, path: &str) -> bool {
+        self.path(path).exists()
+    }
+
+    /// Names in a folder, sorted.
+    #[must_use]
+    pub fn names(&self, path: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.path(path))
+            .into_iter()
+            .flatten()
+            .flatten();
+        let mut names: Vec<String> = entries
+            .filter_map(|entry| entry.file_name().into_string().ok())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// Value of `key` in `path`, a file of lines `key: value` or `key = value`; the first one.
+    #[must_use]
+    pub fn value(&self, path: &str, key: &str) -> Option<String> {
+        let text = self.text(path)?;
+        value_in(&text, key).map(str::to_owned)
+    }
+}
+
+/// Value of `key` among lines `key: value` or `key = value`.
+#[must_use]
+pub fn value_in<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    text.lines().find_map(|line| {
+        let (name, value) = line.split_once([':', '='])?;
+        (name.trim() == key).then(|| value.trim())
+    })
+}
+
+/// `0-2,5` as a list.
+#[must_use]
+pub fn list(text: &str) -> Vec<usize> {
+    let mut all = Vec::new();
+    for part in text.trim().split(',') {
+        match part.split_once('-') {
+            Some((first, last)) => {
+                if let (Ok(first), Ok(last)) = (first.parse::<usize>(), last.parse::<usize>()) {
+                    all.extend(first..=last.min(first.saturating_add(4096)));
+                }
+            }
+            None => all.extend(part.parse::<usize>()),
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A root folder with these files; removed at the end.
+    pub(crate) struct Recorded(pub PathBuf);
+
+    impl Recorded {
+        pub(crate) fn new(name: &str, files: &[(&str, &str)]) -> Recorded {
+            let root =
+                std::env::temp_dir().join(format!("rcc-doctor-{name}-{}", std::process::id()));
+            for (path, text) in files {
+                let path = root.join(path);
+                fs::create_dir_all(path.parent().expect("a file is in a folder"))
+                    .expect("a folder");
+                fs::write(path, text).expect("a file");
+            }
+            Recorded(root)
+        }
+
+        pub(crate) fn system(&self) -> System {
+            System::at(&self.0)
+        }
+    }
+
+    impl Drop for Recorded {
+        fn drop(&mut self) {
+            // Nothing else is there.
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    #[test]
+    fn lists_of_cores_are_read() {
+        assert_eq!(list("0-2,5\n"), [0, 1, 2, 5]);
+        assert_eq!(list(""), [] as [usize; 0]);
+        assert_eq!(list("(null)"), [] as [usize; 0]);
+    }
+
+    #[test]
+    fn values_are_found_by_their_key() {
+        let recorded = Recorded::new("values", &[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
+        let system = recorded.system();
+        assert_eq!(system.value("proc/x", "CapEff").as_deref(), Some("00ff"));
+        assert_eq!(system.value("proc/x", "Gid"), None);
+        assert_eq!(system.text("proc/nothing"), None);
+    }
+}

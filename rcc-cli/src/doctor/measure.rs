@@ -1,0 +1,192 @@
+//! Wakes up as the executor does and writes down how late: same clock, same call, same core, same priority and period.
+//! One thread of its own, which allocates nothing while it measures; the main thread waits for it.
+
+use std::io;
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
+
+use nix::sched::{CpuSet, sched_setaffinity};
+use nix::sys::resource::{UsageWho, getrusage};
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
+use nix::unistd::Pid;
+use rcc_ipc::monotonic_ns;
+use serde::Serialize;
+
+use super::histogram::{Bucket, Histogram};
+use super::trial::become_fifo;
+
+/// The first wake-ups touch memory for the first time and are not counted.
+const WARM_UP: u64 = 20;
+
+/// How to measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// SCHED_FIFO priority, `None` = as an ordinary thread.
+    pub priority: Option<u8>,
+    /// The core, `None` = the system chooses.
+    pub core: Option<usize>,
+    /// Time between two wake-ups, ns.
+    pub period_ns: u64,
+    /// How long.
+    pub length: Duration,
+}
+
+/// How late the wake-ups were.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Measured {
+    /// SCHED_FIFO priority it ran with, none = ordinary thread.
+    pub priority: Option<u8>,
+    /// Core it was bound to, none = not bound.
+    pub core: Option<usize>,
+    /// Period, ns.
+    pub period_ns: u64,
+    /// Wake-ups.
+    pub cycles: u64,
+    /// Shortest delay, ns.
+    pub min_ns: u64,
+    /// Half of all were at most this late, ns.
+    pub p50_ns: u64,
+    /// 99 % were at most this late, ns.
+    pub p99_ns: u64,
+    /// 99.9 % were at most this late, ns.
+    pub p999_ns: u64,
+    /// Longest delay, ns.
+    pub max_ns: u64,
+    /// Wake-ups after the next deadline: a cycle would have been missed.
+    pub missed: u64,
+    /// Times that another thread took the core away.
+    pub preempted: u64,
+    /// All of them.
+    pub histogram: Vec<Bucket>,
+    /// For people.
+    #[serde(skip)]
+    pub drawing: String,
+}
+
+/// Measures; takes `plan.length`.
+///
+/// # Errors
+/// The system gives no thread, or refuses the core.
+pub fn measure(plan: Plan) -> io::Result<Measured> {
+    let (tell, told) = mpsc::channel();
+    let thread = thread::Builder::new()
+        .name("wake-ups".into())
+        .spawn(move || {
+            // The receiver waits for it.
+            let _ = tell.send(run(plan));
+        })?;
+    let result = told
+        .recv()
+        .map_err(|_| io::Error::other("the measuring thread ended"))?;
+    // It has sent its result and ends by itself.
+    let _ = thread.join();
+    result
+}
+
+fn run(plan: Plan) -> io::Result<Measured> {
+    if let Some(core) = plan.core {
+        let mut set = CpuSet::new();
+        set.set(core)
+            .and_then(|()| sched_setaffinity(Pid::from_raw(0), &set))?;
+    }
+    let fifo = plan
+        .priority
+        .filter(|priority| become_fifo(*priority).is_ok());
+    let mut histogram = Histogram::default();
+    let before = preempted();
+    let missed = wake_ups(plan, &mut histogram);
+    Ok(Measured {
+        priority: fifo,
+        core: plan.core,
+        period_ns: plan.period_ns,
+        cycles: histogram.count(),
+        min_ns: histogram.min(),
+        p50_ns: histogram.quantile(500),
+        p99_ns: histogram.quantile(990),
+        p999_ns: histogram.quantile(999),
+        max_ns: histogram.max(),
+        missed,
+        preempted: preempted().saturating_sub(before),
+        histogram: histogram.buckets(),
+        drawing: histogram.drawing(),
+    })
+}
+
+/// Returns how many were after the next deadline.
+fn wake_ups(plan: Plan, histogram: &mut Histogram) -> u64 {
+    let period_ns = plan.period_ns.max(10_000);
+    let mut deadline_ns = monotonic_ns() + period_ns;
+    let end_ns = deadline_ns + u64::try_from(plan.length.as_nanos()).unwrap_or(u64::MAX / 2);
+    let (mut woken, mut missed) = (0, 0);
+    while deadline_ns < end_ns {
+        let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
+        // Interrupted by a signal: slept through, as in the executor.
+        while clock_nanosleep(
+            ClockId::CLOCK_MONOTONIC,
+            ClockNanosleepFlags::TIMER_ABSTIME,
+            &deadline,
+        )
+        .is_err()
+        {}
+        let late_ns = monotonic_ns().saturating_sub(deadline_ns);
+        woken += 1;
+        if woken > WARM_UP {
+            histogram.add(late_ns);
+            missed += u64::from(late_ns >= period_ns);
+        }
+        // Missed periods are skipped, never caught up with.
+        deadline_ns += (late_ns / period_ns + 1) * period_ns;
+    }
+    missed
+}
+
+fn preempted() -> u64 {
+    let count =
+        getrusage(UsageWho::RUSAGE_THREAD).map(|usage| usage.involuntary_context_switches());
+    count
+        .ok()
+        .and_then(|count| u64::try_from(count).ok())
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_real_measurement_counts_its_wake_ups_in_order() -> io::Result<()> {
+        let plan = Plan {
+            priority: None,
+            core: None,
+            period_ns: 1_000_000,
+            length: Duration::from_millis(200),
+        };
+        let measured = measure(plan)?;
+        assert!((1..=200).contains(&measured.cycles), "{measured:?}");
+        let order = [
+            measured.min_ns,
+            measured.p50_ns,
+            measured.p99_ns,
+            measured.p999_ns,
+            measured.max_ns,
+        ];
+        assert!(order.is_sorted(), "{measured:?}");
+        let sum: u64 = measured.histogram.iter().map(|bucket| bucket.count).sum();
+        assert_eq!(sum, measured.cycles);
+        assert_eq!(measured.priority, None);
+        Ok(())
+    }
+
+    #[test]
+    fn a_core_that_is_not_there_is_refused() {
+        let plan = Plan {
+            priority: None,
+            core: Some(1000),
+            period_ns: 1_000_000,
+            length: Duration::from_millis(10),
+        };
+        assert!(measure(plan).is_err());
+    }
+}

@@ -1,0 +1,226 @@
+//! The last grade, kept where `status` finds it: it belongs to the machine and outlives cells.
+//! Run by the main thread.
+//!
+//! `$RCC_STATE_DIR`, else `/var/lib/rcc` for root, else `$XDG_STATE_HOME/rcc`, else `~/.local/state/rcc`.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+use super::grade::Grade;
+use super::measure::Measured;
+use crate::table::{grouped, time};
+
+/// Where root's measurement lies; everybody reads it.
+const OF_ROOT: &str = "/var/lib/rcc";
+const FILE: &str = "doctor.json";
+/// Of this form.
+const SCHEMA: u32 = 1;
+
+/// A grade and how it was obtained.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Record {
+    /// Form of this file, 1.
+    pub schema: u32,
+    /// Seconds since the epoch.
+    pub at: u64,
+    /// Which start of the machine.
+    pub boot: String,
+    /// Kernel.
+    pub kernel: String,
+    /// The grade.
+    pub grade: Grade,
+    /// SCHED_FIFO priority, none = without.
+    pub priority: Option<u8>,
+    /// Core, none = not bound.
+    pub core: Option<usize>,
+    /// Period, ns.
+    pub period_ns: u64,
+    /// Wake-ups.
+    pub cycles: u64,
+    /// 99.9 % were at most this late, ns.
+    pub p999_ns: u64,
+    /// Longest, ns.
+    pub max_ns: u64,
+}
+
+impl Record {
+    /// Of a measurement that has just ended.
+    #[must_use]
+    pub fn of(measured: &Measured) -> Record {
+        Record {
+            schema: SCHEMA,
+            at: now(),
+            boot: boot(),
+            kernel: line("/proc/sys/kernel/osrelease"),
+            grade: Grade::of(measured),
+            priority: measured.priority,
+            core: measured.core,
+            period_ns: measured.period_ns,
+            cycles: measured.cycles,
+            p999_ns: measured.p999_ns,
+            max_ns: measured.max_ns,
+        }
+    }
+
+    /// Keeps it; returns the file.
+    ///
+    /// # Errors
+    /// There is no folder for it, or it cannot be written.
+    pub fn store(&self) -> io::Result<PathBuf> {
+        let folder =
+            state_dir().ok_or_else(|| io::Error::other("no home folder; set RCC_STATE_DIR"))?;
+        self.store_in(&folder)
+    }
+
+    fn store_in(&self, folder: &Path) -> io::Result<PathBuf> {
+        fs::create_dir_all(folder)?;
+        let path = folder.join(FILE);
+        let beside = folder.join(format!("{FILE}.{}", std::process::id()));
+        let text = serde_json::to_string_pretty(self).map_err(io::Error::other)? + "\n";
+        fs::write(&beside, text)?;
+        fs::rename(&beside, &path)?;
+        Ok(path)
+    }
+
+    /// The last one of this user, else root's.
+    #[must_use]
+    pub fn last() -> Option<Record> {
+        let folders = state_dir().into_iter().chain([PathBuf::from(OF_ROOT)]);
+        folders.filter_map(|folder| read(&folder)).next()
+    }
+
+    /// One line for `status`.
+    #[must_use]
+    pub fn words(&self) -> String {
+        self.words_at(now(), &boot(), &line("/proc/sys/kernel/osrelease"))
+    }
+
+    fn words_at(&self, now: u64, boot: &str, kernel: &str) -> String {
+        let how = match self.priority {
+            Some(priority) => format!("SCHED_FIFO {priority}"),
+            None => "without SCHED_FIFO".to_owned(),
+        };
+        let place = self
+            .core
+            .map_or_else(|| "any core".to_owned(), |core| format!("core {core}"));
+        let doubt = if self.kernel != kernel {
+            format!("; under kernel {}: measure again", self.kernel)
+        } else if self.boot != boot {
+            "; before the last start of this machine".to_owned()
+        } else {
+            String::new()
+        };
+        format!(
+            "grade {} for {}, measured {} ago: max {} in {} cycles, {how}, {place}{doubt}",
+            self.grade,
+            time(self.period_ns),
+            age(now.saturating_sub(self.at)),
+            time(self.max_ns),
+            grouped(self.cycles)
+        )
+    }
+}
+
+/// A time that has passed, in one unit.
+#[must_use]
+pub fn age(seconds: u64) -> String {
+    match seconds {
+        0..120 => format!("{seconds} s"),
+        120..7200 => format!("{} min", seconds / 60),
+        7200..172_800 => format!("{} h", seconds / 3600),
+        _ => format!("{} days", seconds / 86_400),
+    }
+}
+
+fn read(folder: &Path) -> Option<Record> {
+    let text = fs::read_to_string(folder.join(FILE)).ok()?;
+    serde_json::from_str(&text)
+        .ok()
+        .filter(|record: &Record| record.schema == SCHEMA)
+}
+
+fn state_dir() -> Option<PathBuf> {
+    let variable = |name| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
+    if let Some(folder) = variable("RCC_STATE_DIR") {
+        return Some(folder);
+    }
+    if nix::unistd::getuid().is_root() {
+        return Some(PathBuf::from(OF_ROOT));
+    }
+    variable("XDG_STATE_HOME")
+        .or_else(|| variable("HOME").map(|home| home.join(".local/state")))
+        .map(|folder| folder.join("rcc"))
+}
+
+fn now() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_secs())
+}
+
+fn boot() -> String {
+    line("/proc/sys/kernel/random/boot_id")
+}
+
+fn line(path: &str) -> String {
+    fs::read_to_string(path)
+        .unwrap_or_default()
+        .trim()
+        .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::grade::tests::measured;
+
+    #[test]
+    fn what_was_stored_is_read_again() -> io::Result<()> {
+        let folder = std::env::temp_dir().join(format!("rcc-record-{}", std::process::id()));
+        let record = Record::of(&measured(21, 38));
+        let path = record.store_in(&folder)?;
+        let read = read(&folder);
+        let others = fs::read_dir(&folder)?.count();
+        fs::remove_dir_all(&folder)?;
+        assert_eq!(read, Some(record));
+        assert!(path.ends_with("doctor.json") && others == 1);
+        Ok(())
+    }
+
+    #[test]
+    fn words_tell_grade_age_and_doubt() {
+        let mut record = Record::of(&measured(21, 38));
+        (record.at, record.boot, record.kernel) = (1000, "x".to_owned(), "6.1".to_owned());
+        assert_eq!(
+            record.words_at(1400, "x", "6.1"),
+            "grade A for 1.0 ms, measured 6 min ago: max 38.0 µs in 5 000 cycles, SCHED_FIFO 80, core 1"
+        );
+        assert!(
+            record
+                .words_at(1400, "y", "6.1")
+                .ends_with("before the last start of this machine")
+        );
+        assert!(
+            record
+                .words_at(1400, "x", "6.2")
+                .ends_with("under kernel 6.1: measure again")
+        );
+    }
+
+    #[test]
+    fn the_form_of_the_file_is_stable() -> Result<(), serde_json::Error> {
+        let text = r#"{"schema":1,"at":5,"boot":"b","kernel":"6.1","grade":"C","priority":null,"core":null,
+                       "period_ns":1000000,"cycles":5000,"p999_ns":1,"max_ns":2}"#;
+        let record: Record = serde_json::from_str(text)?;
+        assert_eq!((record.grade, record.priority), (Grade::C, None));
+        Ok(())
+    }
+}

@@ -1,0 +1,215 @@
+//! The whole report: findings and measurement, for people and for programs.
+//! Pure.
+
+use serde::Serialize;
+
+use super::facts::Facts;
+use super::grade::Grade;
+use super::measure::Measured;
+use super::{Finding, Level, checks, worst};
+use crate::table::time;
+
+/// Form of the JSON.
+const SCHEMA: u32 = 1;
+/// Wide enough for every level's word.
+const MARGIN: &str = "       ";
+
+/// What `doctor --output json` says; keys are only ever added.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Form of this report, 1.
+    pub schema: u32,
+    /// Where the wishes come from.
+    pub asked: Asked,
+    /// The worst of the findings.
+    pub worst: Level,
+    /// The grade, if it was measured.
+    pub grade: Option<Grade>,
+    /// Shortest `stale_after` that this grade allows, ns.
+    pub stale_after_min_ns: Option<u64>,
+    /// The wake-ups.
+    pub measured: Option<Measured>,
+    /// All findings.
+    pub findings: Vec<Finding>,
+    /// Where the grade was kept, for `status`.
+    pub kept_in: Option<String>,
+}
+
+/// What is asked of the machine.
+#[derive(Clone, Debug, Serialize)]
+pub struct Asked {
+    /// Where it is written.
+    pub source: String,
+    /// SCHED_FIFO priority.
+    pub priority: u8,
+    /// Core.
+    pub core: Option<usize>,
+    /// Period, ns.
+    pub period_ns: u64,
+    /// `stale_after`, ns.
+    pub stale_after_ns: Option<u64>,
+}
+
+impl Report {
+    /// All checks on these facts.
+    #[must_use]
+    pub fn of(facts: &Facts) -> Report {
+        let findings = checks::all(facts);
+        let grade = facts.measured.as_ref().map(Grade::of);
+        Report {
+            schema: SCHEMA,
+            asked: Asked {
+                source: facts.wish.source.clone(),
+                priority: facts.wish.priority,
+                core: facts.wish.core,
+                period_ns: facts.wish.period_ns,
+                stale_after_ns: facts.wish.stale_after_ns,
+            },
+            worst: worst(&findings),
+            grade,
+            stale_after_min_ns: grade
+                .zip(facts.measured.as_ref())
+                .map(|(grade, measured)| grade.stale_after_ns(measured.max_ns, measured.period_ns)),
+            measured: facts.measured.clone(),
+            findings,
+            kept_in: None,
+        }
+    }
+
+    /// For people.
+    #[must_use]
+    pub fn human(&self) -> String {
+        let mut text = format!("asked for by: {}\n", self.asked.source);
+        for finding in &self.findings {
+            text.push_str(&lines(finding));
+            if finding.check == "wake-up"
+                && let Some(measured) = &self.measured
+            {
+                for line in measured.drawing.lines() {
+                    text.push_str(&format!("{MARGIN}{line}\n"));
+                }
+            }
+        }
+        text.push_str(&self.verdict());
+        text
+    }
+
+    fn verdict(&self) -> String {
+        let count = |level| {
+            self.findings
+                .iter()
+                .filter(|finding| finding.level == level)
+                .count()
+        };
+        let machine = match (self.grade, self.stale_after_min_ns) {
+            (Some(grade), Some(stale_ns)) => format!(
+                "grade {grade}: {}; stale_after of {} or more",
+                grade.allows(),
+                time(stale_ns)
+            ),
+            _ => "not graded: wake-ups were not measured".to_owned(),
+        };
+        let rest = match (count(Level::Fail), count(Level::Warn)) {
+            (0, 0) => "nothing to improve".to_owned(),
+            (0, warnings) => format!("a cell runs here; {warnings} things to improve"),
+            (fails, warnings) => format!("{fails} things prevent a cell; {warnings} to improve"),
+        };
+        format!("{machine}\n{rest}\n")
+    }
+}
+
+/// A finding in one to three lines.
+#[must_use]
+pub fn lines(finding: &Finding) -> String {
+    let mut text = format!(" {:<5} {}\n", finding.level.word(), finding.what);
+    if let Some(cause) = &finding.cause {
+        text.push_str(&format!("{MARGIN}cause  {cause}\n"));
+    }
+    if let Some(fix) = &finding.fix {
+        text.push_str(&format!("{MARGIN}fix    {fix}\n"));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doctor::grade::tests::measured;
+
+    #[test]
+    fn the_keys_of_the_json_are_stable() -> Result<(), serde_json::Error> {
+        let mut facts = Facts::default();
+        facts.measured = Some(measured(21, 38));
+        let value = serde_json::to_value(Report::of(&facts))?;
+        let keys = |value: &serde_json::Value| -> Vec<String> {
+            value
+                .as_object()
+                .map(|object| object.keys().cloned().collect())
+                .unwrap_or_default()
+        };
+        assert_eq!(
+            keys(&value),
+            [
+                "schema",
+                "asked",
+                "worst",
+                "grade",
+                "stale_after_min_ns",
+                "measured",
+                "findings",
+                "kept_in"
+            ]
+        );
+        assert_eq!(
+            keys(&value["asked"]),
+            ["source", "priority", "core", "period_ns", "stale_after_ns"]
+        );
+        assert_eq!(
+            keys(&value["measured"]),
+            [
+                "priority",
+                "core",
+                "period_ns",
+                "cycles",
+                "min_ns",
+                "p50_ns",
+                "p99_ns",
+                "p999_ns",
+                "max_ns",
+                "missed",
+                "preempted",
+                "histogram"
+            ]
+        );
+        assert_eq!(
+            keys(&value["findings"][0]),
+            ["check", "level", "what", "cause", "fix"]
+        );
+        assert_eq!(
+            (&value["grade"], &value["schema"]),
+            (&"A".into(), &1.into())
+        );
+        Ok(())
+    }
+
+    #[test]
+    fn people_read_level_cause_and_remedy() {
+        let finding = Finding::warn("it limps", "carry it").cause("a stone");
+        assert_eq!(
+            lines(&finding),
+            " WARN  it limps\n       cause  a stone\n       fix    carry it\n"
+        );
+    }
+
+    #[test]
+    fn what_prevents_is_counted_in_the_verdict() {
+        // Without facts /dev/shm is not writable.
+        let report = Report::of(&Facts::default());
+        assert_eq!(report.worst, Level::Fail);
+        assert!(
+            report.human().contains("prevent a cell"),
+            "{}",
+            report.human()
+        );
+    }
+}

@@ -1,0 +1,198 @@
+//! What a cell asks of the machine: from its file, from a running cell, or the defaults.
+//! Run by the main thread.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rcc_config::ports::PortArgument;
+use rcc_config::{CellConfig, ExecutorConfig, auto_ports};
+use rcc_ipc::{Announcement, Cell};
+use rcc_loader::server::codes;
+
+use crate::context::{Context, of_cell};
+use crate::failure::Failure;
+
+/// What is asked of the machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wish {
+    /// SCHED_FIFO priority of the executor.
+    pub priority: u8,
+    /// Its core.
+    pub core: Option<usize>,
+    /// Its period, ns.
+    pub period_ns: u64,
+    /// When a measurement is stale, ns; none without configuration.
+    pub stale_after_ns: Option<u64>,
+    /// Where it is written, for people.
+    pub source: String,
+}
+
+impl Default for Wish {
+    fn default() -> Self {
+        let ExecutorConfig { priority, core, .. } = ExecutorConfig::default();
+        Wish {
+            priority,
+            core,
+            period_ns: 1_000_000,
+            stale_after_ns: None,
+            source: "defaults (name a cell's file with --cell)".to_owned(),
+        }
+    }
+}
+
+/// A configuration, and the cell that runs with it, if one does.
+#[derive(Clone, Debug)]
+pub struct Chosen {
+    /// The configuration; ports that are chosen at start are 0 unless the cell runs.
+    pub config: CellConfig,
+    /// Its file.
+    pub path: PathBuf,
+    /// Numbers of the automatic ports, from the running cell.
+    pub ports: BTreeMap<String, u16>,
+    /// The cell that runs with it.
+    pub cell: Option<Cell>,
+}
+
+impl Wish {
+    /// What this configuration asks for.
+    #[must_use]
+    pub fn of(config: &CellConfig) -> Wish {
+        Wish {
+            priority: config.executor.priority,
+            core: config.executor.core,
+            period_ns: config.period_ns,
+            stale_after_ns: Some(config.stale_after_ns),
+            source: config.source.display().to_string(),
+        }
+    }
+}
+
+/// The configuration that `--cell` names: a file, or a running cell. Without `--cell` the usual cell if it runs.
+///
+/// # Errors
+/// The file is not valid, or the named cell does not run.
+pub fn choose(context: &Context) -> Result<Option<Chosen>, Failure> {
+    match context.cell.as_deref() {
+        Some(name) if is_file(name) => of_file(Path::new(name)).map(Some),
+        Some(name) => of_running(name)?.map(Some).ok_or_else(|| {
+            Failure::new(
+                codes::NO_LOADER,
+                format!("no process of a cell '{name}' runs"),
+                "start it (`rcc-cli up FILE`), or name its file: --cell FILE.yaml",
+            )
+        }),
+        None => of_running(context.cell_name()),
+    }
+}
+
+fn is_file(name: &str) -> bool {
+    name.contains('/')
+        || name.ends_with(".yaml")
+        || name.ends_with(".yml")
+        || name.ends_with(".json")
+}
+
+fn of_file(path: &Path) -> Result<Chosen, Failure> {
+    let config = load(path, &BTreeMap::new())?;
+    let running = of_running(&config.name).ok().flatten();
+    let same = |chosen: &Chosen| chosen.path.canonicalize().ok() == path.canonicalize().ok();
+    Ok(match running.filter(same) {
+        Some(running) => running,
+        None => Chosen {
+            config,
+            path: path.to_owned(),
+            ports: BTreeMap::new(),
+            cell: None,
+        },
+    })
+}
+
+fn of_running(name: &str) -> Result<Option<Chosen>, Failure> {
+    let Some(cell) = Cell::find(name).map_err(|error| of_cell(&error))? else {
+        return Ok(None);
+    };
+    let announced = cell.announced_all().unwrap_or_default();
+    let living = announced.iter().filter(|announced| announced.is_alive());
+    let Some((path, ports)) = living.filter_map(arguments_of).next() else {
+        return Ok(None);
+    };
+    Ok(Some(Chosen {
+        config: load(&path, &ports)?,
+        path,
+        ports,
+        cell: Some(cell),
+    }))
+}
+
+/// Every process of a cell was started with `--config FILE` and its ports; nobody else knows the automatic ones.
+fn arguments_of(announced: &Announcement) -> Option<(PathBuf, BTreeMap<String, u16>)> {
+    let bytes = fs::read(format!("/proc/{}/cmdline", announced.pid)).ok()?;
+    configuration_in(&bytes)
+}
+
+fn configuration_in(command_line: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16>)> {
+    let words: Vec<&str> = command_line
+        .split(|byte| *byte == 0)
+        .filter_map(|word| std::str::from_utf8(word).ok())
+        .collect();
+    let mut path = None;
+    let mut ports = BTreeMap::new();
+    for (index, word) in words.iter().enumerate() {
+        let (key, value) = match word.split_once('=') {
+            Some((key, value)) if key.starts_with("--") => (key, Some(value)),
+            _ => (*word, words.get(index + 1).copied()),
+        };
+        match (key, value) {
+            ("--config", Some(value)) => path = Some(PathBuf::from(value)),
+            ("--port", Some(value)) => {
+                if let Ok(PortArgument { name, number }) = value.parse() {
+                    ports.insert(name, number);
+                }
+            }
+            _ => {}
+        }
+    }
+    Some((path?, ports))
+}
+
+fn load(path: &Path, chosen: &BTreeMap<String, u16>) -> Result<CellConfig, Failure> {
+    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
+    let mut ports: BTreeMap<String, u16> = auto_ports(path)
+        .map_err(invalid)?
+        .into_iter()
+        // A number that nobody uses: only the running cell knows the real one.
+        .map(|(name, _)| (name, 1))
+        .collect();
+    ports.extend(chosen.iter().map(|(name, number)| (name.clone(), *number)));
+    CellConfig::load(path, &ports).map_err(invalid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_and_ports_are_read_from_a_command_line() {
+        let line = b"/bin/rcc-driver\0--cell\0demo\0--config\0/a/cell.yaml\0--port\0fri=4711\0--port=io=5\0--device\0lwr\0";
+        let (path, ports) = configuration_in(line).unwrap_or_default();
+        assert_eq!(path, Path::new("/a/cell.yaml"));
+        assert_eq!(
+            ports,
+            BTreeMap::from([("fri".to_owned(), 4711), ("io".to_owned(), 5)])
+        );
+        assert_eq!(configuration_in(b"sh\0-c\0x\0"), None);
+    }
+
+    #[test]
+    fn what_looks_like_a_path_is_a_file() {
+        for (name, file) in [
+            ("demo", false),
+            ("./demo", true),
+            ("cell.yaml", true),
+            ("a/b", true),
+        ] {
+            assert_eq!(is_file(name), file, "{name}");
+        }
+    }
+}
