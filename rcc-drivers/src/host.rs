@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rcc_config::{CellConfig, DeviceConfig};
-use rcc_core::message::{CommandImage, DeviceState, Measurement};
+use rcc_core::message::{CommandImage, Measurement};
 use rcc_ipc::control::MEASUREMENT;
+use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{
     AnnounceError, Announced, Announcement, BoardError, BoardReader, BoardWriter, Cell, Role,
     Session, SessionError, monotonic_ns,
@@ -17,6 +18,7 @@ use thiserror::Error;
 use crate::driver::{Driver, Inputs, LinkError};
 
 pub mod blend;
+pub mod diary;
 pub mod limits;
 pub mod pace;
 pub mod player;
@@ -30,6 +32,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
+use diary::Diary;
 use pulse::Pulse;
 use reason::Reason;
 use station::{LOOK_PERIODS, Station};
@@ -60,26 +63,18 @@ pub enum HostError {
 /// One device in its cell.
 pub struct Host {
     driver: Box<dyn Driver>,
-    reasons: &'static [Reason],
     station: Station,
     board: BoardWriter<Measurement>,
     watch: Watch,
     commands: Option<BoardReader<CommandImage>>,
     wait: Duration,
-    told: Told,
+    diary: Diary,
+    recorder: Recorder,
     pulse: Arc<Pulse>,
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
     farewell_ns: Option<u64>,
     /// Taken back when the host ends.
     _announced: Announced,
-}
-
-/// What has been logged last, so that it is said once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-struct Told {
-    state: u32,
-    reason: u32,
-    out_of_range: u64,
 }
 
 impl Host {
@@ -99,18 +94,24 @@ impl Host {
         let announcement = Announcement::of(&session)
             .service(MEASUREMENT, board.service())
             .note(&reason::note(reasons));
+        let recorder = Recorder::start(cell, Role::Driver, &device.name)?;
+        let predecessor = events::predecessor(cell, Role::Driver, &device.name);
         let announced = cell.announce(&announcement)?;
+        recorder.tell(Kind::Started {
+            note: String::new(),
+            predecessor,
+        });
         let look_ns = config.period_ns.saturating_mul(LOOK_PERIODS);
         tracing::info!(device = %device.name, "announced");
         Ok(Self {
             driver,
-            reasons,
             station,
             board,
             watch: Watch::start(session, &device.name)?,
             commands: None,
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
-            told: Told::default(),
+            diary: Diary::new(recorder.clone(), device, reasons),
+            recorder,
             pulse: Pulse::new(reasons),
             farewell_ns: None,
             _announced: announced,
@@ -146,8 +147,11 @@ impl Host {
                 }
             }
             self.pulse.turn(self.station.measurement());
-            self.tell();
+            self.diary.look(&self.station);
         }
+        self.recorder.tell(Kind::Stopping {
+            why: "asked to".to_owned(),
+        });
     }
 
     /// True if the device is offline.
@@ -188,35 +192,5 @@ impl Host {
             now_ns
         });
         now_ns.saturating_sub(since_ns) > FAREWELL_NS
-    }
-
-    /// Says what has changed; a steady device is not talked about.
-    fn tell(&mut self) {
-        let Measurement { state, reason, .. } = *self.station.measurement();
-        let now = Told {
-            state,
-            reason,
-            out_of_range: self.station.out_of_range(),
-        };
-        if now == self.told {
-            return;
-        }
-        let name = DeviceState::from_number(state).name();
-        match reason {
-            0 => tracing::info!("{name}"),
-            _ => tracing::info!("{name}: {}", reason::meaning(reason, self.reasons)),
-        }
-        if let Some(violation) = self.station.player().violation()
-            && reason != self.told.reason
-        {
-            tracing::warn!("{violation}");
-        }
-        if now.out_of_range != self.told.out_of_range {
-            tracing::warn!(
-                "analog outputs commanded outside of their range (bit i: output i): {:#b}",
-                now.out_of_range
-            );
-        }
-        self.told = now;
     }
 }

@@ -8,6 +8,7 @@ use std::time::Instant;
 use bytemuck::Zeroable;
 use rcc_config::{ExecutorConfig, OnRelease};
 use rcc_core::message::{JOINTS_MAX, MAGIC, SET_POINTS, SetPoint};
+use rcc_core::message::DeviceState;
 use rcc_core::primitive::ChannelKind;
 use rcc_ipc::control::command_board;
 
