@@ -1,0 +1,158 @@
+//! Target `boards`: any bytes on the boards that cross processes. Whoever reads them takes them as hostile: no panic, and
+//! no set-point outside of the limits. Run by the thread of the target.
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use bytemuck::{Zeroable, bytes_of_mut};
+use rcc_core::message::{
+    CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, SET_POINTS, SetPoint,
+};
+use rcc_drivers::host::limits::ArmLimits;
+use rcc_drivers::host::player::{Player, PlayerSettings, Tick};
+use rcc_exec::queue::Order;
+
+use crate::engine::Bench;
+use crate::judge::Judge;
+use crate::shipped::{HOLD, shipped};
+
+const MS: u64 = 1_000_000;
+const STEPS_MAX: usize = 200;
+
+/// The first byte says whose board it is.
+pub fn run(data: &[u8]) {
+    let mut bytes = Unstructured::new(data);
+    // Bytes that end early end the input.
+    let _ = match bool::arbitrary(&mut bytes) {
+        Ok(true) => measurements(&mut bytes),
+        Ok(false) => images(&mut bytes),
+        Err(error) => Err(error),
+    };
+}
+
+/// Writes some bytes into a record; its beginning stays ours, or nothing would be read at all.
+fn scribble(record: &mut [u8], bytes: &mut Unstructured<'_>) -> Result<()> {
+    for _ in 0..bytes.int_in_range(0..=6)? {
+        let at = bytes.int_in_range(0..=record.len() / 8 - 1)? * 8;
+        let word: [u8; 8] = match bytes.int_in_range(0..=3)? {
+            0 => <_>::arbitrary(bytes)?,
+            1 => u64::from(u16::arbitrary(bytes)?).to_le_bytes(),
+            2 => crate::plan::real(bytes)?.to_le_bytes(),
+            _ => [u8::arbitrary(bytes)?; 8],
+        };
+        record[at..at + 8].copy_from_slice(&word);
+    }
+    Ok(())
+}
+
+/// A driver that writes anything, while a net moves its arm.
+fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
+    let plans = &shipped().plans;
+    let mut bench = Bench::new();
+    let index = bytes.int_in_range(0..=plans.len() - 1)?;
+    let id = match bench.build(plans[index].clone()) {
+        Ok(net) => bench.install(net).unwrap_or(0),
+        Err(_) => 0,
+    };
+    bench.ask(|ticket| Order::Start { ticket, id });
+    for _ in 0..STEPS_MAX {
+        if bytes.is_empty() {
+            break;
+        }
+        for _ in 0..bytes.int_in_range(0..=20)? {
+            bench.step();
+        }
+        let device = bytes.int_in_range(0..=bench.measured.len() - 1)?;
+        scribble(bytes_of_mut(&mut bench.measured[device]), bytes)?;
+        // An honest driver counts on; a number that wraps is no rule of the executor's.
+        bench.measured[device].sequence >>= 1;
+        if bytes.ratio(7, 8)? {
+            bench.measured[device].magic = MAGIC;
+        }
+        bench.honest = bytes.ratio(3, 4)?;
+        bench.step();
+    }
+    Ok(())
+}
+
+/// An executor that writes anything, at a driver whose arm can be commanded.
+fn images(bytes: &mut Unstructured<'_>) -> Result<()> {
+    let (_, device) = shipped()
+        .cell
+        .device("lwr")
+        .unwrap_or_else(|| panic!("the demo has an lwr"));
+    let limits = ArmLimits::of(device);
+    let mut player = Player::new(PlayerSettings {
+        limits,
+        first_tolerance_rad: device.first_tolerance_rad,
+        delay_ns: device.delay_ns,
+        command_timeout_ns: device.command_timeout_ns,
+    });
+    let mut image = CommandImage {
+        magic: MAGIC,
+        executor: 7,
+        period_ns: MS,
+        set_points: [SetPoint::NONE; SET_POINTS],
+        ..CommandImage::zeroed()
+    };
+    let mut judge = Judge::new(limits.joints, 0.0);
+    let mut tick = Tick {
+        ticks: 1,
+        period_ns: MS,
+        commandable: false,
+        startable: true,
+        mirror: HOLD,
+    };
+    player.tick(&tick);
+    judge.rests(player.position());
+    tick.commandable = true;
+    let mut now_ns = 1_000 * MS;
+    let (mut asked, mut step): (Joints, Option<f64>) = (HOLD, None);
+    for _ in 0..STEPS_MAX {
+        if bytes.is_empty() {
+            break;
+        }
+        match bytes.int_in_range(0..=7)? {
+            0 => step = Some(f64::from(i16::arbitrary(bytes)?) * 1e-7),
+            1 => step = None,
+            2 => scribble(bytes_of_mut(&mut image), bytes)?,
+            3 => now_ns += u64::from(u8::arbitrary(bytes)?) * MS,
+            4 => tick.ticks = u64::from(u8::arbitrary(bytes)?),
+            5 => step = Some(crate::plan::real(bytes)?),
+            _ => {}
+        }
+        if bytes.ratio(7, 8)? {
+            image.magic = MAGIC;
+        }
+        for _ in 0..bytes.int_in_range(1..=20)? {
+            now_ns = now_ns.saturating_add(MS);
+            image.sequence = image.sequence.wrapping_add(1);
+            image.stamp_ns = now_ns;
+            match step {
+                Some(step) => asked[0] += step,
+                None => asked = *player.position(),
+            }
+            image.set_points[(image.sequence % SET_POINTS as u64) as usize] = SetPoint {
+                logical_ns: image.sequence.wrapping_mul(MS),
+                owner: u64::from(step.is_some()),
+                has_position: u64::from(step.is_some()),
+                position: asked,
+                ..SetPoint::NONE
+            };
+            player.observe(now_ns, Some(&image));
+            player.tick(&tick);
+            judge.follow(player.position(), tick.ticks.max(1) as f64 * 1e-3);
+            if player.state() == DeviceState::Commanded {
+                judge.in_range(player.position());
+            }
+            assert!(
+                player
+                    .position()
+                    .iter()
+                    .take(JOINTS_MAX)
+                    .all(|q| q.is_finite())
+            );
+            // That they return is the rule.
+            let _ = (player.played_ns(), player.settled_ns(), player.margin());
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,238 @@
+//! The executor's engine in virtual time, with a driver that is imitated and may do anything, and a judge of what it
+//! commands. Run by the thread of the target.
+
+use bytemuck::Zeroable;
+use rcc_core::message::{
+    CommandEntry, CommandState, DeviceState, FaultCode, JOINTS_MAX, Joints, MAGIC, Measurement,
+    SetPoint,
+};
+use rcc_exec::engine::{Engine, EngineConfig};
+use rcc_exec::net::Net;
+use rcc_exec::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_ipc::control::{Answer, PlanData, Refusal};
+
+use crate::judge::Judge;
+use crate::shipped::{HOLD, shipped};
+
+const PERIOD_NS: u64 = 1_000_000;
+
+/// The engine of the demo's cell.
+pub struct Bench {
+    engine: Engine,
+    ends: HelperEnds,
+    /// What each device measures; the arm is the first.
+    pub measured: Vec<Measurement>,
+    /// The devices have a board.
+    pub attached: bool,
+    /// They exchange; otherwise their measurements age.
+    pub alive: bool,
+    /// They measure what a good driver would; otherwise only what the target sets.
+    pub honest: bool,
+    now_ns: u64,
+    next_ticket: u64,
+    judge: Judge,
+    owner: u64,
+    /// Set-points that commanded anything.
+    pub commanded: u64,
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        Bench::new()
+    }
+}
+
+impl Bench {
+    /// Every device is ready, and the engine has run a cycle.
+    #[must_use]
+    pub fn new() -> Bench {
+        let models = shipped().models.clone();
+        let (rt, ends) = rings();
+        let measured = models.iter().map(|model| Measurement {
+            magic: MAGIC,
+            state: DeviceState::Ready as u32,
+            quality_permille: 1000,
+            joints: model.joints,
+            hold: if model.joints > 0 {
+                HOLD
+            } else {
+                [0.0; JOINTS_MAX]
+            },
+            position: if model.joints > 0 {
+                HOLD
+            } else {
+                [0.0; JOINTS_MAX]
+            },
+            ..Measurement::zeroed()
+        });
+        let measured = measured.collect();
+        let judge = Judge::new(models[0].limits, 0.0);
+        let config = EngineConfig {
+            incarnation: 7,
+            period_ns: PERIOD_NS,
+            stale_after_ns: 50 * PERIOD_NS,
+            late_in_a_row_max: 3,
+            models,
+        };
+        let mut bench = Bench {
+            engine: Engine::new(config, rt, 0),
+            ends,
+            measured,
+            attached: true,
+            alive: true,
+            honest: true,
+            now_ns: 1_000 * PERIOD_NS,
+            next_ticket: 1,
+            judge,
+            owner: 0,
+            commanded: 0,
+        };
+        bench.step();
+        bench
+    }
+
+    /// One cycle: the devices exchange, then the engine; what it commands is judged.
+    pub fn step(&mut self) {
+        self.now_ns += PERIOD_NS;
+        self.exchange();
+        for (index, measured) in self.measured.iter().enumerate() {
+            let board = self.attached.then_some((1, *measured));
+            self.engine.latch(index, board, self.now_ns);
+        }
+        self.engine.cycle(self.now_ns);
+        self.engine.account(0, 1000, 0);
+        self.judge_arm();
+        for row in &self.engine.tables().commands {
+            assert!(
+                row.fault.code != FaultCode::Panic as u32,
+                "a primitive panicked"
+            );
+        }
+        while self.ends.records.pop().is_ok() {}
+        while self.ends.events.pop().is_ok() {}
+    }
+
+    fn newest(&self, device: usize) -> SetPoint {
+        let image = self.engine.image(device);
+        let newest = image.and_then(|image| image.at(image.sequence));
+        newest.copied().unwrap_or(SetPoint::NONE)
+    }
+
+    /// As the host of a driver does it, without its delay.
+    fn exchange(&mut self) {
+        if !self.alive {
+            return;
+        }
+        for index in 0..self.measured.len() {
+            let newest = self.newest(index);
+            let measured = &mut self.measured[index];
+            measured.sequence += 1;
+            measured.stamp_ns = self.now_ns;
+            if !self.honest || measured.state < DeviceState::Ready as u32 {
+                continue;
+            }
+            let moves = newest.has_position == 1;
+            measured.state = if moves {
+                DeviceState::Commanded
+            } else {
+                DeviceState::Ready
+            } as u32;
+            measured.settled_ns = if moves { 0 } else { newest.logical_ns };
+            if moves {
+                (measured.hold, measured.position) = (newest.position, newest.position);
+            }
+        }
+    }
+
+    /// What the arm is told must be within its limits, whatever was measured.
+    fn judge_arm(&mut self) {
+        for index in 0..self.measured.len() {
+            let newest = self.newest(index);
+            let analog = newest.analog.iter().any(|value| !value.is_nan());
+            let outputs = newest.digital_commanded != 0 || analog;
+            self.commanded += u64::from(newest.has_position == 1 || outputs);
+            if index > 0 {
+                assert_eq!(newest.has_position, 0, "plain I/O has no position");
+                continue;
+            }
+            if newest.has_position == 0 {
+                self.judge.forget();
+                self.owner = 0;
+            } else if self.owner == newest.owner && newest.owner != 0 {
+                self.judge.in_range(&newest.position);
+                self.judge.follow(&newest.position, 1e-3);
+            } else {
+                assert_ne!(newest.owner, 0, "a set-point belongs to somebody");
+                let model = &shipped().models[0];
+                let hold = self.measured[0].hold;
+                self.judge
+                    .begin(&hold, model.first_tolerance_rad, &newest.position);
+                self.owner = newest.owner;
+            }
+        }
+    }
+
+    /// Builds a net as the executor's intake thread does.
+    ///
+    /// # Errors
+    /// What the executor refuses.
+    pub fn build(&self, plan: PlanData) -> Result<Box<Net>, Refusal> {
+        let known = |measured: &Measurement| {
+            let finite = measured.hold.iter().all(|value| value.is_finite());
+            (finite && measured.joints > 0).then_some(measured.hold)
+        };
+        let holds: Vec<Option<Joints>> = self.measured.iter().map(known).collect();
+        let shipped = shipped();
+        Net::build(
+            plan,
+            &shipped.models,
+            shipped.table.fingerprint,
+            &holds,
+            1e-3,
+        )
+    }
+
+    /// Gives an order and runs a cycle; its answer, if there is one by then.
+    pub fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Option<Answer> {
+        let wanted = self.next_ticket;
+        self.next_ticket += 1;
+        let room = self.ends.orders.push(order(wanted));
+        assert!(room.is_ok(), "the engine takes its orders");
+        self.step();
+        let mut found = None;
+        while let Ok(outcome) = self.ends.outcomes.pop() {
+            if let Outcome::Answer { ticket, answer } = outcome
+                && ticket == wanted
+            {
+                found = Some(answer);
+            }
+        }
+        found
+    }
+
+    /// A command with this net, ready.
+    pub fn install(&mut self, net: Box<Net>) -> Option<u64> {
+        let Some(Answer::Reserved { id }) = self.ask(|ticket| Order::Reserve { ticket }) else {
+            return None;
+        };
+        self.ask(|ticket| Order::Install { ticket, id, net });
+        Some(id)
+    }
+
+    /// The row of a command.
+    #[must_use]
+    pub fn row(&self, id: u64) -> Option<&CommandEntry> {
+        self.engine
+            .tables()
+            .commands
+            .iter()
+            .find(|row| row.id == id)
+    }
+
+    /// The command is over, or never was.
+    #[must_use]
+    pub fn is_over(&self, id: u64) -> bool {
+        let state = self.row(id).map(|row| CommandState::from_number(row.state));
+        !state.is_some_and(CommandState::is_active)
+    }
+}

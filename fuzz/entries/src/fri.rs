@@ -1,0 +1,236 @@
+//! Target `fri`: any datagrams at the FRI driver, and any command image beside them. Never a panic, and while the robot
+//! follows, no set-point outside of its limits. Run by the thread of the target.
+
+use std::sync::LazyLock;
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use bytemuck::Zeroable;
+use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, MAGIC, SET_POINTS, SetPoint};
+use rcc_drivers::driver::Inputs;
+use rcc_drivers::drivers::fri_lwr::dialog::{Dialog, Script};
+use rcc_drivers::fri_lwr::wire::{
+    CommandDatagram, ControlStrategy, MeasurementDatagram, Quality, SessionState,
+};
+use rcc_drivers::host::station::Station;
+
+use crate::judge::Judge;
+use crate::plan::real;
+use crate::shipped::{HOLD, shipped};
+
+const MS: u64 = 1_000_000;
+/// Exchanges of one input.
+const STEPS_MAX: usize = 400;
+/// Rounding of a joint position to binary32, rad.
+const BINARY32: f64 = 2.0e-7;
+
+/// Controller, driver and executor.
+#[derive(Clone)]
+struct Bench {
+    dialog: Dialog,
+    station: Station,
+    datagram: MeasurementDatagram,
+    image: CommandImage,
+    executor: bool,
+    now_ns: u64,
+    judge: Judge,
+    /// What the net moves joint 1 with each cycle, rad; `None`: no command.
+    moves: Option<f64>,
+    asked: Joints,
+    /// Set-points come in the order of time, one a cycle.
+    regular: bool,
+}
+
+/// A driver that has just been let into command mode, with an executor that commands nothing.
+static READY: LazyLock<Bench> = LazyLock::new(|| {
+    let (_, device) = shipped()
+        .cell
+        .device("lwr")
+        .unwrap_or_else(|| panic!("the demo has an lwr"));
+    let dialog = Dialog::new(device, Script::FirstApp, Quality::Ok);
+    let mut datagram = MeasurementDatagram {
+        state: SessionState::Command,
+        quality: Quality::Perfect,
+        control: ControlStrategy::Position,
+        power: 0x7f,
+        measurement_period: 1e-3,
+        command_period: 1e-3,
+        ..MeasurementDatagram::default()
+    };
+    for (joint, hold) in HOLD.iter().take(7).enumerate() {
+        datagram.measured_position[joint] = *hold as f32;
+        datagram.commanded_position[joint] = *hold as f32;
+    }
+    let mut bench = Bench {
+        dialog: dialog.unwrap_or_else(|error| panic!("{error}")),
+        station: Station::new(device, 0),
+        datagram,
+        image: CommandImage {
+            magic: MAGIC,
+            executor: 1,
+            period_ns: MS,
+            set_points: [SetPoint::NONE; SET_POINTS],
+            ..CommandImage::zeroed()
+        },
+        executor: true,
+        now_ns: 1_000 * MS,
+        judge: Judge::new(shipped().models[0].limits, BINARY32),
+        moves: None,
+        asked: [0.0; JOINTS_MAX],
+        regular: true,
+    };
+    for _ in 0..20 {
+        bench.step();
+    }
+    bench
+});
+
+/// Each step is one byte that says what happens, and its bytes.
+pub fn run(data: &[u8]) {
+    if let Ok(datagram) = MeasurementDatagram::decode(data) {
+        let again = MeasurementDatagram::decode(&datagram.encode());
+        assert!(again.is_ok_and(|again| again.encode() == datagram.encode()));
+    }
+    if let Ok(datagram) = CommandDatagram::decode(data) {
+        let again = CommandDatagram::decode(&datagram.encode());
+        assert!(again.is_ok_and(|again| again.encode() == datagram.encode()));
+    }
+    let mut bytes = Unstructured::new(data);
+    let mut bench = READY.clone();
+    for _ in 0..STEPS_MAX {
+        if bytes.is_empty() || bench.happen(&mut bytes).is_err() {
+            return;
+        }
+    }
+}
+
+impl Bench {
+    fn happen(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
+        match bytes.int_in_range(0..=23)? {
+            0 => self.moves = None,
+            1 => self.moves = Some(f64::from(i16::arbitrary(bytes)?) * 1e-7),
+            2 => self.moves = Some(real(bytes)?),
+            3 => self.raw(bytes)?,
+            4 => {
+                self.datagram.state = *bytes.choose(&[
+                    SessionState::Off,
+                    SessionState::Monitor,
+                    SessionState::Command,
+                ])?
+            }
+            5 => {
+                self.datagram.quality =
+                    *bytes.choose(&[Quality::Unacceptable, Quality::Bad, Quality::Perfect])?
+            }
+            6 => {
+                self.datagram.control =
+                    *bytes.choose(&[ControlStrategy::Other, ControlStrategy::Position])?
+            }
+            7 => (self.datagram.power, self.datagram.error) = <_>::arbitrary(bytes)?,
+            8 => self.datagram.send_sequence = u16::arbitrary(bytes)?,
+            9 => self.datagram.measurement_period = real(bytes)? as f32,
+            10 => {
+                self.datagram.commanded_position[bytes.int_in_range(0..=6)?] = real(bytes)? as f32
+            }
+            11 => self.datagram.measured_position[bytes.int_in_range(0..=6)?] = real(bytes)? as f32,
+            12 => self.executor = bool::arbitrary(bytes)?,
+            13 => self.corrupt_image(bytes)?,
+            14 => self.now_ns += u64::from(u16::arbitrary(bytes)?) * MS / 16,
+            15 => self
+                .station
+                .silence(self.now_ns, Some(105))
+                .then(|| self.judge.forget())
+                .unwrap_or_default(),
+            16 => self.dialog.forget(),
+            17 => self.regular = bool::arbitrary(bytes)?,
+            18 if u8::arbitrary(bytes)? == 0 => self.station.terminate(),
+            _ => {}
+        }
+        for _ in 0..=bytes.int_in_range(0..=15)? {
+            self.step();
+        }
+        Ok(())
+    }
+
+    /// Bytes instead of a datagram, or in the midst of one.
+    fn raw(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
+        let mut datagram = self.datagram.encode();
+        let at = bytes.int_in_range(0..=datagram.len() - 1)?;
+        let length = bytes.int_in_range(0..=64)?;
+        for place in datagram.iter_mut().skip(at).take(length) {
+            *place = u8::arbitrary(bytes)?;
+        }
+        self.exchange(&datagram);
+        Ok(())
+    }
+
+    fn corrupt_image(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
+        let at = bytes.int_in_range(0..=SET_POINTS - 1)?;
+        let point = &mut self.image.set_points[at];
+        match bytes.int_in_range(0..=9)? {
+            0 => self.image.magic = u64::arbitrary(bytes)?,
+            1 => self.image.executor = u64::arbitrary(bytes)?,
+            2 => self.image.sequence = u64::arbitrary(bytes)?,
+            3 => self.image.stamp_ns = u64::arbitrary(bytes)?,
+            4 => self.image.period_ns = u64::arbitrary(bytes)?,
+            5 => point.logical_ns = u64::arbitrary(bytes)?,
+            6 => (point.owner, point.has_position) = <_>::arbitrary(bytes)?,
+            7 => point.position[bytes.int_in_range(0..=7)?] = real(bytes)?,
+            8 => point.analog[bytes.int_in_range(0..=15)?] = real(bytes)?,
+            _ => (point.digital, point.digital_commanded) = <_>::arbitrary(bytes)?,
+        }
+        Ok(())
+    }
+
+    /// One millisecond: the executor's cycle, and a datagram of the controller that mirrors what it was told.
+    fn step(&mut self) {
+        self.now_ns = self.now_ns.saturating_add(MS);
+        if self.regular {
+            self.write();
+        }
+        self.datagram.send_sequence = self.datagram.send_sequence.wrapping_add(1);
+        let bytes = self.datagram.encode();
+        self.exchange(&bytes);
+    }
+
+    fn write(&mut self) {
+        let image = &mut self.image;
+        image.sequence = image.sequence.wrapping_add(1);
+        image.stamp_ns = self.now_ns;
+        match self.moves {
+            None => self.asked = self.station.measurement().hold,
+            Some(step) => self.asked[0] += step,
+        }
+        image.set_points[(image.sequence % SET_POINTS as u64) as usize] = SetPoint {
+            logical_ns: image.sequence.wrapping_mul(MS),
+            owner: u64::from(self.moves.is_some()),
+            has_position: u64::from(self.moves.is_some()),
+            position: self.asked,
+            ..SetPoint::NONE
+        };
+    }
+
+    fn exchange(&mut self, bytes: &[u8]) {
+        let image = self.executor.then_some(&self.image);
+        self.station.observe(self.now_ns, image);
+        if !self.dialog.accept(bytes) {
+            return;
+        }
+        let mut inputs = Inputs::NONE;
+        let exchange = self.dialog.exchange(&mut inputs);
+        let outputs = self.station.exchange(self.now_ns, &inputs, &exchange);
+        let answer = CommandDatagram::decode(&self.dialog.answer(&outputs));
+        let answer = answer.unwrap_or_else(|error| panic!("the answer is a datagram: {error}"));
+        let mut told = [0.0; JOINTS_MAX];
+        for (to, from) in told.iter_mut().zip(answer.joint_position) {
+            *to = f64::from(from);
+        }
+        if exchange.commandable {
+            let dt_s = exchange.ticks as f64 * exchange.period_ns as f64 * 1e-9;
+            self.judge.follow(&told, dt_s);
+        } else {
+            // It holds itself where it says, and begins there.
+            assert_eq!(told.map(|q| q as f32), exchange.mirror.map(|q| q as f32));
+            self.judge.rests(&told);
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Judges set-points by the robot's limits, by arithmetic of its own: finite, range, velocity, acceleration.
+//! Run by the thread of the target.
+
+use rcc_core::guard::JointLimits;
+use rcc_core::message::{JOINTS_MAX, Joints};
+
+/// Rounding, and what the guard excuses of it.
+const TOLERANCE: f64 = 2e-3;
+
+/// The set-points that a device was sent, as far as the next one depends on them.
+#[derive(Clone, Copy, Debug)]
+pub struct Judge {
+    limits: JointLimits,
+    last: Option<(Joints, Option<(Joints, f64)>)>,
+    /// Rounding of a position on the way here, rad: binary32 on the wire, 0 in memory.
+    rounding: f64,
+}
+
+impl Judge {
+    /// Nothing was sent yet.
+    #[must_use]
+    pub fn new(limits: JointLimits, rounding: f64) -> Judge {
+        Judge {
+            limits,
+            last: None,
+            rounding,
+        }
+    }
+
+    /// The device is not commanded: the next set-point is a first one.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
+    /// The first set-point of a motion from `hold`.
+    ///
+    /// # Panics
+    /// It is further than `tolerance` from there, or outside of the range.
+    pub fn begin(&mut self, hold: &Joints, tolerance: f64, asked: &Joints) {
+        self.in_range(asked);
+        for joint in 0..self.limits.joints {
+            let jump = (asked[joint] - hold[joint]).abs();
+            assert!(
+                jump <= tolerance + self.rounding + 1e-9,
+                "joint {joint} jumps by {jump} rad"
+            );
+        }
+        self.last = Some((*asked, None));
+    }
+
+    /// Holds here at rest, wherever that is.
+    pub fn rests(&mut self, at: &Joints) {
+        self.last = Some((*at, None));
+    }
+
+    /// Is the set-point inside of the range?
+    ///
+    /// # Panics
+    /// It is not, or is no number.
+    pub fn in_range(&self, asked: &Joints) {
+        for joint in 0..self.limits.joints {
+            let (q, slack) = (asked[joint], self.rounding + 1e-8);
+            let inside =
+                q >= self.limits.lower[joint] - slack && q <= self.limits.upper[joint] + slack;
+            assert!(inside, "joint {joint} at {q} rad is out of its range");
+        }
+    }
+
+    /// A further set-point, `dt_s` of the device's time after the last one.
+    ///
+    /// # Panics
+    /// It is no number, too fast, or begins or ends too suddenly.
+    pub fn follow(&mut self, asked: &Joints, dt_s: f64) {
+        let Some((last, before)) = self.last else {
+            return self.rests(asked);
+        };
+        let mut velocity = [0.0; JOINTS_MAX];
+        for joint in 0..self.limits.joints {
+            assert!(asked[joint].is_finite(), "joint {joint}: {}", asked[joint]);
+            velocity[joint] = (asked[joint] - last[joint]) / dt_s;
+            let (v_max, a_max) = (
+                self.limits.velocity_max[joint],
+                self.limits.acceleration_max[joint],
+            );
+            let rounding = 2.0 * self.rounding / dt_s;
+            let v = velocity[joint].abs();
+            assert!(
+                v <= v_max * (1.0 + TOLERANCE) + rounding,
+                "joint {joint}: {v} rad/s, {v_max} are allowed"
+            );
+            let (v_before, between_s) = match before {
+                Some((velocity, dt_before)) => (velocity[joint], 0.5 * (dt_s + dt_before)),
+                None => (0.0, dt_s),
+            };
+            let a = ((velocity[joint] - v_before) / between_s).abs();
+            let excused = 2.0 * rounding / between_s;
+            assert!(
+                a <= a_max * (1.0 + TOLERANCE) + excused,
+                "joint {joint}: {a} rad/s², {a_max} are allowed"
+            );
+        }
+        self.last = Some((*asked, Some((velocity, dt_s))));
+    }
+}

@@ -1,0 +1,108 @@
+//! Target `krc`: any answers and any lines at the simulators and their control ports. Never a panic, and the simulated
+//! arm obeys physics whatever it is told. Run by the thread of the target.
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use rcc_drivers::fri_lwr::wire::{CommandDatagram, flags};
+use rcc_drivers::sim::io::{control as io_control, image::Image};
+use rcc_drivers::sim::lwr::control::{Answer, Command, to_line};
+use rcc_drivers::sim::lwr::krc::Krc;
+use rcc_drivers::sim::lwr::settings::{Script, Settings};
+
+use crate::plan::real;
+
+const STEPS_MAX: usize = 300;
+
+/// The input is a line of a control port, and also a sequence of steps.
+pub fn run(data: &[u8]) {
+    let mut krc = Krc::new(Settings {
+        script: Script::Auto,
+        ..Settings::default()
+    });
+    if let Ok(text) = std::str::from_utf8(data) {
+        for line in text.lines() {
+            say(&mut krc, line);
+            say_io(line);
+            krc.tick(1);
+        }
+    }
+    let mut bytes = Unstructured::new(data);
+    let mut answer = CommandDatagram {
+        flags: flags::JOINT_POSITION,
+        ..CommandDatagram::default()
+    };
+    for _ in 0..STEPS_MAX {
+        if bytes.is_empty() || happen(&mut krc, &mut answer, &mut bytes).is_err() {
+            break;
+        }
+    }
+    let snapshot = krc.snapshot();
+    let finite = snapshot
+        .q
+        .iter()
+        .chain(&snapshot.velocity)
+        .all(|value| value.is_finite());
+    assert!(finite, "{snapshot:?}");
+    assert!(!to_line(Ok(Answer::State(Box::new(snapshot)))).contains('\n'));
+}
+
+fn say(krc: &mut Krc, line: &str) {
+    let answer = serde_json::from_str::<Command>(line)
+        .map_err(Into::into)
+        .and_then(|command| krc.obey(command));
+    assert!(!to_line(answer).contains('\n'), "an answer is one line");
+}
+
+fn say_io(line: &str) {
+    let mut image = Image::new(Vec::new());
+    if let Ok(io_control::Command::Set(input)) = serde_json::from_str(line) {
+        // Refused or done; that it returns is the rule.
+        let _ = image.set(&input);
+    }
+}
+
+fn happen(krc: &mut Krc, answer: &mut CommandDatagram, bytes: &mut Unstructured<'_>) -> Result<()> {
+    match bytes.int_in_range(0..=15)? {
+        0 => answer.joint_position[bytes.int_in_range(0..=6)?] = real(bytes)? as f32,
+        1 => {
+            answer.joint_position[bytes.int_in_range(0..=6)?] +=
+                f32::from(i8::arbitrary(bytes)?) * 1e-5
+        }
+        2 => answer.flags = u32::arbitrary(bytes)?,
+        3 => answer.krl.integers[bytes.int_in_range(0..=15)?] = i32::arbitrary(bytes)?,
+        4 => answer.krl.booleans = u16::arbitrary(bytes)?,
+        5 => answer.krl.reals[bytes.int_in_range(0..=15)?] = real(bytes)? as f32,
+        6 => {
+            let length = bytes.int_in_range(0..=400)?;
+            krc.receive(bytes.bytes(length.min(bytes.len()))?, 1e-4);
+        }
+        7 => drop(krc.tick(u64::arbitrary(bytes)? % 2000)),
+        8 => {
+            let length = bytes.int_in_range(0..=96)?;
+            let line = String::from_utf8_lossy(bytes.bytes(length.min(bytes.len()))?).into_owned();
+            say(krc, &line);
+        }
+        9 => answer.reflected_sequence = u16::arbitrary(bytes)?,
+        10 => krc.receive_foreign(),
+        11 => say(
+            krc,
+            *bytes.choose(&[
+                "\"estop\"",
+                "\"ack\"",
+                "{\"wall\":null}",
+                "{\"drives\":{\"on\":true}}",
+            ])?,
+        ),
+        12 => {
+            let snapshot = krc.snapshot();
+            answer.joint_position = snapshot.q_cmd.map(|q| q as f32);
+        }
+        _ => {}
+    }
+    for _ in 0..bytes.int_in_range(0..=15)? {
+        answer.reflected_sequence = krc.sequence();
+        answer.send_sequence = answer.send_sequence.wrapping_add(1);
+        krc.receive(&answer.encode(), 1e-4);
+        krc.tick(1);
+    }
+    Ok(())
+}

@@ -1,0 +1,34 @@
+//! What the fuzz targets run: one module a target, each with one function from bytes to nothing, which panics when a
+//! rule is broken. Run by libFuzzer's one thread, and by the test that replays the kept corpus.
+//!
+//! Nothing here is used by a program of ours. A rule that a target checks is computed here anew, not with the code that
+//! it judges.
+
+pub mod boards;
+pub mod cell;
+pub mod door;
+pub mod engine;
+pub mod fri;
+pub mod judge;
+pub mod krc;
+pub mod modbus;
+pub mod net;
+pub mod plan;
+pub mod rest;
+pub mod shipped;
+
+/// A target by its name.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All targets; each has a program of its name in `fuzz/fuzz_targets` and a folder in `fuzz/corpus`.
+pub const TARGETS: &[Target] = &[
+    ("boards", boards::run),
+    ("cell", cell::run),
+    ("door", door::run),
+    ("fri", fri::run),
+    ("krc", krc::run),
+    ("modbus", modbus::run),
+    ("net", net::run),
+    ("plan", plan::run),
+    ("rest", rest::run),
+];

@@ -1,0 +1,177 @@
+//! Target `modbus`: a server on loopback that answers the Modbus driver with any bytes. Never a panic, an answer within
+//! its time, and nothing known that was not configured. Run by the thread of the target; a second one is the server.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{LazyLock, Mutex, PoisonError};
+use std::time::Duration;
+
+use arbitrary::{Arbitrary, Unstructured};
+use rcc_config::DeviceConfig;
+use rcc_core::primitive::ChannelKind;
+use rcc_drivers::driver::{Driver, Inputs, Outputs};
+use rcc_drivers::drivers::modbus::Modbus;
+
+use crate::plan::real;
+use crate::shipped::shipped;
+
+/// Exchanges of one input.
+const EXCHANGES: usize = 4;
+
+struct Server {
+    address: SocketAddr,
+    /// What the next connection is answered with.
+    answers: Sender<Vec<u8>>,
+    /// A connection has ended.
+    ended: Receiver<()>,
+}
+
+static SERVER: LazyLock<Mutex<Server>> = LazyLock::new(|| {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap_or_else(|error| panic!("{error}"));
+    let address = listener
+        .local_addr()
+        .unwrap_or_else(|error| panic!("{error}"));
+    let (answers, to_answer) = channel::<Vec<u8>>();
+    let (end, ended) = channel();
+    std::thread::spawn(move || {
+        for data in to_answer {
+            if let Ok((stream, _)) = listener.accept() {
+                // A connection that breaks is one that has ended.
+                let _ = serve(stream, &data);
+            }
+            if end.send(()).is_err() {
+                return;
+            }
+        }
+    });
+    Mutex::new(Server {
+        address,
+        answers,
+        ended,
+    })
+});
+
+/// The last part of the input says what is written, the rest what the server answers.
+pub fn run(data: &[u8]) {
+    let server = SERVER.lock().unwrap_or_else(PoisonError::into_inner);
+    let device = device(server.address);
+    let mut driver = Modbus::open(&device).unwrap_or_else(|error| panic!("{error}"));
+    let (said, written) = data.split_at(data.len() - data.len() / 8);
+    assert!(
+        server.answers.send(said.to_vec()).is_ok(),
+        "the server runs"
+    );
+    let mut bytes = Unstructured::new(written);
+    let mut inputs = Inputs::NONE;
+    let mut met = false;
+    for _ in 0..EXCHANGES {
+        let received = driver.receive(Duration::from_millis(40), &mut inputs);
+        met = true;
+        if let Ok(exchange) = received {
+            assert!(exchange.ticks > 0 && exchange.period_ns > 0);
+            let known = device.channels_of(ChannelKind::DigitalInput).count();
+            assert_eq!(
+                inputs.digital_known >> known,
+                0,
+                "only what is configured is known"
+            );
+            let analog = device.channels_of(ChannelKind::AnalogInput).count();
+            assert!(
+                inputs
+                    .analog
+                    .iter()
+                    .skip(analog)
+                    .all(|value| value.is_nan())
+            );
+        } else {
+            break;
+        }
+        let mut outputs = Outputs::NONE;
+        (outputs.digital, outputs.digital_set) = <_>::arbitrary(&mut bytes).unwrap_or((1, 1));
+        outputs.analog[0] = real(&mut bytes).unwrap_or(f64::NAN);
+        if driver.send(&outputs).is_err() {
+            break;
+        }
+    }
+    drop(driver);
+    if met {
+        // The server ends with its connection.
+        let _ = server.ended.recv_timeout(Duration::from_secs(5));
+    }
+}
+
+fn device(server: SocketAddr) -> DeviceConfig {
+    let (_, device) = shipped()
+        .cell
+        .device("io")
+        .unwrap_or_else(|| panic!("the demo has an io"));
+    let settings = serde_json::json!({
+        "server": server.to_string(), "unit": 1, "period": "1 ms", "timeout": "20 ms",
+    });
+    DeviceConfig {
+        settings,
+        ..device.clone()
+    }
+}
+
+/// Answers requests: a byte says how, the bytes after it are the answer.
+fn serve(mut stream: TcpStream, data: &[u8]) -> std::io::Result<()> {
+    stream.set_read_timeout(Some(Duration::from_secs(2)))?;
+    stream.set_nodelay(true)?;
+    let mut bytes = Unstructured::new(data);
+    loop {
+        let mut header = [0; 8];
+        stream.read_exact(&mut header)?;
+        let length = usize::from(u16::from_be_bytes([header[4], header[5]]));
+        let mut request = vec![0; length.saturating_sub(2).min(260)];
+        stream.read_exact(&mut request)?;
+        let how = u8::arbitrary(&mut bytes).unwrap_or(0);
+        let size = usize::from(u8::arbitrary(&mut bytes).unwrap_or(0)).min(bytes.len());
+        let said = bytes.bytes(size).unwrap_or(&[]);
+        let answer = match how % 8 {
+            // Raw.
+            0 if size > 0 => said.to_vec(),
+            // Any function and data behind a good header.
+            1 => framed(&header, said),
+            // An exception.
+            2 => framed(
+                &header,
+                &[header[7] | 0x80, said.first().copied().unwrap_or(2)],
+            ),
+            // The right function with any data.
+            3 => framed(&header, &[&[header[7]], said].concat()),
+            // As asked.
+            _ => framed(&header, &good(header[7], &request, said)),
+        };
+        if size == 0 && how % 8 == 0 && bytes.is_empty() {
+            return Ok(());
+        }
+        stream.write_all(&answer)?;
+    }
+}
+
+fn framed(header: &[u8; 8], pdu: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(pdu.len() + 1)
+        .unwrap_or(u16::MAX)
+        .to_be_bytes();
+    let mut answer = vec![header[0], header[1], 0, 0, length[0], length[1], header[6]];
+    answer.extend(pdu);
+    answer
+}
+
+/// What a good server would say, with these values.
+fn good(function: u8, request: &[u8], said: &[u8]) -> Vec<u8> {
+    let count = usize::from(u16::from_be_bytes([
+        request.get(2).copied().unwrap_or(0),
+        request.get(3).copied().unwrap_or(0),
+    ]));
+    let size = match function {
+        1 | 2 => count.div_ceil(8),
+        3 | 4 => count * 2,
+        _ => return [&[function], request.get(..4).unwrap_or(request)].concat(),
+    };
+    let mut values: Vec<u8> = said.to_vec();
+    values.resize(size.min(250), 0);
+    [&[function, values.len() as u8], &values[..]].concat()
+}

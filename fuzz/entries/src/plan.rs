@@ -1,0 +1,239 @@
+//! Target `plan`: plans of shipped nets, changed at will, at the executor's door; then cycles with devices that measure
+//! what they like. Never a panic, no set-point outside of the limits, no command from a refused plan.
+//! Run by the thread of the target.
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use rcc_core::message::DeviceState;
+use rcc_core::plan::{Delay, MonitorPoint, Run};
+use rcc_core::types::Store;
+use rcc_exec::queue::Order;
+use rcc_ipc::control::PlanData;
+
+use crate::engine::Bench;
+use crate::shipped::shipped;
+
+const CYCLES: usize = 100;
+const CHANGES_MAX: usize = 12;
+
+/// A plan from the bytes, and what happens while it runs.
+pub fn run(data: &[u8]) {
+    let mut bytes = Unstructured::new(data);
+    // Bytes that end early end the changes, not the run.
+    let plan = changed(&mut bytes);
+    run_plan(plan, &mut bytes);
+}
+
+/// Offers a plan to the executor and runs it if it is accepted.
+pub(crate) fn run_plan(plan: PlanData, bytes: &mut Unstructured<'_>) {
+    let mut bench = Bench::new();
+    let id = match bench.build(plan) {
+        Ok(net) => bench.install(net).unwrap_or(0),
+        Err(_) => 0,
+    };
+    bench.ask(|ticket| Order::Start { ticket, id });
+    for _ in 0..CYCLES {
+        if !bytes.is_empty() {
+            // What is missing reads as 0: nothing happens.
+            let _ = happen(&mut bench, id, bytes);
+        }
+        bench.step();
+    }
+    bench.ask(|ticket| Order::Abort { ticket, id });
+    bench.step();
+    assert!(
+        id != 0 || bench.commanded == 0,
+        "a refused plan commands nothing"
+    );
+    assert!(bench.is_over(id));
+    let before = bench.commanded;
+    bench.step();
+    assert_eq!(
+        bench.commanded, before,
+        "a net that is over commands nothing"
+    );
+}
+
+fn changed(bytes: &mut Unstructured<'_>) -> PlanData {
+    let plans = &shipped().plans;
+    let index = bytes.int_in_range(0..=plans.len() - 1).unwrap_or(0);
+    let mut plan = plans[index].clone();
+    let changes = bytes.int_in_range(0..=CHANGES_MAX).unwrap_or(0);
+    for _ in 0..changes {
+        if change(&mut plan, bytes).is_err() {
+            break;
+        }
+    }
+    plan
+}
+
+fn change(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
+    match bytes.int_in_range(0..=15)? {
+        0..=2 => set(&mut plan.reals, real, bytes),
+        3 => set(&mut plan.bools, u8::arbitrary, bytes),
+        4 => set(&mut plan.ints, i64::arbitrary, bytes),
+        5..=7 => set(&mut plan.operands, near_number, bytes),
+        8 => set(&mut plan.runs, a_run, bytes),
+        9 => insert(&mut plan.runs, a_run, bytes),
+        10 => insert(&mut plan.delays, a_delay, bytes),
+        11 => insert(&mut plan.monitors, a_monitor, bytes),
+        12 => insert(&mut plan.reals, real, bytes),
+        13 => remove(plan, bytes),
+        14 => {
+            let swap = (
+                place(plan.runs.len(), bytes)?,
+                place(plan.runs.len(), bytes)?,
+            );
+            if let (Some(a), Some(b)) = swap {
+                plan.runs.swap(a, b);
+            }
+            Ok(())
+        }
+        _ => {
+            plan.clocks = bytes.int_in_range(0..=65)?;
+            plan.survives_device_loss = bool::arbitrary(bytes)?;
+            Ok(())
+        }
+    }
+}
+
+fn remove(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
+    match bytes.int_in_range(0..=3)? {
+        0 => remove_one(&mut plan.runs, bytes),
+        1 => remove_one(&mut plan.operands, bytes),
+        2 => remove_one(&mut plan.delays, bytes),
+        _ => {
+            let length = bytes.int_in_range(0..=plan.reals.len())?;
+            plan.reals.truncate(length);
+            Ok(())
+        }
+    }
+}
+
+fn remove_one<T>(all: &mut Vec<T>, bytes: &mut Unstructured<'_>) -> Result<()> {
+    if let Some(index) = place(all.len(), bytes)? {
+        all.remove(index);
+    }
+    Ok(())
+}
+
+fn place(length: usize, bytes: &mut Unstructured<'_>) -> Result<Option<usize>> {
+    match length.checked_sub(1) {
+        Some(last) => bytes.int_in_range(0..=last).map(Some),
+        None => Ok(None),
+    }
+}
+
+type Make<'a, T> = fn(&mut Unstructured<'a>) -> Result<T>;
+
+fn set<'a, T>(all: &mut [T], make: Make<'a, T>, bytes: &mut Unstructured<'a>) -> Result<()> {
+    if let Some(index) = place(all.len(), bytes)? {
+        all[index] = make(bytes)?;
+    }
+    Ok(())
+}
+
+fn insert<'a, T>(all: &mut Vec<T>, make: Make<'a, T>, bytes: &mut Unstructured<'a>) -> Result<()> {
+    let index = bytes.int_in_range(0..=all.len())?;
+    all.insert(index, make(bytes)?);
+    Ok(())
+}
+
+/// Numbers with which arithmetic goes wrong, numbers of usual size, and any other.
+pub(crate) fn real(bytes: &mut Unstructured<'_>) -> Result<f64> {
+    const ODD: [f64; 12] = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        f64::MIN_POSITIVE,
+        1e-9,
+        1e9,
+        1e300,
+    ];
+    match bytes.int_in_range(0..=3)? {
+        0 => bytes.choose(&ODD).copied(),
+        1 => f64::arbitrary(bytes),
+        _ => Ok(f64::from(i16::arbitrary(bytes)?) * 1e-4),
+    }
+}
+
+fn near_number(bytes: &mut Unstructured<'_>) -> Result<u32> {
+    if bool::arbitrary(bytes)? {
+        return u8::arbitrary(bytes).map(u32::from);
+    }
+    u32::arbitrary(bytes)
+}
+
+fn a_run(bytes: &mut Unstructured<'_>) -> Result<Run> {
+    Ok(Run {
+        kernel: bytes.int_in_range(0..=300)?,
+        first: near_number(bytes)?,
+        operands: near_number(bytes)?,
+    })
+}
+
+fn a_store(bytes: &mut Unstructured<'_>) -> Result<Store> {
+    bytes
+        .choose(&[Store::Real, Store::Bool, Store::Int])
+        .copied()
+}
+
+fn a_delay(bytes: &mut Unstructured<'_>) -> Result<Delay> {
+    Ok(Delay {
+        store: a_store(bytes)?,
+        from: near_number(bytes)?,
+        to: near_number(bytes)?,
+        width: near_number(bytes)?,
+    })
+}
+
+fn a_monitor(bytes: &mut Unstructured<'_>) -> Result<MonitorPoint> {
+    Ok(MonitorPoint {
+        store: a_store(bytes)?,
+        slot: near_number(bytes)?,
+        width: near_number(bytes)?,
+        every: near_number(bytes)?,
+    })
+}
+
+/// Something that a cycle may bring.
+pub(crate) fn happen(bench: &mut Bench, id: u64, bytes: &mut Unstructured<'_>) -> Result<()> {
+    let device = bytes.int_in_range(0..=bench.measured.len() - 1)?;
+    match bytes.int_in_range(0..=31)? {
+        0 => bench.alive = false,
+        1 => (bench.alive, bench.honest, bench.attached) = (true, true, true),
+        2 => bench.attached = false,
+        3 => bench.honest = false,
+        4 => drop(bench.ask(|ticket| Order::Cancel { ticket, id })),
+        5 => drop(bench.ask(|ticket| Order::Start { ticket, id })),
+        6 => {
+            bench.measured[device].state = bytes.int_in_range(0..=DeviceState::ALL.len() as u32)?
+        }
+        7 => {
+            let joint = bytes.int_in_range(0..=7)?;
+            bench.measured[device].hold[joint] = real(bytes)?;
+        }
+        8 => {
+            let joint = bytes.int_in_range(0..=7)?;
+            bench.measured[device].position[joint] = real(bytes)?;
+        }
+        9 => bench.measured[device].wrench[bytes.int_in_range(0..=5)?] = real(bytes)?,
+        10 => bench.measured[device].analog[bytes.int_in_range(0..=15)?] = real(bytes)?,
+        11 => {
+            (
+                bench.measured[device].digital,
+                bench.measured[device].digital_known,
+            ) = <_>::arbitrary(bytes)?
+        }
+        12 => bench.measured[device].settled_ns = u64::arbitrary(bytes)?,
+        13 => bench.measured[device].joints = u32::arbitrary(bytes)?,
+        14 => bench.measured[device].sequence = u64::arbitrary(bytes)? >> 1,
+        15 => bench.measured[device].magic ^= 1,
+        _ => {}
+    }
+    Ok(())
+}

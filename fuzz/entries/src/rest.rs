@@ -1,0 +1,387 @@
+//! Target `rest`: any method, address and body at the loader's REST interface, with an executor that answers and shows
+//! whatever it is told to. Every answer is one of ours. Run by the thread of the target, the loader's runtime, and a
+//! thread that plays the executor.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use arbitrary::{Arbitrary, Result, Unstructured};
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::http::{Request, StatusCode};
+use bytemuck::{Zeroable, bytes_of_mut};
+use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
+use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES};
+use rcc_ipc::{Announcement, BoardWriter, Cell, Role, Server, Session, wire};
+use rcc_loader::server::codes;
+use rcc_loader::server::executor::Executor;
+use rcc_loader::server::routes::router;
+use rcc_loader::server::service::Service;
+use tower_service::Service as _;
+
+use crate::shipped::shipped;
+
+/// Requests of one input.
+const REQUESTS: usize = 3;
+/// Longer answers are a mistake.
+const ANSWER_MAX: usize = 16 << 20;
+/// Files of commands that are gone are swept this often.
+const TEND_EVERY: u32 = 5_000;
+
+/// What the executor shows and says next.
+struct Said {
+    tables: Box<Tables>,
+    status: CycleStatus,
+    /// Instead of good answers.
+    answers: VecDeque<Vec<u8>>,
+    /// The boards do not show this yet.
+    changed: bool,
+    next_id: u64,
+    /// The thread ends.
+    over: bool,
+}
+
+struct Stage {
+    runtime: tokio::runtime::Runtime,
+    router: Router,
+    service: Arc<Service>,
+    said: Arc<Mutex<Said>>,
+    inputs: u32,
+    executor: JoinHandle<()>,
+    folder: PathBuf,
+}
+
+static STAGE: Mutex<Option<Stage>> = Mutex::new(None);
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn good<T, E: std::fmt::Display>(result: std::result::Result<T, E>) -> T {
+    result.unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A cell in memory; those of targets that have ended are removed first, as libFuzzer ends without a word.
+fn new_cell() -> Cell {
+    let memory = Path::new("/dev/shm");
+    let parent = if memory.is_dir() {
+        memory.to_owned()
+    } else {
+        std::env::temp_dir()
+    };
+    let folders: Vec<PathBuf> = std::fs::read_dir(&parent)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|e| e.path())
+        .collect();
+    for folder in folders {
+        let name = folder
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        let Some(pid) = name.strip_prefix("rcc-fuzz-") else {
+            continue;
+        };
+        if !Path::new("/proc").join(pid).exists() {
+            remove_cell(&folder);
+        }
+    }
+    good(Cell::at(
+        "fuzz",
+        &parent.join(format!("rcc-fuzz-{}", std::process::id())),
+    ))
+}
+
+/// Ends what the first input has set up, and leaves nothing behind.
+pub fn tear_down() {
+    let Some(stage) = locked(&STAGE).take() else {
+        return;
+    };
+    let Stage {
+        runtime,
+        router,
+        service,
+        said,
+        executor,
+        folder,
+        ..
+    } = stage;
+    // What is being compiled is finished first.
+    drop((router, runtime, service));
+    locked(&said).over = true;
+    assert!(executor.join().is_ok(), "the executor does not panic");
+    remove_cell(&folder);
+}
+
+fn remove_cell(folder: &Path) {
+    if let Ok(cell) = Cell::at("fuzz", folder) {
+        // What cannot be removed now is tried again by the next one.
+        let _ = rcc_ipc::clean::remove_cell(&cell);
+    }
+    let _ = std::fs::remove_dir_all(folder);
+}
+
+fn set_up() -> Stage {
+    let cell = new_cell();
+    let session = good(Session::join(&cell, Role::Executor, "exec"));
+    let server = good(session.serve(CONTROL));
+    let status = good(session.create_board::<CycleStatus>(STATUS));
+    let tables = good(session.create_board::<Tables>(TABLES));
+    let announcement = Announcement::of(&session)
+        .service(CONTROL, server.service())
+        .service(STATUS, status.service())
+        .service(TABLES, tables.service());
+    let announced = good(cell.announce(&announcement));
+    let said = Arc::new(Mutex::new(Said {
+        tables: bytemuck::zeroed_box(),
+        status: CycleStatus::zeroed(),
+        answers: VecDeque::new(),
+        changed: true,
+        next_id: 0,
+        over: false,
+    }));
+    let to_say = Arc::clone(&said);
+    let executor = std::thread::spawn(move || {
+        play(&server, (status, tables), &to_say);
+        drop((announced, server, session));
+    });
+    let loader = good(Session::join(&cell, Role::Loader, "loader"));
+    let service = Arc::new(Service::new(Executor::new(loader), shipped().cell.clone()));
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build();
+    let (runtime, router) = (good(runtime), router(Arc::clone(&service)));
+    let folder = cell.runtime_dir().to_owned();
+    Stage {
+        runtime,
+        router,
+        service,
+        said,
+        inputs: 0,
+        executor,
+        folder,
+    }
+}
+
+/// The executor.
+fn play(
+    server: &Server,
+    boards: (BoardWriter<CycleStatus>, BoardWriter<Tables>),
+    said: &Mutex<Said>,
+) {
+    let (mut status, mut tables) = boards;
+    loop {
+        let mut now = locked(said);
+        if now.over {
+            return;
+        }
+        if std::mem::take(&mut now.changed) {
+            status.write(&now.status);
+            tables.write(&now.tables);
+        }
+        match server.poll() {
+            Ok(Some(request)) => {
+                let call = wire::decode_serde::<Call>(request.bytes());
+                let answer = match (now.answers.pop_front(), call) {
+                    (Some(bytes), _) => bytes,
+                    (None, Ok(call)) => good(wire::encode_serde(&now.obey(&call))),
+                    (None, Err(error)) => panic!("the loader sends calls: {error}"),
+                };
+                tables.write(&now.tables);
+                // The client may have given up.
+                let _ = request.answer(&answer);
+            }
+            _ => {
+                drop(now);
+                std::thread::sleep(Duration::from_micros(100));
+            }
+        }
+    }
+}
+
+impl Said {
+    fn obey(&mut self, call: &Call) -> Answer {
+        let (id, state) = match call {
+            Call::Reserve => {
+                self.next_id += 1;
+                if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == 0) {
+                    (row.id, row.state) = (self.next_id, CommandState::Loading as u32);
+                }
+                return Answer::Reserved { id: self.next_id };
+            }
+            Call::Install { id, .. } => (id, CommandState::Ready),
+            Call::Reject { id } => (id, CommandState::Rejected),
+            Call::Start { id } | Call::Cancel { id } => (id, CommandState::Running),
+            Call::Abort { id } => (id, CommandState::Terminated),
+            Call::Unload { id } => (id, CommandState::None),
+        };
+        if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == *id) {
+            row.state = state as u32;
+        }
+        Answer::Done { cycle: 8 }
+    }
+}
+
+/// What the executor shows and says, then some requests.
+pub fn run(data: &[u8]) {
+    let mut stage = locked(&STAGE);
+    let stage = stage.get_or_insert_with(set_up);
+    let mut bytes = Unstructured::new(data);
+    {
+        let mut said = locked(&stage.said);
+        prepare(&mut said);
+        // Bytes that end early leave the rest as it is.
+        let _ = scribble(&mut said, &mut bytes);
+        said.changed = true;
+    }
+    stage.inputs += 1;
+    if stage.inputs.is_multiple_of(TEND_EVERY) {
+        stage.service.tend();
+    }
+    for _ in 0..REQUESTS {
+        if bytes.is_empty() {
+            break;
+        }
+        if let Ok(Some(request)) = request(&mut bytes) {
+            judge(stage, request);
+        }
+    }
+}
+
+/// As after a start: two commands and the devices.
+fn prepare(said: &mut Said) {
+    *said.tables = Tables::zeroed();
+    said.tables.magic = MAGIC;
+    said.tables.cycle = 7;
+    for (row, (id, state)) in said
+        .tables
+        .commands
+        .iter_mut()
+        .zip([(5, CommandState::Ready), (6, CommandState::Terminated)])
+    {
+        (row.id, row.state) = (id, state as u32);
+    }
+    for device in said.tables.devices.iter_mut().take(2) {
+        (device.state, device.attached) = (DeviceState::Ready as u32, 1);
+    }
+    said.status = CycleStatus {
+        magic: MAGIC,
+        cycle: 7,
+        grants: 3,
+        period_ns: 1_000_000,
+        ..CycleStatus::zeroed()
+    };
+    said.answers.clear();
+    said.next_id = 100;
+}
+
+fn scribble(said: &mut Said, bytes: &mut Unstructured<'_>) -> Result<()> {
+    for _ in 0..bytes.int_in_range(0..=4)? {
+        let into = bytes.int_in_range(0..=2)?;
+        let Said {
+            tables,
+            status,
+            answers,
+            ..
+        } = said;
+        let record = match into {
+            0 => bytes_of_mut(&mut **tables),
+            1 => bytes_of_mut(status),
+            _ => {
+                let length = bytes.int_in_range(0..=40)?;
+                answers.push_back(bytes.bytes(length.min(bytes.len()))?.to_vec());
+                continue;
+            }
+        };
+        let at = bytes.int_in_range(0..=record.len() / 4 - 1)? * 4;
+        let word = match bool::arbitrary(bytes)? {
+            true => u32::from(u8::arbitrary(bytes)?),
+            false => u32::arbitrary(bytes)?,
+        };
+        record[at..at + 4].copy_from_slice(&word.to_le_bytes());
+    }
+    Ok(())
+}
+
+fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
+    const METHODS: [&str; 7] = ["GET", "POST", "DELETE", "PUT", "HEAD", "OPTIONS", "PATCH"];
+    const ENDS: [&str; 9] = [
+        "",
+        "/start",
+        "/cancel",
+        "/abort",
+        "/nothing",
+        "/",
+        "?file=a",
+        "?file=%ff",
+        "/start?x=1",
+    ];
+    let method = *bytes.choose(&METHODS)?;
+    let address = match bytes.int_in_range(0..=7)? {
+        0 => "/devices".to_owned(),
+        1 => "/status".to_owned(),
+        2 => "/commands".to_owned(),
+        3 => "/primitives".to_owned(),
+        4 => format!(
+            "/commands/{}{}",
+            bytes.int_in_range(0..=110)?,
+            bytes.choose(&ENDS)?
+        ),
+        5 => format!("/commands?file={}", word(bytes)?),
+        6 => format!("/commands/{}{}", word(bytes)?, bytes.choose(&ENDS)?),
+        _ => format!("/{}", word(bytes)?),
+    };
+    let length = bytes.arbitrary_len::<u8>()?;
+    let body = bytes.bytes(length)?.to_vec();
+    Ok(Request::builder()
+        .method(method)
+        .uri(address)
+        .body(Body::from(body))
+        .ok())
+}
+
+fn word(bytes: &mut Unstructured<'_>) -> Result<String> {
+    let length = bytes.int_in_range(0..=24)?;
+    Ok(String::from_utf8_lossy(bytes.bytes(length.min(bytes.len()))?).into_owned())
+}
+
+/// An answer is of ours: a known status; an error is JSON with a code of the table.
+fn judge(stage: &mut Stage, request: Request<Body>) {
+    let (shown, head) = (format!("{request:?}"), request.method() == "HEAD");
+    let call = stage.router.call(request);
+    let (status, body) = stage.runtime.block_on(async {
+        let answer: std::result::Result<_, Infallible> = call.await;
+        let Ok(answer) = answer;
+        let (parts, body) = answer.into_parts();
+        let body = to_bytes(body, ANSWER_MAX).await;
+        (parts.status, body.unwrap_or_else(|error| panic!("{error}")))
+    });
+    if status.is_success() || head {
+        return;
+    }
+    let body: serde_json::Value = match serde_json::from_slice(&body) {
+        Ok(body) => body,
+        Err(error) => panic!("{shown}: {status} with {body:?}: {error}"),
+    };
+    let code = body["code"]
+        .as_str()
+        .or_else(|| body["error"]["code"].as_str())
+        .unwrap_or_default();
+    let row = codes::TABLE.iter().find(|row| row.code == code);
+    let Some(row) = row else {
+        panic!("{shown}: {status} with a code that is not in the table: {body}");
+    };
+    assert_eq!(
+        StatusCode::from_u16(row.status).ok(),
+        Some(status),
+        "{shown}: {body}"
+    );
+    assert_ne!(row.code, codes::PROCESS_FAILED.code, "{shown}: {body}");
+}

@@ -1,0 +1,82 @@
+//! What is shipped, as a starting point: the demo's cell, its devices as the core knows them, and plans of good nets.
+//! Read once; run by the thread of the target.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use rcc_config::CellConfig;
+use rcc_core::frame::DeviceModel;
+use rcc_core::message::Joints;
+use rcc_ipc::control::PlanData;
+use rcc_loader::devices::DeviceTable;
+
+/// The demo's cell, with the loader's view of it.
+pub struct Shipped {
+    /// Its configuration.
+    pub cell: CellConfig,
+    /// What nets may know of it.
+    pub table: DeviceTable,
+    /// Its devices; the arm is the first.
+    pub models: Vec<DeviceModel>,
+    /// Plans of all nets that are shipped and fit this cell, in the order of their files.
+    pub plans: Vec<PlanData>,
+}
+
+/// Where the arm of the demo is held, rad.
+pub const HOLD: Joints = [
+    0.0,
+    -0.523_598_775_6,
+    0.0,
+    1.570_796_326_8,
+    0.0,
+    -1.047_197_551_2,
+    0.0,
+    0.0,
+];
+
+/// The repository's folder.
+#[must_use]
+pub fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// What is shipped.
+#[must_use]
+pub fn shipped() -> &'static Shipped {
+    static SHIPPED: LazyLock<Shipped> = LazyLock::new(read);
+    &SHIPPED
+}
+
+fn read() -> Shipped {
+    let cell = CellConfig::load_offline(&repository().join("configs/cells/demo.yaml"));
+    let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
+    let table = DeviceTable::from(&cell);
+    let mut texts = Vec::new();
+    for folder in ["configs/nets", "tests/nets/ok"] {
+        let entries = fs::read_dir(repository().join(folder))
+            .into_iter()
+            .flatten()
+            .flatten();
+        texts.extend(
+            entries
+                .map(|entry| entry.path())
+                .filter(|path| path.extension().is_some_and(|e| e == "yaml")),
+        );
+    }
+    texts.sort();
+    let plan = |path: &PathBuf| {
+        let text = fs::read_to_string(path).ok()?;
+        rcc_loader::compile_for(&text, "net", &table)
+            .ok()
+            .map(|compiled| compiled.plan)
+    };
+    let plans: Vec<PlanData> = texts.iter().filter_map(plan).collect();
+    assert!(plans.len() >= 10, "the shipped nets compile");
+    Shipped {
+        models: table.models(),
+        plans,
+        cell,
+        table,
+    }
+}
