@@ -1,20 +1,34 @@
-//! What every driver must do, checked against a peer that speaks its wire; a driver's tests call [`check`].
-//! Test code only.
+//! What every driver must do: one rule, one test, generic over the driver and the other end of its wire.
+//! Test code only; `conformance!` in a driver's tests gives it all rules, see `docs/drivers.md`.
+//!
+//! A rule runs the driver against a [`Subject`], the device's part on loopback, with a fault proxy between the two. The
+//! variable `RCC_DEVICE_<DRIVER>` switches the rules that are safe to a real device, `RCC_SEED` repeats a run.
 
+use std::net::SocketAddr;
+use std::path::Path;
 use std::time::Duration;
 
-use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
-use rcc_core::message::ANALOG_MAX;
+use rcc_config::{CellConfig, ChannelConfig, DeviceConfig, OnRelease};
+use rcc_core::message::{ANALOG_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 
-use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
+use crate::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use crate::host::reason::Reason;
 
+pub mod bench;
+pub mod capture;
+mod check;
+pub mod hosted;
+pub mod judge;
+pub mod real;
+pub mod rules;
+pub mod wire;
+
+pub use check::check;
+
 /// Waits of a receive: a driver waits no longer than this for nothing.
-const TIMEOUT: Duration = Duration::from_millis(20);
-/// Exchanges in which something must have happened.
-const PATIENCE: usize = 4000;
+pub const TIMEOUT: Duration = Duration::from_millis(20);
 
 /// The other end of the wire. Its inputs 0 are wired to its outputs 0.
 pub trait Peer {
@@ -25,6 +39,130 @@ pub trait Peer {
     /// Goes away, or comes back.
     fn set_present(&mut self, present: bool);
 }
+
+/// What carries the bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// The device sends the first datagram to where the driver listens; its clock is the test's.
+    UdpFromDevice,
+    /// The driver sends the first datagram; the device lives in threads of its own.
+    UdpFromDriver,
+    /// The driver connects; the device lives in threads of its own.
+    TcpFromDriver,
+}
+
+/// The outputs that a device has been told, by the index of their channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Told {
+    /// Bit i: digital output i.
+    pub digital: u64,
+    /// Analog outputs, SI; NaN = never told.
+    pub analog: [f64; ANALOG_MAX],
+}
+
+/// A driver under test, as its device sees it.
+pub trait Subject: Peer + Sized {
+    /// The driver that speaks to it.
+    type Driver: Driver + 'static;
+    /// Its name in a cell's configuration.
+    const NAME: &'static str;
+    /// Its reasons.
+    const REASONS: &'static [Reason];
+    /// Its wire.
+    const WIRE: Wire;
+    /// The wire has checks that find corrupted packets.
+    const CHECKED: bool;
+    /// Values that settings must not have, as JSON: one row or more for every setting that has a range or a set of words.
+    const BAD_SETTINGS: &'static [(&'static str, &'static str)];
+    /// Addresses that channels of a kind must not have, as JSON; that they are of another type is tested anyway.
+    const BAD_ADDRESSES: &'static [(ChannelKind, &'static str)];
+
+    /// A device on loopback, present.
+    fn start() -> Self;
+    /// Where it is reached, if the driver is the first to send; otherwise any address.
+    fn address(&self) -> SocketAddr;
+    /// Where it is to send first, if it does.
+    fn aim(&mut self, driver: SocketAddr) {
+        let _ = driver;
+    }
+    /// The configuration for a device, or (if the device sends first) a driver, at this address. Each kind of output
+    /// has a channel, and a digital output holds.
+    fn device(at: SocketAddr) -> DeviceConfig;
+    /// What its outputs are now.
+    fn told(&mut self) -> Told;
+    /// The set-points in a packet of the driver, if the device follows them.
+    fn followed(&self, packet: &[u8]) -> Option<Joints> {
+        let _ = packet;
+        None
+    }
+    /// What the device holds against the driver; losses of the wire do not count.
+    fn complaints(&self) -> Vec<String> {
+        Vec::new()
+    }
+    /// Bytes of a real exchange and what the driver makes of them.
+    fn capture() -> capture::Capture;
+}
+
+/// Gives a driver all rules: `conformance!(io: Station)` for plain I/O, `conformance!(arm: Controller)` for a device
+/// with joints.
+macro_rules! conformance {
+    (io: $subject:ty) => {
+        $crate::conformance::conformance!(tests of $subject:
+            opens_what_is_right,
+            refuses_a_setting_that_it_does_not_have,
+            refuses_each_setting_of_another_form,
+            refuses_each_setting_out_of_range,
+            says_which_setting_is_missing,
+            refuses_each_channel_of_a_wrong_address,
+            refuses_two_outputs_at_one_address,
+            refuses_a_robot_that_it_cannot_move,
+            says_when_nobody_is_there,
+            tells_what_it_knows,
+            carries_outputs_there_and_inputs_back,
+            comes_back_when_the_device_does,
+            releases_outputs_on_null,
+            releases_outputs_on_termination,
+            releases_outputs_when_the_executor_vanishes,
+            releases_outputs_when_the_executor_stops_writing,
+            survives_lost_packets,
+            survives_late_packets,
+            survives_duplicated_packets,
+            survives_reordered_packets,
+            survives_truncated_packets,
+            survives_corrupted_packets,
+            survives_all_faults_at_once,
+            replays_its_capture,
+            in_a_cell_outputs_are_released_when_the_executor_dies,
+            in_a_cell_a_lost_device_is_offline_and_comes_back,
+        );
+    };
+    (arm: $subject:ty) => {
+        $crate::conformance::conformance!(io: $subject);
+        $crate::conformance::conformance!(tests of $subject:
+            sends_nothing_but_hold_on_null,
+            comes_to_rest_in_time_when_the_executor_vanishes,
+            comes_to_rest_in_time_when_the_executor_stops_writing,
+            comes_to_rest_in_time_on_null,
+            comes_to_rest_in_time_on_termination,
+            restarted_it_sends_nothing_but_hold_until_a_new_start,
+            restarted_while_the_device_brakes_it_sends_nothing_but_hold,
+            in_a_cell_the_arm_comes_to_rest_when_the_executor_dies,
+            in_a_cell_a_restarted_driver_moves_nothing,
+        );
+    };
+    (tests of $subject:ty: $($rule:ident,)*) => {
+        $(
+            #[test]
+            fn $rule() {
+                $crate::conformance::real::run::<$subject>(
+                    stringify!($rule),
+                    $crate::conformance::rules::$rule::<$subject>,
+                );
+            }
+        )*
+    };
+}
+pub(crate) use conformance;
 
 /// A channel: name, kind, address, release, range.
 pub type Row<'a> = (
@@ -64,6 +202,16 @@ pub fn device(driver: &str, settings: serde_json::Value, rows: &[Row<'_>]) -> De
     }
 }
 
+/// A cell with this device only, of 1 ms.
+pub fn cell(device: &DeviceConfig) -> CellConfig {
+    let text = "cell: conformance\nperiod: 1 ms\nstale_after: 50 ms\ndevices: {device: {driver: none}}\n";
+    let cell = CellConfig::parse(text, "conformance", Path::new(""), &Default::default());
+    CellConfig {
+        devices: vec![device.clone()],
+        ..cell.unwrap_or_else(|faults| panic!("{faults}"))
+    }
+}
+
 /// One exchange; the answer is `outputs` at the mirror.
 pub fn exchange(
     driver: &mut dyn Driver,
@@ -82,129 +230,4 @@ pub fn exchange(
     });
     peer.after();
     result
-}
-
-fn until(
-    driver: &mut dyn Driver,
-    peer: &mut dyn Peer,
-    outputs: &Outputs,
-    what: &str,
-    mut done: impl FnMut(&Result<Exchange, LinkError>, &Inputs) -> bool,
-) {
-    let mut inputs = Inputs::NONE;
-    for _ in 0..PATIENCE {
-        let result = exchange(driver, peer, &mut inputs, outputs);
-        if done(&result, &inputs) {
-            return;
-        }
-    }
-    panic!("never: {what}");
-}
-
-/// Runs all rules; digital and analog channel 0 of both directions must be there.
-pub fn check<D: Driver>(device: &DeviceConfig, reasons: &[Reason], peer: &mut dyn Peer) -> D {
-    refuses_unknown_settings::<D>(device);
-    let mut driver = D::open(device).expect("the device's configuration is right");
-    says_when_nobody_is_there(&mut driver, reasons, peer);
-    peer.set_present(true);
-    until(
-        &mut driver,
-        peer,
-        &Outputs::NONE,
-        "an exchange",
-        |result, _| result.is_ok(),
-    );
-    tells_what_it_knows(&mut driver, device, reasons, peer);
-    carries_outputs(&mut driver, peer);
-    peer.set_present(false);
-    until(
-        &mut driver,
-        peer,
-        &Outputs::NONE,
-        "the loss of the peer",
-        |result, _| result.is_err(),
-    );
-    peer.set_present(true);
-    until(
-        &mut driver,
-        peer,
-        &Outputs::NONE,
-        "its return",
-        |result, _| result.is_ok(),
-    );
-    driver
-}
-
-fn refuses_unknown_settings<D: Driver>(device: &DeviceConfig) {
-    let mut wrong = device.clone();
-    wrong.settings["no_such_setting"] = 1.into();
-    match D::open(&wrong) {
-        Err(DriverError::UnknownSetting { key, .. }) => assert_eq!(key, "no_such_setting"),
-        Err(other) => panic!("{other}"),
-        Ok(_) => panic!("an unknown setting was accepted"),
-    }
-}
-
-fn says_when_nobody_is_there(driver: &mut dyn Driver, reasons: &[Reason], peer: &mut dyn Peer) {
-    let mut inputs = Inputs::NONE;
-    peer.set_present(false);
-    for _ in 0..3 {
-        match exchange(driver, peer, &mut inputs, &Outputs::NONE) {
-            Ok(_) => panic!("an exchange with nobody"),
-            Err(LinkError::Silent) => {}
-            Err(LinkError::Lost { reason }) => {
-                assert!(reasons.iter().any(|row| row.0 == reason), "{reason}");
-            }
-        }
-    }
-    assert_eq!(inputs.digital_known, 0);
-}
-
-fn tells_what_it_knows(
-    driver: &mut dyn Driver,
-    device: &DeviceConfig,
-    reasons: &[Reason],
-    peer: &mut dyn Peer,
-) {
-    let [digital, _, analog, _] = device.model().channels;
-    for _ in 0..10 {
-        let mut inputs = Inputs::NONE;
-        let Ok(exchange) = exchange(driver, peer, &mut inputs, &Outputs::NONE) else {
-            continue;
-        };
-        assert!(exchange.ticks >= 1 && exchange.period_ns > 0);
-        assert!(exchange.quality_permille <= 1000);
-        assert!(exchange.commandable || !exchange.startable);
-        let known = exchange.reason == 0 || reasons.iter().any(|row| row.0 == exchange.reason);
-        assert!(known, "reason {}", exchange.reason);
-        assert_eq!(exchange.startable, exchange.reason == 0);
-        let numbers = exchange
-            .mirror
-            .iter()
-            .chain(&inputs.position)
-            .chain(&inputs.wrench);
-        assert!(numbers.copied().all(f64::is_finite));
-        assert_eq!(inputs.digital_known, (1 << digital) - 1);
-        for index in 0..ANALOG_MAX {
-            assert_eq!(inputs.analog[index].is_finite(), index < analog as usize);
-        }
-    }
-}
-
-fn carries_outputs(driver: &mut dyn Driver, peer: &mut dyn Peer) {
-    for (on, value) in [(true, 3.0), (false, 0.0), (true, 1.0)] {
-        let mut outputs = Outputs {
-            digital: u64::from(on),
-            digital_set: 1,
-            ..Outputs::NONE
-        };
-        outputs.analog[0] = value;
-        until(
-            driver,
-            peer,
-            &outputs,
-            "outputs that come back",
-            |_, inputs| inputs.digital & 1 == u64::from(on) && inputs.analog[0] == value,
-        );
-    }
 }

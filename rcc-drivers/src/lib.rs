@@ -8,4 +8,5 @@ pub mod drivers;
 pub mod fri_lwr;
 pub mod host;
 pub mod priority;
+pub mod proxy;
 pub mod sim;

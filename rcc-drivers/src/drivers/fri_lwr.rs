@@ -5,16 +5,22 @@
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rcc_config::DeviceConfig;
+use rcc_ipc::monotonic_ns;
 
-use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings};
+use crate::driver::{
+    Diagnosis, Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings,
+};
 use crate::fri_lwr::wire::{MSR_SIZE, Quality};
 use crate::host::reason::Reason;
 
+pub mod counters;
 pub mod dialog;
 
+use counters::Counters;
 use dialog::{Dialog, Script};
 
 /// The controller is in monitor state.
@@ -68,6 +74,7 @@ pub struct FriLwr {
     heard: Instant,
     read_timeout: Duration,
     dialog: Dialog,
+    counters: Arc<Counters>,
 }
 
 impl Driver for FriLwr {
@@ -116,6 +123,7 @@ impl Driver for FriLwr {
             heard: Instant::now(),
             read_timeout,
             dialog,
+            counters: Arc::new(Counters::new(listen, peer)),
         })
     }
 
@@ -144,13 +152,20 @@ impl Driver for FriLwr {
         };
         let bytes = self.dialog.answer(outputs);
         match self.socket.send_to(&bytes, controller) {
-            Ok(_) => Ok(()),
+            Ok(_) => {
+                self.counters.answered(monotonic_ns());
+                Ok(())
+            }
             Err(error) => Err(lost(&error)),
         }
     }
 
     fn release(&mut self) {
         self.dialog.release();
+    }
+
+    fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
+        Some(Arc::clone(&self.counters) as Arc<dyn Diagnosis>)
     }
 }
 
@@ -175,13 +190,17 @@ impl FriLwr {
         let expected = self.controller.or(self.peer);
         if expected.is_some_and(|expected| expected != source) {
             self.dialog.refuse();
+            self.counters.foreign(source);
             return Ok(false);
         }
-        let counts = bytes
-            .get(..size)
-            .is_some_and(|bytes| self.dialog.accept(bytes));
+        let bytes = bytes.get(..size).unwrap_or_default();
+        let counts = self.dialog.accept(bytes);
         if counts {
             self.controller = Some(source);
+            let measured = self.dialog.measured();
+            self.counters.accepted(monotonic_ns(), source, measured);
+        } else {
+            self.counters.refused(bytes, source);
         }
         Ok(counts)
     }
@@ -209,6 +228,7 @@ impl FriLwr {
         if self.heard.elapsed() > FORGET_AFTER {
             self.controller = None;
             self.dialog.forget();
+            self.counters.forget();
         }
         LinkError::Silent
     }
@@ -226,5 +246,7 @@ fn lost(error: &io::Error) -> LinkError {
     LinkError::Lost { reason: SOCKET }
 }
 
+#[cfg(test)]
+mod conforms;
 #[cfg(test)]
 mod tests;

@@ -21,6 +21,12 @@ use crate::fri_lwr::wire::{
 const ENTRY_CYCLES: u32 = 3;
 /// After so many datagrams in a row from the past the controller has begun to count anew.
 const RESTARTED_AFTER: u32 = 10;
+/// More datagrams than this are not lost at once, unless the next one confirms it: our own stalls lose none.
+const GAP_MAX: u16 = 10;
+/// Largest move of the controller's own position while command state begins, rad: it rests, only rounding is seen.
+const STILL_RAD: f64 = 1e-5;
+/// Largest move of it from one datagram to the next in any state, rad.
+const NEAR_RAD: f64 = 0.01;
 /// `$FRI_FRM_INT[1]` as in KUKA's first sample.
 const LEAVE: i32 = 0;
 /// We are there, but the connection is not good enough yet.
@@ -60,6 +66,8 @@ pub struct Dialog {
     commanding: u32,
     releasing: bool,
     refused: u64,
+    /// Contradicts the command state that we are in; believed once the next one says the same.
+    doubted: Option<MeasurementDatagram>,
     /// Missed answers of controllers before this one, minus what this one had at the beginning.
     missed_before: i64,
 }
@@ -98,6 +106,7 @@ impl Dialog {
             commanding: 0,
             releasing: false,
             refused: 0,
+            doubted: None,
             missed_before: 0,
         })
     }
@@ -108,7 +117,8 @@ impl Dialog {
             self.refuse();
             return false;
         };
-        if !is_finite(&measured) {
+        // A controller whose interface is off sends nothing.
+        if !is_finite(&measured) || measured.state == SessionState::Off {
             self.refuse();
             return false;
         }
@@ -124,6 +134,12 @@ impl Dialog {
             }
             self.forget();
         }
+        if self.surprises(&measured, ticks) && !self.is_confirmed_by(&measured) {
+            self.refuse();
+            self.doubted = Some(measured);
+            return false;
+        }
+        self.doubted = None;
         let misses = i64::from(measured.miss_count);
         if self.last_sequence.is_none() {
             self.missed_before += i64::from(self.measured.miss_count) - misses;
@@ -142,6 +158,34 @@ impl Dialog {
         true
     }
 
+    /// The wire has no check of its own: in command state a single datagram neither ends it, nor changes the period, nor
+    /// moves the position that is mirrored, nor leaves many others out.
+    fn surprises(&self, measured: &MeasurementDatagram, ticks: u16) -> bool {
+        let commanded =
+            self.measured.state == SessionState::Command && self.last_sequence.is_some();
+        let mirrored = self.commanding <= ENTRY_CYCLES;
+        commanded
+            && (mode(measured) != mode(&self.measured)
+                || ticks > GAP_MAX
+                || (mirrored && !is_near(measured, &self.measured, STILL_RAD)))
+    }
+
+    /// The datagram before this one was doubted, and this one says the same.
+    fn is_confirmed_by(&self, measured: &MeasurementDatagram) -> bool {
+        self.doubted.is_some_and(|doubted| {
+            let ticks = measured.send_sequence.wrapping_sub(doubted.send_sequence);
+            mode(&doubted) == mode(measured)
+                && (1..=GAP_MAX).contains(&ticks)
+                && is_near(&doubted, measured, NEAR_RAD)
+        })
+    }
+
+    /// The last datagram that was taken in.
+    #[must_use]
+    pub fn measured(&self) -> &MeasurementDatagram {
+        &self.measured
+    }
+
     /// Counts a datagram that is not the controller's.
     pub fn refuse(&mut self) {
         self.refused += 1;
@@ -152,6 +196,7 @@ impl Dialog {
         self.last_sequence = None;
         self.from_the_past = 0;
         self.commanding = 0;
+        self.doubted = None;
     }
 
     /// From now on command mode is no longer asked for.
@@ -238,13 +283,7 @@ impl Dialog {
 
     /// Where the controller holds the joints, rad.
     fn mirror(&self) -> Joints {
-        let mut mirror = [0.0; JOINTS_MAX];
-        let own = self.measured.commanded_position;
-        let added = self.measured.commanded_position_offset;
-        for ((place, own), added) in mirror.iter_mut().zip(own).zip(added) {
-            *place = f64::from(own) + f64::from(added);
-        }
-        mirror
+        held(&self.measured)
     }
 
     fn is_commandable(&self) -> bool {
@@ -254,7 +293,7 @@ impl Dialog {
     }
 
     fn has_power(&self) -> bool {
-        self.measured.power != 0 && self.measured.error == 0
+        has_power(&self.measured)
     }
 
     fn reason(&self) -> u32 {
@@ -291,6 +330,38 @@ impl Dialog {
             *place = raw.map_or(f64::NAN, |raw| to_si(&channel.config, f64::from(*raw)));
         }
     }
+}
+
+fn has_power(measured: &MeasurementDatagram) -> bool {
+    measured.power != 0 && measured.error == 0
+}
+
+/// Where the controller holds the joints, rad: its own position and what has been added to it.
+fn held(measured: &MeasurementDatagram) -> Joints {
+    let mut held = [0.0; JOINTS_MAX];
+    let own = measured.commanded_position;
+    let added = measured.commanded_position_offset;
+    for ((place, own), added) in held.iter_mut().zip(own).zip(added) {
+        *place = f64::from(own) + f64::from(added);
+    }
+    held
+}
+
+fn is_near(one: &MeasurementDatagram, other: &MeasurementDatagram, bound_rad: f64) -> bool {
+    let pairs = held(one).into_iter().zip(held(other));
+    pairs
+        .into_iter()
+        .all(|(one, other)| (one - other).abs() <= bound_rad)
+}
+
+/// What does not change while the controller commands.
+fn mode(measured: &MeasurementDatagram) -> (SessionState, ControlStrategy, bool, u32) {
+    (
+        measured.state,
+        measured.control,
+        has_power(measured),
+        measured.measurement_period.to_bits(),
+    )
 }
 
 fn widen(to: &mut Joints, from: &[f32; JOINTS]) {

@@ -1,41 +1,24 @@
 //! The driver against the simulated controller: in virtual time without a socket, and over one.
 
-use std::path::Path;
-
 use bytemuck::Zeroable;
-use rcc_config::CellConfig;
 use rcc_core::message::{
     CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
 };
 
+use super::conforms::krc;
 use super::*;
-use crate::conformance::{self, Peer};
 use crate::fri_lwr::wire::{CommandDatagram, ControlStrategy, MeasurementDatagram, SessionState};
 use crate::host::reason;
 use crate::host::station::Station;
 use crate::sim::lwr::krc::Krc;
-use crate::sim::lwr::settings::{Settings as KrcSettings, Wire};
+use crate::sim::lwr::settings::Settings as KrcSettings;
 
 const MS: u64 = 1_000_000;
 const DELAY: usize = 10;
 
 /// The LWR of the demo cell.
 fn lwr() -> DeviceConfig {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
-    let cell = CellConfig::load_offline(&path).expect("the demo's configuration");
-    let (_, device) = cell.device("lwr").expect("the demo has an lwr");
-    DeviceConfig {
-        settings: serde_json::json!({"listen": "127.0.0.1:0"}),
-        ..device.clone()
-    }
-}
-
-fn krc() -> Krc {
-    Krc::new(KrcSettings {
-        boolean_wires: vec![Wire { from: 1, to: 1 }],
-        real_wires: vec![Wire { from: 1, to: 1 }],
-        ..KrcSettings::default()
-    })
+    conforms::lwr(([127, 0, 0, 1], 0).into())
 }
 
 /// Controller, driver and executor in one virtual time of 1 ms steps.
@@ -108,7 +91,10 @@ impl Bench {
         let Some(bytes) = self.krc.tick(1) else {
             return;
         };
-        assert!(self.dialog.accept(&bytes));
+        if !self.dialog.accept(&bytes) {
+            // Left command state, and nobody has confirmed it yet.
+            return;
+        }
         let mut inputs = Inputs::NONE;
         let exchange = self.dialog.exchange(&mut inputs);
         self.station.observe(self.now_ns, Some(&self.image));
@@ -309,6 +295,78 @@ fn datagrams_of_another_size_or_identity_or_without_numbers_are_refused() {
     assert_eq!(dialog.exchange(&mut Inputs::NONE.clone()).refused, 3);
 }
 
+/// A dialog that commands.
+fn commanding() -> Dialog {
+    let mut dialog = dialog();
+    for sequence in 1..=5 {
+        assert!(dialog.accept(&measurement(sequence).encode()));
+    }
+    dialog
+}
+
+#[test]
+fn a_single_datagram_does_not_end_or_change_command_mode() {
+    let good = measurement(6);
+    let surprises = [
+        MeasurementDatagram { power: 0, ..good },
+        MeasurementDatagram { error: 4, ..good },
+        MeasurementDatagram {
+            state: SessionState::Monitor,
+            ..good
+        },
+        MeasurementDatagram {
+            control: ControlStrategy::Other,
+            ..good
+        },
+        MeasurementDatagram {
+            measurement_period: 0.1,
+            ..good
+        },
+        MeasurementDatagram {
+            send_sequence: 40,
+            ..good
+        },
+        MeasurementDatagram {
+            state: SessionState::Off,
+            ..good
+        },
+    ];
+    for surprise in surprises {
+        let mut dialog = commanding();
+        assert!(!dialog.accept(&surprise.encode()), "{surprise:?}");
+        assert!(dialog.accept(&measurement(7).encode()));
+        let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+        assert!(exchange.commandable && exchange.startable, "{exchange:?}");
+        assert_eq!((exchange.period_ns, exchange.refused), (MS, 1));
+    }
+}
+
+#[test]
+fn what_the_next_datagram_confirms_is_believed() {
+    let mut dialog = commanding();
+    for (sequence, believed) in [(6, false), (7, true), (8, true)] {
+        let monitoring = MeasurementDatagram {
+            state: SessionState::Monitor,
+            ..measurement(sequence)
+        };
+        assert_eq!(dialog.accept(&monitoring.encode()), believed, "{sequence}");
+    }
+    let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+    assert_eq!((exchange.commandable, exchange.reason), (false, MONITORING));
+}
+
+#[test]
+fn while_command_mode_begins_a_position_that_jumps_is_not_mirrored() {
+    let mut dialog = dialog();
+    assert!(dialog.accept(&measurement(1).encode()));
+    let mut jumped = measurement(2);
+    jumped.commanded_position[3] = 0.26;
+    assert!(!dialog.accept(&jumped.encode()));
+    assert!(dialog.accept(&measurement(3).encode()));
+    let answer = CommandDatagram::decode(&dialog.answer(&Outputs::NONE)).expect("our own bytes");
+    assert_eq!(answer.joint_position[3], 0.75);
+}
+
 #[test]
 fn the_first_cycles_of_command_mode_are_mirrored_whatever_is_asked_for() {
     let mut dialog = dialog();
@@ -374,51 +432,6 @@ fn drives_strategy_and_quality_say_why_nothing_may_begin() {
         let exchange = dialog.exchange(&mut Inputs::NONE.clone());
         assert_eq!((exchange.reason, exchange.startable), (expected, false));
     }
-}
-
-/// A controller at the other end of a socket; its clock is the test.
-struct Controller {
-    krc: Krc,
-    socket: UdpSocket,
-    driver: SocketAddr,
-    present: bool,
-}
-
-impl Peer for Controller {
-    fn before(&mut self) {
-        if let Some(bytes) = self.krc.tick(1).filter(|_| self.present) {
-            self.socket.send_to(&bytes, self.driver).expect("loopback");
-        }
-    }
-
-    fn after(&mut self) {
-        let mut bytes = [0; 512];
-        while let Ok((size, _)) = self.socket.recv_from(&mut bytes) {
-            self.krc.receive(&bytes[..size], 1e-4);
-        }
-    }
-
-    fn set_present(&mut self, present: bool) {
-        self.present = present;
-    }
-}
-
-#[test]
-fn conforms_over_a_socket() {
-    let mut device = lwr();
-    // The suite drives raw numbers; a port that was free a moment ago.
-    let free = UdpSocket::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
-    let driver = free.expect("loopback");
-    device.settings["listen"] = driver.to_string().into();
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
-    socket.set_nonblocking(true).expect("a socket");
-    let mut controller = Controller {
-        krc: krc(),
-        socket,
-        driver,
-        present: false,
-    };
-    conformance::check::<FriLwr>(&device, REASONS, &mut controller);
 }
 
 #[test]

@@ -1,0 +1,318 @@
+//! Executor, driver's station, driver, proxy and subject in one time: the executor has one cycle of 1 ms an exchange.
+//! Test code only; the virtual clock is the device's, counted in its periods.
+
+use std::time::Duration;
+
+use bytemuck::Zeroable;
+use rcc_config::{DeviceConfig, OnRelease};
+use rcc_core::message::{
+    ANALOG_MAX, CommandImage, DeviceState, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
+};
+use rcc_core::primitive::ChannelKind;
+
+use super::judge::Judge;
+use super::wire::Between;
+use super::{Subject, TIMEOUT, Told, Wire};
+use crate::driver::{Driver, Exchange, Inputs, LinkError};
+use crate::host::limits::ArmLimits;
+use crate::host::reason::HOST_REASONS;
+use crate::host::station::Station;
+use crate::proxy::Rates;
+
+const MS: u64 = 1_000_000;
+/// Exchanges in which something must have happened.
+pub const PATIENCE: usize = 8000;
+
+/// What the executor does in one cycle.
+#[derive(Clone, Copy, Debug)]
+pub enum Executor {
+    /// Writes this.
+    Writes(SetPoint),
+    /// Is there and writes nothing, as when it hangs.
+    Hangs,
+    /// Is not there.
+    Absent,
+}
+
+/// Everything around one driver.
+pub struct Bench<S: Subject> {
+    /// The device.
+    pub subject: S,
+    /// The driver.
+    pub driver: S::Driver,
+    /// The device as the host sees it.
+    pub station: Station,
+    /// Its configuration.
+    pub device: DeviceConfig,
+    /// What lies between the two.
+    pub between: Between,
+    /// The newest inputs.
+    pub inputs: Inputs,
+    /// Watches what the device follows.
+    pub judge: Judge,
+    /// What the device was told to follow, one row an exchange.
+    pub followed: Vec<Joints>,
+    /// How the last exchange went.
+    pub last: Result<Exchange, LinkError>,
+    image: CommandImage,
+    now_ns: u64,
+}
+
+impl<S: Subject> Bench<S> {
+    /// A new driver for a new device.
+    pub fn new(seed: u64) -> Self {
+        let mut subject = S::start();
+        let (between, address) = Between::of(&mut subject, seed);
+        let device = S::device(address);
+        let driver = S::Driver::open(&device).expect("the subject's configuration is right");
+        Self {
+            subject,
+            driver,
+            station: Station::new(&device, 0),
+            judge: Judge::new(ArmLimits::of(&device)),
+            device,
+            between,
+            inputs: Inputs::NONE,
+            followed: Vec::new(),
+            last: Err(LinkError::Silent),
+            image: CommandImage {
+                magic: MAGIC,
+                executor: 1,
+                period_ns: MS,
+                set_points: [SetPoint::NONE; SET_POINTS],
+                ..CommandImage::zeroed()
+            },
+            now_ns: 0,
+        }
+    }
+
+    /// As [`Bench::new`], with an executor, exchanging and ready for a net.
+    pub fn ready(seed: u64) -> Self {
+        let mut bench = Self::new(seed);
+        bench.until_ready();
+        bench.followed.clear();
+        bench
+    }
+
+    /// The driver dies and is started again.
+    pub fn restart_driver(self) -> Self {
+        let Self { device, driver, .. } = self;
+        // An address is free again once the old one is gone.
+        drop(driver);
+        let driver = S::Driver::open(&device).expect("the same configuration as before");
+        Self {
+            station: Station::new(&device, self.now_ns),
+            driver,
+            device,
+            subject: self.subject,
+            between: self.between,
+            inputs: Inputs::NONE,
+            judge: self.judge,
+            followed: Vec::new(),
+            last: Err(LinkError::Silent),
+            image: self.image,
+            now_ns: self.now_ns,
+        }
+    }
+
+    /// One exchange, or a wait for one that does not come.
+    pub fn step(&mut self, executor: Executor) {
+        let pumped = S::WIRE == Wire::UdpFromDevice;
+        self.now_ns += MS;
+        self.subject.before();
+        self.between.step();
+        let timeout = if pumped {
+            Duration::from_millis(1)
+        } else {
+            TIMEOUT
+        };
+        self.last = self.driver.receive(timeout, &mut self.inputs);
+        self.write(executor);
+        let image = match executor {
+            Executor::Absent => None,
+            _ => Some(&self.image),
+        };
+        self.station.observe(self.now_ns, image);
+        match self.last {
+            Ok(exchange) => {
+                self.check(&exchange);
+                let outputs = self.station.exchange(self.now_ns, &self.inputs, &exchange);
+                if let Err(error) = self.driver.send(&outputs) {
+                    self.silence(error);
+                    self.last = Err(error);
+                }
+            }
+            Err(error) => self.silence(error),
+        }
+        self.hear();
+        self.subject.after();
+    }
+
+    /// Steps until `done`, at most [`PATIENCE`] times.
+    pub fn until(
+        &mut self,
+        executor: Executor,
+        what: &str,
+        mut done: impl FnMut(&mut Self) -> bool,
+    ) {
+        for _ in 0..PATIENCE {
+            self.step(executor);
+            if done(self) {
+                return;
+            }
+        }
+        let measured = self.measured();
+        panic!(
+            "never: {what}; {} with reason {}, the last exchange: {:?}",
+            DeviceState::from_number(measured.state).name(),
+            measured.reason,
+            self.last
+        );
+    }
+
+    /// Steps with nulls until a net may begin.
+    pub fn until_ready(&mut self) {
+        self.until(Executor::Writes(SetPoint::NONE), "ready", |bench| {
+            bench.state() == DeviceState::Ready
+        });
+    }
+
+    /// What the executor reads.
+    pub fn measured(&self) -> &Measurement {
+        self.station.measurement()
+    }
+
+    /// The device's state.
+    pub fn state(&self) -> DeviceState {
+        DeviceState::from_number(self.measured().state)
+    }
+
+    /// A set-point in which every output has a value that differs from its safe one; arms hold where they are.
+    pub fn all_on(&self, owner: u64) -> SetPoint {
+        all_on(&self.device, owner)
+    }
+
+    /// The outputs were told to be as [`Bench::all_on`] wants them, or (not `on`) as their release wants them.
+    pub fn told_as(&mut self, on: bool) -> bool {
+        let told = self.subject.told();
+        outputs_are(&self.device, &told, on)
+    }
+
+    fn silence(&mut self, error: LinkError) {
+        let lost = match error {
+            LinkError::Silent => None,
+            LinkError::Lost { reason } => {
+                assert!(self.is_known(reason), "unknown reason {reason}");
+                Some(reason)
+            }
+        };
+        self.station.silence(self.now_ns, lost);
+    }
+
+    fn is_known(&self, reason: u32) -> bool {
+        let mut rows = HOST_REASONS.iter().chain(S::REASONS);
+        rows.any(|row| row.0 == reason)
+    }
+
+    /// What every exchange must be like.
+    fn check(&self, exchange: &Exchange) {
+        assert!(
+            exchange.ticks >= 1 && exchange.period_ns > 0,
+            "{exchange:?}"
+        );
+        assert!(exchange.quality_permille <= 1000, "{exchange:?}");
+        assert!(exchange.commandable || !exchange.startable, "{exchange:?}");
+        assert_eq!(exchange.startable, exchange.reason == 0, "{exchange:?}");
+        assert!(
+            exchange.reason == 0 || self.is_known(exchange.reason),
+            "{exchange:?}"
+        );
+        let Inputs {
+            position, wrench, ..
+        } = &self.inputs;
+        let mut numbers = exchange.mirror.iter().chain(position).chain(wrench);
+        assert!(numbers.all(|value| value.is_finite()), "{:?}", self.inputs);
+        let [digital, _, analog, _] = self.device.model().channels;
+        let all = 1_u64.checked_shl(digital).map_or(u64::MAX, |bit| bit - 1);
+        assert_eq!(self.inputs.digital_known & !all, 0, "{:?}", self.inputs);
+        let mut beyond = self.inputs.analog.iter().skip(analog as usize);
+        assert!(beyond.all(|value| value.is_nan()), "{:?}", self.inputs);
+    }
+
+    fn write(&mut self, executor: Executor) {
+        let Executor::Writes(mut entry) = executor else {
+            return;
+        };
+        self.image.sequence += 1;
+        self.image.stamp_ns = self.now_ns;
+        entry.logical_ns = self.image.sequence * MS;
+        let place = (self.image.sequence % SET_POINTS as u64) as usize;
+        self.image.set_points[place] = entry;
+    }
+
+    /// Judges what the driver has sent.
+    fn hear(&mut self) {
+        for packet in self.between.answers() {
+            match self.subject.followed(&packet) {
+                Some(position) => {
+                    self.judge.see(self.now_ns as f64 * 1e-9, &position);
+                    self.followed.push(position);
+                }
+                None => self.judge.forget(),
+            }
+        }
+    }
+
+    /// From now on these faults: of what goes to the driver, and of what goes to the device.
+    pub fn set_rates(&mut self, to_driver: Rates, to_device: Rates) {
+        self.between.set_rates(to_driver, to_device);
+    }
+}
+
+/// Every output at a value that is not its safe one.
+pub fn all_on(device: &DeviceConfig, owner: u64) -> SetPoint {
+    let mut entry = SetPoint {
+        owner,
+        ..SetPoint::NONE
+    };
+    for (channel, bit) in device.channels_of(ChannelKind::DigitalOutput).zip(0..) {
+        entry.digital_commanded |= 1 << bit;
+        if channel.on_release != Some(OnRelease::Safe(1.0)) {
+            entry.digital |= 1 << bit;
+        }
+    }
+    let outputs = device.channels_of(ChannelKind::AnalogOutput);
+    for (channel, place) in outputs.zip(&mut entry.analog) {
+        *place = analog_on(channel.range);
+    }
+    entry
+}
+
+fn analog_on(range: Option<[f64; 2]>) -> f64 {
+    let [lower, upper] = range.unwrap_or([0.0, 1.0]);
+    lower + 0.75 * (upper - lower)
+}
+
+/// The outputs are as [`all_on`] wants them, or (not `on`) as their release after that wants them.
+pub fn outputs_are(device: &DeviceConfig, told: &Told, on: bool) -> bool {
+    let entry = all_on(device, 1);
+    let digital = device.channels_of(ChannelKind::DigitalOutput).zip(0..);
+    let digital = digital.into_iter().all(|(channel, bit)| {
+        let wanted = match channel.on_release {
+            Some(OnRelease::Safe(value)) if !on => value != 0.0,
+            _ => entry.digital >> bit & 1 == 1,
+        };
+        (told.digital >> bit & 1 == 1) == wanted
+    });
+    let mut analog = device
+        .channels_of(ChannelKind::AnalogOutput)
+        .zip(0..ANALOG_MAX);
+    digital
+        && analog.all(|(channel, index)| {
+            let wanted = match channel.on_release {
+                Some(OnRelease::Safe(value)) if !on => value,
+                _ => entry.analog[index],
+            };
+            (told.analog[index] - wanted).abs() <= 0.5 * channel.scale.abs().min(1e-3)
+        })
+}

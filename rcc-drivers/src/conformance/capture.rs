@@ -1,0 +1,168 @@
+//! Replay of captured bytes: the same bytes give the same inputs, and those that are known from elsewhere.
+//! Test code only.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, UdpSocket};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rcc_config::DeviceConfig;
+
+use super::{Subject, TIMEOUT, Wire};
+use crate::driver::{Driver, Inputs};
+
+/// Receives until the capture is over.
+const PATIENCE: usize = 500;
+/// How long a replayed device waits for the driver's bytes.
+const WAIT: Duration = Duration::from_secs(10);
+
+/// Who sent captured bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum From {
+    /// The driver, to the device.
+    Driver,
+    /// The device, to the driver.
+    Device,
+}
+
+/// A capture of a real exchange.
+pub struct Capture {
+    /// The driver's configuration, for a device (or, if that sends first, a driver) at an address.
+    pub device: fn(SocketAddr) -> DeviceConfig,
+    /// Packets, in their order. What a driver sends that is not the first to send is not compared.
+    pub packets: Vec<(From, Vec<u8>)>,
+    /// Exchanges in it.
+    pub exchanges: usize,
+    /// Checks what the driver made of it, one row an exchange.
+    pub check: fn(&[Inputs]),
+}
+
+impl Capture {
+    /// Packets from text: a line each, `>` for the driver's and `<` for the device's, and bytes in hexadecimal digits;
+    /// other lines say where it comes from.
+    pub fn packets(text: &str) -> Vec<(From, Vec<u8>)> {
+        let packet = |line: &str| {
+            let (from, hex) = match line.split_at_checked(1)? {
+                (">", hex) => (From::Driver, hex),
+                ("<", hex) => (From::Device, hex),
+                _ => return None,
+            };
+            let digits: Vec<u8> = hex
+                .chars()
+                .filter_map(|digit| digit.to_digit(16).map(|digit| digit as u8))
+                .collect();
+            let bytes = digits.chunks(2).map(|pair| pair[0] << 4 | pair[1]);
+            Some((from, bytes.collect()))
+        };
+        text.lines().filter_map(packet).collect()
+    }
+}
+
+/// Twice, with a driver that knows nothing each time.
+pub fn replays_its_capture<S: Subject>() {
+    let capture = S::capture();
+    assert!(capture.exchanges > 0);
+    let first = replay::<S>(&capture);
+    assert_eq!(first.len(), capture.exchanges);
+    let bits = |inputs: &[Inputs]| format!("{inputs:?}");
+    assert_eq!(
+        bits(&first),
+        bits(&replay::<S>(&capture)),
+        "the same bytes, other inputs"
+    );
+    (capture.check)(&first);
+}
+
+fn replay<S: Subject>(capture: &Capture) -> Vec<Inputs> {
+    match S::WIRE {
+        Wire::UdpFromDevice => from_device::<S>(capture),
+        Wire::UdpFromDriver => {
+            let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+            let address = socket.local_addr().expect("an address");
+            let packets = capture.packets.clone();
+            let device = std::thread::spawn(move || answer_datagrams(&socket, &packets));
+            from_driver::<S>(capture, address, device)
+        }
+        Wire::TcpFromDriver => {
+            let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
+            let address = listener.local_addr().expect("an address");
+            let packets = capture.packets.clone();
+            let device = std::thread::spawn(move || answer_stream(&listener, &packets));
+            from_driver::<S>(capture, address, device)
+        }
+    }
+}
+
+fn from_device<S: Subject>(capture: &Capture) -> Vec<Inputs> {
+    let address = super::wire::free_udp();
+    let device = (capture.device)(address);
+    let mut driver = S::Driver::open(&device).unwrap_or_else(|error| panic!("{error}"));
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+    let mut seen = Vec::new();
+    for (_, bytes) in capture.packets.iter().filter(|row| row.0 == From::Device) {
+        socket.send_to(bytes, address).expect("loopback");
+        let mut inputs = Inputs::NONE;
+        if driver.receive(TIMEOUT, &mut inputs).is_ok() {
+            seen.push(inputs);
+        }
+    }
+    seen
+}
+
+fn from_driver<S: Subject>(
+    capture: &Capture,
+    address: SocketAddr,
+    device: JoinHandle<()>,
+) -> Vec<Inputs> {
+    let config = (capture.device)(address);
+    let mut driver = S::Driver::open(&config).unwrap_or_else(|error| panic!("{error}"));
+    let mut seen = Vec::new();
+    for _ in 0..PATIENCE {
+        let mut inputs = Inputs::NONE;
+        if driver.receive(TIMEOUT, &mut inputs).is_ok() {
+            seen.push(inputs);
+        }
+        if seen.len() == capture.exchanges {
+            break;
+        }
+    }
+    drop(driver);
+    if let Err(panic) = device.join() {
+        std::panic::resume_unwind(panic);
+    }
+    seen
+}
+
+fn answer_datagrams(socket: &UdpSocket, packets: &[(From, Vec<u8>)]) {
+    socket.set_read_timeout(Some(WAIT)).expect("a socket");
+    let mut peer = None;
+    let mut bytes = [0; 65536];
+    for (from, packet) in packets {
+        match (from, peer) {
+            (From::Driver, _) => {
+                let (size, source) = socket.recv_from(&mut bytes).expect("the driver's packet");
+                assert_eq!(&bytes[..size], packet, "the driver sends something else");
+                peer = Some(source);
+            }
+            (From::Device, Some(peer)) => {
+                socket.send_to(packet, peer).expect("loopback");
+            }
+            (From::Device, None) => panic!("the driver is the first to send"),
+        }
+    }
+}
+
+fn answer_stream(listener: &TcpListener, packets: &[(From, Vec<u8>)]) {
+    let (mut stream, _) = listener.accept().expect("the driver connects");
+    stream.set_read_timeout(Some(WAIT)).expect("a socket");
+    for (from, packet) in packets {
+        match from {
+            From::Driver => {
+                let mut bytes = vec![0; packet.len()];
+                stream.read_exact(&mut bytes).expect("the driver's bytes");
+                assert_eq!(bytes, *packet, "the driver sends something else");
+            }
+            From::Device => stream.write_all(packet).expect("the driver reads"),
+        }
+    }
+}

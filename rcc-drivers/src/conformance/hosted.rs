@@ -1,0 +1,303 @@
+//! The whole host in a cell of its own, on real boards, with an executor that the test plays.
+//! Test code only; the host runs in a thread of its own, as it does in `rcc-driver`.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use bytemuck::Zeroable;
+use rcc_config::{CellConfig, DeviceConfig};
+use rcc_core::message::{
+    CommandImage, DeviceState, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
+};
+use rcc_ipc::control::{MEASUREMENT, command_board};
+use rcc_ipc::{
+    Announced, Announcement, BoardReader, BoardWriter, Cell, Role, Session, monotonic_ns,
+};
+
+use super::judge::Judge;
+use super::wire::Between;
+use super::{Subject, Wire};
+use crate::driver::Driver;
+use crate::host::limits::ArmLimits;
+use crate::host::reason::Reason;
+use crate::host::{Host, HostError};
+
+/// For what must happen some time.
+pub const LIMIT: Duration = Duration::from_secs(30);
+/// How long a driver's answer is waited for: it may have missed the packet, or have ended.
+const ANSWER_MAX: Duration = Duration::from_millis(100);
+/// One cycle of the executor.
+const CYCLE: Duration = Duration::from_millis(1);
+
+/// A cell in a folder of its own, removed at the end.
+pub struct TestCell {
+    /// The cell.
+    pub cell: Cell,
+    /// The device.
+    pub device: DeviceConfig,
+    /// The executor's incarnation, 0 = there never was one.
+    pub executor: u64,
+    config: CellConfig,
+    stop: Arc<AtomicBool>,
+    host: Option<JoinHandle<()>>,
+    reader: Option<(Session, BoardReader<Measurement>)>,
+    writer: Option<(Session, BoardWriter<CommandImage>, Announced)>,
+    image: CommandImage,
+}
+
+impl TestCell {
+    /// A cell for one device, without host and executor.
+    pub fn new(device: &DeviceConfig) -> Self {
+        static SERIAL: AtomicU64 = AtomicU64::new(0);
+        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        let memory = Path::new("/dev/shm");
+        let base = if memory.is_dir() {
+            memory.to_owned()
+        } else {
+            std::env::temp_dir()
+        };
+        let folder = base.join(format!("rcc-conformance-{}-{serial}", std::process::id()));
+        Self {
+            cell: Cell::at("conformance", &folder).expect("a folder"),
+            device: device.clone(),
+            executor: 0,
+            config: super::cell(device),
+            stop: Arc::default(),
+            host: None,
+            reader: None,
+            writer: None,
+            image: CommandImage::zeroed(),
+        }
+    }
+
+    /// A host for this driver, not running.
+    pub fn join(
+        &self,
+        driver: Box<dyn Driver>,
+        reasons: &'static [Reason],
+    ) -> Result<Host, HostError> {
+        Host::join(&self.cell, (&self.config, &self.device), (driver, reasons))
+    }
+
+    /// Runs a host with this driver.
+    pub fn run(&mut self, driver: Box<dyn Driver>, reasons: &'static [Reason]) {
+        let mut host = self.join(driver, reasons).expect("the only driver");
+        self.stop = Arc::default();
+        let stop = Arc::clone(&self.stop);
+        self.host = Some(thread::spawn(move || host.run(&stop)));
+        let session = Session::join(&self.cell, Role::Monitor, "test").expect("a session");
+        let announced = self.cell.announced(Role::Driver, &self.device.name);
+        let announced = announced.expect("a file").expect("the driver is announced");
+        let service = &announced.services[MEASUREMENT];
+        let board = session
+            .open_board::<Measurement>(service)
+            .expect("its board");
+        self.reader = Some((session, board));
+    }
+
+    /// What the driver tells the executor.
+    pub fn measured(&self) -> Measurement {
+        let (_, board) = self.reader.as_ref().expect("a host runs");
+        board.read()
+    }
+
+    /// The device is in this state.
+    pub fn is(&self, state: DeviceState) -> bool {
+        self.measured().state == state as u32
+    }
+
+    /// An executor comes; it has written nothing yet.
+    pub fn start_executor(&mut self) {
+        let session = Session::join(&self.cell, Role::Executor, "main").expect("a session");
+        let name = command_board(&self.device.name);
+        let board = session
+            .create_board::<CommandImage>(&name)
+            .expect("a board");
+        let announcement = Announcement::of(&session).service(&name, board.service());
+        let announced = self
+            .cell
+            .announce(&announcement)
+            .expect("the only executor");
+        self.executor = session.incarnation();
+        self.image = CommandImage {
+            magic: MAGIC,
+            executor: self.executor,
+            period_ns: CYCLE.as_nanos() as u64,
+            set_points: [SetPoint::NONE; SET_POINTS],
+            ..CommandImage::zeroed()
+        };
+        self.writer = Some((session, board, announced));
+    }
+
+    /// One cycle of the executor.
+    pub fn write(&mut self, mut entry: SetPoint) {
+        self.image.sequence += 1;
+        self.image.stamp_ns = monotonic_ns();
+        entry.logical_ns = self.image.sequence * self.image.period_ns;
+        let place = (self.image.sequence % SET_POINTS as u64) as usize;
+        self.image.set_points[place] = entry;
+        if let Some((_, board, _)) = &mut self.writer {
+            board.write(&self.image);
+        }
+    }
+
+    /// The executor is gone; its board stays as it was for whoever still reads it.
+    pub fn end_executor(&mut self) {
+        self.writer = None;
+    }
+
+    /// The host is asked to end.
+    pub fn ask_to_end(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// The host has ended.
+    pub fn has_ended(&self) -> bool {
+        self.host.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Waits for the host's end.
+    pub fn end(&mut self) {
+        self.ask_to_end();
+        self.reader = None;
+        if let Some(host) = self.host.take() {
+            host.join().expect("the host does not panic");
+        }
+    }
+}
+
+impl Drop for TestCell {
+    fn drop(&mut self) {
+        self.ask_to_end();
+        if let Some(host) = self.host.take() {
+            drop(host.join());
+        }
+        self.reader = None;
+        self.writer = None;
+        if let Err(error) = rcc_ipc::clean::remove_cell(&self.cell) {
+            eprintln!("{error}");
+        }
+    }
+}
+
+/// A subject, and its driver in the host of a cell.
+pub struct Hosted<S: Subject> {
+    /// The cell.
+    pub cell: TestCell,
+    /// The device.
+    pub subject: S,
+    /// What the device was told to follow.
+    pub followed: Vec<Joints>,
+    /// Watches that.
+    pub judge: Judge,
+    between: Between,
+    steps: u64,
+}
+
+impl<S: Subject> Hosted<S> {
+    /// A device, its driver and an executor, ready for a net.
+    pub fn ready() -> Self {
+        let mut subject = S::start();
+        let (between, address) = Between::of(&mut subject, 1);
+        let device = S::device(address);
+        let mut cell = TestCell::new(&device);
+        cell.start_executor();
+        cell.run(Self::driver(&device), S::REASONS);
+        let mut hosted = Self {
+            judge: Judge::new(ArmLimits::of(&device)),
+            cell,
+            subject,
+            followed: Vec::new(),
+            between,
+            steps: 0,
+        };
+        hosted.until_ready();
+        hosted.followed.clear();
+        hosted
+    }
+
+    fn driver(device: &DeviceConfig) -> Box<dyn Driver> {
+        match S::Driver::open(device) {
+            Ok(driver) => Box::new(driver),
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    /// The driver ends and another one comes; the executor writes `entry` meanwhile.
+    pub fn restart_driver(&mut self, mut entry: impl FnMut() -> SetPoint) {
+        self.cell.ask_to_end();
+        let begin = Instant::now();
+        while !self.cell.has_ended() {
+            assert!(begin.elapsed() < LIMIT, "the driver does not end");
+            self.step(Some(entry()));
+        }
+        self.cell.end();
+        self.judge.forget();
+        self.cell.run(Self::driver(&self.cell.device), S::REASONS);
+    }
+
+    /// A cycle of executor (`None`: it writes nothing) and device; a device with the test's clock waits for its answer.
+    pub fn step(&mut self, entry: Option<SetPoint>) {
+        let begin = Instant::now();
+        self.steps += 1;
+        if let Some(entry) = entry {
+            self.cell.write(entry);
+        }
+        self.subject.before();
+        self.between.step();
+        let mut answers = self.between.answers();
+        while S::WIRE == Wire::UdpFromDevice
+            && answers.is_empty()
+            && begin.elapsed() < ANSWER_MAX
+            && !self.cell.has_ended()
+        {
+            thread::sleep(CYCLE / 20);
+            answers = self.between.answers();
+        }
+        for packet in answers {
+            match self.subject.followed(&packet) {
+                Some(position) => {
+                    self.judge
+                        .see(self.steps as f64 * CYCLE.as_secs_f64(), &position);
+                    self.followed.push(position);
+                }
+                None => self.judge.forget(),
+            }
+        }
+        self.subject.after();
+        thread::sleep(CYCLE.saturating_sub(begin.elapsed()));
+    }
+
+    /// Steps until `done`.
+    pub fn until(
+        &mut self,
+        entry: Option<SetPoint>,
+        what: &str,
+        mut done: impl FnMut(&mut Self) -> bool,
+    ) {
+        let begin = Instant::now();
+        loop {
+            self.step(entry);
+            if done(self) {
+                return;
+            }
+            let measured = self.cell.measured();
+            let state = DeviceState::from_number(measured.state).name();
+            let reason = measured.reason;
+            assert!(
+                begin.elapsed() < LIMIT,
+                "never: {what}; {state} with reason {reason}"
+            );
+        }
+    }
+
+    /// Steps with nulls until a net may begin.
+    pub fn until_ready(&mut self) {
+        self.until(Some(SetPoint::NONE), "ready", |hosted| {
+            hosted.cell.is(DeviceState::Ready)
+        });
+    }
+}

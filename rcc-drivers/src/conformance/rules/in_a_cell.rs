@@ -1,0 +1,113 @@
+//! The same promises with the whole host, on real boards: announcement, watch, boards, the thread's loop.
+//! Test code only; bounds are counted in exchanges, waits end with what they wait for.
+
+use rcc_core::message::{DeviceState, SetPoint};
+
+use super::super::bench::{all_on, outputs_are};
+use super::super::hosted::Hosted;
+use super::super::{Subject, TIMEOUT};
+use super::rest::Motion;
+use crate::host::limits::ArmLimits;
+use crate::host::reason;
+
+/// Cycles in which nothing may happen.
+const WATCHED: usize = 200;
+
+/// Its board grows old.
+pub fn in_a_cell_outputs_are_released_when_the_executor_dies<S: Subject>() {
+    let mut hosted = Hosted::<S>::ready();
+    let device = hosted.cell.device.clone();
+    let on = all_on(&device, 1);
+    hosted.until(Some(on), "all outputs on", |hosted| {
+        outputs_are(&device, &hosted.subject.told(), true)
+    });
+    hosted.cell.end_executor();
+    hosted.until(None, "all outputs released", |hosted| {
+        outputs_are(&device, &hosted.subject.told(), false)
+    });
+    hosted.until(None, "nobody's", |hosted| {
+        hosted.cell.measured().executor == 0
+    });
+}
+
+/// The executor reads that it is offline, and why; then that it is ready again.
+pub fn in_a_cell_a_lost_device_is_offline_and_comes_back<S: Subject>() {
+    let mut hosted = Hosted::<S>::ready();
+    hosted.subject.set_present(false);
+    hosted.until(Some(SetPoint::NONE), "offline", |hosted| {
+        std::thread::sleep(TIMEOUT);
+        hosted.cell.is(DeviceState::Offline)
+    });
+    let reason = hosted.cell.measured().reason;
+    let known = S::REASONS.iter().any(|row| row.0 == reason);
+    assert!(known || reason == reason::SILENT, "reason {reason}");
+    hosted.subject.set_present(true);
+    hosted.until_ready();
+}
+
+fn motion_of<S: Subject>(hosted: &Hosted<S>) -> Motion {
+    let hold = hosted.cell.measured().hold;
+    let way = if hold[0] > 0.0 { -0.3 } else { 0.3 };
+    Motion::new(&ArmLimits::of(&hosted.cell.device), &hold, way)
+}
+
+fn holds<S: Subject>(hosted: &mut Hosted<S>, mut entry: impl FnMut() -> Option<SetPoint>) {
+    hosted.followed.clear();
+    for _ in 0..WATCHED {
+        hosted.step(entry());
+    }
+    let first = hosted.followed.first().copied();
+    let moved = hosted
+        .followed
+        .iter()
+        .any(|position| Some(*position) != first);
+    assert!(!moved, "it was not held");
+}
+
+/// In the middle of a motion.
+pub fn in_a_cell_the_arm_comes_to_rest_when_the_executor_dies<S: Subject>() {
+    let mut hosted = Hosted::<S>::ready();
+    let motion = motion_of(&hosted);
+    for cycle in 0..motion.cycles() / 2 {
+        hosted.step(Some(motion.at(1, cycle)));
+    }
+    hosted.cell.end_executor();
+    hosted.until(None, "rest", |hosted| hosted.cell.is(DeviceState::Online));
+    holds(&mut hosted, || None);
+    assert_eq!(hosted.judge.violations, [""; 0]);
+    assert_eq!(hosted.subject.complaints(), [""; 0]);
+}
+
+/// The net that commanded goes on as if nothing had happened.
+pub fn in_a_cell_a_restarted_driver_moves_nothing<S: Subject>() {
+    let mut hosted = Hosted::<S>::ready();
+    let motion = motion_of(&hosted);
+    let half = motion.cycles() / 2;
+    for cycle in 0..half {
+        hosted.step(Some(motion.at(1, cycle)));
+    }
+    let mut cycle = half;
+    let mut entry = || {
+        cycle += 1;
+        motion.at(1, cycle)
+    };
+    hosted.restart_driver(&mut entry);
+    let begin = std::time::Instant::now();
+    while hosted.cell.measured().executor != hosted.cell.executor {
+        assert!(
+            begin.elapsed() < super::super::hosted::LIMIT,
+            "it never sees the executor"
+        );
+        hosted.step(Some(entry()));
+    }
+    holds(&mut hosted, || Some(entry()));
+    let state = hosted.cell.measured().state;
+    assert_ne!(
+        state,
+        DeviceState::Commanded as u32,
+        "the old net is followed"
+    );
+    assert_eq!(hosted.judge.violations, [""; 0]);
+    // What begins anew is followed again.
+    hosted.until_ready();
+}

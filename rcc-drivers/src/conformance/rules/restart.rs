@@ -1,0 +1,79 @@
+//! A driver that is started again moves nothing before somebody says START.
+//! Test code only.
+
+use rcc_core::message::{DeviceState, Joints};
+
+use super::super::Subject;
+use super::super::bench::{Bench, Executor};
+use super::super::real::seed;
+use super::rest::{Motion, motion_of, play};
+
+/// Exchanges for which the net goes on after the restart: enough to be in command mode again.
+const EXCHANGES: u64 = 3000;
+
+/// The old net goes on, and in the end stands still; the device is only held.
+fn is_only_held<S: Subject>(bench: &mut Bench<S>, motion: &Motion, from: u64) {
+    let mut held: Option<Joints> = None;
+    let mut follows = 0;
+    for cycle in from..from + EXCHANGES {
+        let before = bench.followed.len();
+        bench.step(Executor::Writes(motion.at(1, cycle)));
+        if let Ok(exchange) = bench.last
+            && !exchange.commandable
+        {
+            assert_eq!(bench.measured().hold, exchange.mirror, "it does not mirror");
+        }
+        assert_ne!(
+            bench.state(),
+            DeviceState::Commanded,
+            "the old net is followed"
+        );
+        match bench.followed.get(before..) {
+            Some([.., last]) => {
+                assert_eq!(*last, *held.get_or_insert(*last), "it moves by itself");
+                follows += 1;
+            }
+            _ => held = None,
+        }
+    }
+    assert!(follows > 0, "the device never followed again");
+}
+
+/// A new net moves it.
+fn moves_on_a_new_start<S: Subject>(bench: &mut Bench<S>) {
+    bench.until_ready();
+    let motion = motion_of(bench, 0.1);
+    let hold = bench.measured().hold;
+    play(bench, &motion, 2, motion.cycles() + 50);
+    bench.until_ready();
+    let moved = bench.measured().hold[0] - hold[0];
+    assert!((moved.abs() - 0.1).abs() < 1e-5, "it moved by {moved} rad");
+    assert_eq!(bench.judge.violations, [""; 0]);
+}
+
+/// In the middle of a motion that the net goes on with.
+pub fn restarted_it_sends_nothing_but_hold_until_a_new_start<S: Subject>() {
+    let mut bench = Bench::<S>::ready(seed());
+    let motion = motion_of(&bench, 0.3);
+    let half = motion.cycles() / 2;
+    play(&mut bench, &motion, 1, half);
+    let mut bench = bench.restart_driver();
+    is_only_held(&mut bench, &motion, half);
+    moves_on_a_new_start(&mut bench);
+}
+
+/// After it was away so long that the device brakes.
+pub fn restarted_while_the_device_brakes_it_sends_nothing_but_hold<S: Subject>() {
+    let mut bench = Bench::<S>::ready(seed());
+    let motion = motion_of(&bench, 0.3);
+    let half = motion.cycles() / 2;
+    play(&mut bench, &motion, 1, half);
+    for _ in 0..30 {
+        // Nobody answers.
+        bench.subject.before();
+    }
+    bench.judge.forget();
+    let mut bench = bench.restart_driver();
+    is_only_held(&mut bench, &motion, half + 30);
+    moves_on_a_new_start(&mut bench);
+}

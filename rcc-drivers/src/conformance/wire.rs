@@ -1,0 +1,98 @@
+//! The proxy between a subject and its driver, whatever the wire is.
+//! Test code only.
+
+use std::net::{SocketAddr, UdpSocket};
+
+use super::{Subject, Wire};
+use crate::proxy::{Counts, Direction, Rates, TcpProxy, UdpProxy};
+
+/// The proxy.
+pub enum Between {
+    /// Pumped by the test.
+    Pumped(UdpProxy),
+    /// With a thread of its own.
+    Threaded(UdpProxy),
+    /// With threads of its own.
+    Stream(TcpProxy),
+}
+
+impl Between {
+    /// Puts a proxy between a subject and the driver that will be opened for the address that is returned.
+    pub fn of<S: Subject>(subject: &mut S, seed: u64) -> (Self, SocketAddr) {
+        match S::WIRE {
+            Wire::UdpFromDevice => {
+                let driver = free_udp();
+                let proxy = UdpProxy::new(driver, Rates::NONE, seed).expect("loopback");
+                proxy.heard();
+                subject.aim(proxy.address());
+                (Self::Pumped(proxy), driver)
+            }
+            Wire::UdpFromDriver => {
+                let mut proxy =
+                    UdpProxy::new(subject.address(), Rates::NONE, seed).expect("loopback");
+                proxy.start().expect("a thread");
+                let address = proxy.address();
+                (Self::Threaded(proxy), address)
+            }
+            Wire::TcpFromDriver => {
+                let proxy =
+                    TcpProxy::start(subject.address(), Rates::NONE, seed).expect("loopback");
+                let address = proxy.address();
+                (Self::Stream(proxy), address)
+            }
+        }
+    }
+
+    /// One step of time, if the test counts it.
+    pub fn step(&self) {
+        if let Self::Pumped(proxy) = self {
+            proxy.step();
+            proxy.pump();
+        }
+    }
+
+    /// Passes on what the driver has sent; returns that, as it left the driver, if the test pumps.
+    pub fn answers(&self) -> Vec<Vec<u8>> {
+        let Self::Pumped(proxy) = self else {
+            return Vec::new();
+        };
+        proxy.pump();
+        let heard = proxy.heard().into_iter();
+        heard
+            .filter(|(direction, _)| *direction == Direction::Back)
+            .map(|(_, bytes)| bytes)
+            .collect()
+    }
+
+    /// From now on, towards the driver and towards the device.
+    pub fn set_rates(&self, to_driver: Rates, to_device: Rates) {
+        let [forth, back] = match self {
+            Self::Pumped(_) => [to_driver, to_device],
+            Self::Threaded(_) | Self::Stream(_) => [to_device, to_driver],
+        };
+        match self {
+            Self::Pumped(proxy) | Self::Threaded(proxy) => {
+                proxy.set_rates(Direction::Forth, forth);
+                proxy.set_rates(Direction::Back, back);
+            }
+            Self::Stream(proxy) => {
+                proxy.set_rates(Direction::Forth, forth);
+                proxy.set_rates(Direction::Back, back);
+            }
+        }
+    }
+
+    /// What has been done in both directions.
+    pub fn counts(&self) -> [Counts; 2] {
+        [Direction::Forth, Direction::Back].map(|direction| match self {
+            Self::Pumped(proxy) | Self::Threaded(proxy) => proxy.counts(direction),
+            Self::Stream(proxy) => proxy.counts(direction),
+        })
+    }
+}
+
+/// A port that was free a moment ago.
+pub fn free_udp() -> SocketAddr {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+    socket.local_addr().expect("an address")
+}

@@ -1,0 +1,58 @@
+//! Numbers by chance that a seed repeats: SplitMix64 (Steele, Lea, Flood 2014).
+//! Pure; run by whoever draws.
+
+/// The generator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chance(u64);
+
+impl Chance {
+    /// A generator that `seed` determines.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// The next 64 bits.
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// A number from 0 to below 1.
+    pub fn part(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// True with this probability, 0 to 1.
+    pub fn happens(&mut self, probability: f64) -> bool {
+        self.part() < probability
+    }
+
+    /// A number below `end`; 0 if that is 0.
+    pub fn below(&mut self, end: usize) -> usize {
+        // The remainder's bias is below 1e-15 for the sizes of packets.
+        (self.next() % end.max(1) as u64) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gives_the_published_numbers() {
+        let mut chance = Chance::new(1_234_567);
+        let drawn = [chance.next(), chance.next(), chance.next()];
+        assert_eq!(
+            drawn,
+            [
+                6457827717110365317,
+                3203168211198807973,
+                9817491932198370423
+            ]
+        );
+    }
+}

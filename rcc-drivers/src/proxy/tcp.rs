@@ -1,0 +1,247 @@
+//! A fault proxy for streams: what is read at once counts as a packet; loss and truncation break the connection.
+//! One thread accepts; each connection has one thread a direction.
+//!
+//! TCP itself never delivers other bytes than were sent: doubled, swapped and corrupted chunks are what a broken gateway
+//! or device does.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use super::line::{Counts, Fate, Line, Rates};
+use super::{Direction, lines};
+
+/// Largest chunk.
+const CHUNK_MAX: usize = 4096;
+/// One step of time: how long a thread waits for bytes before it looks what is due, or whether to end.
+const STEP: Duration = Duration::from_millis(2);
+/// How long a connection to the target may take.
+const CONNECT_MAX: Duration = Duration::from_secs(1);
+
+#[derive(Debug)]
+struct Shared {
+    target: Mutex<SocketAddr>,
+    lines: Mutex<[Line; 2]>,
+    heard: Mutex<Option<Vec<(Direction, Vec<u8>)>>>,
+    stop: AtomicBool,
+    /// Counts connections broken on request.
+    broken: std::sync::atomic::AtomicU64,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The proxy. Dropping it ends its threads and connections.
+#[derive(Debug)]
+pub struct TcpProxy {
+    address: SocketAddr,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl TcpProxy {
+    /// A proxy in front of `target`, on loopback, at work at once.
+    ///
+    /// # Errors
+    /// The system refuses a socket or a thread.
+    pub fn start(target: SocketAddr, rates: Rates, seed: u64) -> io::Result<Self> {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        let shared = Arc::new(Shared {
+            target: Mutex::new(target),
+            lines: Mutex::new(lines(rates, seed)),
+            heard: Mutex::new(None),
+            stop: AtomicBool::new(false),
+            broken: Default::default(),
+        });
+        let own = Arc::clone(&shared);
+        let thread = thread::Builder::new()
+            .name("tcp-proxy".into())
+            .spawn(move || accept(&listener, &own))?;
+        Ok(Self {
+            address,
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    /// Where to connect instead of to the target.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// For the next connections another target, as after its restart.
+    pub fn set_target(&self, target: SocketAddr) {
+        *lock(&self.shared.target) = target;
+    }
+
+    /// From now on, in this direction.
+    pub fn set_rates(&self, direction: Direction, rates: Rates) {
+        lock(&self.shared.lines)[direction as usize].set_rates(rates);
+    }
+
+    /// What has been done in this direction.
+    #[must_use]
+    pub fn counts(&self, direction: Direction) -> Counts {
+        lock(&self.shared.lines)[direction as usize].counts()
+    }
+
+    /// Breaks all connections there are.
+    pub fn break_all(&self) {
+        // Relaxed: nothing else is told with it.
+        self.shared.broken.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// What came since the last time, as it came, before any fault; kept from the first call on.
+    pub fn heard(&self) -> Vec<(Direction, Vec<u8>)> {
+        lock(&self.shared.heard)
+            .replace(Vec::new())
+            .unwrap_or_default()
+    }
+}
+
+impl Drop for TcpProxy {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic in it has been reported by itself.
+            drop(thread.join());
+        }
+    }
+}
+
+fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
+    let mut copying: Vec<JoinHandle<()>> = Vec::new();
+    while !shared.stop.load(Ordering::Relaxed) {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                copying.retain(|thread| !thread.is_finished());
+                match connect(stream, shared) {
+                    Ok(both) => copying.extend(both),
+                    Err(error) => tracing::debug!(%error, "the proxy does not reach its target"),
+                }
+            }
+            Err(_) => thread::sleep(STEP),
+        }
+    }
+    for thread in copying {
+        // A panic in it has been reported by itself.
+        drop(thread.join());
+    }
+}
+
+fn connect(near: TcpStream, shared: &Arc<Shared>) -> io::Result<[JoinHandle<()>; 2]> {
+    let target = *lock(&shared.target);
+    let far = TcpStream::connect_timeout(&target, CONNECT_MAX)?;
+    for stream in [&near, &far] {
+        stream.set_nonblocking(false)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(STEP))?;
+        // A peer that reads no more must not hold a thread for ever.
+        stream.set_write_timeout(Some(CONNECT_MAX))?;
+    }
+    let copy = |from: &TcpStream, to: &TcpStream, direction| -> io::Result<JoinHandle<()>> {
+        let (from, to, shared) = (from.try_clone()?, to.try_clone()?, Arc::clone(shared));
+        thread::Builder::new()
+            .name("tcp-proxy-line".into())
+            .spawn(move || {
+                // Whatever ended it, both ends see the end.
+                drop(pass(&from, &to, direction, &shared));
+                drop(from.shutdown(Shutdown::Both));
+                drop(to.shutdown(Shutdown::Both));
+            })
+    };
+    Ok([
+        copy(&near, &far, Direction::Forth)?,
+        copy(&far, &near, Direction::Back)?,
+    ])
+}
+
+/// Passes chunks on until the connection ends.
+fn pass(
+    mut from: &TcpStream,
+    mut to: &TcpStream,
+    direction: Direction,
+    shared: &Shared,
+) -> io::Result<()> {
+    let broken = shared.broken.load(Ordering::Relaxed);
+    let mut chunk = [0; CHUNK_MAX];
+    // Chances go on over all connections; what one of them was to get later, no other one gets.
+    lock(&shared.lines)[direction as usize].forget();
+    while !shared.stop.load(Ordering::Relaxed) && shared.broken.load(Ordering::Relaxed) == broken {
+        let mut fate = Fate::Passed;
+        match from.read(&mut chunk) {
+            Ok(0) => return Ok(()),
+            Ok(size) => {
+                let bytes = chunk.get(..size).unwrap_or_default();
+                if let Some(heard) = &mut *lock(&shared.heard) {
+                    heard.push((direction, bytes.to_vec()));
+                }
+                fate = lock(&shared.lines)[direction as usize].put(bytes);
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                lock(&shared.lines)[direction as usize].step();
+            }
+            Err(error) => return Err(error),
+        }
+        loop {
+            let due = lock(&shared.lines)[direction as usize].take();
+            let Some(bytes) = due else { break };
+            to.write_all(&bytes)?;
+        }
+        if matches!(fate, Fate::Lost | Fate::Truncated) {
+            return Ok(());
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn echo() -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
+        let address = listener.local_addr().expect("an address");
+        // Ends with its last connection; the test makes two.
+        thread::spawn(move || {
+            for stream in listener.incoming().take(2) {
+                let mut stream = stream.expect("a connection");
+                let mut bytes = [0; 64];
+                while let Ok(size @ 1..) = stream.read(&mut bytes) {
+                    if stream.write_all(&bytes[..size]).is_err() {
+                        break;
+                    }
+                }
+            }
+        });
+        address
+    }
+
+    #[test]
+    fn passes_bytes_and_breaks_the_connection_on_loss() {
+        let proxy = TcpProxy::start(echo(), Rates::NONE, 1).expect("loopback");
+        let mut stream = TcpStream::connect(proxy.address()).expect("the proxy");
+        stream.write_all(b"there and back").expect("a connection");
+        let mut bytes = [0; 14];
+        stream.read_exact(&mut bytes).expect("the echo");
+        assert_eq!(&bytes, b"there and back");
+        proxy.set_rates(
+            Direction::Back,
+            Rates {
+                lost: 1.0,
+                ..Rates::NONE
+            },
+        );
+        stream.write_all(b"lost").expect("a connection");
+        let end = stream.read(&mut bytes);
+        assert!(matches!(end, Ok(0) | Err(_)), "{end:?}");
+        assert_eq!(proxy.counts(Direction::Back).lost, 1);
+    }
+}
