@@ -123,6 +123,8 @@ impl Pump {
     fn kind(&self, event: &Event) -> Option<Kind> {
         Some(match *event {
             Event::Late { .. } => return None,
+            // The loader tells it, with the net's name.
+            Event::Command { state, .. } if state == CommandState::Loading as u32 => return None,
             Event::Command {
                 id,
                 state,

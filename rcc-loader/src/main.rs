@@ -8,6 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use clap::Parser;
+use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{Announcement, Cell, Role, Session};
 use rcc_loader::server::executor::Executor;
 use rcc_loader::server::service::Service;
@@ -47,9 +48,16 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
     let cell = Cell::new(&arguments.cell)?;
     let session = Session::join(&cell, Role::Loader, "loader")?;
     // First the announcement, which only one process can hold, then the socket.
+    let recorder = Recorder::start(&cell, Role::Loader, session.label())?;
+    let predecessor = events::predecessor(&cell, Role::Loader, session.label());
     let announced = cell.announce(&Announcement::of(&session))?;
+    recorder.tell(Kind::Started {
+        note: String::new(),
+        predecessor,
+    });
     let listener = socket::listen(&cell.socket())?;
-    let service = Arc::new(Service::new(Executor::new(session), config));
+    let service = Service::new(Executor::new(session), config).recording(recorder.clone());
+    let service = Arc::new(service);
     let tended = Arc::clone(&service);
     // Ends with the process: between two turns it holds nothing.
     thread::Builder::new().name("tend".into()).spawn(move || {
@@ -79,9 +87,13 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
             _ = interrupt.recv() => {}
         }
         supervisor.stopping();
+        recorder.tell(Kind::Stopping {
+            why: "asked to".to_owned(),
+        });
         Ok(())
     });
     runtime.shutdown_timeout(DRAIN);
+    recorder.flush(DRAIN);
     let _ = std::fs::remove_file(cell.socket());
     drop(announced);
     served

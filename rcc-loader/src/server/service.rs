@@ -8,6 +8,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
 use rcc_ipc::control::{Answer, Call};
+use rcc_ipc::events::{self, Kind, Recorder};
 
 use super::api::{CommandDetail, CommandView, Done, Finding};
 use super::codes;
@@ -26,6 +27,9 @@ pub struct Service {
     pub(super) config: CellConfig,
     /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
     loading: Mutex<BTreeMap<u64, CommandFile>>,
+    recorder: Option<Recorder>,
+    /// Process and incarnation of the executor that the event log was told of.
+    told: Mutex<Option<(u32, u64)>>,
 }
 
 /// An operation on a command that exists.
@@ -69,6 +73,38 @@ impl Service {
             executor,
             config,
             loading: Mutex::new(BTreeMap::new()),
+            recorder: None,
+            told: Mutex::new(None),
+        }
+    }
+
+    /// Writes what happens to the cell's event log.
+    #[must_use]
+    pub fn recording(mut self, recorder: Recorder) -> Service {
+        self.recorder = Some(recorder);
+        self
+    }
+
+    fn record(&self, what: Kind) {
+        if let Some(recorder) = &self.recorder {
+            recorder.tell(what);
+        }
+    }
+
+    /// Tells of an executor that is found or gone, once each.
+    fn tell_executor(&self, found: Option<(u32, u64)>) {
+        // A panic leaves it whole: it is one value.
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if *told == found {
+            return;
+        }
+        if let Some((pid, incarnation)) = std::mem::replace(&mut *told, found) {
+            let executor = events::digits(incarnation);
+            self.record(Kind::ExecutorLost { pid, executor });
+        }
+        if let Some((pid, incarnation)) = found {
+            let executor = events::digits(incarnation);
+            self.record(Kind::ExecutorFound { pid, executor });
         }
     }
 
@@ -78,7 +114,13 @@ impl Service {
     /// # Errors
     /// There is no executor.
     pub fn attach(&self) -> Result<(Arc<Attached>, Store), ApiError> {
-        let (attached, new) = self.executor.attach()?;
+        let attached = self.executor.attach();
+        let found = attached.as_ref().ok().map(|(attached, _)| {
+            let announced = &attached.announcement;
+            (announced.pid, announced.incarnation)
+        });
+        self.tell_executor(found);
+        let (attached, new) = attached?;
         let store = Store::of(self.executor.cell(), attached.announcement.incarnation);
         if new {
             tracing::info!(pid = attached.announcement.pid, "the executor is attached");
@@ -156,12 +198,26 @@ impl Service {
                 message = error.message,
                 "a load failed"
             );
+            self.record_rejected(id, &error.finding(), 1);
         }
         self.loading().remove(&id);
     }
 
+    fn record_rejected(&self, id: u64, first: &Finding, count: usize) {
+        let net = self.loading().get(&id).map(|file| file.net.clone());
+        let told = *self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        self.record(Kind::Rejected {
+            command: id,
+            executor: told.map_or_else(String::new, |(_, incarnation)| events::digits(incarnation)),
+            net: events::text(&net.unwrap_or_default()),
+            code: first.code.clone(),
+            words: events::text(&first.message),
+            count,
+        });
+    }
+
     fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
-        let (_, store) = self.attach()?;
+        let (attached, store) = self.attach()?;
         let stored = |file: &CommandFile| {
             store.write(file).map_err(|error| {
                 ApiError::new(
@@ -183,6 +239,10 @@ impl Service {
         } = match compile::compile(&file.text, name, &self.config) {
             Ok(compiled) => compiled,
             Err(diagnostics) => {
+                let errors = diagnostics.iter().filter(|row| row.severity == "error");
+                if let Some(first) = errors.clone().next() {
+                    self.record_rejected(id, first, errors.count());
+                }
                 file.diagnostics = diagnostics;
                 stored(&file)?;
                 self.executor.call(&Call::Reject { id })?;
@@ -194,6 +254,13 @@ impl Service {
         });
         (file.net, file.description, file.names) = (net, description, names);
         (file.diagnostics, file.primitives) = (warnings, primitives);
+        self.record(Kind::Loaded {
+            command: id,
+            executor: events::digits(attached.announcement.incarnation),
+            net: events::text(&file.net),
+            primitives,
+            uses: file.uses.iter().map(|use_| events::text(use_)).take(16).collect(),
+        });
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
         let refused = match handed_over {
@@ -207,7 +274,9 @@ impl Service {
                 error
             }
         };
-        file.diagnostics.push(refused.finding());
+        let finding = refused.finding();
+        self.record_rejected(id, &finding, 1);
+        file.diagnostics.push(finding);
         stored(&file)
     }
 

@@ -150,7 +150,7 @@ kinds! {
         /// Longest evaluation, µs.
         worst_exec_us: f64,
     }
-    /// A text was loaded and its command is ready; this names the command.
+    /// A text was compiled and its plan goes to the executor; this names the command.
     Loaded = "loaded", "loader", Info {
         /// The command.
         command: u64,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::cell::Cell;
 use crate::session::Role;
@@ -29,9 +29,18 @@ pub struct Recorder {
     pen: Arc<Pen>,
 }
 
+/// What the thread is given.
+#[derive(Debug)]
+enum Message {
+    /// To be written.
+    Event(Box<Event>),
+    /// To be answered when everything before it is written.
+    Flush(SyncSender<()>),
+}
+
 #[derive(Debug)]
 struct Pen {
-    queue: Option<SyncSender<Event>>,
+    queue: Option<SyncSender<Message>>,
     // Relaxed everywhere: a number that is only counted.
     lost: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
@@ -86,9 +95,23 @@ impl Recorder {
     /// Records an event that was made before; never waits.
     pub fn record(&self, event: Event) {
         if let Some(queue) = &self.pen.queue
-            && queue.try_send(event).is_err()
+            && queue.try_send(Message::Event(Box::new(event))).is_err()
         {
             self.pen.lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Recorder {
+    /// Waits until everything told so far is written, at most this long; for the end of a process whose other threads
+    /// keep a handle.
+    pub fn flush(&self, patience: Duration) {
+        let (done, written) = sync_channel(1);
+        if let Some(queue) = &self.pen.queue
+            && queue.try_send(Message::Flush(done)).is_ok()
+        {
+            // Late: the disk is slow, and the end of the process does not wait for it.
+            let _ = written.recv_timeout(patience);
         }
     }
 }
@@ -112,22 +135,33 @@ struct Writer {
 }
 
 impl Writer {
-    fn run(mut self, events: &Receiver<Event>) {
-        while let Ok(event) = events.recv() {
-            let now = Instant::now();
-            let gained = now.duration_since(self.filled).as_secs_f64() * PER_SECOND;
-            self.tokens = (self.tokens + gained).min(BURST);
-            self.filled = now;
-            if self.tokens < 1.0 {
-                self.lost.fetch_add(1, Ordering::Relaxed);
-                continue;
+    fn run(mut self, messages: &Receiver<Message>) {
+        while let Ok(message) = messages.recv() {
+            match message {
+                Message::Event(event) => self.write(&event),
+                Message::Flush(done) => {
+                    self.tell_lost();
+                    // Who asked waits no more.
+                    let _ = done.send(());
+                }
             }
-            self.tokens -= 1.0;
-            self.tell_lost();
-            // A log that cannot be written has nobody to be told to.
-            let _ = append(&self.cell, &event);
         }
         self.tell_lost();
+    }
+
+    fn write(&mut self, event: &Event) {
+        let now = Instant::now();
+        let gained = now.duration_since(self.filled).as_secs_f64() * PER_SECOND;
+        self.tokens = (self.tokens + gained).min(BURST);
+        self.filled = now;
+        if self.tokens < 1.0 {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
+        self.tokens -= 1.0;
+        self.tell_lost();
+        // A log that cannot be written has nobody to be told to.
+        let _ = append(&self.cell, event);
     }
 
     fn tell_lost(&self) {
