@@ -1,6 +1,8 @@
 //! What a driver is: it speaks one device's wire, and nothing else; everything about boards, nets and rest is the host's.
 //! Run by the one thread of the host; only [`Driver::receive`] may wait.
 
+use std::sync::Arc;
+
 use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
@@ -202,6 +204,18 @@ pub trait Driver: Send {
 
     /// Asks the device to leave command mode; it is followed by further exchanges. Plain I/O does nothing.
     fn release(&mut self);
+
+    /// What it counts about its connection, for `rcc-cli doctor device`; none by default. Asked for once, at the start.
+    fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
+        None
+    }
+}
+
+/// Figures that a driver counts while it exchanges, as atomics: any thread may look at any time, and nobody waits.
+pub trait Diagnosis: Send + Sync + std::fmt::Debug {
+    /// Everything that is known about the connection now, as a JSON object. Called about once a second by a thread that
+    /// is not the exchange's; it may allocate.
+    fn link(&self) -> serde_json::Value;
 }
 
 /// Raw value of the wire → SI.

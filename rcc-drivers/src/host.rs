@@ -18,6 +18,7 @@ use thiserror::Error;
 use crate::driver::{Driver, Inputs, LinkError};
 
 pub mod blend;
+pub mod diagnosis;
 pub mod diary;
 pub mod limits;
 pub mod pace;
@@ -32,6 +33,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
+use diagnosis::Diagnosis;
 use diary::Diary;
 use pulse::Pulse;
 use reason::Reason;
@@ -69,6 +71,7 @@ pub struct Host {
     commands: Option<BoardReader<CommandImage>>,
     wait: Duration,
     diary: Diary,
+    diagnosis: Diagnosis,
     recorder: Recorder,
     pulse: Arc<Pulse>,
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
@@ -88,6 +91,7 @@ impl Host {
         (driver, reasons): (Box<dyn Driver>, &'static [Reason]),
     ) -> Result<Self, HostError> {
         let session = Session::join(cell, Role::Driver, &device.name)?;
+        let link = driver.diagnosis();
         let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
         let station = Station::new(device, monotonic_ns());
         board.write(station.measurement());
@@ -111,6 +115,7 @@ impl Host {
             commands: None,
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
             diary: Diary::new(recorder.clone(), device, reasons),
+            diagnosis: Diagnosis::start(cell, device, reasons, link)?,
             recorder,
             pulse: Pulse::new(reasons),
             farewell_ns: None,
@@ -148,6 +153,7 @@ impl Host {
             }
             self.pulse.turn(self.station.measurement());
             self.diary.look(&self.station);
+            self.diagnosis.turn(self.station.measurement());
         }
         self.recorder.tell(Kind::Stopping {
             why: "asked to".to_owned(),

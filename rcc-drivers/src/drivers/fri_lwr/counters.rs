@@ -1,0 +1,364 @@
+//! What the connection to the controller has been like: counted by the thread that exchanges, read by the one that
+//! tells people. Every atomic is Relaxed: each figure stands for itself, nothing else is handed over with it.
+
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+
+use serde_json::{Value, json};
+
+use crate::driver::Diagnosis;
+use crate::fri_lwr::wire::{
+    ControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
+};
+
+/// Larger steps of the sequence number are a new beginning of the controller, not a loss.
+const GAP_MAX: u16 = 1000;
+
+/// The figures of one connection.
+#[derive(Debug)]
+pub struct Counters {
+    listen: SocketAddr,
+    peer: Option<SocketAddr>,
+    /// Who is answered; 0 = nobody.
+    controller: AtomicU64,
+    datagrams: AtomicU64,
+    accepted: AtomicU64,
+    /// From somebody else.
+    foreign: AtomicU64,
+    foreign_last: AtomicU64,
+    wrong_size: AtomicU64,
+    /// Bytes, and the first eight of them.
+    wrong_size_last: AtomicU64,
+    wrong_size_head: AtomicU64,
+    wrong_identity: AtomicU64,
+    wrong_identity_last: AtomicU32,
+    malformed: AtomicU64,
+    disordered: AtomicU64,
+    sequence: AtomicU32,
+    gaps: AtomicU64,
+    gaps_datagrams: AtomicU64,
+    heard_ns: AtomicU64,
+    interval_max_ns: AtomicU64,
+    interval_longest_ns: AtomicU64,
+    answered: AtomicU64,
+    answer_sum_ns: AtomicU64,
+    answer_max_ns: AtomicU64,
+    answer_longest_ns: AtomicU64,
+    wire: Wire,
+}
+
+/// The newest word of the controller about itself; reals as their bits.
+#[derive(Debug, Default)]
+struct Wire {
+    session: AtomicU32,
+    quality: AtomicU32,
+    control: AtomicU32,
+    power: AtomicU32,
+    error: AtomicU32,
+    warning: AtomicU32,
+    missed: AtomicU32,
+    period: AtomicU32,
+    answer_rate: AtomicU32,
+    latency: AtomicU32,
+    jitter: AtomicU32,
+}
+
+impl Counters {
+    /// Of a socket at `listen` that answers only `peer`, if given.
+    #[must_use]
+    pub fn new(listen: SocketAddr, peer: Option<SocketAddr>) -> Self {
+        let none = AtomicU64::default;
+        Self {
+            listen,
+            peer,
+            controller: none(),
+            datagrams: none(),
+            accepted: none(),
+            foreign: none(),
+            foreign_last: none(),
+            wrong_size: none(),
+            wrong_size_last: none(),
+            wrong_size_head: none(),
+            wrong_identity: none(),
+            wrong_identity_last: AtomicU32::default(),
+            malformed: none(),
+            disordered: none(),
+            sequence: AtomicU32::new(u32::MAX),
+            gaps: none(),
+            gaps_datagrams: none(),
+            heard_ns: none(),
+            interval_max_ns: none(),
+            interval_longest_ns: none(),
+            answered: none(),
+            answer_sum_ns: none(),
+            answer_max_ns: none(),
+            answer_longest_ns: none(),
+            wire: Wire::default(),
+        }
+    }
+
+    /// A datagram of somebody who is not the controller.
+    pub fn foreign(&self, source: SocketAddr) {
+        self.datagrams.fetch_add(1, Relaxed);
+        self.foreign.fetch_add(1, Relaxed);
+        self.foreign_last.store(packed(source), Relaxed);
+    }
+
+    /// A datagram that was not taken.
+    pub fn refused(&self, bytes: &[u8], source: SocketAddr) {
+        self.datagrams.fetch_add(1, Relaxed);
+        self.controller.store(packed(source), Relaxed);
+        match MeasurementDatagram::decode(bytes) {
+            Err(WireError::Size { .. }) => {
+                self.wrong_size.fetch_add(1, Relaxed);
+                self.wrong_size_last.store(bytes.len() as u64, Relaxed);
+                let mut head = [0; 8];
+                for (place, byte) in head.iter_mut().zip(bytes) {
+                    *place = *byte;
+                }
+                self.wrong_size_head
+                    .store(u64::from_le_bytes(head), Relaxed);
+            }
+            Err(WireError::Identity { have, .. }) => {
+                self.wrong_identity.fetch_add(1, Relaxed);
+                self.wrong_identity_last.store(u32::from(have), Relaxed);
+            }
+            Err(_) => {
+                self.malformed.fetch_add(1, Relaxed);
+            }
+            // It can be read, so its order was wrong, or a number is none.
+            Ok(_) => {
+                self.disordered.fetch_add(1, Relaxed);
+            }
+        }
+    }
+
+    /// A datagram that counts, at this CLOCK_MONOTONIC.
+    pub fn accepted(&self, now_ns: u64, source: SocketAddr, measured: &MeasurementDatagram) {
+        self.datagrams.fetch_add(1, Relaxed);
+        self.accepted.fetch_add(1, Relaxed);
+        self.controller.store(packed(source), Relaxed);
+        let heard_ns = self.heard_ns.swap(now_ns, Relaxed);
+        if heard_ns > 0 {
+            let interval_ns = now_ns.saturating_sub(heard_ns);
+            self.interval_max_ns.fetch_max(interval_ns, Relaxed);
+            self.interval_longest_ns.fetch_max(interval_ns, Relaxed);
+        }
+        let before = self
+            .sequence
+            .swap(u32::from(measured.send_sequence), Relaxed);
+        if let Ok(before) = u16::try_from(before) {
+            let step = measured.send_sequence.wrapping_sub(before);
+            if (2..=GAP_MAX).contains(&step) {
+                self.gaps.fetch_add(1, Relaxed);
+                self.gaps_datagrams.fetch_add(u64::from(step - 1), Relaxed);
+            }
+        }
+        self.wire.store(measured);
+    }
+
+    /// The last datagram has been answered, at this CLOCK_MONOTONIC.
+    pub fn answered(&self, now_ns: u64) {
+        let took_ns = now_ns.saturating_sub(self.heard_ns.load(Relaxed));
+        self.answered.fetch_add(1, Relaxed);
+        self.answer_sum_ns.fetch_add(took_ns, Relaxed);
+        self.answer_max_ns.fetch_max(took_ns, Relaxed);
+        self.answer_longest_ns.fetch_max(took_ns, Relaxed);
+    }
+
+    /// The controller has been silent for long: what comes next is a new beginning.
+    pub fn forget(&self) {
+        self.controller.store(0, Relaxed);
+        self.sequence.store(u32::MAX, Relaxed);
+        self.heard_ns.store(0, Relaxed);
+    }
+}
+
+impl Diagnosis for Counters {
+    fn link(&self) -> Value {
+        let number = |figure: &AtomicU64| figure.load(Relaxed);
+        let answered = number(&self.answered);
+        json!({
+            "protocol": "FRI 1.0 (LWR 4+)",
+            "listen": self.listen.to_string(),
+            "peer": self.peer.map(|peer| peer.to_string()),
+            "controller": unpacked(number(&self.controller)),
+            "datagrams": number(&self.datagrams),
+            "accepted": number(&self.accepted),
+            "foreign": number(&self.foreign),
+            "foreign_last": unpacked(number(&self.foreign_last)),
+            "wrong_size": number(&self.wrong_size),
+            "wrong_size_last": number(&self.wrong_size_last),
+            "wrong_size_head": number(&self.wrong_size_head).to_le_bytes(),
+            "wrong_identity": number(&self.wrong_identity),
+            "wrong_identity_last": self.wrong_identity_last.load(Relaxed),
+            "malformed": number(&self.malformed),
+            "disordered": number(&self.disordered),
+            "gaps": number(&self.gaps),
+            "gaps_datagrams": number(&self.gaps_datagrams),
+            // Since the last look, and since the beginning.
+            "interval_max_ns": self.interval_max_ns.swap(0, Relaxed),
+            "interval_longest_ns": number(&self.interval_longest_ns),
+            "answered": answered,
+            "answer_mean_ns": number(&self.answer_sum_ns).checked_div(answered),
+            "answer_max_ns": self.answer_max_ns.swap(0, Relaxed),
+            "answer_longest_ns": number(&self.answer_longest_ns),
+            "wire": (number(&self.accepted) > 0).then(|| self.wire.told()),
+        })
+    }
+}
+
+impl Wire {
+    fn store(&self, measured: &MeasurementDatagram) {
+        self.session.store(measured.state as u32, Relaxed);
+        self.quality.store(measured.quality as u32, Relaxed);
+        self.control.store(measured.control as u32, Relaxed);
+        self.power.store(u32::from(measured.power), Relaxed);
+        self.error.store(u32::from(measured.error), Relaxed);
+        self.warning.store(u32::from(measured.warning), Relaxed);
+        self.missed.store(measured.miss_count, Relaxed);
+        let reals = [
+            (&self.period, measured.measurement_period),
+            (&self.answer_rate, measured.answer_rate),
+            (&self.latency, measured.latency),
+            (&self.jitter, measured.jitter),
+        ];
+        for (place, value) in reals {
+            place.store(value.to_bits(), Relaxed);
+        }
+    }
+
+    fn told(&self) -> Value {
+        let word = |figure: &AtomicU32, names: &[(u32, &'static str)]| {
+            let number = figure.load(Relaxed);
+            names.iter().find(|row| row.0 == number).map(|row| row.1)
+        };
+        // NaN becomes null.
+        let real = |figure: &AtomicU32| f64::from(f32::from_bits(figure.load(Relaxed)));
+        json!({
+            "session": word(&self.session, &[
+                (SessionState::Monitor as u32, "monitor"),
+                (SessionState::Command as u32, "command"),
+            ]).unwrap_or("off"),
+            "quality": word(&self.quality, &[
+                (Quality::Bad as u32, "bad"),
+                (Quality::Ok as u32, "ok"),
+                (Quality::Perfect as u32, "perfect"),
+            ]).unwrap_or("unacceptable"),
+            "control": word(&self.control, &[
+                (ControlStrategy::Position as u32, "position"),
+                (ControlStrategy::CartesianImpedance as u32, "cartesian impedance"),
+                (ControlStrategy::JointImpedance as u32, "joint impedance"),
+            ]).unwrap_or("other"),
+            "power": self.power.load(Relaxed),
+            "error": self.error.load(Relaxed),
+            "warning": self.warning.load(Relaxed),
+            "missed": self.missed.load(Relaxed),
+            "period_s": real(&self.period),
+            "answer_rate": real(&self.answer_rate),
+            "latency_s": real(&self.latency),
+            "jitter_s": real(&self.jitter),
+        })
+    }
+}
+
+/// FRI 1.0 knows IPv4 only.
+fn packed(address: SocketAddr) -> u64 {
+    match address {
+        SocketAddr::V4(address) => {
+            u64::from(address.ip().to_bits()) << 16 | u64::from(address.port())
+        }
+        SocketAddr::V6(_) => 0,
+    }
+}
+
+fn unpacked(number: u64) -> Option<String> {
+    let address = Ipv4Addr::from_bits((number >> 16) as u32);
+    (number != 0).then(|| SocketAddrV4::new(address, number as u16).to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fri_lwr::wire::MSR_SIZE;
+
+    fn at(port: u16) -> SocketAddr {
+        SocketAddr::from(([127, 0, 0, 1], port))
+    }
+
+    fn measured(sequence: u16) -> MeasurementDatagram {
+        MeasurementDatagram {
+            send_sequence: sequence,
+            state: SessionState::Command,
+            quality: Quality::Perfect,
+            power: 0x7f,
+            ..MeasurementDatagram::default()
+        }
+    }
+
+    #[test]
+    fn addresses_survive_being_packed() {
+        assert_eq!(
+            unpacked(packed(at(49_938))).as_deref(),
+            Some("127.0.0.1:49938")
+        );
+        assert_eq!(unpacked(0), None);
+    }
+
+    #[test]
+    fn what_is_refused_is_counted_by_its_kind() {
+        let counters = Counters::new(at(1), None);
+        counters.refused(b"hello", at(2));
+        let mut other = measured(1).encode();
+        other[6] = 9;
+        counters.refused(&other, at(2));
+        counters.refused(&measured(1).encode(), at(2));
+        counters.foreign(at(3));
+        let link = counters.link();
+        assert_eq!(
+            (&link["wrong_size"], &link["wrong_size_last"]),
+            (&1.into(), &5.into())
+        );
+        assert_eq!(link["wrong_size_head"][0], 104);
+        assert_eq!(
+            (&link["wrong_identity"], &link["wrong_identity_last"]),
+            (&1.into(), &0x2009.into())
+        );
+        assert_eq!(
+            (&link["disordered"], &link["foreign"]),
+            (&1.into(), &1.into())
+        );
+        assert_eq!(link["foreign_last"], "127.0.0.1:3");
+        assert!(link["wire"].is_null() && MSR_SIZE == 916);
+    }
+
+    #[test]
+    fn gaps_intervals_and_answers_are_measured() {
+        let counters = Counters::new(at(1), None);
+        for (sequence, now_ns) in [(65_534, 1_000_000), (65_535, 2_000_000), (2, 5_000_000)] {
+            counters.accepted(now_ns, at(2), &measured(sequence));
+            counters.answered(now_ns + 30_000);
+        }
+        let link = counters.link();
+        assert_eq!(
+            (&link["gaps"], &link["gaps_datagrams"]),
+            (&1.into(), &2.into())
+        );
+        assert_eq!(link["interval_max_ns"], 3_000_000);
+        assert_eq!(
+            (&link["answer_mean_ns"], &link["answer_max_ns"]),
+            (&30_000.into(), &30_000.into())
+        );
+        assert_eq!(
+            (&link["wire"]["session"], &link["wire"]["quality"]),
+            (&"command".into(), &"perfect".into())
+        );
+        counters.forget();
+        counters.accepted(9_000_000_000, at(2), &measured(9));
+        let link = counters.link();
+        assert_eq!(
+            (&link["gaps"], &link["interval_max_ns"]),
+            (&1.into(), &0.into())
+        );
+    }
+}
