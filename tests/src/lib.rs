@@ -2,9 +2,14 @@
 //! asked for, and leaves nothing behind, also when the test fails. Run by the threads of the test harness.
 
 pub mod cell;
+pub mod census;
+pub mod endurance;
 pub mod hand;
+pub mod journal;
+pub mod lateness;
 pub mod nets;
 pub mod place;
+pub mod process;
 pub mod processes;
 pub mod programs;
 pub mod records;

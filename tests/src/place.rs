@@ -1,7 +1,6 @@
 //! Where a test's cell lies and how it is asked: configuration with ports of its own, REST, programs, announcements,
 //! boards. Run by the threads of the test harness.
 
-use std::cell::Cell as Counter;
 use std::collections::BTreeMap;
 use std::fs;
 use std::net::{Ipv4Addr, TcpListener, UdpSocket};
@@ -34,7 +33,7 @@ pub struct Place {
     base: PathBuf,
     config: PathBuf,
     ports: BTreeMap<String, u16>,
-    files: Counter<u32>,
+    files: AtomicU32,
 }
 
 impl Place {
@@ -71,7 +70,7 @@ impl Place {
             base,
             config,
             ports,
-            files: Counter::new(0),
+            files: AtomicU32::new(0),
         }
     }
 
@@ -134,8 +133,8 @@ impl Place {
 
     /// Writes a file into the test's folder.
     pub fn file(&self, text: &str) -> PathBuf {
-        let number = self.files.get();
-        self.files.set(number + 1);
+        // Relaxed: only different numbers are wanted.
+        let number = self.files.fetch_add(1, Ordering::Relaxed);
         let path = self.base.join(format!("file-{number}.yaml"));
         fs::write(&path, text).expect("the file can be written");
         path
@@ -354,6 +353,7 @@ impl Drop for Place {
         for file in self.cell.leftovers().unwrap_or_default() {
             let _ = fs::remove_file(file);
         }
+        let _ = fs::remove_dir_all(self.cell.iox_root());
         let _ = fs::remove_dir_all(&self.base);
     }
 }

@@ -22,10 +22,12 @@ fn build() -> PathBuf {
         return folder.into();
     }
     let this = std::env::current_exe().expect("a program has a path");
-    // A test lies in target/PROFILE/deps, a program in target/PROFILE.
+    // A test lies in target/PROFILE/deps, an example in target/PROFILE/examples, a program in target/PROFILE.
     let folder = this.parent().expect("a program is in a folder");
     let folder = match folder.parent() {
-        Some(profile) if folder.ends_with("deps") => profile.to_owned(),
+        Some(profile) if folder.ends_with("deps") || folder.ends_with("examples") => {
+            profile.to_owned()
+        }
         _ => folder.to_owned(),
     };
     let mut cargo = Command::new(env!("CARGO"));

@@ -14,6 +14,10 @@ use nix::unistd::Pid;
 use rcc_ipc::monotonic_ns;
 
 const PERIOD_NS: u64 = 1_000_000;
+/// A wake-up later than this is a stall: a tenth of the executor's period.
+const STALL_NS: u64 = 100_000;
+/// Stalls that are under way in a stream.
+const RING: usize = 16_384;
 
 /// A stretch in which the machine did not let the reference thread run, CLOCK_MONOTONIC.
 #[derive(Clone, Copy, Debug)]
@@ -40,11 +44,44 @@ impl Reference {
         let thread = std::thread::spawn(move || {
             let granted = promote(Some(core), priority);
             told.send(granted).expect("the test waits");
-            if granted { watch(&stopped) } else { Vec::new() }
+            let mut stalls = Vec::with_capacity(100_000);
+            if granted {
+                watch(&stopped, PERIOD_NS, |stall| stalls.push(stall));
+            }
+            stalls
         });
         tell.recv()
             .expect("the thread tells")
             .then_some(Reference { stop, thread })
+    }
+
+    /// As [`Reference::start`], but each stall is handed over at once, and it wakes every `period_ns`. The thread calls
+    /// nothing that allocates, so that a stall is never its own. A ring that is full loses stalls: they excuse nothing.
+    pub fn stream(
+        core: usize,
+        priority: i32,
+        period_ns: u64,
+    ) -> Option<(Reference, rtrb::Consumer<Stall>)> {
+        let (mut stalls, handed) = rtrb::RingBuffer::new(RING);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (told, tell) = std::sync::mpsc::channel();
+        let stopped = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || {
+            touch(&mut stalls);
+            let granted = promote(Some(core), priority);
+            told.send(granted).expect("the test waits");
+            if granted {
+                watch(&stopped, period_ns, |stall| {
+                    // Full: see above.
+                    let _ = stalls.push(stall);
+                });
+            }
+            Vec::new()
+        });
+        let mut handed = handed;
+        let granted = tell.recv().expect("the thread tells");
+        while handed.pop().is_ok_and(|stall| stall.to_ns == 0) {}
+        granted.then_some((Reference { stop, thread }, handed))
     }
 
     /// Ends it; returns every wake-up that was late by more than a tenth of a period.
@@ -71,9 +108,18 @@ pub fn promote(core: Option<usize>, priority: i32) -> bool {
     pinned && unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) } == 0
 }
 
-fn watch(stop: &AtomicBool) -> Vec<Stall> {
-    let mut stalls = Vec::with_capacity(100_000);
-    let mut deadline_ns = monotonic_ns() + PERIOD_NS;
+/// Writes every place of a ring once, so that none of its pages faults later.
+fn touch(stalls: &mut rtrb::Producer<Stall>) {
+    let empty = Stall {
+        from_ns: 0,
+        to_ns: 0,
+    };
+    // Full is what it shall be.
+    while stalls.push(empty).is_ok() {}
+}
+
+fn watch(stop: &AtomicBool, period_ns: u64, mut tell: impl FnMut(Stall)) {
+    let mut deadline_ns = monotonic_ns() + period_ns;
     while !stop.load(Ordering::Acquire) {
         let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
         while clock_nanosleep(
@@ -84,13 +130,12 @@ fn watch(stop: &AtomicBool) -> Vec<Stall> {
         .is_err()
         {}
         let now_ns = monotonic_ns();
-        if now_ns - deadline_ns > PERIOD_NS / 10 {
-            stalls.push(Stall {
+        if now_ns - deadline_ns > STALL_NS {
+            tell(Stall {
                 from_ns: deadline_ns,
                 to_ns: now_ns,
             });
         }
-        deadline_ns = (deadline_ns + PERIOD_NS).max(now_ns + PERIOD_NS / 2);
+        deadline_ns = (deadline_ns + period_ns).max(now_ns + period_ns / 2);
     }
-    stalls
 }

@@ -1,0 +1,115 @@
+//! `endurance`: a moving cell under load from all sides; the result is a table, and the exit code tells whether all holds.
+//! The main thread; see `rcc_tests::endurance`.
+
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Parser;
+use nix::sys::signal::{SigSet, Signal};
+use rcc_tests::endurance::{Options, run};
+use rcc_tests::journal::Journal;
+
+/// A moving cell under load from all sides: every late cycle explained, nothing grows, nothing moves by itself.
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// For how long, at least
+    #[arg(long, default_value_t = 1.0)]
+    minutes: f64,
+    /// Choices are drawn from it
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Kill the drivers so often and start them again, four times of five that of the I/O station
+    #[arg(long, default_value_t = 20)]
+    restarts: u64,
+    /// So many monitors come, stall and go
+    #[arg(long, default_value_t = 100)]
+    monitors: u64,
+    /// No floods, big nets, killed loaders, or load on the machine
+    #[arg(long)]
+    no_load: bool,
+    /// Where the programs of the cell are; they are copied before the cell starts. Otherwise one folder up from here
+    #[arg(long)]
+    programs: Option<PathBuf>,
+}
+
+/// Programs of a cell.
+const PROGRAMS: [&str; 8] = [
+    "rcc-cli",
+    "rcc-exec",
+    "rcc-loader",
+    "rcc-driver",
+    "rcc-janitor",
+    "rcc-monitor",
+    "lwr-sim",
+    "io-sim",
+];
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let Some(copies) = std::env::var_os("RCC_PROGRAMS").map(PathBuf::from) else {
+        let error = with_copies(&arguments);
+        eprintln!("endurance: {error}");
+        return ExitCode::FAILURE;
+    };
+    let time = Duration::from_secs_f64(arguments.minutes * 60.0);
+    let options = Options {
+        time,
+        seed: arguments.seed,
+        restarts: arguments.restarts,
+        monitors: arguments.monitors,
+        load: !arguments.no_load,
+        warm_up: (time / 6).min(Duration::from_secs(90)),
+        census_every: Duration::from_secs(60),
+    };
+    let journal = Arc::new(Journal::default());
+    if let Err(error) = end_with_signal(&journal) {
+        eprintln!("endurance: {error}");
+        return ExitCode::FAILURE;
+    }
+    let report = run(options, &journal);
+    println!("{report}");
+    if copies.starts_with(std::env::temp_dir()) {
+        // A copy that stays costs disk, nothing else.
+        let _ = std::fs::remove_dir_all(&copies);
+    }
+    ExitCode::from(u8::from(!report.holds()))
+}
+
+/// Ctrl-C ends the run in order, and the report tells what was until then. Called before the first thread.
+fn end_with_signal(journal: &Arc<Journal>) -> nix::Result<()> {
+    let signals: SigSet = [Signal::SIGINT, Signal::SIGTERM].into_iter().collect();
+    signals.thread_block()?;
+    let journal = Arc::clone(journal);
+    std::thread::spawn(move || {
+        if signals.wait().is_ok() {
+            journal.end();
+        }
+    });
+    Ok(())
+}
+
+/// Copies the programs, because somebody may build new ones meanwhile, and runs this one again with them.
+fn with_copies(arguments: &Arguments) -> std::io::Error {
+    let copy = || -> std::io::Result<PathBuf> {
+        let this = std::env::current_exe()?;
+        let beside = this.ancestors().nth(2).unwrap_or(Path::new("/"));
+        let from = arguments.programs.as_deref().unwrap_or(beside);
+        let to = std::env::temp_dir().join(format!("rcc-endurance-{}", std::process::id()));
+        std::fs::create_dir_all(&to)?;
+        for name in PROGRAMS {
+            std::fs::copy(from.join(name), to.join(name))?;
+        }
+        Ok(to)
+    };
+    match copy() {
+        Ok(folder) => Command::new("/proc/self/exe")
+            .args(std::env::args_os().skip(1))
+            .env("RCC_JANITOR", folder.join("rcc-janitor"))
+            .env("RCC_PROGRAMS", folder)
+            .exec(),
+        Err(error) => error,
+    }
+}

@@ -1,0 +1,167 @@
+//! A moving cell under load from all sides for as long as one likes: every late cycle is explained, nothing grows, and
+//! nothing moves that nobody asked for. Run by the calling thread, which starts one thread for each side.
+
+mod arm;
+mod clients;
+mod field;
+mod io;
+mod machine;
+mod monitors;
+mod report;
+
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rcc_core::message::DeviceState;
+
+pub use field::{Counts, Field};
+pub use report::Report;
+
+use crate::HandCell;
+use crate::census::Census;
+use crate::journal::Journal;
+use crate::lateness::{Judge, steal_ticks};
+
+/// The executor's core and priority; the reference thread has the one above.
+pub const CORE: usize = 1;
+/// See [`CORE`].
+pub const PRIORITY: u8 = 88;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// For how long.
+    pub time: Duration,
+    /// Choices are drawn from it.
+    pub seed: u64,
+    /// How often the drivers are killed and started again, in all.
+    pub restarts: u64,
+    /// How many monitors come, stall and go.
+    pub monitors: u64,
+    /// With floods of requests, big nets, killed loaders, and load on processor, disk and memory.
+    pub load: bool,
+    /// Until the first count: what is made once has been made then.
+    pub warm_up: Duration,
+    /// Between two counts.
+    pub census_every: Duration,
+}
+
+/// Runs it to its end, or until somebody ends the journal.
+///
+/// # Panics
+/// The cell does not start. What happens later is a finding in the report.
+pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
+    let begun = Instant::now();
+    let pin = format!("{{priority: {PRIORITY}, core: {CORE}}}");
+    let mut cell = HandCell::new(move |text| text.replace("{priority: 80}", &pin));
+    for name in ["lwr-sim", "io-sim"] {
+        cell.start_simulator(name);
+    }
+    let executor = cell.start_executor();
+    let field = Field::new(&cell, options, executor, Arc::clone(journal));
+    let steal = steal_ticks(CORE);
+    let mut report = Report::new(options);
+    thread::scope(|scope| {
+        scope.spawn(|| clients::loader(&field));
+        scope.spawn(|| arm::run(&field));
+        scope.spawn(|| io::run(&field));
+        // The threads above start the rest of the cell; the others need it.
+        await_ready(&field);
+        for number in 0..3 {
+            let field = &field;
+            scope.spawn(move || monitors::run(field, number));
+        }
+        if options.load {
+            scope.spawn(|| clients::big_nets(&field));
+            for number in 0..3 {
+                let field = &field;
+                scope.spawn(move || clients::flood(field, number));
+            }
+            scope.spawn(|| machine::disk(&field));
+            scope.spawn(|| machine::memory(&field));
+            for _ in 0..2 {
+                scope.spawn(|| machine::processor(&field));
+            }
+        }
+        let judge = Judge::start(field.place, CORE, PRIORITY, journal);
+        report.judged = judge.is_some();
+        watch(&field, &mut report, judge.as_ref(), begun);
+        journal.end();
+        if let Some(judge) = judge {
+            report.verdict = judge.finish();
+        }
+    });
+    report.time = begun.elapsed();
+    report.steal_ticks = steal_ticks(CORE).saturating_sub(steal);
+    report.counts = field.counts.numbers();
+    (report.findings, report.found) = journal.findings();
+    report.disturbed = field.disturbed();
+    cell.stop();
+    report
+}
+
+/// Waits until the cell is up: its drivers are started by threads that have just begun.
+fn await_ready(field: &Field<'_>) {
+    let watch = field.place.watch();
+    crate::await_some("the cell to be up", || {
+        let tables = watch.tables();
+        let ready = |index: usize| tables.devices[index].state == DeviceState::Ready as u32;
+        let serving = field.place.try_rest("GET", "/status", "").is_some();
+        (serving && ready(0) && ready(1)).then_some(())
+    });
+}
+
+/// Counts now and then in a quiet moment, and tells how it goes.
+fn watch(field: &Field<'_>, report: &mut Report, judge: Option<&Judge>, begun: Instant) {
+    let (options, journal) = (field.options, &field.journal);
+    journal.pause(options.warm_up);
+    loop {
+        let wanted = options.restarts.min(field.counts.restarts())
+            + options.monitors.min(field.counts.monitors())
+            == options.restarts + options.monitors;
+        let over = begun.elapsed() >= options.time && wanted || journal.is_over();
+        // The report tells what was not reached.
+        let over = over || begun.elapsed() >= options.time * 11 / 10 + Duration::from_secs(60);
+        let quiet = journal.quiet();
+        let now = settled(field, report.first.as_ref());
+        report.count(begun.elapsed(), now);
+        eprintln!(
+            "{:7.0} s  {} motions, {} driver restarts, {} monitors, {} late cycles unexplained, {} findings",
+            begun.elapsed().as_secs_f64(),
+            field.counts.motions(),
+            field.counts.restarts(),
+            field.counts.monitors(),
+            judge.map_or(0, Judge::unexplained),
+            journal.findings().1,
+        );
+        if over {
+            // Nobody begins another round.
+            journal.end();
+            drop(quiet);
+            return;
+        }
+        drop(quiet);
+        let left = options.time.saturating_sub(begun.elapsed());
+        let pause = if left.is_zero() {
+            Duration::from_secs(5)
+        } else {
+            left
+        };
+        journal.pause(pause.min(options.census_every));
+    }
+}
+
+/// Counts when what dead processes left has been cleaned: half-made files only when they are old enough.
+fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
+    let begun = Instant::now();
+    loop {
+        field.clean();
+        let now = Census::of(field.place, field.executor);
+        let within = first.is_some_and(|first| now.growth(first).is_empty());
+        if within || begun.elapsed() > Duration::from_secs(3) {
+            return now;
+        }
+        thread::sleep(Duration::from_millis(200));
+    }
+}

@@ -1,0 +1,208 @@
+//! Moves the arm back and forth: nets that finish, that are cancelled, that are aborted, and that lose their driver.
+//! One thread, which owns the arm's driver.
+
+use std::time::Duration;
+
+use nix::sys::signal::Signal;
+use serde_json::Value;
+
+use super::PRIORITY;
+use super::field::{ARM, Field, count};
+use crate::journal::Random;
+use crate::nets;
+use crate::place::Watch;
+use crate::process::Process;
+use crate::simulator::{Simulator, assert_within_limits, joints_of};
+
+/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+const LOST: i64 = 1;
+/// A resting joint is slower than this, rad/s.
+const STILL: f64 = 1e-4;
+/// To the sides, m.
+const SIDE: f64 = 0.12;
+/// The flange is this near to where a finished line ends, m.
+const NEAR: f64 = 0.002;
+
+struct Arm<'a> {
+    field: &'a Field<'a>,
+    simulator: Simulator,
+    driver: Process,
+    watch: Watch,
+    random: Random,
+}
+
+/// What becomes of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fate {
+    Finish,
+    Cancel,
+    Abort,
+    Kill,
+}
+
+/// Runs until the journal ends.
+pub fn run(field: &Field<'_>) {
+    let mut driver = Process::driver(field.place, "lwr", PRIORITY);
+    let pid = driver.start(field.place);
+    let mut arm = Arm {
+        field,
+        simulator: field.place.simulator("fri_control"),
+        driver,
+        watch: field.place.watch(),
+        random: field.random(1),
+    };
+    field.await_driver(&arm.watch, ARM, pid);
+    arm.simulator.await_rest();
+    arm.simulator.reset_statistics();
+    field.journal.rounds("arm", |number| arm.round(number));
+    arm.driver.end(Signal::SIGTERM);
+    drop(arm.watch);
+}
+
+impl Arm<'_> {
+    fn round(&mut self, number: u64) {
+        let field = self.field;
+        let fate = self.fate();
+        let calm = (fate == Fate::Kill).then(|| {
+            field
+                .io_calm
+                .lock()
+                .unwrap_or_else(|held| held.into_inner())
+        });
+        let lamp = calm.as_ref().map(|_| {
+            let name = format!("beside-{number}");
+            let lamp = field.load(&name, &nets::lamp(&name));
+            field.start(lamp);
+            lamp
+        });
+        let y = if number.is_multiple_of(2) {
+            SIDE
+        } else {
+            -SIDE
+        };
+        let name = format!("line-{number}");
+        let line = field.load(&name, &nets::line(&name, y, 0.25));
+        field
+            .journal
+            .pause(self.random.time_below(Duration::from_millis(300)));
+        self.assert_nothing_moved();
+        field.journal.note(format!("start {name}, to {fate:?}"));
+        field.start(line);
+        let row = self.let_it(fate, line);
+        self.judge(fate, &row, y);
+        field.unload(line);
+        if fate == Fate::Kill {
+            self.start_driver();
+        }
+        if let Some(lamp) = lamp {
+            let row = field.row(lamp);
+            assert_eq!(
+                row["state"], "running",
+                "the net beside did not notice: {row}"
+            );
+            field.stop(lamp, "cancel");
+            field.await_end(lamp);
+            field.unload(lamp);
+        }
+    }
+
+    /// A fifth of all restarts are the arm's, spread over the time.
+    fn fate(&mut self) -> Fate {
+        let (all, counts) = (self.field.options.restarts / 5, &self.field.counts);
+        let done = counts
+            .arm_restarts
+            .load(std::sync::atomic::Ordering::Relaxed)
+            + counts
+                .arm_starts_killed
+                .load(std::sync::atomic::Ordering::Relaxed);
+        let others = counts
+            .io_restarts
+            .load(std::sync::atomic::Ordering::Relaxed);
+        if done < all && done * 4 <= others {
+            return Fate::Kill;
+        }
+        match self.random.below(10) {
+            0 | 1 => Fate::Cancel,
+            2 => Fate::Abort,
+            _ => Fate::Finish,
+        }
+    }
+
+    /// Since the last reset, when the arm rested, no joint moved.
+    fn assert_nothing_moved(&mut self) {
+        let state = self.simulator.state();
+        let fastest = joints_of(&state["velocity_max"]);
+        if fastest.iter().any(|velocity| *velocity > STILL) {
+            self.field
+                .journal
+                .find(format!("the arm moved while no net ran: {state}"));
+        }
+        self.simulator.reset_statistics();
+    }
+
+    fn let_it(&mut self, fate: Fate, line: u64) -> Value {
+        let field = self.field;
+        if fate != Fate::Finish {
+            std::thread::sleep(self.random.time_below(Duration::from_millis(900)));
+        }
+        match fate {
+            Fate::Finish => {}
+            Fate::Cancel => field.stop(line, "cancel"),
+            Fate::Abort => field.stop(line, "abort"),
+            Fate::Kill => {
+                field.journal.note("kill the arm's driver".to_owned());
+                self.driver.end(Signal::SIGKILL);
+            }
+        }
+        field.await_end(line)
+    }
+
+    /// The end is as asked for, the arm is at rest and was within its limits.
+    fn judge(&mut self, fate: Fate, row: &Value, y: f64) {
+        let (field, counts) = (self.field, &self.field.counts);
+        let rest = self.simulator.await_rest();
+        assert_within_limits(&rest, &[LOST]);
+        let (reason, fault) = (
+            row["reason"].as_str().unwrap_or_default(),
+            &row["fault"]["fault"],
+        );
+        match (fate, reason) {
+            (_, "finished") => {
+                let at = rest["flange_position"][1].as_f64().unwrap_or(f64::NAN);
+                if (at - y).abs() > NEAR {
+                    field
+                        .journal
+                        .find(format!("finished at y = {at} m, not {y} m: {row}"));
+                }
+                count(&counts.finished);
+            }
+            (Fate::Cancel, "canceled") => count(&counts.canceled),
+            (Fate::Abort, "aborted") => count(&counts.aborted),
+            (Fate::Kill, "fault") if fault == "device lost" => count(&counts.killed),
+            (_, "fault") if fault == "device lost" => {
+                count(&counts.disturbed);
+                field.keep_disturbed(format!("{row}; the controller: {}", rest["faults"]));
+            }
+            _ => field
+                .journal
+                .find(format!("asked to {fate:?}, ended as {row}")),
+        }
+        // From here on nothing may move.
+        self.simulator.reset_statistics();
+    }
+
+    /// Starts the driver again at once; each tenth time it is killed while it starts.
+    fn start_driver(&mut self) {
+        let (field, counts) = (self.field, &self.field.counts);
+        let mut pid = self.driver.start(field.place);
+        count(&counts.arm_restarts);
+        if self.random.percent(10) {
+            std::thread::sleep(self.random.time_below(Duration::from_millis(100)));
+            self.driver.end(Signal::SIGKILL);
+            pid = self.driver.start(field.place);
+            count(&counts.arm_starts_killed);
+        }
+        field.clean();
+        field.await_driver(&self.watch, ARM, pid);
+    }
+}

@@ -1,0 +1,113 @@
+//! Whoever talks to the loader: the one who kills it, the one with big nets, and those who flood it.
+//! A thread each; the first one owns the loader.
+
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use nix::sys::signal::Signal;
+
+use super::field::{Field, count};
+use crate::await_some;
+use crate::process::Process;
+
+/// Starts the loader, and kills it now and then under load.
+pub fn loader(field: &Field<'_>) {
+    let mut loader = Process::of_cell(field.place, "loader", "rcc-loader", &[]);
+    let serve = |loader: &mut Process| {
+        loader.start(field.place);
+        await_some("the loader to answer", || {
+            field.place.try_rest("GET", "/status", "")
+        });
+    };
+    serve(&mut loader);
+    let mut random = field.random(3);
+    let mut until_next = 20_000;
+    field.journal.rounds("loader", |_| {
+        field.journal.pause(Duration::from_millis(200));
+        until_next -= 200_i64;
+        if until_next > 0 || !field.options.load {
+            return;
+        }
+        until_next = 10_000 + random.below(20_000) as i64;
+        field.journal.note("kill the loader".to_owned());
+        loader.end(if random.percent(80) {
+            Signal::SIGKILL
+        } else {
+            Signal::SIGTERM
+        });
+        std::thread::sleep(random.time_below(Duration::from_millis(100)));
+        serve(&mut loader);
+        count(&field.counts.loaders);
+        field.clean();
+    });
+    loader.end(Signal::SIGTERM);
+}
+
+/// Loads big nets, runs the smaller of them, and unloads them.
+pub fn big_nets(field: &Field<'_>) {
+    let mut random = field.random(4);
+    field.journal.rounds("big nets", |number| {
+        let size = 50 + random.below(1450);
+        let name = format!("big-{number}");
+        field.journal.note(format!("load {name} of {size}"));
+        let id = field.load(&name, &big_net(&name, size));
+        count(&field.counts.big_nets);
+        if size < 400 {
+            field.start(id);
+            field
+                .journal
+                .pause(random.time_below(Duration::from_millis(500)));
+            field.stop(id, "cancel");
+            let row = field.await_end(id);
+            assert_eq!(row["reason"], "canceled", "{row}");
+            count(&field.counts.big_runs);
+        }
+        field.unload(id);
+        field
+            .journal
+            .pause(random.time_below(Duration::from_millis(800)));
+    });
+}
+
+/// A sum of many sums, monitored.
+fn big_net(name: &str, size: u64) -> String {
+    let mut text = format!("net: {name}\nprimitives:\n  clock: {{type: Time}}\n");
+    let mut before = "clock.out".to_owned();
+    for number in 0..size {
+        let line = format!("  s{number}: {{type: Add, inputs: {{a: {before}, b: 1 s}}}}\n");
+        text.push_str(&line);
+        before = format!("s{number}.out");
+    }
+    // Writing to a string does not fail.
+    let _ = write!(
+        text,
+        "  cancel: {{type: Cancel}}\n  end: {{type: Termination, inputs: {{done: cancel.requested}}}}\n  \
+         watch: {{type: Monitor, parameters: {{rate: 1000 Hz}}, inputs: {{value: {before}}}}}\n"
+    );
+    text
+}
+
+/// Bursts of requests, sensible and not.
+pub fn flood(field: &Field<'_>, number: u64) {
+    let mut random = field.random(20 + number);
+    field.journal.rounds("flood", |_| {
+        field.journal.note(format!("flood {number} begins"));
+        for _ in 0..200 + random.below(600) {
+            if field.journal.is_over() {
+                return;
+            }
+            let _ = match random.below(6) {
+                0 => field.try_ask("GET", "/status", ""),
+                1 => field.try_ask("GET", "/commands", ""),
+                2 => field.try_ask("GET", "/devices", ""),
+                3 => field.try_ask("GET", "/commands/999999", ""),
+                4 => field.try_ask("POST", "/commands/nobody/start", ""),
+                _ => field.try_ask("DELETE", "/", &"x".repeat(random.below(5000) as usize)),
+            };
+        }
+        field.journal.note(format!("flood {number} ends"));
+        field
+            .journal
+            .pause(Duration::from_secs(1) + random.time_below(Duration::from_secs(4)));
+    });
+}

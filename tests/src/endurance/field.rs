@@ -1,0 +1,266 @@
+//! What the threads of an endurance run share: the cell, its journal, counters, and requests that survive a dead loader.
+//! Used by all of them.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use rcc_core::message::DeviceState;
+use rcc_ipc::{Life, clean};
+use serde_json::Value;
+
+use super::Options;
+use crate::await_some;
+use crate::journal::{Journal, Random};
+use crate::place::{Place, Watch};
+use crate::rest::Reply;
+
+/// Index of the arm in the demo's configuration.
+pub const ARM: usize = 0;
+/// Index of the I/O station.
+pub const IO: usize = 1;
+
+macro_rules! counts {
+    ($($field:ident: $words:literal,)*) => {
+        /// How often each thing was done.
+        #[derive(Debug, Default)]
+        pub struct Counts {
+            $(#[doc = $words] pub $field: AtomicU64,)*
+        }
+
+        impl Counts {
+            /// All of them, with their words.
+            pub fn numbers(&self) -> Vec<(&'static str, u64)> {
+                vec![$(($words, self.$field.load(Ordering::Relaxed)),)*]
+            }
+        }
+    };
+}
+
+counts! {
+    finished: "motions that finished",
+    canceled: "motions that were cancelled",
+    aborted: "motions that were aborted",
+    killed: "motions whose driver was killed",
+    disturbed: "motions that ended by a fault although nothing was killed",
+    arm_restarts: "the arm's driver killed and started again",
+    arm_starts_killed: "the arm's driver killed while it started",
+    io_restarts: "the I/O driver killed and started again",
+    io_starts_killed: "the I/O driver killed while it started",
+    lamps: "nets on the I/O station",
+    loaders: "loaders killed and started again",
+    tails: "monitors that came, stalled and went",
+    big_nets: "big nets loaded (50 to 1,500 primitives)",
+    big_runs: "big nets run beside the motion",
+    requests: "REST requests",
+    refused: "of them without an answer (no loader at the moment), or refused for their number",
+    janitors: "runs of the janitor",
+}
+
+impl Counts {
+    /// Driver restarts of both devices.
+    pub fn restarts(&self) -> u64 {
+        let sum = [&self.arm_restarts, &self.io_restarts];
+        let sum = sum
+            .into_iter()
+            .chain([&self.arm_starts_killed, &self.io_starts_killed]);
+        sum.map(|count| count.load(Ordering::Relaxed)).sum()
+    }
+
+    /// Monitors so far.
+    pub fn monitors(&self) -> u64 {
+        self.tails.load(Ordering::Relaxed)
+    }
+
+    /// Motions so far.
+    pub fn motions(&self) -> u64 {
+        let all = [
+            &self.finished,
+            &self.canceled,
+            &self.aborted,
+            &self.killed,
+            &self.disturbed,
+        ];
+        all.into_iter()
+            .map(|count| count.load(Ordering::Relaxed))
+            .sum()
+    }
+}
+
+/// One more.
+pub fn count(counter: &AtomicU64) {
+    // Relaxed: only a number for people.
+    counter.fetch_add(1, Ordering::Relaxed);
+}
+
+/// What the threads share.
+#[derive(Debug)]
+pub struct Field<'a> {
+    /// The cell.
+    pub place: &'a Place,
+    /// What was asked for.
+    pub options: Options,
+    /// Process id of the executor.
+    pub executor: u32,
+    /// What happens.
+    pub journal: Arc<Journal>,
+    /// How often.
+    pub counts: Counts,
+    /// Held while the I/O driver is restarted, or must not be.
+    pub io_calm: Mutex<()>,
+    /// Held while the janitor works: it is one at a time in any case.
+    janitor: Mutex<()>,
+    disturbed: Mutex<Vec<String>>,
+}
+
+impl<'a> Field<'a> {
+    /// Nothing has happened yet.
+    pub fn new(place: &'a Place, options: Options, executor: u32, journal: Arc<Journal>) -> Self {
+        Field {
+            place,
+            options,
+            executor,
+            journal,
+            counts: Counts::default(),
+            io_calm: Mutex::default(),
+            janitor: Mutex::default(),
+            disturbed: Mutex::default(),
+        }
+    }
+
+    /// Choices of a thread.
+    pub fn random(&self, thread: u64) -> Random {
+        Random::new(self.options.seed, thread)
+    }
+
+    /// One request, again and again until it is answered by a loader that reaches its executor.
+    pub fn ask(&self, method: &str, path: &str, body: &str) -> Reply {
+        await_some(&format!("an answer to {method} {path}"), || {
+            let reply = self.try_ask(method, path, body)?;
+            let later = reply.status >= 500 || reply.status == 429;
+            if later {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            (!later).then_some(reply)
+        })
+    }
+
+    /// One request; `None` if nobody answers.
+    pub fn try_ask(&self, method: &str, path: &str, body: &str) -> Option<Reply> {
+        count(&self.counts.requests);
+        let reply = self.place.try_rest(method, path, body);
+        if reply.as_ref().is_none_or(|reply| reply.status == 429) {
+            count(&self.counts.refused);
+        }
+        reply
+    }
+
+    /// Loads a net whose name is given to no other one, also when the loader dies meanwhile; it must become ready.
+    pub fn load(&self, name: &str, text: &str) -> u64 {
+        await_some(&format!("net {name} to be ready"), || {
+            let found = self.ask("GET", &format!("/commands/{name}"), "");
+            let row = match found.status {
+                200 => found.body,
+                _ => {
+                    // Without an answer it may have been taken: the next round looks.
+                    let reply = self.try_ask("POST", "/commands", text)?;
+                    assert!(
+                        reply.status == 202 || reply.status >= 429,
+                        "{name}: {reply:?}"
+                    );
+                    return None;
+                }
+            };
+            let id = row["id"].as_u64()?;
+            if row["state"] == "rejected" {
+                // A loader that died while it loaded: RCC3017.
+                let died = row.to_string().contains("RCC3017");
+                assert!(died, "{name}: {row}");
+                self.unload(id);
+                return None;
+            }
+            (row["state"] != "loading").then_some(id)
+        })
+    }
+
+    /// Starts a command as soon as its devices allow it, also when the loader dies meanwhile.
+    pub fn start(&self, id: u64) {
+        await_some(&format!("the start of {id}"), || {
+            if self.row(id)["state"] != "ready" {
+                return Some(());
+            }
+            let reply = self.try_ask("POST", &format!("/commands/{id}/start"), "")?;
+            let later = matches!(reply.code(), "RCC3008" | "RCC3004" | "RCC3003");
+            let later = later || reply.status >= 429;
+            assert!(reply.status == 200 || later, "start {id}: {reply:?}");
+            (reply.status == 200).then_some(())
+        });
+    }
+
+    /// `cancel` or `abort`; it may have ended meanwhile.
+    pub fn stop(&self, id: u64, what: &str) {
+        let reply = self.ask("POST", &format!("/commands/{id}/{what}"), "");
+        let over = matches!(reply.code(), "RCC3003");
+        assert!(reply.status == 200 || over, "{what} {id}: {reply:?}");
+    }
+
+    /// The row of a command.
+    pub fn row(&self, id: u64) -> Value {
+        let reply = self.ask("GET", &format!("/commands/{id}"), "");
+        assert_eq!(reply.status, 200, "{id}: {reply:?}");
+        reply.body
+    }
+
+    /// Waits until a command is terminated; returns its row.
+    pub fn await_end(&self, id: u64) -> Value {
+        await_some(&format!("the end of command {id}"), || {
+            let row = self.row(id);
+            (row["state"] == "terminated").then_some(row)
+        })
+    }
+
+    /// Removes a command.
+    pub fn unload(&self, id: u64) {
+        let reply = self.ask("DELETE", &format!("/commands/{id}"), "");
+        assert!(matches!(reply.status, 200 | 404), "unload {id}: {reply:?}");
+    }
+
+    /// Runs the janitor, as a supervisor does after a death.
+    pub fn clean(&self) {
+        let _one = self.janitor.lock().unwrap_or_else(|held| held.into_inner());
+        await_some("the janitor", || {
+            count(&self.counts.janitors);
+            clean::run_janitor(self.place.cell(), clean::JANITOR_TIMEOUT).ok()
+        });
+    }
+
+    /// Waits until the executor sees this life of a driver, and its device is ready.
+    pub fn await_driver(&self, watch: &Watch, device: usize, pid: u32) {
+        await_some(&format!("driver {pid} to be ready"), || {
+            let row = watch.tables().devices[device];
+            let seen = Life::from_incarnation(row.incarnation).pid == pid;
+            (seen && row.state == DeviceState::Ready as u32).then_some(())
+        });
+    }
+
+    /// Keeps how a motion ended that should have ended otherwise.
+    pub fn keep_disturbed(&self, what: String) {
+        self.journal.note(what.clone());
+        let mut all = self
+            .disturbed
+            .lock()
+            .unwrap_or_else(|held| held.into_inner());
+        if all.len() < 50 {
+            all.push(what);
+        }
+    }
+
+    /// See [`Field::keep_disturbed`].
+    pub fn disturbed(&self) -> Vec<String> {
+        let all = self
+            .disturbed
+            .lock()
+            .unwrap_or_else(|held| held.into_inner());
+        all.clone()
+    }
+}

@@ -1,0 +1,68 @@
+//! Kills the I/O driver and starts it again while the arm moves; now and then a net on the station loses it.
+//! One thread, which owns that driver.
+
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+
+use super::PRIORITY;
+use super::field::{Field, IO, count};
+use crate::nets;
+use crate::process::Process;
+
+/// Between two restarts others may have the station.
+const BREATH: Duration = Duration::from_millis(5);
+
+/// Runs until the journal ends.
+pub fn run(field: &Field<'_>) {
+    let mut driver = Process::driver(field.place, "io", PRIORITY);
+    let pid = driver.start(field.place);
+    let watch = field.place.watch();
+    let mut random = field.random(2);
+    field.await_driver(&watch, IO, pid);
+    let begun = Instant::now();
+    // Four of five restarts are this driver's, evenly over the time as far as the machine is fast enough.
+    let share = u32::try_from(field.options.restarts * 4 / 5).unwrap_or(u32::MAX);
+    let every = field.options.time / share.max(1);
+    let mut done = 0;
+    field.journal.rounds("io", |number| {
+        let early = (every * done).saturating_sub(begun.elapsed());
+        field
+            .journal
+            .pause(early.clamp(BREATH, Duration::from_secs(1)));
+        if field.counts.restarts() >= field.options.restarts || early > Duration::from_secs(1) {
+            return;
+        }
+        done += 1;
+        let _calm = field
+            .io_calm
+            .lock()
+            .unwrap_or_else(|held| held.into_inner());
+        let lamp = random.percent(20).then(|| {
+            let name = format!("lamp-{number}");
+            let lamp = field.load(&name, &nets::lamp(&name));
+            field.start(lamp);
+            lamp
+        });
+        std::thread::sleep(random.time_below(Duration::from_millis(50)));
+        field.journal.note("kill the I/O driver".to_owned());
+        driver.end(Signal::SIGKILL);
+        let mut pid = driver.start(field.place);
+        count(&field.counts.io_restarts);
+        if random.percent(10) {
+            std::thread::sleep(random.time_below(Duration::from_millis(50)));
+            driver.end(Signal::SIGKILL);
+            pid = driver.start(field.place);
+            count(&field.counts.io_starts_killed);
+        }
+        field.clean();
+        field.await_driver(&watch, IO, pid);
+        if let Some(lamp) = lamp {
+            let row = field.await_end(lamp);
+            assert_eq!(row["fault"]["fault"], "device lost", "{row}");
+            field.unload(lamp);
+            count(&field.counts.lamps);
+        }
+    });
+    driver.end(Signal::SIGTERM);
+}

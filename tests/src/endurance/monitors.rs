@@ -1,0 +1,118 @@
+//! Monitors that come, read, stall and go in every way. Several threads.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+
+use super::field::{Field, count};
+use crate::processes::signal;
+
+/// Dead monitors after which the janitor runs: a stream has room for 16.
+const CLEAN_AFTER: u64 = 4;
+/// Threads that run monitors.
+pub const THREADS: u32 = 3;
+
+/// Runs until the journal ends.
+pub fn run(field: &Field<'_>, number: u64) {
+    let mut random = field.random(10 + number);
+    let begun = Instant::now();
+    let every =
+        field.options.time * THREADS / u32::try_from(field.options.monitors.max(1)).unwrap_or(1);
+    let mut came = 0;
+    field.journal.rounds("monitors", |_| {
+        let early = (every * came).saturating_sub(begun.elapsed());
+        field.journal.pause(
+            early
+                .min(Duration::from_millis(500))
+                .max(Duration::from_millis(2)),
+        );
+        if field.counts.monitors() >= field.options.monitors || early > Duration::from_millis(500) {
+            return;
+        }
+        came += 1;
+        let mut tail = start(field);
+        match random.below(5) {
+            // While it starts.
+            0 => std::thread::sleep(random.time_below(Duration::from_millis(40))),
+            // Reads a while.
+            1 => read(&mut tail, 1 + random.below(200)),
+            // Does not read: its pipe fills, and it stands still.
+            2 => {
+                read(&mut tail, 1);
+                std::thread::sleep(random.time_below(Duration::from_millis(500)));
+            }
+            // Stopped, and woken again.
+            3 => {
+                read(&mut tail, 1);
+                signal(tail.id(), Signal::SIGSTOP);
+                std::thread::sleep(random.time_below(Duration::from_millis(500)));
+                signal(tail.id(), Signal::SIGCONT);
+            }
+            // Goes by itself.
+            _ => {
+                signal(tail.id(), Signal::SIGTERM);
+                end(field, tail);
+                return;
+            }
+        }
+        signal(tail.id(), Signal::SIGKILL);
+        end(field, tail);
+        if came as u64 % CLEAN_AFTER == 0 {
+            field.clean();
+        }
+    });
+}
+
+fn start(field: &Field<'_>) -> Child {
+    let mut tail = field.place.program("rcc-monitor");
+    tail.args(["tail", "--output", "json"]);
+    tail.stdout(Stdio::piped()).stderr(Stdio::null());
+    tail.spawn().expect("rcc-monitor starts")
+}
+
+/// Reads some lines; fewer if nothing comes for a while, because no net with a monitor runs.
+fn read(tail: &mut Child, lines: u64) {
+    use std::os::fd::AsFd;
+
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+    let Some(pipe) = &mut tail.stdout else { return };
+    let mut ready = [PollFd::new(pipe.as_fd(), PollFlags::POLLIN)];
+    if !poll(&mut ready, PollTimeout::from(500_u16)).is_ok_and(|count| count > 0) {
+        return;
+    }
+    // One line takes what the pipe holds; the monitor that is stopped or killed next does not mind.
+    let mut reader = BufReader::with_capacity(512, pipe);
+    let mut line = String::new();
+    for _ in 0..lines {
+        line.clear();
+        if reader.buffer().is_empty() && !has_more(reader.get_ref().as_fd()) {
+            return;
+        }
+        if reader.read_line(&mut line).unwrap_or(0) == 0 {
+            return;
+        }
+    }
+}
+
+fn has_more(pipe: std::os::fd::BorrowedFd<'_>) -> bool {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    let mut ready = [PollFd::new(pipe, PollFlags::POLLIN)];
+    poll(&mut ready, PollTimeout::from(20_u16)).is_ok_and(|count| count > 0)
+}
+
+fn end(field: &Field<'_>, mut tail: Child) {
+    let begun = Instant::now();
+    while tail.try_wait().expect("the child is ours").is_none() {
+        if begun.elapsed() > Duration::from_secs(10) {
+            field
+                .journal
+                .find(format!("monitor {} does not end", tail.id()));
+            tail.kill().expect("the child is ours");
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    count(&field.counts.tails);
+}

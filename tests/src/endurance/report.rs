@@ -1,0 +1,232 @@
+//! The result of an endurance run as tables in markdown.
+//! Pure.
+
+use std::fmt;
+use std::time::Duration;
+
+use super::Options;
+use crate::census::Census;
+use crate::lateness::{Cause, Late, Verdict};
+
+/// Late cycles that are listed one by one.
+const LISTED: usize = 40;
+
+/// What came out.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// What was asked for.
+    pub options: Options,
+    /// How long it took.
+    pub time: Duration,
+    /// False: the system grants no SCHED_FIFO, and nobody can tell whose fault a late cycle is.
+    pub judged: bool,
+    /// About late cycles.
+    pub verdict: Verdict,
+    /// First count, after the warm-up.
+    pub first: Option<Census>,
+    /// The largest of each figure.
+    pub most: Census,
+    /// Last count.
+    pub last: Census,
+    /// When was counted, and the executor's resident memory (kB) and the cell's bytes in shared memory.
+    pub course: Vec<(Duration, u64, u64)>,
+    /// What was done, how often.
+    pub counts: Vec<(&'static str, u64)>,
+    /// What must not be.
+    pub findings: Vec<String>,
+    /// How much was found; not more than so many are kept.
+    pub found: u64,
+    /// Motions that ended by a fault although nothing was killed.
+    pub disturbed: Vec<String>,
+    /// Ticks of 10 ms that the host took from the executor's core.
+    pub steal_ticks: u64,
+}
+
+impl Report {
+    /// Nothing is known yet.
+    pub fn new(options: Options) -> Report {
+        Report {
+            options,
+            time: Duration::ZERO,
+            judged: false,
+            verdict: Verdict::default(),
+            first: None,
+            most: Census::default(),
+            last: Census::default(),
+            course: Vec::new(),
+            counts: Vec::new(),
+            findings: Vec::new(),
+            found: 0,
+            disturbed: Vec::new(),
+            steal_ticks: 0,
+        }
+    }
+
+    /// Takes a count in.
+    pub fn count(&mut self, at: Duration, now: Census) {
+        self.first.get_or_insert(now);
+        self.most = self.most.max(&now);
+        self.last = now;
+        self.course.push((at, now.rss_kb, now.shared_bytes));
+    }
+
+    /// What is more at the end than after the warm-up.
+    pub fn growth(&self) -> Vec<String> {
+        self.first
+            .map_or(Vec::new(), |first| self.last.growth(&first))
+    }
+
+    /// Everything that must hold, holds.
+    pub fn holds(&self) -> bool {
+        let late = !self.judged || self.verdict.unexplained == 0 && self.verdict.consecutive;
+        late && self.found == 0 && self.growth().is_empty() && self.verdict.dropped_records == 0
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let minutes = self.time.as_secs_f64() / 60.0;
+        writeln!(f, "## {minutes:.1} minutes, seed {}\n", self.options.seed)?;
+        writeln!(
+            f,
+            "{}\n",
+            if self.holds() {
+                "All of it holds."
+            } else {
+                "**Not all of it holds.**"
+            }
+        )?;
+        writeln!(f, "| what was done | how often |\n|---|---:|")?;
+        for (words, number) in &self.counts {
+            writeln!(f, "| {words} | {number} |")?;
+        }
+        self.show_late(f)?;
+        self.show_counts(f)?;
+        for (title, lines) in [
+            ("Found", &self.findings),
+            ("Grown", &self.growth()),
+            (
+                "Motions that ended by a fault although nothing was killed",
+                &self.disturbed,
+            ),
+        ] {
+            if !lines.is_empty() {
+                writeln!(f, "\n### {title}\n")?;
+            }
+            for line in lines {
+                writeln!(f, "- {line}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Report {
+    fn show_late(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = &self.verdict;
+        if !self.judged {
+            return writeln!(f, "\nNo SCHED_FIFO here: late cycles were not judged.");
+        }
+        let milliseconds = |ns: u64| ns as f64 * 1e-6;
+        writeln!(f, "\n| the executor's cycles | |\n|---|---:|")?;
+        for (words, number) in [
+            ("cycles", verdict.cycles),
+            ("late", verdict.late),
+            (
+                "of them: the reference thread was late at the same time",
+                verdict.by_machine,
+            ),
+            (
+                "of them: the host took time from the core",
+                verdict.by_steal,
+            ),
+            ("of them: unexplained", verdict.unexplained),
+            ("monitor records dropped", verdict.dropped_records),
+            (
+                "wake-ups of the reference thread later than 0.1 ms",
+                verdict.stalls,
+            ),
+            (
+                "time the host took from the core, in 10 ms",
+                self.steal_ticks,
+            ),
+        ] {
+            writeln!(f, "| {words} | {number} |")?;
+        }
+        writeln!(
+            f,
+            "| longest stall of the reference thread, ms | {:.2} |",
+            milliseconds(verdict.stall_max_ns)
+        )?;
+        writeln!(
+            f,
+            "| longest computation of a cycle, ms | {:.3} |",
+            milliseconds(verdict.exec_max_ns)
+        )?;
+        if verdict.each.is_empty() {
+            return Ok(());
+        }
+        writeln!(
+            f,
+            "\n| late cycle | count | stretch, ms | reference late, ms | cause |\n|---:|---:|---:|---:|---|"
+        )?;
+        let is_ours = |late: &&Late| late.cause == Cause::Unexplained;
+        let ours = verdict.each.iter().filter(is_ours);
+        let machine = verdict
+            .each
+            .iter()
+            .filter(|late| !is_ours(late))
+            .take(LISTED);
+        for late in ours.chain(machine) {
+            let (stalled_ns, cause) = match late.cause {
+                Cause::Machine { stalled_ns } => (stalled_ns, "machine".to_owned()),
+                Cause::Steal { ticks } => (0, format!("host took {ticks} ticks")),
+                Cause::Unexplained => (0, format!("**unexplained**: {:?}", late.beside)),
+            };
+            writeln!(
+                f,
+                "| {} | {} | {:.2} | {:.2} | {cause} |",
+                late.cycle,
+                late.count,
+                milliseconds(late.to_ns - late.from_ns),
+                milliseconds(stalled_ns)
+            )?;
+        }
+        if verdict.each.len() > LISTED {
+            writeln!(
+                f,
+                "\n(The first {LISTED} of {} stretches.)",
+                verdict.each.len()
+            )?;
+        }
+        Ok(())
+    }
+
+    fn show_counts(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(first) = self.first else {
+            return Ok(());
+        };
+        writeln!(
+            f,
+            "\n| in a quiet moment | after the warm-up | most | at the end |\n|---|---:|---:|---:|"
+        )?;
+        let rows = first
+            .rows()
+            .into_iter()
+            .zip(self.most.rows())
+            .zip(self.last.rows());
+        for (((name, first), (_, most)), (_, last)) in rows {
+            writeln!(f, "| {name} | {first} | {most} | {last} |")?;
+        }
+        let course: Vec<String> = self
+            .course
+            .iter()
+            .map(|(at, rss, _)| format!("{}: {rss}", at.as_secs()))
+            .collect();
+        writeln!(
+            f,
+            "\nResident memory of the executor, kB, by second: {}",
+            course.join(", ")
+        )
+    }
+}

@@ -1,0 +1,361 @@
+//! Whose fault a late cycle is: the executor's board is watched, and each late cycle is laid beside a reference thread
+//! of higher priority on the same core, and beside the time that the host took from this machine.
+//! Three threads of their own: the reference, a watcher (both SCHED_FIFO), and an analyst.
+
+use std::collections::VecDeque;
+use std::fs;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rcc_core::message::CycleStatus;
+use rcc_ipc::control::STATUS;
+use rcc_ipc::{Announcement, Cell, Role, Session, monotonic_ns};
+use rtrb::Consumer;
+
+use crate::journal::Journal;
+use crate::place::Place;
+use crate::reference::{Reference, Stall, promote};
+
+/// The reference thread wakes so often: four times as often as the executor, so that little can hide between.
+const REFERENCE_NS: u64 = 250_000;
+/// The watcher looks so often.
+const WATCH_EVERY: Duration = Duration::from_micros(250);
+/// A cycle of this period computes for far less than half of it: a machine that made it late stood still for the rest,
+/// and of that the reference misses at most one of its own periods.
+const STALLED_NS_MIN: u64 = 250_000;
+/// How long stalls, samples and unjudged late cycles are kept.
+const KEEP_NS: u64 = 5_000_000_000;
+/// How long after a late cycle it is judged: everything about it has arrived then.
+const JUDGE_AFTER_NS: u64 = 300_000_000;
+const ANALYSE_EVERY: Duration = Duration::from_millis(20);
+/// Late cycles that are kept one by one; more are only counted.
+const KEPT_MAX: usize = 2000;
+
+/// Why a cycle was late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The reference thread was late too, so long in all within the same stretch.
+    Machine {
+        /// Sum of the stalls, ns.
+        stalled_ns: u64,
+    },
+    /// The reference was not late, but the host took time from the core (`/proc/stat`, ticks of 10 ms).
+    Steal {
+        /// Ticks.
+        ticks: u64,
+    },
+    /// Ours.
+    Unexplained,
+}
+
+/// One or more late cycles between two looks.
+#[derive(Clone, Debug)]
+pub struct Late {
+    /// The last of them.
+    pub cycle: u64,
+    /// How many.
+    pub count: u64,
+    /// Wake-up of a cycle before, CLOCK_MONOTONIC.
+    pub from_ns: u64,
+    /// Wake-up of the cycle after, CLOCK_MONOTONIC.
+    pub to_ns: u64,
+    /// How long it computed, if it is the last one before the look.
+    pub exec_ns: u64,
+    /// Why.
+    pub cause: Cause,
+    /// What the test did at the time; only for unexplained ones.
+    pub beside: Vec<String>,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Default)]
+pub struct Verdict {
+    /// Cycles judged.
+    pub cycles: u64,
+    /// Late cycles, as the executor counts them.
+    pub late: u64,
+    /// Of them: the reference thread was late too.
+    pub by_machine: u64,
+    /// Of them: only the host's accounting tells.
+    pub by_steal: u64,
+    /// Of them: ours.
+    pub unexplained: u64,
+    /// Each, as far as they are kept; the unexplained ones always.
+    pub each: Vec<Late>,
+    /// Wake-ups of the reference thread later than 0.1 ms.
+    pub stalls: u64,
+    /// The longest of them, ns.
+    pub stall_max_ns: u64,
+    /// Longest computation of a cycle, ns.
+    pub exec_max_ns: u64,
+    /// Monitor records that the executor dropped.
+    pub dropped_records: u64,
+    /// True while cycle numbers never went back and the executor was the same one.
+    pub consecutive: bool,
+}
+
+/// The running judge.
+#[derive(Debug)]
+pub struct Judge {
+    stop: Arc<AtomicBool>,
+    watcher: JoinHandle<Watched>,
+    analyst: JoinHandle<Verdict>,
+    reference: Reference,
+    late: Arc<AtomicU64>,
+}
+
+/// First and last look of the watcher.
+struct Watched {
+    first: CycleStatus,
+    last: CycleStatus,
+    consecutive: bool,
+}
+
+impl Judge {
+    /// Watches the living executor, which runs at `priority` on `core`. `None` if the system grants no priority: then
+    /// nobody can tell whose fault a late cycle is.
+    pub fn start(
+        place: &Place,
+        core: usize,
+        priority: u8,
+        journal: &Arc<Journal>,
+    ) -> Option<Judge> {
+        let priority = i32::from(priority);
+        let (reference, stalls) = Reference::stream(core, priority + 1, REFERENCE_NS)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let executor = place.announced(Role::Executor, "exec");
+        let (late_in, late_out) = mpsc::channel();
+        let (told, tell) = mpsc::channel();
+        let (cell, stopped) = (place.cell().clone(), Arc::clone(&stop));
+        let watcher = std::thread::spawn(move || {
+            let other = (0..2).find(|&other| other != core);
+            // Without it the watcher looks less often, and its stretches are longer.
+            promote(other, priority - 1);
+            watch(&cell, &executor, &stopped, &late_in, &told)
+        });
+        tell.recv().expect("the watcher begins");
+        let count = Arc::new(AtomicU64::new(0));
+        let analyst = Analyst {
+            core,
+            late: late_out,
+            stalls,
+            journal: Arc::clone(journal),
+            count: Arc::clone(&count),
+            memory: Memory::default(),
+            verdict: Verdict::default(),
+        };
+        let stopped = Arc::clone(&stop);
+        let analyst = std::thread::spawn(move || analyst.run(&stopped));
+        Some(Judge {
+            stop,
+            watcher,
+            analyst,
+            reference,
+            late: count,
+        })
+    }
+
+    /// Unexplained late cycles so far.
+    pub fn unexplained(&self) -> u64 {
+        // Relaxed: a figure for the progress line.
+        self.late.load(Ordering::Relaxed)
+    }
+
+    /// Ends it.
+    pub fn finish(self) -> Verdict {
+        // What is late at the very end is told by the next cycles.
+        std::thread::sleep(Duration::from_millis(50));
+        self.stop.store(true, Ordering::Release);
+        let watched = self.watcher.join().expect("the watcher does not panic");
+        let mut verdict = self.analyst.join().expect("the analyst does not panic");
+        self.reference.finish();
+        verdict.cycles = watched.last.cycle - watched.first.cycle;
+        verdict.late = watched.last.late - watched.first.late;
+        verdict.exec_max_ns = watched.last.exec_max_ns;
+        verdict.dropped_records = watched.last.dropped_records - watched.first.dropped_records;
+        verdict.consecutive = watched.consecutive;
+        let told = verdict.by_machine + verdict.by_steal + verdict.unexplained;
+        verdict.unexplained += verdict.late.saturating_sub(told);
+        verdict
+    }
+}
+
+/// Looks at the status board. Allocates only when a cycle was late.
+fn watch(
+    cell: &Cell,
+    executor: &Announcement,
+    stop: &AtomicBool,
+    late: &mpsc::Sender<Late>,
+    told: &mpsc::Sender<()>,
+) -> Watched {
+    let session = Session::join(cell, Role::Monitor, "lateness").expect("a cell");
+    let board = session.open_board::<CycleStatus>(&executor.services[STATUS]);
+    let board = board.expect("the status board");
+    let first = board.read();
+    let mut looks = [first, first];
+    let mut consecutive = true;
+    told.send(()).expect("the test waits");
+    loop {
+        let last = stop.load(Ordering::Acquire);
+        let [before, newest] = looks;
+        let now = board.read();
+        if now.cycle > newest.cycle {
+            if now.late > newest.late {
+                let told = Late {
+                    cycle: now.last_late_cycle,
+                    count: now.late - newest.late,
+                    from_ns: before.stamp_ns,
+                    to_ns: now.stamp_ns,
+                    exec_ns: now.exec_last_ns,
+                    cause: Cause::Unexplained,
+                    beside: Vec::new(),
+                };
+                // The analyst ends after this thread's last look at the earliest.
+                let _ = late.send(told);
+            }
+            looks = [newest, now];
+        }
+        consecutive &= now.cycle >= newest.cycle && now.incarnation == first.incarnation;
+        if last {
+            return Watched {
+                first,
+                last: now,
+                consecutive,
+            };
+        }
+        std::thread::sleep(WATCH_EVERY);
+    }
+}
+
+/// What is remembered of the last seconds.
+#[derive(Default)]
+struct Memory {
+    stalls: VecDeque<Stall>,
+    /// Time and ticks that the host took from the core so far.
+    steal: VecDeque<(u64, u64)>,
+    late: VecDeque<Late>,
+}
+
+struct Analyst {
+    core: usize,
+    late: mpsc::Receiver<Late>,
+    stalls: Consumer<Stall>,
+    journal: Arc<Journal>,
+    count: Arc<AtomicU64>,
+    memory: Memory,
+    verdict: Verdict,
+}
+
+impl Analyst {
+    fn run(mut self, stop: &AtomicBool) -> Verdict {
+        loop {
+            let last = stop.load(Ordering::Acquire);
+            if last {
+                // The watcher's last look and the stalls until then.
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            self.gather();
+            let judged_ns = if last {
+                u64::MAX
+            } else {
+                monotonic_ns() - JUDGE_AFTER_NS
+            };
+            while self
+                .memory
+                .late
+                .front()
+                .is_some_and(|late| late.to_ns < judged_ns)
+            {
+                let late = self.memory.late.pop_front().expect("just seen");
+                self.judge(late);
+            }
+            if last {
+                return self.verdict;
+            }
+            std::thread::sleep(ANALYSE_EVERY);
+        }
+    }
+
+    fn gather(&mut self) {
+        let now_ns = monotonic_ns();
+        let old_ns = now_ns.saturating_sub(KEEP_NS);
+        while let Ok(stall) = self.stalls.pop() {
+            self.verdict.stalls += 1;
+            let length_ns = stall.to_ns - stall.from_ns;
+            self.verdict.stall_max_ns = self.verdict.stall_max_ns.max(length_ns);
+            self.memory.stalls.push_back(stall);
+        }
+        self.memory
+            .steal
+            .push_back((now_ns, steal_ticks(self.core)));
+        self.memory.late.extend(self.late.try_iter());
+        let Memory { stalls, steal, .. } = &mut self.memory;
+        while stalls.front().is_some_and(|stall| stall.to_ns < old_ns) {
+            stalls.pop_front();
+        }
+        while steal.front().is_some_and(|(at_ns, _)| *at_ns < old_ns) {
+            steal.pop_front();
+        }
+    }
+
+    fn judge(&mut self, mut late: Late) {
+        late.cause = self.cause(&late);
+        match late.cause {
+            Cause::Machine { .. } => self.verdict.by_machine += late.count,
+            Cause::Steal { .. } => self.verdict.by_steal += late.count,
+            Cause::Unexplained => {
+                self.verdict.unexplained += late.count;
+                let around_ns = 50_000_000;
+                let (from_ns, to_ns) = (late.from_ns - around_ns, late.to_ns + around_ns);
+                late.beside = self.journal.between(from_ns, to_ns);
+                let stalls = self.memory.stalls.iter();
+                let near = stalls.filter(|stall| stall.from_ns < to_ns && stall.to_ns > from_ns);
+                late.beside.extend(near.map(|stall| {
+                    let late_ns = stall.to_ns - stall.from_ns;
+                    let after_ns = stall.from_ns as i64 - late.from_ns as i64;
+                    format!("reference late by {late_ns} ns, {after_ns} ns after the stretch began")
+                }));
+                eprintln!("UNEXPLAINED {late:?}");
+            }
+        }
+        self.count
+            .store(self.verdict.unexplained, Ordering::Relaxed);
+        if self.verdict.each.len() < KEPT_MAX || late.cause == Cause::Unexplained {
+            self.verdict.each.push(late);
+        }
+    }
+
+    fn cause(&self, late: &Late) -> Cause {
+        let overlap_ns = |stall: &Stall| {
+            let (from_ns, to_ns) = (stall.from_ns.max(late.from_ns), stall.to_ns.min(late.to_ns));
+            to_ns.saturating_sub(from_ns)
+        };
+        let stalled_ns = self.memory.stalls.iter().map(overlap_ns).sum();
+        if stalled_ns >= late.count * STALLED_NS_MIN {
+            return Cause::Machine { stalled_ns };
+        }
+        let ticks = |pick: Option<&(u64, u64)>| pick.map_or(0, |(_, ticks)| *ticks);
+        let steal = &self.memory.steal;
+        let before = ticks(steal.iter().rev().find(|(at_ns, _)| *at_ns < late.from_ns));
+        let after = ticks(steal.iter().find(|(at_ns, _)| *at_ns > late.to_ns));
+        match after.saturating_sub(before) {
+            0 => Cause::Unexplained,
+            _ if before == 0 => Cause::Unexplained,
+            ticks => Cause::Steal { ticks },
+        }
+    }
+}
+
+/// Ticks of 10 ms that the host took from a core since the machine's start.
+pub fn steal_ticks(core: usize) -> u64 {
+    let text = fs::read_to_string("/proc/stat").unwrap_or_default();
+    let name = format!("cpu{core} ");
+    let line = text
+        .lines()
+        .find_map(|line| line.strip_prefix(name.as_str()));
+    let field = line.and_then(|rest| rest.split_whitespace().nth(7));
+    field.and_then(|word| word.parse().ok()).unwrap_or(0)
+}
