@@ -1,202 +1,300 @@
-//! The driver `modbus`: digital and analog I/O of a Modbus TCP server, read and written once a period.
-//! Run by the host's thread, which waits inside for each transaction (a current-thread tokio runtime).
+//! The driver `modbus`: digital and analog I/O of one or several Modbus TCP servers, exchanged once a period.
+//! Run by the host's thread alone, which waits inside for all servers at once; see docs/modbus.md.
 //!
 //! A server that is not reached is no fault of the configuration: the device is offline, and the driver tries again.
+//! The device is as good as the worst of its servers: while one is lost, the others get the values of `on_release`.
 
-use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
+use nix::poll::{PollFd, ppoll};
+use nix::sys::time::TimeSpec;
 use rcc_config::DeviceConfig;
 use rcc_core::message::JOINTS_MAX;
 
-use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings};
-use crate::host::reason::Reason;
+use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
 
-mod link;
+pub mod address;
+pub mod connection;
+pub mod fault;
+pub mod frame;
 pub mod points;
+pub mod server;
+pub mod settings;
+pub mod value;
 
-use link::{Link, LinkFault};
+pub use fault::REASONS;
+
+use address::Address;
+use connection::Connection;
+use fault::NAMED;
 use points::Points;
+use server::Server;
+use settings::{ModbusSettings, ServerSettings};
 
-/// No connection.
-pub const UNREACHABLE: u32 = 100;
-/// No answer in time.
-pub const TIMEOUT: u32 = 101;
-/// The server answers with an exception.
-pub const REFUSED: u32 = 102;
-
-/// What the numbers mean.
-pub const REASONS: &[Reason] = &[
-    (
-        UNREACHABLE,
-        "the Modbus server is not reached at settings.server",
-    ),
-    (
-        TIMEOUT,
-        "the Modbus server does not answer within settings.timeout",
-    ),
-    (
-        REFUSED,
-        "the Modbus server refuses an address or a value; see the driver's log",
-    ),
-];
-
-/// First and longest pause between two attempts to connect.
-const BACK_OFF: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(2)];
+/// A round that all servers have been asked for.
+#[derive(Clone, Copy, Debug)]
+struct Round {
+    /// Who is late is not waited for after this.
+    collect_by: Instant,
+    /// Bit i: it was asked in this round.
+    asked: u32,
+}
 
 /// The driver.
 #[derive(Debug)]
 pub struct Modbus {
-    runtime: tokio::runtime::Runtime,
-    server: SocketAddr,
-    unit: u8,
+    connections: Vec<Connection>,
     period: Duration,
-    timeout: Duration,
-    points: Points,
-    link: Option<Link>,
-    back_off: Duration,
-    /// The next cycle, or the next attempt to connect.
+    /// What nobody commands.
+    released: Outputs,
+    outputs: Outputs,
+    /// The next round.
     next: Instant,
-    fault: u32,
+    round: Option<Round>,
+    ticks: u64,
     late: u64,
+    lost: bool,
 }
 
 impl Driver for Modbus {
     fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
-        let mut settings = Settings::of(device);
-        let server = settings.address("server", None)?;
-        let unit = settings.read("unit", "a unit number, 0 to 255", Some(255), |value| {
-            u8::try_from(value.as_u64()?).ok()
-        })?;
-        let period = settings.duration("period", Duration::from_millis(10))?;
-        let timeout = settings.duration("timeout", Duration::from_millis(100))?;
-        settings.finish()?;
+        let settings = ModbusSettings::new(device)?;
         if device.robot.is_some() {
             return Err(DriverError::Robot {
                 device: device.name.clone(),
                 cause: "Modbus moves no robot: leave it out, or name another driver",
             });
         }
-        let points = Points::new(device)?;
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(|source| DriverError::System {
-                device: device.name.clone(),
-                key: "server",
-                value: server.to_string(),
-                source,
-            })?;
+        let points = Points::new(device, &settings.servers)?;
+        for (server, points) in settings.servers.iter().zip(&points) {
+            check_watchdog(device, server, points)?;
+        }
+        let now = Instant::now();
+        let released = points::released(device);
+        let servers = settings.servers.into_iter().zip(points).zip(1..);
+        let connections = servers.map(|((settings, points), place)| {
+            let seed = u64::from(std::process::id()) << 8 | place;
+            Connection::new(Server::new(settings, points, released, now), seed, now)
+        });
         Ok(Self {
-            runtime,
-            server,
-            unit,
-            period,
-            timeout,
-            points,
-            link: None,
-            back_off: BACK_OFF[0],
-            next: Instant::now(),
-            fault: 0,
+            connections: connections.collect(),
+            period: settings.period,
+            released,
+            outputs: released,
+            next: now,
+            round: None,
+            ticks: 0,
             late: 0,
+            lost: false,
         })
     }
 
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
-        let left = self.next.saturating_duration_since(Instant::now());
-        std::thread::sleep(left.min(timeout));
-        if left > timeout {
-            return Err(match self.fault {
-                0 => LinkError::Silent,
-                reason => LinkError::Lost { reason },
-            });
+        let deadline = Instant::now() + timeout;
+        loop {
+            let now = Instant::now();
+            self.drive(now);
+            let online = self.connections.iter().all(Connection::is_online);
+            if online {
+                self.lost = false;
+                if let Some(exchange) = self.collect(now, inputs) {
+                    return Ok(exchange);
+                }
+            } else {
+                self.release_all(now);
+                let reason = self.reason();
+                // A loss is told at once, and then whenever somebody asks.
+                if reason != 0 && (now >= deadline || !self.lost) {
+                    self.lost = true;
+                    return Err(LinkError::Lost { reason });
+                }
+            }
+            if now >= deadline {
+                return Err(LinkError::Silent);
+            }
+            self.wait(now, deadline);
         }
-        if self.link.is_none() {
-            self.connect()?;
-        }
-        let ticks = self.schedule();
-        let Some(link) = &mut self.link else {
-            return Err(LinkError::Lost {
-                reason: UNREACHABLE,
-            });
-        };
-        let read = self
-            .runtime
-            .block_on(link.read(&self.points, self.timeout, inputs));
-        read.map_err(|fault| self.lose(&fault))?;
-        if self.fault != 0 {
-            tracing::info!(server = %self.server, "the Modbus server answers");
-            self.fault = 0;
-        }
-        self.back_off = BACK_OFF[0];
-        Ok(Exchange {
-            commandable: true,
-            startable: true,
-            mirror: [0.0; JOINTS_MAX],
-            ticks,
-            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
-            quality_permille: 1000,
-            reason: 0,
-            late: self.late,
-            refused: 0,
-        })
     }
 
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
-        let Some(link) = &mut self.link else {
-            return Err(LinkError::Lost {
-                reason: UNREACHABLE,
-            });
-        };
-        let written = self
-            .runtime
-            .block_on(link.write(&self.points, self.timeout, outputs));
-        written.map_err(|fault| self.lose(&fault))
+        let now = Instant::now();
+        self.outputs = *outputs;
+        for connection in &mut self.connections {
+            connection.server.command(outputs, now);
+            connection.advance(now);
+        }
+        match self.reason() {
+            0 => Ok(()),
+            reason => Err(LinkError::Lost { reason }),
+        }
     }
 
     fn release(&mut self) {}
 }
 
 impl Modbus {
-    /// A new connection; every output is written on it, as nobody knows what the server has done meanwhile.
-    fn connect(&mut self) -> Result<(), LinkError> {
-        let attempt = Link::connect(self.server, self.unit, self.timeout);
-        match self.runtime.block_on(attempt) {
-            Ok(link) => {
-                self.link = Some(link);
-                self.next = Instant::now();
-                Ok(())
+    /// A round begins when it is time for one; everything that needs no waiting is done.
+    fn drive(&mut self, now: Instant) {
+        if now >= self.next {
+            let behind = now.saturating_duration_since(self.next);
+            let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
+            let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
+            self.end_round();
+            self.next += self.period.saturating_mul(skipped + 1);
+            self.ticks += u64::from(skipped) + 1;
+            self.late += u64::from(skipped);
+            let mut asked = 0;
+            for (connection, place) in self.connections.iter_mut().zip(0..) {
+                asked |= u32::from(connection.tick(now)) << place;
             }
-            Err(fault) => Err(self.lose(&fault)),
+            self.round = Some(Round {
+                collect_by: now + self.period / 2,
+                asked,
+            });
+        }
+        for connection in &mut self.connections {
+            connection.advance(now);
         }
     }
 
-    /// Sets the next cycle; says how many periods lie between the last one and this one.
-    fn schedule(&mut self) -> u64 {
-        let behind = Instant::now().saturating_duration_since(self.next);
-        let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
-        let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
-        self.next += self.period.saturating_mul(skipped + 1);
-        self.late += u64::from(skipped);
-        u64::from(skipped) + 1
+    /// The inputs of a round in which nobody is waited for any more.
+    fn collect(&mut self, now: Instant, inputs: &mut Inputs) -> Option<Exchange> {
+        let round = self.round?;
+        let mut asked = self.connections.iter().zip(0..);
+        let awaited = asked.any(|(connection, place)| {
+            round.asked >> place & 1 == 1 && connection.quick && !connection.server.has_read()
+        });
+        let fresh = self.connections.iter().any(|one| one.server.is_fresh());
+        // Nothing new is no exchange.
+        if (awaited && now < round.collect_by) || !fresh {
+            return None;
+        }
+        self.end_round();
+        for connection in &mut self.connections {
+            connection.server.take_inputs(inputs);
+        }
+        let counts = self.connections.iter().map(|one| one.server.counts());
+        let quality = self.connections.iter().map(Connection::quality).min();
+        Some(Exchange {
+            commandable: true,
+            startable: true,
+            mirror: [0.0; JOINTS_MAX],
+            ticks: std::mem::take(&mut self.ticks).max(1),
+            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
+            quality_permille: quality.unwrap_or(0),
+            reason: 0,
+            late: self.late + counts.clone().map(|counts| counts.late).sum::<u64>(),
+            refused: counts.map(|counts| counts.discarded).sum(),
+        })
     }
 
-    /// Without a connection until the pause is over; what is wrong is said once.
-    fn lose(&mut self, fault: &LinkFault) -> LinkError {
-        let reason = match fault {
-            LinkFault::Connect(_) | LinkFault::Transport(_) => UNREACHABLE,
-            LinkFault::Timeout { .. } => TIMEOUT,
-            LinkFault::Exception { .. } => REFUSED,
+    fn end_round(&mut self) {
+        let Some(round) = self.round.take() else {
+            return;
         };
-        if self.fault != reason {
-            tracing::warn!(server = %self.server, "{fault}; trying again");
-            self.fault = reason;
+        for (connection, place) in self.connections.iter_mut().zip(0..) {
+            let in_time = round.asked >> place & 1 == 1 && connection.server.has_read();
+            connection.quick = in_time;
+            connection.count_round(in_time);
         }
-        self.link = None;
-        self.next = Instant::now() + self.back_off;
-        self.back_off = (2 * self.back_off).min(BACK_OFF[1]);
-        LinkError::Lost { reason }
     }
+
+    /// While one server is lost nobody commands the device: the others get what `on_release` says.
+    fn release_all(&mut self, now: Instant) {
+        self.outputs = self.released;
+        for connection in &mut self.connections {
+            if connection.server.is_waiting() {
+                connection.server.command(&self.released, now);
+                connection.advance(now);
+            }
+        }
+    }
+
+    /// Why the device is lost, 0 = it is not, or it is not known yet.
+    fn reason(&self) -> u32 {
+        let reasons = self.connections.iter().zip(1..).map(|(connection, place)| {
+            match (connection.fault(), &connection.server.settings().name) {
+                (0, _) => 0,
+                (fault, None) => fault,
+                (fault, Some(_)) => fault + place * NAMED,
+            }
+        });
+        reasons.into_iter().find(|reason| *reason != 0).unwrap_or(0)
+    }
+
+    fn wait(&self, now: Instant, deadline: Instant) {
+        let mut until = deadline.min(self.next);
+        if let Some(round) = self.round.filter(|round| round.collect_by > now) {
+            until = until.min(round.collect_by);
+        }
+        let mut polled: Vec<PollFd<'_>> = Vec::with_capacity(self.connections.len());
+        for connection in &self.connections {
+            if let Some((descriptor, flags)) = connection.events(now) {
+                polled.push(PollFd::new(descriptor, flags));
+            }
+            if let Some(wake) = connection.wake(now) {
+                until = until.min(wake);
+            }
+        }
+        let left = TimeSpec::from_duration(until.saturating_duration_since(now));
+        // A signal or a refusal ends the wait early; the loop looks at everything again.
+        let _ = ppoll(&mut polled, Some(left), None);
+    }
+}
+
+impl Drop for Modbus {
+    /// The last outputs leave, if their servers take them within their time-out.
+    fn drop(&mut self) {
+        let start = Instant::now();
+        let longest = self.connections.iter().map(|one| one.server.settings().timeout);
+        let deadline = start + longest.max().unwrap_or_default();
+        self.next = deadline;
+        self.round = None;
+        let mut finished = vec![false; self.connections.len()];
+        loop {
+            let now = Instant::now();
+            for (connection, finished) in self.connections.iter_mut().zip(&mut finished) {
+                connection.advance(now);
+                if !connection.is_online() {
+                    *finished = true;
+                } else if !*finished && connection.server.may_finish() {
+                    connection.server.finish(&self.outputs, now);
+                    connection.advance(now);
+                    *finished = true;
+                }
+            }
+            let idle = |one: &Connection| !one.is_online() || one.server.is_idle();
+            if now >= deadline || finished.iter().all(|done| *done) && self.connections.iter().all(idle)
+            {
+                return;
+            }
+            self.wait(now, deadline);
+        }
+    }
+}
+
+/// Nobody else writes where the watchdog does.
+fn check_watchdog(
+    device: &DeviceConfig,
+    server: &ServerSettings,
+    points: &Points,
+) -> Result<(), DriverError> {
+    let Some(watchdog) = &server.watchdog else {
+        return Ok(());
+    };
+    let taken = points.outputs.iter().find(|output| {
+        let end = u32::from(output.address) + u32::from(output.width());
+        let Address { table, number, .. } = watchdog.address;
+        output.table == table && (u32::from(output.address)..end).contains(&u32::from(number))
+    });
+    let Some(output) = taken else { return Ok(()) };
+    let server = server.name.as_ref().map(|name| format!("servers.{name}."));
+    Err(DriverError::Setting {
+        device: device.name.clone(),
+        key: format!("{}watchdog.address", server.unwrap_or_default()),
+        cause: format!("{} is written by the output {}", watchdog.address, output.name),
+        expected: "an address that no channel has",
+    })
 }
 
 #[cfg(test)]

@@ -1,223 +1,502 @@
-//! Which points of a Modbus server a device's channels are, and how they are read and written in few transactions.
-//! Built once; used by the host's thread.
+//! Which points of its servers a device's channels are, and in how few requests they are read and written.
+//! Built once, when a driver is opened; used by the host's thread.
 
-use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
+use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX};
 use rcc_core::primitive::ChannelKind;
 
-use crate::driver::{DriverError, channel_error, to_raw, to_si};
+use super::address::{self, Address, Form, Table};
+use super::settings::{Requests, ServerSettings};
+use super::value::{Format, Words};
+use crate::driver::{DriverError, Outputs, channel_error, to_raw, to_si};
 
-/// Most points of one transaction; the standard allows 125 registers and 2000 bits.
-const RUN_MAX: usize = 120;
-
-/// The tables of a Modbus server.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Table {
-    /// Bits, read and written.
-    Coil,
-    /// Bits, read only.
-    Discrete,
-    /// 16 bits, read and written.
-    Holding,
-    /// 16 bits, read only.
-    Input,
+/// What a read value is for.
+#[derive(Clone, Debug)]
+pub enum Target {
+    /// Digital input `index`, a point of a table of bits.
+    Bit {
+        /// Place among the digital inputs.
+        index: usize,
+    },
+    /// Digital input `index`, a bit of a register.
+    RegisterBit {
+        /// Place among the digital inputs.
+        index: usize,
+        /// Number of the bit.
+        bit: u8,
+    },
+    /// Analog input `index`.
+    Number {
+        /// Place among the analog inputs.
+        index: usize,
+        /// How its registers are read.
+        format: Format,
+        /// Scale, offset.
+        config: ChannelConfig,
+    },
+    /// The device's heartbeat.
+    Heartbeat,
 }
 
-/// A channel and its point.
+/// One value of a read.
 #[derive(Clone, Debug)]
-pub struct Point {
-    /// Place among the channels of its kind.
-    pub index: usize,
-    /// Where it is.
+pub struct Item {
+    /// Its first point, counted from the first one of the read.
+    pub at: usize,
+    /// What it is for.
+    pub target: Target,
+    /// The channel's name.
+    pub name: String,
+}
+
+/// One request that reads.
+#[derive(Clone, Debug)]
+pub struct Read {
+    /// From which table.
     pub table: Table,
-    /// Number in its table, from 0.
-    pub address: u16,
-    /// A register holds a two's complement.
-    signed: bool,
-    config: ChannelConfig,
+    /// First point.
+    pub first: u16,
+    /// Number of points.
+    pub count: u16,
+    /// What it brings.
+    pub items: Vec<Item>,
 }
 
-/// The points of one device, each list by table and address.
+/// Where the value of an output comes from.
 #[derive(Clone, Debug)]
+pub enum Source {
+    /// Digital output `index`.
+    Coil {
+        /// Place among the digital outputs.
+        index: usize,
+    },
+    /// Digital outputs that are bits of one register.
+    Bits {
+        /// Number of the bit, and place among the digital outputs.
+        bits: Vec<(u8, usize)>,
+    },
+    /// Analog output `index`.
+    Number {
+        /// Place among the analog outputs.
+        index: usize,
+        /// How its registers are written.
+        format: Format,
+        /// Scale, offset.
+        config: ChannelConfig,
+    },
+}
+
+/// What an output is written to.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// Coil or holding.
+    pub table: Table,
+    /// First point.
+    pub address: u16,
+    /// Where its value comes from.
+    pub source: Source,
+    /// The channel's name, or several.
+    pub name: String,
+}
+
+/// A raw value of an output: bits outside of `mask` are not known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Raw {
+    /// Registers; the first is 0 or 1 for a coil.
+    pub words: Words,
+    /// Which bits of the first register count; all of a number, 1 of a coil.
+    pub mask: u16,
+}
+
+impl Raw {
+    /// The bits that must be written so that what `self` holds becomes `wanted`.
+    #[must_use]
+    pub fn changes(&self, wanted: &Raw) -> u16 {
+        let same = self.mask & !(self.words[0] ^ wanted.words[0]);
+        if wanted.mask == u16::MAX && (same != u16::MAX || self.words != wanted.words) {
+            return u16::MAX;
+        }
+        wanted.mask & !same
+    }
+}
+
+/// What is to be written to an output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wanted {
+    /// Nothing: the device keeps what it has.
+    Nothing,
+    /// This.
+    Value(Raw),
+    /// This SI value, which the registers cannot hold.
+    Unfit(f64),
+}
+
+/// What is read from one server, and what is written to it.
+#[derive(Clone, Debug, Default)]
 pub struct Points {
-    /// Digital inputs.
-    pub digital_inputs: Vec<Point>,
-    /// Digital outputs.
-    pub digital_outputs: Vec<Point>,
-    /// Analog inputs.
-    pub analog_inputs: Vec<Point>,
-    /// Analog outputs.
-    pub analog_outputs: Vec<Point>,
+    /// In order of table and address.
+    pub reads: Vec<Read>,
+    /// In order of table and address.
+    pub outputs: Vec<Output>,
+}
+
+/// A channel and where it is.
+struct Placed<'a> {
+    channel: &'a ChannelConfig,
+    address: Address,
+}
+
+/// The outputs of a device that nobody commands: safe values; one that holds has none.
+#[must_use]
+pub fn released(device: &DeviceConfig) -> Outputs {
+    let mut outputs = Outputs::NONE;
+    for channel in &device.channels {
+        let Some(OnRelease::Safe(value)) = channel.on_release else {
+            continue;
+        };
+        let index = channel.index as usize;
+        match channel.kind {
+            ChannelKind::DigitalOutput if index < DIGITAL_MAX => {
+                outputs.digital_set |= 1 << index;
+                outputs.digital |= u64::from(value != 0.0) << index;
+            }
+            ChannelKind::AnalogOutput if index < ANALOG_MAX => outputs.analog[index] = value,
+            _ => {}
+        }
+    }
+    outputs
 }
 
 impl Points {
-    /// The points that the channels of `device` name.
+    /// The points of each server, in the order of `servers`.
     ///
     /// # Errors
-    /// An address of another form, one that two outputs share, or an analog output that 16 bits cannot hold.
-    pub fn new(device: &DeviceConfig) -> Result<Self, DriverError> {
-        Ok(Self {
-            digital_inputs: points(
-                device,
-                ChannelKind::DigitalInput,
-                &[Table::Discrete, Table::Coil],
-                "\"discrete N\" or \"coil N\", N from 0",
-            )?,
-            digital_outputs: points(
-                device,
-                ChannelKind::DigitalOutput,
-                &[Table::Coil],
-                "\"coil N\", N from 0, that no other output has",
-            )?,
-            analog_inputs: points(
-                device,
-                ChannelKind::AnalogInput,
-                &[Table::Input, Table::Holding],
-                "\"input N\" or \"holding N\", N from 0, with \"i16\" after it if the register has a sign",
-            )?,
-            analog_outputs: points(
-                device,
-                ChannelKind::AnalogOutput,
-                &[Table::Holding],
-                "\"holding N\", N from 0, that no other output has, with \"i16\" after it if the register has a sign",
-            )?,
-        })
-    }
-}
-
-impl Point {
-    /// SI value of a register.
-    #[must_use]
-    pub fn value(&self, register: u16) -> f64 {
-        let raw = if self.signed {
-            f64::from(register.cast_signed())
-        } else {
-            f64::from(register)
-        };
-        to_si(&self.config, raw)
-    }
-
-    /// The register that holds an SI value, rounded; `None` if 16 bits cannot hold it.
-    #[must_use]
-    pub fn register(&self, value: f64) -> Option<u16> {
-        let raw = to_raw(&self.config, value).round();
-        let (lower, upper) = if self.signed {
-            (f64::from(i16::MIN), f64::from(i16::MAX))
-        } else {
-            (0.0, f64::from(u16::MAX))
-        };
-        // Inside of the bounds, so nothing is cut off.
-        (raw >= lower && raw <= upper).then(|| {
-            if self.signed {
-                (raw as i16).cast_unsigned()
-            } else {
-                raw as u16
+    /// An address of another form, of another server, or that two outputs share; a number that the registers, or one
+    /// request, cannot hold.
+    pub fn new(
+        device: &DeviceConfig,
+        servers: &[ServerSettings],
+    ) -> Result<Vec<Points>, DriverError> {
+        let mut inputs: Vec<Vec<Placed<'_>>> = servers.iter().map(|_| Vec::new()).collect();
+        let mut outputs: Vec<Vec<Placed<'_>>> = servers.iter().map(|_| Vec::new()).collect();
+        for channel in &device.channels {
+            let (place, address) = place(device, channel, servers)?;
+            let output = matches!(
+                channel.kind,
+                ChannelKind::DigitalOutput | ChannelKind::AnalogOutput
+            );
+            let lists = if output { &mut outputs } else { &mut inputs };
+            if output {
+                check_output(device, channel, &address, &lists[place])?;
             }
-        })
-    }
-}
-
-/// Splits points into runs of consecutive addresses of one table: one transaction each.
-pub fn runs<T: AsRef<Point>>(points: &[T]) -> impl Iterator<Item = &[T]> {
-    let mut rest = points;
-    std::iter::from_fn(move || {
-        let first = rest.first()?.as_ref();
-        let length = rest
-            .iter()
-            .zip(0..RUN_MAX)
-            .take_while(|(point, place)| {
-                let point = point.as_ref();
-                point.table == first.table
-                    && usize::from(point.address) == usize::from(first.address) + place
+            check_size(device, channel, &address, output, servers[place].requests)?;
+            lists[place].push(Placed { channel, address });
+        }
+        let lists = inputs.into_iter().zip(outputs).zip(servers);
+        Ok(lists
+            .map(|((inputs, outputs), server)| Points {
+                reads: reads(inputs, server),
+                outputs: merge(outputs),
             })
-            .count();
-        let (run, others) = rest.split_at(length.max(1));
-        rest = others;
-        Some(run)
-    })
-}
-
-impl AsRef<Point> for Point {
-    fn as_ref(&self) -> &Point {
-        self
+            .collect())
     }
 }
 
-fn points(
-    device: &DeviceConfig,
-    kind: ChannelKind,
-    tables: &[Table],
-    expected: &'static str,
-) -> Result<Vec<Point>, DriverError> {
-    let analog = matches!(kind, ChannelKind::AnalogInput | ChannelKind::AnalogOutput);
-    let output = matches!(kind, ChannelKind::AnalogOutput | ChannelKind::DigitalOutput);
-    let mut points: Vec<Point> = Vec::new();
-    for (index, channel) in device.channels_of(kind).enumerate() {
-        let address = channel
-            .address
-            .as_str()
-            .and_then(|text| parse(text, analog));
-        let Some((table, address, signed)) = address.filter(|(table, ..)| tables.contains(table))
-        else {
-            let cause = format!("{} is no such address", channel.address);
-            return Err(channel_error(device, channel, cause, expected));
-        };
-        let point = Point {
-            index,
-            table,
-            address,
-            signed,
-            config: channel.clone(),
-        };
-        let same = |other: &&Point| (other.table, other.address) == (table, address);
-        if let Some(other) = points.iter().find(same).filter(|_| output) {
-            let cause = format!("'{}' is at the same address", other.config.name);
-            return Err(channel_error(device, channel, cause, expected));
-        }
-        if kind == ChannelKind::AnalogOutput {
-            check_range(device, channel, &point)?;
-        }
-        points.push(point);
-    }
-    points.sort_by_key(|point| (point.table, point.address));
-    Ok(points)
-}
-
-/// Every value that may be commanded must fit: nothing is cut off later.
-fn check_range(
+/// Whose channel it is, and where.
+fn place(
     device: &DeviceConfig,
     channel: &ChannelConfig,
-    point: &Point,
-) -> Result<(), DriverError> {
-    let fits = channel
-        .range
-        .is_some_and(|range| range.iter().all(|value| point.register(*value).is_some()));
-    if fits {
-        return Ok(());
-    }
-    let cause = match channel.range {
-        None => "an analog output of 16 bits needs a range".to_owned(),
-        Some([lower, upper]) => format!("the range {lower} to {upper} (SI) does not fit 16 bits"),
+    servers: &[ServerSettings],
+) -> Result<(usize, Address), DriverError> {
+    let expected = match channel.kind {
+        ChannelKind::DigitalInput => {
+            "\"discrete N\", \"coil N\", \"input N bit B\" or \"holding N bit B\", N from 0"
+        }
+        ChannelKind::DigitalOutput => "\"coil N\" or \"holding N bit B\", N from 0",
+        ChannelKind::AnalogInput => {
+            "\"input N\" or \"holding N\", N from 0, and a type unless it is u16, such as \"input 4 f32 CDAB\""
+        }
+        ChannelKind::AnalogOutput => {
+            "\"holding N\", N from 0, and a type unless it is u16, such as \"holding 4 i16\""
+        }
     };
-    let expected = "a `range` that fits the register with this scale and offset (\"i16\" in the address gives a sign)";
+    let fault = |cause: String| channel_error(device, channel, cause, expected);
+    let text = channel.address.as_str();
+    let text = text.ok_or_else(|| fault(format!("{} is no such address", channel.address)))?;
+    let address = address::parse(text)
+        .map_err(|error| fault(format!("\"{text}\" is no such address: {error}")))?;
+    let analog = matches!(address.form, Form::Number(_));
+    let fits = match channel.kind {
+        ChannelKind::DigitalInput => !analog,
+        ChannelKind::DigitalOutput => !analog && address.table.is_writable(),
+        ChannelKind::AnalogInput => analog,
+        ChannelKind::AnalogOutput => analog && address.table.is_writable(),
+    };
+    if !fits {
+        return Err(fault(format!("\"{text}\" is no such address")));
+    }
+    let position = servers
+        .iter()
+        .position(|server| server.name == address.server);
+    let names = || {
+        let names = servers.iter().filter_map(|server| server.name.as_deref());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let position = position.ok_or_else(|| {
+        fault(match (&address.server, names().as_str()) {
+            (None, names) => format!(
+                "\"{text}\" does not say of which server ({names}), such as \"NAME/{text}\""
+            ),
+            (Some(server), "") => {
+                format!("there is no server '{server}', as settings.server is the only one")
+            }
+            (Some(server), names) => {
+                format!("there is no server '{server}' in settings.servers; there are: {names}")
+            }
+        })
+    })?;
+    Ok((position, address))
+}
+
+/// Its value fits, and nobody else writes there.
+fn check_output(
+    device: &DeviceConfig,
+    channel: &ChannelConfig,
+    address: &Address,
+    others: &[Placed<'_>],
+) -> Result<(), DriverError> {
+    if let Some(other) = others.iter().find(|other| overlap(&other.address, address)) {
+        let cause = format!(
+            "\"{address}\" and \"{}\" of '{}' overlap, and both are written",
+            other.address, other.channel.name
+        );
+        let expected = "every output an address of its own";
+        return Err(channel_error(device, channel, cause, expected));
+    }
+    let Form::Number(format) = address.form else {
+        return Ok(());
+    };
+    let number = format.number.name();
+    let fits = |value: &f64| format.encode(to_raw(channel, *value)).is_some();
+    let cause = match channel.range {
+        Some(range) if range.iter().all(fits) => return Ok(()),
+        Some([lower, upper]) => format!(
+            "the range {lower} to {upper} (SI) does not fit {number}: it is {} to {} raw, and {number} holds {} to {}",
+            to_raw(channel, lower),
+            to_raw(channel, upper),
+            format.number.limits()[0],
+            format.number.limits()[1],
+        ),
+        None => format!("an analog output of type {number} needs a range"),
+    };
+    let expected = "a `range` that fits the registers with this scale and offset, or a type such as i16 or f32";
     Err(channel_error(device, channel, cause, expected))
 }
 
-/// `coil 3`, `holding 2 i16`.
-fn parse(text: &str, analog: bool) -> Option<(Table, u16, bool)> {
-    let mut words = text.split_whitespace();
-    let table = match words.next()? {
-        "coil" => Table::Coil,
-        "discrete" => Table::Discrete,
-        "holding" => Table::Holding,
-        "input" => Table::Input,
-        _ => return None,
+/// One request holds the whole value: half of one is none.
+fn check_size(
+    device: &DeviceConfig,
+    channel: &ChannelConfig,
+    address: &Address,
+    output: bool,
+    requests: Requests,
+) -> Result<(), DriverError> {
+    let (most, key) = match (address.table.is_bits(), output) {
+        (true, _) => return Ok(()),
+        (false, false) => (requests.read_registers, "read_registers"),
+        (false, true) => (requests.write_registers, "write_registers"),
     };
-    let address = words.next()?.parse().ok()?;
-    let signed = match words.next() {
-        None => false,
-        Some("u16") if analog => false,
-        Some("i16") if analog => true,
-        Some(_) => return None,
+    if address.width() <= most {
+        return Ok(());
+    }
+    let cause = format!(
+        "\"{address}\" has {} registers, and requests.{key} allows {most}",
+        address.width()
+    );
+    let expected = "a smaller type, or a larger limit: a number is never read or written in parts";
+    Err(channel_error(device, channel, cause, expected))
+}
+
+/// Both take one point, or one bit of it.
+#[must_use]
+pub fn overlap(one: &Address, other: &Address) -> bool {
+    let end = |address: &Address| u32::from(address.number) + u32::from(address.width());
+    let apart = one.table != other.table
+        || end(one) <= u32::from(other.number)
+        || end(other) <= u32::from(one.number);
+    let other_bit = match (one.form, other.form) {
+        (Form::RegisterBit(one), Form::RegisterBit(other)) => one != other,
+        _ => false,
     };
-    words.next().is_none().then_some((table, address, signed))
+    !apart && !other_bit
+}
+
+/// As few reads as the server's limits allow.
+fn reads(inputs: Vec<Placed<'_>>, server: &ServerSettings) -> Vec<Read> {
+    let channel = |Placed { channel, address }: Placed<'_>| {
+        let index = channel.index as usize;
+        let target = match address.form {
+            Form::Bit => Target::Bit { index },
+            Form::RegisterBit(bit) => Target::RegisterBit { index, bit },
+            Form::Number(format) => Target::Number {
+                index,
+                format,
+                config: channel.clone(),
+            },
+        };
+        (address, target, channel.name.clone())
+    };
+    let mut items: Vec<(Address, Target, String)> = inputs.into_iter().map(channel).collect();
+    if let Some(heartbeat) = &server.heartbeat {
+        let name = "heartbeat".to_owned();
+        items.push((heartbeat.address.clone(), Target::Heartbeat, name));
+    }
+    items.sort_by_key(|(address, ..)| (address.table, address.number));
+    let mut reads: Vec<Read> = Vec::new();
+    for (address, target, name) in items {
+        let (table, number) = (address.table, address.number);
+        let most = if table.is_bits() {
+            server.requests.read_bits
+        } else {
+            server.requests.read_registers
+        };
+        let end = u32::from(number) + u32::from(address.width());
+        let joins = |read: &&mut Read| {
+            let hole =
+                u32::from(number).saturating_sub(u32::from(read.first) + u32::from(read.count));
+            read.table == table
+                && hole <= u32::from(server.requests.gap)
+                && end - u32::from(read.first) <= u32::from(most)
+        };
+        match reads.last_mut().filter(joins) {
+            Some(read) => {
+                // Within `most`.
+                read.count = read.count.max((end - u32::from(read.first)) as u16);
+                read.items.push(Item {
+                    at: usize::from(number - read.first),
+                    target,
+                    name,
+                });
+            }
+            None => reads.push(Read {
+                table,
+                first: number,
+                count: address.width(),
+                items: vec![Item {
+                    at: 0,
+                    target,
+                    name,
+                }],
+            }),
+        }
+    }
+    reads
+}
+
+/// In order, with the bits of one register in one place.
+fn merge(mut placed: Vec<Placed<'_>>) -> Vec<Output> {
+    placed.sort_by_key(|output| (output.address.table, output.address.number));
+    let mut outputs: Vec<Output> = Vec::new();
+    for Placed { channel, address } in placed {
+        let index = channel.index as usize;
+        let source = match address.form {
+            Form::Bit => Source::Coil { index },
+            Form::Number(format) => Source::Number {
+                index,
+                format,
+                config: channel.clone(),
+            },
+            Form::RegisterBit(bit) => {
+                if let Some(last) = outputs.last_mut()
+                    && last.address == address.number
+                    && let Source::Bits { bits } = &mut last.source
+                {
+                    bits.push((bit, index));
+                    last.name = format!("{}, {}", last.name, channel.name);
+                    continue;
+                }
+                Source::Bits {
+                    bits: vec![(bit, index)],
+                }
+            }
+        };
+        outputs.push(Output {
+            table: address.table,
+            address: address.number,
+            source,
+            name: channel.name.clone(),
+        });
+    }
+    outputs
+}
+
+impl Output {
+    /// Points that it takes.
+    #[must_use]
+    pub fn width(&self) -> u16 {
+        match &self.source {
+            Source::Coil { .. } | Source::Bits { .. } => 1,
+            Source::Number { format, .. } => format.width(),
+        }
+    }
+
+    /// What `outputs` want it to be.
+    #[must_use]
+    pub fn wanted(&self, outputs: &Outputs) -> Wanted {
+        let digital = |index: usize| {
+            let set = outputs.digital_set >> index & 1 == 1;
+            set.then_some(outputs.digital >> index & 1 == 1)
+        };
+        match &self.source {
+            Source::Coil { index } => match digital(*index) {
+                None => Wanted::Nothing,
+                Some(on) => Wanted::Value(Raw {
+                    words: [u16::from(on), 0, 0, 0],
+                    mask: 1,
+                }),
+            },
+            Source::Bits { bits } => {
+                let mut raw = Raw::default();
+                for (bit, index) in bits {
+                    if let Some(on) = digital(*index) {
+                        raw.mask |= 1 << bit;
+                        raw.words[0] |= u16::from(on) << bit;
+                    }
+                }
+                if raw.mask == 0 {
+                    Wanted::Nothing
+                } else {
+                    Wanted::Value(raw)
+                }
+            }
+            Source::Number {
+                index,
+                format,
+                config,
+            } => match outputs.analog.get(*index) {
+                Some(value) if !value.is_nan() => match format.encode(to_raw(config, *value)) {
+                    Some(words) => Wanted::Value(Raw {
+                        words,
+                        mask: u16::MAX,
+                    }),
+                    None => Wanted::Unfit(*value),
+                },
+                // Without a value it is NaN.
+                _ => Wanted::Nothing,
+            },
+        }
+    }
+}
+
+impl Target {
+    /// SI value of registers; NaN if they hold none, or one outside of the channel's range.
+    #[must_use]
+    pub fn number(format: Format, config: &ChannelConfig, registers: &[u16]) -> f64 {
+        let value = to_si(config, format.decode(registers));
+        match config.range {
+            Some([lower, upper]) if !(value >= lower && value <= upper) => f64::NAN,
+            _ if value.is_finite() => value,
+            _ => f64::NAN,
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The driver against the simulated I/O station, which runs in a thread of the test.
 
 use std::io::{BufRead, BufReader, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc;
 
 use rcc_config::OnRelease;
@@ -137,7 +137,8 @@ fn signed_registers_are_read_back_as_they_were_written() {
 fn every_output_is_written_again_on_a_new_connection() {
     let mut station = Station::nowhere();
     station.start();
-    let mut driver = Modbus::open(&device(station.address)).expect("a good configuration");
+    let station_at = station.address;
+    let mut driver = Modbus::open(&device(station_at)).expect("a good configuration");
     let outputs = Outputs {
         digital: 1,
         digital_set: 1,
@@ -152,7 +153,7 @@ fn every_output_is_written_again_on_a_new_connection() {
     };
     assert!(lamp(&mut driver, &outputs, true));
     // Somebody else switches it off; the driver does not know.
-    let mut other = Modbus::open(&device(driver.server)).expect("a good configuration");
+    let mut other = Modbus::open(&device(station_at)).expect("a good configuration");
     assert!(lamp(
         &mut other,
         &Outputs {
@@ -161,7 +162,8 @@ fn every_output_is_written_again_on_a_new_connection() {
         },
         false
     ));
-    driver.link = None;
+    let now = Instant::now();
+    driver.connections[0].server.connected(now);
     assert!(lamp(&mut driver, &outputs, true));
 }
 
@@ -173,7 +175,7 @@ fn addresses_that_do_not_fit_their_channel_are_refused() {
         (0, "coil 65536", "is no such address"),
         (1, "discrete 0 i16", "is no such address"),
         (3, "input 0", "is no such address"),
-        (3, "holding 0", "does not fit 16 bits"),
+        (3, "holding 0", "does not fit u16"),
     ] {
         let mut rows = rows();
         rows[row].2 = address.into();

@@ -1,0 +1,259 @@
+//! Where a channel is in a Modbus server, read from one line: `[SERVER/]TABLE NUMBER [TYPE [ORDER]]` or `… bit B`.
+//! Pure; used once, when a driver is opened.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use super::value::{Format, Number, Order};
+
+/// The tables of a Modbus server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Table {
+    /// Bits, read and written.
+    Coil,
+    /// Bits, read only.
+    Discrete,
+    /// 16 bits, read and written.
+    Holding,
+    /// 16 bits, read only.
+    Input,
+}
+
+impl Table {
+    /// All of them and how they are written.
+    pub const ALL: [(&'static str, Table); 4] = [
+        ("coil", Table::Coil),
+        ("discrete", Table::Discrete),
+        ("holding", Table::Holding),
+        ("input", Table::Input),
+    ];
+
+    /// As it is written in an address.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        let mut rows = Self::ALL.iter();
+        rows.find(|row| row.1 == self).map_or("", |row| row.0)
+    }
+
+    /// Its points are single bits.
+    #[must_use]
+    pub fn is_bits(self) -> bool {
+        matches!(self, Table::Coil | Table::Discrete)
+    }
+
+    /// Its points can be written.
+    #[must_use]
+    pub fn is_writable(self) -> bool {
+        matches!(self, Table::Coil | Table::Holding)
+    }
+}
+
+/// What stands at an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A point of a table of bits.
+    Bit,
+    /// One bit of a register, 0 is the lowest.
+    RegisterBit(u8),
+    /// A number in one register or several.
+    Number(Format),
+}
+
+/// Where a channel is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Address {
+    /// The server's name, if it is given.
+    pub server: Option<String>,
+    /// The table.
+    pub table: Table,
+    /// Number of the first point in its table, from 0, as on the wire.
+    pub number: u16,
+    /// What stands there.
+    pub form: Form,
+}
+
+impl Address {
+    /// Points that it takes: bits or registers; `number + width` is at most 65,536.
+    #[must_use]
+    pub fn width(&self) -> u16 {
+        match self.form {
+            Form::Bit | Form::RegisterBit(_) => 1,
+            Form::Number(format) => format.width(),
+        }
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(server) = &self.server {
+            write!(formatter, "{server}/")?;
+        }
+        write!(formatter, "{} {}", self.table.name(), self.number)?;
+        match self.form {
+            Form::Bit => Ok(()),
+            Form::RegisterBit(bit) => write!(formatter, " bit {bit}"),
+            Form::Number(format) => write!(formatter, " {format}"),
+        }
+    }
+}
+
+/// Why a text is no address.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum AddressError {
+    /// Not one of the tables.
+    #[error("'{0}' is no table; there are coil, discrete, holding and input")]
+    Table(String),
+    /// The number is missing, or beyond 16 bits.
+    #[error("'{0}' is no number from 0 to 65535")]
+    Number(String),
+    /// Not one of the types.
+    #[error("'{0}' is no type; there are u16 i16 u32 i32 u64 i64 f32 f64, or bit 0 to bit 15")]
+    Type(String),
+    /// A table of bits has no types.
+    #[error("a {table} is one bit, '{word}' has no meaning there")]
+    TypeOfBit {
+        /// The table.
+        table: &'static str,
+        /// What stands behind the number.
+        word: String,
+    },
+    /// Letters that are no order of this type.
+    #[error("'{word}' is no byte order of a {number}; there are {known}")]
+    Order {
+        /// What is written.
+        word: String,
+        /// The type.
+        number: &'static str,
+        /// The orders of that type.
+        known: String,
+    },
+    /// The value does not end within the table.
+    #[error("its {width} registers reach beyond the last one, 65535")]
+    Beyond {
+        /// Registers of the value.
+        width: u16,
+    },
+    /// Something stands behind a complete address.
+    #[error("'{0}' is too much")]
+    TooMuch(String),
+}
+
+/// Reads an address.
+///
+/// # Errors
+/// What is no part of one.
+pub fn parse(text: &str) -> Result<Address, AddressError> {
+    let (server, rest) = match text.split_once('/') {
+        Some((server, rest)) => (Some(server.trim().to_owned()), rest),
+        None => (None, text),
+    };
+    let mut words = rest.split_whitespace();
+    let word = words.next().unwrap_or("");
+    let table = Table::ALL.iter().find(|row| row.0 == word);
+    let table = table.ok_or_else(|| AddressError::Table(word.to_owned()))?.1;
+    let word = words.next().unwrap_or("");
+    // No sign: u16's own parser takes "+3".
+    let digits = word.bytes().all(|byte| byte.is_ascii_digit());
+    let number: Option<u16> = word.parse().ok().filter(|_| digits);
+    let number = number.ok_or_else(|| AddressError::Number(word.to_owned()))?;
+    let form = form(table, &mut words)?;
+    if let Some(word) = words.next() {
+        return Err(AddressError::TooMuch(word.to_owned()));
+    }
+    let address = Address {
+        server,
+        table,
+        number,
+        form,
+    };
+    let width = address.width();
+    if u32::from(number) + u32::from(width) > 0x1_0000 {
+        return Err(AddressError::Beyond { width });
+    }
+    Ok(address)
+}
+
+fn form<'t>(table: Table, words: &mut impl Iterator<Item = &'t str>) -> Result<Form, AddressError> {
+    let word = words.next();
+    if table.is_bits() {
+        return match word {
+            None => Ok(Form::Bit),
+            Some(word) => Err(AddressError::TypeOfBit {
+                table: table.name(),
+                word: word.to_owned(),
+            }),
+        };
+    }
+    if word == Some("bit") {
+        let word = words.next().unwrap_or("");
+        let bit = word.parse().ok().filter(|bit| *bit < 16);
+        return bit
+            .map(Form::RegisterBit)
+            .ok_or_else(|| AddressError::Type(format!("bit {word}")));
+    }
+    let number = match word {
+        None => Number::U16,
+        Some(word) => Number::parse(word).ok_or_else(|| AddressError::Type(word.to_owned()))?,
+    };
+    let order = match words.next() {
+        None => Order::default(),
+        Some(word) => number.order(word).ok_or_else(|| AddressError::Order {
+            word: word.to_owned(),
+            number: number.name(),
+            known: number.orders().join(", "),
+        })?,
+    };
+    Ok(Form::Number(Format { number, order }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_is_written_as_it_is_read() {
+        for text in [
+            "coil 0",
+            "discrete 65535",
+            "holding 7 bit 15",
+            "input 4 i32 CDAB",
+            "press/holding 10 f64 GHEFCDAB",
+            "holding 3 u16 BA",
+            "input 65534 f32",
+        ] {
+            let address = parse(text).unwrap();
+            assert_eq!(address.to_string(), text);
+        }
+        assert_eq!(parse("holding 7").unwrap().to_string(), "holding 7 u16");
+        assert_eq!(
+            parse(" input 7  f32 ABCD ").unwrap().to_string(),
+            "input 7 f32"
+        );
+    }
+
+    #[test]
+    fn what_is_no_address_is_refused_by_the_word_that_is_wrong() {
+        for (text, words) in [
+            ("", "'' is no table"),
+            ("register 3", "'register' is no table"),
+            ("coil", "'' is no number"),
+            ("coil 65536", "'65536' is no number"),
+            ("coil +3", "'+3' is no number"),
+            ("coil -1", "'-1' is no number"),
+            ("coil 3 u16", "a coil is one bit"),
+            ("discrete 3 bit 2", "a discrete is one bit"),
+            ("holding 3 bit 16", "'bit 16' is no type"),
+            ("holding 3 bit", "'bit ' is no type"),
+            ("holding 3 u8", "'u8' is no type"),
+            ("holding 3 f32 AB", "there are ABCD, CDAB, BADC, DCBA"),
+            ("holding 3 u16 ABCD", "there are AB, BA"),
+            ("holding 3 f32 ABCD now", "'now' is too much"),
+            ("holding 65535 f32", "its 2 registers reach beyond"),
+            ("a/b/coil 3", "'b/coil' is no table"),
+        ] {
+            let fault = parse(text).expect_err(text).to_string();
+            assert!(fault.contains(words), "{text}: {fault}");
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! The connection to one server: connect, lose, wait, come back. The dialog on it is [`Server`]'s.
+//! Run by the host's thread; no call here waits.
+
+use std::io::{self, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::poll::PollFlags;
+use nix::sys::socket::{
+    AddressFamily, SockFlag, SockProtocol, SockType, SockaddrStorage, connect, socket,
+};
+
+use super::fault::Fault;
+use super::server::Server;
+use super::settings::ServerSettings;
+
+/// First pause between two attempts.
+const BACK_OFF_FIRST: Duration = Duration::from_millis(50);
+/// A connection is made within this time, or within `timeout` if that is longer.
+const CONNECT_MIN: Duration = Duration::from_secs(1);
+/// So many answers that do not come in a row end the connection: the other side may have forgotten it.
+const TIMEOUTS_MAX: u32 = 2;
+/// Of the quality, what one round changes is 1/this.
+const QUALITY_SHARE: u32 = 16;
+
+/// Most reads in a row: a server that floods us does not keep the others waiting.
+const READS_MAX: usize = 8;
+
+#[derive(Debug)]
+enum Phase {
+    /// No connection until then.
+    Away { until: Instant },
+    /// Being made, at the latest until then.
+    Connecting { stream: TcpStream, until: Instant },
+    /// There is one.
+    Open { stream: TcpStream },
+    /// There is one, and nothing is asked on it until then.
+    Pausing { stream: TcpStream, until: Instant },
+}
+
+/// The connection to one server.
+#[derive(Debug)]
+pub struct Connection {
+    /// The dialog.
+    pub server: Server,
+    phase: Phase,
+    back_off: Duration,
+    online_since: Option<Instant>,
+    /// The reason for which it is not online, 0 = none yet, or none any more.
+    fault: u32,
+    timeouts: u32,
+    quality: u32,
+    /// It answered within the last period: others wait for it.
+    pub quick: bool,
+    random: u64,
+}
+
+impl Connection {
+    /// One that is made as soon as it is driven.
+    #[must_use]
+    pub fn new(server: Server, seed: u64, now: Instant) -> Self {
+        Self {
+            server,
+            phase: Phase::Away { until: now },
+            back_off: BACK_OFF_FIRST,
+            online_since: None,
+            fault: 0,
+            timeouts: 0,
+            quality: 1000,
+            quick: true,
+            random: seed | 1,
+        }
+    }
+
+    /// Its inputs are known and its outputs are ours.
+    #[must_use]
+    pub fn is_online(&self) -> bool {
+        matches!(self.phase, Phase::Open { .. }) && self.server.is_complete()
+    }
+
+    /// Why it is not online; 0 = not yet known.
+    #[must_use]
+    pub fn fault(&self) -> u32 {
+        self.fault
+    }
+
+    /// Share of the last rounds that ended within a period, thousandths.
+    #[must_use]
+    pub fn quality(&self) -> u32 {
+        self.quality
+    }
+
+    /// A round begins, if there is a connection and the last round has ended.
+    pub fn tick(&mut self, now: Instant) -> bool {
+        matches!(self.phase, Phase::Open { .. }) && self.server.tick(now)
+    }
+
+    /// A round has ended, in time or not.
+    pub fn count_round(&mut self, in_time: bool) {
+        let aim = if in_time { 1000 } else { 0 };
+        // Rounded towards the aim, so that it is reached.
+        let step = |far: u32| far.div_ceil(QUALITY_SHARE);
+        self.quality = if aim >= self.quality {
+            self.quality + step(aim - self.quality)
+        } else {
+            self.quality - step(self.quality - aim)
+        };
+    }
+
+    /// Does everything that can be done without waiting.
+    pub fn advance(&mut self, now: Instant) {
+        if let Err(fault) = self.go_on(now) {
+            self.lose(&fault, now);
+        }
+        if self.is_online() {
+            let since = *self.online_since.get_or_insert(now);
+            // One that breaks at once, again and again, is not tried more and more often.
+            if now.saturating_duration_since(since) > self.back_off {
+                self.back_off = BACK_OFF_FIRST;
+            }
+            self.timeouts = 0;
+            if self.fault != 0 {
+                tracing::info!("{} answers", self.words());
+                self.fault = 0;
+            }
+        } else if let Some(fault) = self.server.standstill(now)
+            && matches!(self.phase, Phase::Open { .. })
+        {
+            self.tell(&fault);
+        }
+    }
+
+    /// When [`Connection::advance`] has something to do though nothing comes.
+    #[must_use]
+    pub fn wake(&self, now: Instant) -> Option<Instant> {
+        match &self.phase {
+            Phase::Away { until }
+            | Phase::Connecting { until, .. }
+            | Phase::Pausing { until, .. } => Some(*until),
+            Phase::Open { .. } => self.server.wake(now),
+        }
+    }
+
+    /// What is to be waited for.
+    #[must_use]
+    pub fn events(&self, now: Instant) -> Option<(BorrowedFd<'_>, PollFlags)> {
+        let (stream, flags) = match &self.phase {
+            Phase::Away { .. } => return None,
+            Phase::Connecting { stream, .. } => (stream, PollFlags::POLLOUT),
+            Phase::Pausing { stream, .. } => (stream, PollFlags::POLLIN),
+            Phase::Open { stream } if self.server.to_send(now).is_empty() => {
+                (stream, PollFlags::POLLIN)
+            }
+            Phase::Open { stream } => (stream, PollFlags::POLLIN | PollFlags::POLLOUT),
+        };
+        Some((stream.as_fd(), flags))
+    }
+
+    /// Who it is, for people.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let ServerSettings {
+            name,
+            address,
+            unit,
+            ..
+        } = self.server.settings();
+        match name {
+            Some(name) => format!("the Modbus server '{name}' ({address}, unit {unit})"),
+            None => format!("the Modbus server {address}, unit {unit},"),
+        }
+    }
+
+    fn go_on(&mut self, now: Instant) -> Result<(), Fault> {
+        match &mut self.phase {
+            Phase::Away { until } if now >= *until => {
+                let timeout = self.server.settings().timeout.max(CONNECT_MIN);
+                let stream =
+                    begin_connect(self.server.settings().address).map_err(Fault::Connect)?;
+                self.phase = Phase::Connecting {
+                    stream,
+                    until: now + timeout,
+                };
+                self.finish_connecting(now)
+            }
+            Phase::Away { .. } => Ok(()),
+            Phase::Connecting { .. } => self.finish_connecting(now),
+            Phase::Pausing { stream, until } => {
+                // What comes now is late.
+                let read = receive(stream, &mut [0; 256]);
+                let over = now >= *until;
+                read.map_err(Fault::Transport)?;
+                if over {
+                    self.open(|server| server.prepare(now));
+                    return self.exchange(now);
+                }
+                Ok(())
+            }
+            Phase::Open { .. } => self.exchange(now),
+        }
+    }
+
+    fn finish_connecting(&mut self, now: Instant) -> Result<(), Fault> {
+        let Phase::Connecting { stream, until } = &self.phase else {
+            return Ok(());
+        };
+        if let Some(error) = stream.take_error().map_err(Fault::Connect)? {
+            return Err(Fault::Connect(error));
+        }
+        let Ok(peer) = stream.peer_addr() else {
+            return match now >= *until {
+                true => Err(Fault::Connect(io::ErrorKind::TimedOut.into())),
+                false => Ok(()),
+            };
+        };
+        // Without anybody there, TCP may connect a port of this machine to itself.
+        if stream.local_addr().ok() == Some(peer) {
+            return Err(Fault::Connect(io::ErrorKind::ConnectionRefused.into()));
+        }
+        stream.set_nodelay(true).map_err(Fault::Connect)?;
+        self.open(|server| server.connected(now));
+        self.exchange(now)
+    }
+
+    fn open(&mut self, begin: impl FnOnce(&mut Server)) {
+        let none = Phase::Away {
+            until: Instant::now(),
+        };
+        self.phase = match std::mem::replace(&mut self.phase, none) {
+            Phase::Connecting { stream, .. } | Phase::Pausing { stream, .. } => {
+                begin(&mut self.server);
+                Phase::Open { stream }
+            }
+            other => other,
+        };
+    }
+
+    fn exchange(&mut self, now: Instant) -> Result<(), Fault> {
+        let Phase::Open { stream } = &mut self.phase else {
+            return Ok(());
+        };
+        for _ in 0..READS_MAX {
+            let count = receive(stream, self.server.room()).map_err(Fault::Transport)?;
+            if let Some(count) = count {
+                self.server.received(count, now)?;
+            }
+            self.server.advance(now)?;
+            let bytes = self.server.to_send(now);
+            let sent = if bytes.is_empty() {
+                0
+            } else {
+                send(stream, bytes).map_err(Fault::Transport)?
+            };
+            self.server.sent(sent);
+            if count.is_none() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Not online until a pause is over; what is wrong is said once.
+    fn lose(&mut self, fault: &Fault, now: Instant) {
+        self.tell(fault);
+        self.quality = 0;
+        self.quick = false;
+        self.online_since = None;
+        let timeout = matches!(fault, Fault::Timeout { .. } | Fault::OtherUnit { .. });
+        if timeout {
+            self.timeouts += 1;
+            if self.timeouts < TIMEOUTS_MAX && matches!(self.phase, Phase::Open { .. }) {
+                // A late answer is known by its number.
+                self.server.prepare(now);
+                return;
+            }
+        }
+        self.timeouts = 0;
+        let until = now + self.pause();
+        let none = Phase::Away { until };
+        let keeps = !timeout && !fault.ends_connection();
+        self.phase = match std::mem::replace(&mut self.phase, none) {
+            Phase::Open { stream } if keeps => Phase::Pausing { stream, until },
+            _ => Phase::Away { until },
+        };
+        self.server.prepare(now);
+    }
+
+    fn tell(&mut self, fault: &Fault) {
+        if self.fault != fault.reason() {
+            tracing::warn!("{} is lost: {fault}; trying again", self.words());
+            self.fault = fault.reason();
+        }
+    }
+
+    /// The next pause, three quarters to five quarters of the back-off, so that many drivers do not come at once.
+    fn pause(&mut self) -> Duration {
+        let pause = self.back_off;
+        let most = self.server.settings().back_off;
+        self.back_off = (2 * self.back_off).min(most);
+        // Marsaglia's xorshift.
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        let share = 750 + u32::try_from(self.random % 501).unwrap_or(0);
+        (pause * share / 1000).min(most)
+    }
+}
+
+fn begin_connect(address: SocketAddr) -> io::Result<TcpStream> {
+    let family = match address {
+        SocketAddr::V4(_) => AddressFamily::Inet,
+        SocketAddr::V6(_) => AddressFamily::Inet6,
+    };
+    let flags = SockFlag::SOCK_NONBLOCK | SockFlag::SOCK_CLOEXEC;
+    let descriptor = socket(family, SockType::Stream, flags, SockProtocol::Tcp)?;
+    match connect(descriptor.as_raw_fd(), &SockaddrStorage::from(address)) {
+        Ok(()) | Err(Errno::EINPROGRESS | Errno::EINTR) => Ok(TcpStream::from(descriptor)),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Bytes that came; `None` if there are none.
+fn receive(stream: &mut TcpStream, room: &mut [u8]) -> io::Result<Option<usize>> {
+    match stream.read(room) {
+        Ok(0) => Err(io::Error::new(
+            io::ErrorKind::UnexpectedEof,
+            "the server closed it",
+        )),
+        Ok(count) => Ok(Some(count)),
+        Err(error) if is_passing(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn send(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
+    match stream.write(bytes) {
+        Err(error) if is_passing(&error) => Ok(0),
+        result => result,
+    }
+}
+
+fn is_passing(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+    )
+}

@@ -1,0 +1,216 @@
+//! Why a server cannot be worked with: reason numbers, the words for them, and what to do.
+//! Tables, and errors that are made when something goes wrong; used by the host's thread.
+
+use std::io;
+use std::time::Duration;
+
+use thiserror::Error;
+
+use super::frame::Broken;
+use crate::host::reason::Reason;
+
+/// No connection.
+pub const UNREACHABLE: u32 = 100;
+/// No answer in time.
+pub const TIMEOUT: u32 = 101;
+/// An exception of an unknown number.
+pub const REFUSED: u32 = 102;
+/// Not Modbus TCP.
+pub const BROKEN: u32 = 103;
+/// Another unit answers.
+pub const OTHER_UNIT: u32 = 104;
+/// The heartbeat stands still.
+pub const FROZEN: u32 = 105;
+/// A value that its registers cannot hold.
+pub const UNFIT: u32 = 106;
+/// Exception n of the standard is this and n.
+pub const EXCEPTIONS: u32 = 110;
+/// Server i (from 0) of a device whose servers have names: its reasons are those above and (i + 1) times this.
+pub const NAMED: u32 = 1000;
+
+/// What the numbers mean.
+pub const REASONS: &[Reason] = &[
+    (
+        UNREACHABLE,
+        "the Modbus server is not reached: check its address and port, its power and the cable",
+    ),
+    (
+        TIMEOUT,
+        "the Modbus server does not answer within `timeout`",
+    ),
+    (
+        REFUSED,
+        "the Modbus server refuses a request with a number that the standard does not have; see the driver's log",
+    ),
+    (BROKEN, "what answers is not Modbus TCP: check the port"),
+    (
+        OTHER_UNIT,
+        "the Modbus server answers as another unit: correct `unit`; see the driver's log",
+    ),
+    (
+        FROZEN,
+        "the device's heartbeat stands still: its program has stopped, though its Modbus server answers",
+    ),
+    (
+        UNFIT,
+        "an analog output has a value that its registers cannot hold; see the driver's log",
+    ),
+    (
+        EXCEPTIONS + 1,
+        "illegal function: the device does not know this kind of request; see the driver's log",
+    ),
+    (
+        EXCEPTIONS + 2,
+        "illegal address: the device has no such point; compare the channel's address with the manual (the wire counts from 0); see the driver's log",
+    ),
+    (
+        EXCEPTIONS + 3,
+        "illegal value: the device refuses a value or a number of points; see the driver's log",
+    ),
+    (
+        EXCEPTIONS + 4,
+        "the device failed while it served a request; see its own diagnosis",
+    ),
+    (
+        EXCEPTIONS + 5,
+        "the device has accepted a request but never answers it",
+    ),
+    (
+        EXCEPTIONS + 6,
+        "the device is busy for longer than `timeout`",
+    ),
+    (
+        EXCEPTIONS + 8,
+        "the device reports a parity error in its memory",
+    ),
+    (
+        EXCEPTIONS + 10,
+        "the gateway has no path to the device: check its configuration and `unit`",
+    ),
+    (
+        EXCEPTIONS + 11,
+        "the device behind the gateway does not answer: check `unit`, its power and the bus",
+    ),
+];
+
+/// Exceptions after which the same request may succeed: acknowledge, and busy.
+pub const PASSING: [u8; 2] = [5, 6];
+
+/// Why a server cannot be worked with now.
+#[derive(Debug, Error)]
+pub enum Fault {
+    /// There is no connection.
+    #[error("it is not reached: {0}")]
+    Connect(io::Error),
+    /// The connection ended.
+    #[error("the connection broke: {0}")]
+    Transport(io::Error),
+    /// No answer.
+    #[error("no answer to {doing} within {} ms", timeout.as_millis())]
+    Timeout {
+        /// The request.
+        doing: String,
+        /// How long was waited.
+        timeout: Duration,
+    },
+    /// Somebody else answers.
+    #[error(
+        "unit {have} answers where unit {want} was asked: set `unit: {have}`, or check the gateway"
+    )]
+    OtherUnit {
+        /// Who was asked.
+        want: u8,
+        /// Who answers.
+        have: u8,
+    },
+    /// Not Modbus TCP.
+    #[error("it sends what is no answer: {0}")]
+    Broken(Broken),
+    /// The server says no.
+    #[error("{doing}: exception {code}: {}", words(exception_reason(*code)))]
+    Exception {
+        /// The request.
+        doing: String,
+        /// What the server said.
+        code: u8,
+    },
+    /// The heartbeat has not changed.
+    #[error("the heartbeat at {address} has not changed for {} ms: is the device's program running?", within.as_millis())]
+    Frozen {
+        /// Where.
+        address: String,
+        /// How long.
+        within: Duration,
+    },
+    /// A value that does not fit.
+    #[error(
+        "output {channel}: {value} (SI) is outside of what its registers hold, {lower} to {upper} (raw): check scale and range"
+    )]
+    Unfit {
+        /// The channel.
+        channel: String,
+        /// Its value, SI.
+        value: f64,
+        /// Smallest raw value.
+        lower: f64,
+        /// Largest raw value.
+        upper: f64,
+    },
+}
+
+impl Fault {
+    /// Its number in [`REASONS`].
+    #[must_use]
+    pub fn reason(&self) -> u32 {
+        match self {
+            Fault::Connect(_) | Fault::Transport(_) => UNREACHABLE,
+            Fault::Timeout { .. } => TIMEOUT,
+            Fault::OtherUnit { .. } => OTHER_UNIT,
+            Fault::Broken(_) => BROKEN,
+            Fault::Exception { code, .. } => exception_reason(*code),
+            Fault::Frozen { .. } => FROZEN,
+            Fault::Unfit { .. } => UNFIT,
+        }
+    }
+
+    /// The connection is of no use any more.
+    #[must_use]
+    pub fn ends_connection(&self) -> bool {
+        matches!(
+            self,
+            Fault::Connect(_) | Fault::Transport(_) | Fault::Broken(_)
+        )
+    }
+}
+
+/// The words of a reason.
+#[must_use]
+pub fn words(reason: u32) -> &'static str {
+    let mut rows = REASONS.iter();
+    rows.find(|row| row.0 == reason).map_or("", |row| row.1)
+}
+
+fn exception_reason(code: u8) -> u32 {
+    let reason = EXCEPTIONS + u32::from(code);
+    if words(reason).is_empty() {
+        REFUSED
+    } else {
+        reason
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_exception_of_the_standard_has_its_words_and_others_have_some() {
+        for code in [1, 2, 3, 4, 5, 6, 8, 10, 11] {
+            assert_eq!(exception_reason(code), EXCEPTIONS + u32::from(code));
+        }
+        for code in [0, 7, 9, 12, 255] {
+            assert_eq!(exception_reason(code), REFUSED);
+        }
+        assert!(REASONS.iter().all(|row| row.0 < NAMED));
+    }
+}

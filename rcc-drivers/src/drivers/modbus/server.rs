@@ -1,0 +1,509 @@
+//! The dialog with one server: what is asked next, and what its answers mean.
+//! Pure, in time that the caller gives; run by the host's thread.
+//!
+//! On a new connection, and after every fault: safe values, `on_connect`, safe values that were refused before, and only
+//! then rounds: all inputs, what the outputs have become, the watchdog.
+
+use std::time::Instant;
+
+use super::address::{Form, Table};
+use super::fault::Fault;
+use super::frame::{Inbox, Message, Request};
+use super::points::{Points, Raw, Read, Target};
+use super::settings::ServerSettings;
+use crate::driver::{Inputs, Outputs};
+
+mod answer;
+#[cfg(test)]
+mod tests;
+mod write;
+
+/// What is being done; the numbers are places in lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// Until the next round.
+    Idle,
+    /// Safe values; those refused are tried again after `on_connect`.
+    Safe { cursor: usize, again: bool },
+    /// The values of `on_connect`.
+    OnConnect(usize),
+    /// Inputs.
+    Read(usize),
+    /// Inputs have come; until it is known what the outputs become.
+    Decide,
+    /// Outputs.
+    Write(usize),
+    /// A sign of life.
+    Watchdog,
+}
+
+/// What the answer is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    OnConnect,
+    Read,
+    /// Outputs up to `end`, exclusive; `mask` are the bits of a register.
+    Write {
+        end: usize,
+        mask: u16,
+    },
+    /// The register whose bits are changed next.
+    Fetch,
+    Watchdog,
+}
+
+/// A request that is on its way, or waits for its answer.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    message: Message,
+    purpose: Purpose,
+    /// Bytes that have gone.
+    sent: usize,
+    /// It is sent (again) from then on.
+    from: Instant,
+}
+
+/// Counters since the driver began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Rounds that could not begin because the last one had not ended.
+    pub late: u64,
+    /// Answers that nobody waited for.
+    pub discarded: u64,
+}
+
+/// The dialog with one server.
+#[derive(Debug)]
+pub struct Server {
+    settings: ServerSettings,
+    points: Points,
+    /// What nobody commands.
+    released: Outputs,
+    step: Step,
+    pending: Option<Pending>,
+    transaction: u16,
+    inbox: Inbox,
+    /// Until when what is being done must be done.
+    due: Instant,
+    commanded: Option<Outputs>,
+    /// What is being written.
+    writing: Outputs,
+    written: Vec<Raw>,
+    /// A register that is to be changed in part, as it was read.
+    fetched: Option<u16>,
+    /// Outputs before this place are written one by one, as together they were refused.
+    one_by_one: usize,
+    refused: Option<Fault>,
+    building: Inputs,
+    inputs: Inputs,
+    complete: bool,
+    /// The inputs have not been taken.
+    fresh: bool,
+    beat: Option<u16>,
+    beat_changed: Option<Instant>,
+    prepared: Instant,
+    sign: u16,
+    sign_due: Instant,
+    other_unit: Option<u8>,
+    counts: Counts,
+}
+
+impl Server {
+    /// A server that has not been reached.
+    #[must_use]
+    pub fn new(settings: ServerSettings, points: Points, released: Outputs, now: Instant) -> Self {
+        Self {
+            written: vec![Raw::default(); points.outputs.len()],
+            settings,
+            points,
+            released,
+            step: Step::Idle,
+            pending: None,
+            transaction: 0,
+            inbox: Inbox::default(),
+            due: now,
+            commanded: None,
+            writing: Outputs::NONE,
+            fetched: None,
+            one_by_one: 0,
+            refused: None,
+            building: Inputs::NONE,
+            inputs: Inputs::NONE,
+            complete: false,
+            fresh: false,
+            beat: None,
+            beat_changed: None,
+            prepared: now,
+            sign: 0,
+            sign_due: now,
+            other_unit: None,
+            counts: Counts::default(),
+        }
+    }
+
+    /// Its settings.
+    #[must_use]
+    pub fn settings(&self) -> &ServerSettings {
+        &self.settings
+    }
+
+    /// Counters.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// A new connection: nothing that came on the last one counts.
+    pub fn connected(&mut self, now: Instant) {
+        self.inbox.clear();
+        self.prepare(now);
+    }
+
+    /// From the beginning on the same connection; nobody knows what the server has done meanwhile.
+    pub fn prepare(&mut self, now: Instant) {
+        self.pending = None;
+        self.written.fill(Raw::default());
+        (self.complete, self.fresh) = (false, false);
+        self.beat_changed = None;
+        self.prepared = now;
+        self.commanded = None;
+        self.writing = self.released;
+        self.begin(
+            Step::Safe {
+                cursor: 0,
+                again: false,
+            },
+            now,
+        );
+    }
+
+    /// All inputs are known and the device's program lives.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.complete
+    }
+
+    /// Why it is not complete though it answers: its heartbeat stands still.
+    #[must_use]
+    pub fn standstill(&self, now: Instant) -> Option<Fault> {
+        let heartbeat = self.settings.heartbeat.as_ref()?;
+        let since = self.beat_changed.unwrap_or(self.prepared);
+        let still = now.saturating_duration_since(since) > heartbeat.within;
+        still.then(|| Fault::Frozen {
+            address: heartbeat.address.to_string(),
+            within: heartbeat.within,
+        })
+    }
+
+    /// It waits for the next round, or for its outputs.
+    #[must_use]
+    pub fn has_read(&self) -> bool {
+        self.complete && !matches!(self.step, Step::Read(_))
+    }
+
+    /// Nothing is left to do until the next round.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.step == Step::Idle && self.pending.is_none()
+    }
+
+    /// It is told its outputs next.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        self.step == Step::Decide
+    }
+
+    /// A round begins, unless the last one still runs.
+    pub fn tick(&mut self, now: Instant) -> bool {
+        if !matches!(self.step, Step::Idle | Step::Decide) {
+            self.counts.late += 1;
+            return false;
+        }
+        self.commanded = None;
+        self.begin(Step::Read(0), now);
+        true
+    }
+
+    /// What its outputs are to be, in this round.
+    pub fn command(&mut self, outputs: &Outputs, now: Instant) {
+        self.commanded = Some(*outputs);
+        if self.step == Step::Decide {
+            self.write_from_the_beginning(now);
+        }
+    }
+
+    /// Nothing is being read or written.
+    #[must_use]
+    pub fn may_finish(&self) -> bool {
+        matches!(self.step, Step::Idle | Step::Decide) && self.pending.is_none()
+    }
+
+    /// As [`Server::command`], also between rounds: the last thing that is done.
+    pub fn finish(&mut self, outputs: &Outputs, now: Instant) {
+        self.commanded = Some(*outputs);
+        if matches!(self.step, Step::Idle | Step::Decide) {
+            self.write_from_the_beginning(now);
+        }
+    }
+
+    /// Inputs have come that nobody has taken.
+    #[must_use]
+    pub fn is_fresh(&self) -> bool {
+        self.fresh
+    }
+
+    /// Copies the inputs of the last complete round.
+    pub fn take_inputs(&mut self, inputs: &mut Inputs) {
+        self.fresh = false;
+        for item in self.points.reads.iter().flat_map(|read| &read.items) {
+            match item.target {
+                Target::Bit { index } | Target::RegisterBit { index, .. } => {
+                    let bit = 1_u64 << index;
+                    inputs.digital = (inputs.digital & !bit) | (self.inputs.digital & bit);
+                    inputs.digital_known |= bit;
+                }
+                Target::Number { index, .. } => inputs.analog[index] = self.inputs.analog[index],
+                Target::Heartbeat => {}
+            }
+        }
+    }
+
+    /// Where bytes that came are put; see [`Server::received`].
+    pub fn room(&mut self) -> &mut [u8] {
+        self.inbox.room()
+    }
+
+    /// So many bytes have come.
+    ///
+    /// # Errors
+    /// They are no answer, or one that ends this attempt.
+    pub fn received(&mut self, count: usize, now: Instant) -> Result<(), Fault> {
+        self.inbox.filled(count);
+        let inbox = std::mem::take(&mut self.inbox);
+        let (used, result) = self.look_at(inbox, now);
+        self.inbox = used;
+        result
+    }
+
+    /// Goes on: makes the next request if there is none, and looks at the clock.
+    ///
+    /// # Errors
+    /// No answer in time, or what was refused in this round.
+    pub fn advance(&mut self, now: Instant) -> Result<(), Fault> {
+        if self.pending.is_none() {
+            self.next(now)?;
+        }
+        match &self.pending {
+            Some(pending) if now >= self.due => Err(match self.other_unit.take() {
+                Some(have) => Fault::OtherUnit {
+                    want: self.settings.unit,
+                    have,
+                },
+                None => Fault::Timeout {
+                    doing: self.doing(pending),
+                    timeout: self.settings.timeout,
+                },
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Bytes that are to go now.
+    #[must_use]
+    pub fn to_send(&self, now: Instant) -> &[u8] {
+        match &self.pending {
+            Some(pending) if now >= pending.from => {
+                pending.message.bytes().get(pending.sent..).unwrap_or(&[])
+            }
+            _ => &[],
+        }
+    }
+
+    /// So many of them have gone.
+    pub fn sent(&mut self, count: usize) {
+        if let Some(pending) = &mut self.pending {
+            pending.sent += count;
+        }
+    }
+
+    /// When [`Server::advance`] has something to do though nothing comes.
+    #[must_use]
+    pub fn wake(&self, now: Instant) -> Option<Instant> {
+        let pending = self.pending.as_ref()?;
+        if pending.from > now {
+            return Some(pending.from.min(self.due));
+        }
+        Some(self.due)
+    }
+
+    fn begin(&mut self, step: Step, now: Instant) {
+        self.step = step;
+        self.due = now + self.settings.timeout;
+        self.refused = None;
+        self.one_by_one = 0;
+        self.fetched = None;
+        self.other_unit = None;
+    }
+
+    /// Steps that need no answer are gone through; the first that needs one makes its request.
+    fn next(&mut self, now: Instant) -> Result<(), Fault> {
+        loop {
+            match self.step {
+                Step::Idle | Step::Decide => return Ok(()),
+                Step::Safe { cursor, again } => {
+                    if self.write_next(cursor, now) {
+                        return Ok(());
+                    }
+                    match self.refused.take() {
+                        Some(fault) if again => return Err(fault),
+                        _ if again => self.step = Step::Idle,
+                        _ => self.begin(Step::OnConnect(0), now),
+                    }
+                }
+                Step::OnConnect(place) => {
+                    if self.assign(place, now) {
+                        return Ok(());
+                    }
+                    self.begin(
+                        Step::Safe {
+                            cursor: 0,
+                            again: true,
+                        },
+                        now,
+                    );
+                }
+                Step::Read(place) => {
+                    if let Some(Read {
+                        table,
+                        first,
+                        count,
+                        ..
+                    }) = self.points.reads.get(place)
+                    {
+                        let (table, first, count) = (*table, *first, *count);
+                        self.ask(
+                            &Request::Read {
+                                table,
+                                first,
+                                count,
+                            },
+                            Purpose::Read,
+                            now,
+                        );
+                        return Ok(());
+                    }
+                    self.finish_reading(now);
+                }
+                Step::Write(cursor) => {
+                    if self.write_next(cursor, now) {
+                        return Ok(());
+                    }
+                    if let Some(fault) = self.refused.take() {
+                        return Err(fault);
+                    }
+                    self.step = Step::Watchdog;
+                }
+                Step::Watchdog => {
+                    if self.feed(now) {
+                        return Ok(());
+                    }
+                    self.step = Step::Idle;
+                }
+            }
+        }
+    }
+
+    fn finish_reading(&mut self, now: Instant) {
+        self.inputs = self.building;
+        // A heartbeat counts from its first change on.
+        let lives = self.settings.heartbeat.is_none() || self.beat_changed.is_some();
+        self.complete = lives && self.standstill(now).is_none();
+        self.fresh = self.complete;
+        match self.commanded {
+            Some(_) => self.write_from_the_beginning(now),
+            None => self.begin(Step::Decide, now),
+        }
+    }
+
+    fn write_from_the_beginning(&mut self, now: Instant) {
+        self.writing = self.commanded.unwrap_or(self.released);
+        self.begin(Step::Write(0), now);
+    }
+
+    fn ask(&mut self, request: &Request<'_>, purpose: Purpose, now: Instant) {
+        self.transaction = self.transaction.wrapping_add(1);
+        // Its length was checked when the driver was opened.
+        if let Some(message) = Message::new(self.transaction, self.settings.unit, request) {
+            self.pending = Some(Pending {
+                message,
+                purpose,
+                sent: 0,
+                from: now,
+            });
+        }
+    }
+
+    /// The next value of `on_connect`; false behind the last.
+    fn assign(&mut self, place: usize, now: Instant) -> bool {
+        let Some(assignment) = self.settings.on_connect.get(place) else {
+            return false;
+        };
+        let (first, words) = (assignment.address.number, assignment.words);
+        let width = usize::from(assignment.address.width());
+        match assignment.address.form {
+            Form::Bit => {
+                let values = &[words[0] != 0];
+                self.ask(
+                    &Request::WriteCoils { first, values },
+                    Purpose::OnConnect,
+                    now,
+                );
+            }
+            _ => {
+                let values = &words[..width];
+                self.ask(
+                    &Request::WriteRegisters { first, values },
+                    Purpose::OnConnect,
+                    now,
+                );
+            }
+        }
+        true
+    }
+
+    /// A sign of life, if it is time for one.
+    fn feed(&mut self, now: Instant) -> bool {
+        let Some(watchdog) = self
+            .settings
+            .watchdog
+            .as_ref()
+            .filter(|_| now >= self.sign_due)
+        else {
+            return false;
+        };
+        let first = watchdog.address.number;
+        // Not a burst after a pause.
+        self.sign_due = (self.sign_due + watchdog.every).max(now);
+        self.sign = self.sign.wrapping_add(1);
+        let (on, count) = (self.sign & 1 == 1, self.sign);
+        match watchdog.address.table {
+            Table::Coil => self.ask(
+                &Request::WriteCoils {
+                    first,
+                    values: &[on],
+                },
+                Purpose::Watchdog,
+                now,
+            ),
+            _ => self.ask(
+                &Request::WriteRegisters {
+                    first,
+                    values: &[count],
+                },
+                Purpose::Watchdog,
+                now,
+            ),
+        }
+        true
+    }
+}

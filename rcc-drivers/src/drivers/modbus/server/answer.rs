@@ -1,0 +1,217 @@
+//! What the answers of one server mean.
+//! Pure; run by the host's thread.
+
+use std::time::{Duration, Instant};
+
+use super::super::fault::{Fault, PASSING};
+use super::super::frame::{self, Answer, Inbox};
+use super::super::points::{Read, Target};
+use super::super::value::WIDTH_MAX;
+use super::{Pending, Purpose, Server, Step};
+
+/// Before a request is repeated that a busy server has refused.
+const BUSY_PAUSE: Duration = Duration::from_millis(5);
+
+impl Server {
+    /// Takes all whole messages out of `inbox` and gives it back.
+    pub(super) fn look_at(&mut self, mut inbox: Inbox, now: Instant) -> (Inbox, Result<(), Fault>) {
+        loop {
+            let (incoming, length) = match inbox.first() {
+                Ok(Some(first)) => first,
+                Ok(None) => return (inbox, Ok(())),
+                Err(broken) => return (inbox, Err(Fault::Broken(broken))),
+            };
+            let result = match self.pending {
+                // One that has not gone yet has no answer: this one is late.
+                Some(pending)
+                    if pending.message.transaction() == incoming.transaction
+                        && pending.sent == pending.message.bytes().len() =>
+                {
+                    if incoming.unit == self.settings.unit {
+                        match incoming.answer(&pending.message) {
+                            Ok(answer) => self.understand(&pending, answer, now),
+                            Err(broken) => Err(Fault::Broken(broken)),
+                        }
+                    } else {
+                        self.other_unit = Some(incoming.unit);
+                        self.counts.discarded += 1;
+                        Ok(())
+                    }
+                }
+                _ => {
+                    self.counts.discarded += 1;
+                    Ok(())
+                }
+            };
+            inbox.forget(length);
+            if result.is_err() {
+                return (inbox, result);
+            }
+        }
+    }
+
+    fn understand(
+        &mut self,
+        pending: &Pending,
+        answer: Answer<'_>,
+        now: Instant,
+    ) -> Result<(), Fault> {
+        self.pending = None;
+        match answer {
+            Answer::Data(data) => {
+                self.take(pending.purpose, data, now);
+                Ok(())
+            }
+            Answer::Exception(code) => self.obey_exception(pending, code, now),
+        }
+    }
+
+    fn take(&mut self, purpose: Purpose, data: &[u8], now: Instant) {
+        match (purpose, self.step) {
+            (Purpose::OnConnect, Step::OnConnect(place)) => self.step = Step::OnConnect(place + 1),
+            (Purpose::Read, Step::Read(place)) => {
+                self.decode(place, data, now);
+                self.step = Step::Read(place + 1);
+            }
+            (Purpose::Fetch, _) => self.fetched = Some(frame::register(data, 0)),
+            (Purpose::Write { end, mask }, Step::Write(cursor) | Step::Safe { cursor, .. }) => {
+                self.confirm(cursor, end, mask);
+                self.go_on_at(end);
+            }
+            (Purpose::Watchdog, _) => self.step = Step::Idle,
+            // A purpose is asked for in its step only.
+            _ => {}
+        }
+    }
+
+    fn go_on_at(&mut self, place: usize) {
+        match &mut self.step {
+            Step::Write(cursor) | Step::Safe { cursor, .. } => *cursor = place,
+            _ => {}
+        }
+    }
+
+    /// A refused output is left out, so that it keeps none of the others from its value; the fault comes after them.
+    fn obey_exception(&mut self, pending: &Pending, code: u8, now: Instant) -> Result<(), Fault> {
+        let from = now + BUSY_PAUSE;
+        if PASSING.contains(&code) && from < self.due {
+            self.transaction = self.transaction.wrapping_add(1);
+            let mut again = *pending;
+            again.message.renumber(self.transaction);
+            (again.sent, again.from) = (0, from);
+            self.pending = Some(again);
+            return Ok(());
+        }
+        let cursor = match self.step {
+            Step::Write(cursor) | Step::Safe { cursor, .. } => cursor,
+            _ => 0,
+        };
+        let fault = Fault::Exception {
+            doing: self.doing(pending),
+            code,
+        };
+        match pending.purpose {
+            Purpose::Write { end, .. } if end > cursor + 1 => self.one_by_one = end,
+            Purpose::Write { .. } | Purpose::Fetch => {
+                self.refused.get_or_insert(fault);
+                self.go_on_at(cursor + 1);
+            }
+            Purpose::OnConnect | Purpose::Read | Purpose::Watchdog => return Err(fault),
+        }
+        Ok(())
+    }
+
+    fn decode(&mut self, place: usize, data: &[u8], now: Instant) {
+        let Some(Read { table, items, .. }) = self.points.reads.get(place) else {
+            return;
+        };
+        for item in items {
+            let word = if table.is_bits() {
+                u16::from(frame::bit(data, item.at))
+            } else {
+                frame::register(data, item.at)
+            };
+            match &item.target {
+                Target::Bit { index } => set(&mut self.building.digital, *index, word != 0),
+                Target::RegisterBit { index, bit } => {
+                    set(&mut self.building.digital, *index, word >> bit & 1 == 1);
+                }
+                Target::Number {
+                    index,
+                    format,
+                    config,
+                } => {
+                    let mut words = [0; WIDTH_MAX];
+                    for (offset, word) in words.iter_mut().enumerate() {
+                        *word = frame::register(data, item.at + offset);
+                    }
+                    if let Some(input) = self.building.analog.get_mut(*index) {
+                        *input = Target::number(*format, config, &words);
+                    }
+                }
+                Target::Heartbeat => {
+                    if self.beat.is_some_and(|beat| beat != word) {
+                        self.beat_changed = Some(now);
+                    }
+                    self.beat = Some(word);
+                }
+            }
+        }
+    }
+
+    /// A request in words.
+    pub(super) fn doing(&self, pending: &Pending) -> String {
+        let points = |table: &str, first: u16, count: usize| match count {
+            0 | 1 => format!("{table} {first}"),
+            _ => format!("{table} {first} to {}", usize::from(first) + count - 1),
+        };
+        match (pending.purpose, self.step) {
+            (Purpose::Read, Step::Read(place)) => match self.points.reads.get(place) {
+                Some(read) => {
+                    let names: Vec<&str> =
+                        read.items.iter().map(|item| item.name.as_str()).collect();
+                    let at = points(read.table.name(), read.first, usize::from(read.count));
+                    format!("reading {at} ({})", names.join(", "))
+                }
+                None => "reading".to_owned(),
+            },
+            (Purpose::OnConnect, Step::OnConnect(place)) => {
+                let assignment = self.settings.on_connect.get(place);
+                let at = assignment.map_or(String::new(), |one| one.address.to_string());
+                format!("writing on_connect.{place} ({at})")
+            }
+            (Purpose::Watchdog, _) => {
+                let watchdog = self.settings.watchdog.as_ref();
+                let at = watchdog.map_or(String::new(), |one| one.address.to_string());
+                format!("writing the watchdog ({at})")
+            }
+            (purpose, Step::Write(cursor) | Step::Safe { cursor, .. }) => {
+                let end = match purpose {
+                    Purpose::Write { end, .. } => end,
+                    _ => cursor + 1,
+                };
+                let outputs = self.points.outputs.get(cursor..end).unwrap_or(&[]);
+                let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
+                let count = outputs
+                    .iter()
+                    .map(|output| usize::from(output.width()))
+                    .sum();
+                let at = outputs.first().map_or(String::new(), |output| {
+                    points(output.table.name(), output.address, count)
+                });
+                let verb = if purpose == Purpose::Fetch {
+                    "reading"
+                } else {
+                    "writing"
+                };
+                format!("{verb} {at} ({})", names.join(", "))
+            }
+            _ => "a request".to_owned(),
+        }
+    }
+}
+
+fn set(bits: &mut u64, index: usize, on: bool) {
+    let bit = 1_u64 << index;
+    *bits = (*bits & !bit) | if on { bit } else { 0 };
+}

@@ -1,0 +1,179 @@
+//! The outputs of one server: which have changed, and which of them go in one request.
+//! Pure; run by the host's thread.
+
+use std::time::Instant;
+
+use rcc_core::message::DIGITAL_MAX;
+
+use super::super::address::Table;
+use super::super::fault::Fault;
+use super::super::frame::Request;
+use super::super::points::{Output, Raw, Source, Wanted};
+use super::{Purpose, Server};
+
+/// More registers than one write has.
+const REGISTERS_MAX: usize = 128;
+
+impl Server {
+    /// The next outputs from `cursor` on that are not yet as they are to be; false if there are none.
+    pub(super) fn write_next(&mut self, cursor: usize, now: Instant) -> bool {
+        for place in cursor..self.points.outputs.len() {
+            if let Some(Wanted::Unfit(value)) = self.wanted(place) {
+                let fault = unfit(&self.points.outputs[place], value);
+                self.refused.get_or_insert(fault);
+            }
+            if let Some(wanted) = self.changed(place) {
+                match self.points.outputs[place].source {
+                    Source::Bits { .. } => self.write_bits(place, wanted, now),
+                    Source::Coil { .. } => self.write_coils(place, now),
+                    Source::Number { .. } => self.write_numbers(place, now),
+                }
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The outputs up to `end` are as they are to be.
+    pub(super) fn confirm(&mut self, from: usize, end: usize, mask: u16) {
+        for place in from..end {
+            let Some(Wanted::Value(wanted)) = self.wanted(place) else {
+                continue;
+            };
+            let Some(written) = self.written.get_mut(place) else {
+                continue;
+            };
+            let mask = mask & wanted.mask;
+            let first = (written.words[0] & !mask) | (wanted.words[0] & mask);
+            written.words = wanted.words;
+            written.words[0] = first;
+            written.mask |= mask;
+        }
+    }
+
+    fn wanted(&self, place: usize) -> Option<Wanted> {
+        let output = self.points.outputs.get(place)?;
+        Some(output.wanted(&self.writing))
+    }
+
+    fn changed(&self, place: usize) -> Option<Raw> {
+        match self.wanted(place)? {
+            Wanted::Value(wanted) if self.written.get(place)?.changes(&wanted) != 0 => Some(wanted),
+            _ => None,
+        }
+    }
+
+    fn write_coils(&mut self, place: usize, now: Instant) {
+        let mut values = [false; DIGITAL_MAX];
+        let most = usize::from(self.settings.requests.write_bits).min(values.len());
+        let mut length = 0;
+        let end = self.gather(place, most, |at, raw, _| {
+            values[at] = raw.words[0] != 0;
+            length = at + 1;
+        });
+        let (first, values) = (self.points.outputs[place].address, &values[..length]);
+        let purpose = Purpose::Write {
+            end,
+            mask: u16::MAX,
+        };
+        self.ask(&Request::WriteCoils { first, values }, purpose, now);
+    }
+
+    fn write_numbers(&mut self, place: usize, now: Instant) {
+        let mut values = [0; REGISTERS_MAX];
+        let most = usize::from(self.settings.requests.write_registers).min(values.len());
+        let mut length = 0;
+        let end = self.gather(place, most, |at, raw, width| {
+            length = at + width;
+            values[at..length].copy_from_slice(&raw.words[..width]);
+        });
+        let (first, values) = (self.points.outputs[place].address, &values[..length]);
+        let purpose = Purpose::Write {
+            end,
+            mask: u16::MAX,
+        };
+        self.ask(&Request::WriteRegisters { first, values }, purpose, now);
+    }
+
+    /// Gives `put` the changed outputs from `from` on that follow each other without a hole: offset, value, width.
+    fn gather(&self, from: usize, most: usize, mut put: impl FnMut(usize, Raw, usize)) -> usize {
+        let outputs = &self.points.outputs;
+        let Some(first) = outputs.get(from) else {
+            return from;
+        };
+        let mut length = 0;
+        let mut place = from;
+        while let Some(output) = outputs.get(place) {
+            let width = usize::from(output.width());
+            let follows = output.table == first.table
+                && !matches!(output.source, Source::Bits { .. })
+                && usize::from(output.address) == usize::from(first.address) + length;
+            let alone = place > from && place < self.one_by_one;
+            match self.changed(place) {
+                Some(raw) if follows && !alone && length + width <= most => put(length, raw, width),
+                _ => break,
+            }
+            length += width;
+            place += 1;
+        }
+        place
+    }
+
+    /// Bits of a register: whole if all are ours, by function 22, or read and written back.
+    fn write_bits(&mut self, place: usize, wanted: Raw, now: Instant) {
+        let first = self.points.outputs[place].address;
+        let changes = self.written[place].changes(&wanted);
+        let whole = wanted.mask == u16::MAX;
+        let mask = if whole { u16::MAX } else { changes };
+        let purpose = Purpose::Write {
+            end: place + 1,
+            mask,
+        };
+        let request = match self.fetched.take() {
+            _ if whole => Request::WriteRegisters {
+                first,
+                values: &[wanted.words[0]],
+            },
+            _ if self.settings.mask_write => Request::Mask {
+                address: first,
+                mask,
+                values: wanted.words[0],
+            },
+            Some(others) => {
+                let value = (others & !mask) | (wanted.words[0] & mask);
+                self.ask(
+                    &Request::WriteRegisters {
+                        first,
+                        values: &[value],
+                    },
+                    purpose,
+                    now,
+                );
+                return;
+            }
+            None => {
+                let request = Request::Read {
+                    table: Table::Holding,
+                    first,
+                    count: 1,
+                };
+                self.ask(&request, Purpose::Fetch, now);
+                return;
+            }
+        };
+        self.ask(&request, purpose, now);
+    }
+}
+
+fn unfit(output: &Output, value: f64) -> Fault {
+    let limits = match &output.source {
+        Source::Number { format, .. } => format.number.limits(),
+        _ => [0.0, 1.0],
+    };
+    Fault::Unfit {
+        channel: output.name.clone(),
+        value,
+        lower: limits[0],
+        upper: limits[1],
+    }
+}

@@ -1,0 +1,339 @@
+//! Numbers in registers: eight types, four byte orders, and what does not fit.
+//! Pure; used by the host's thread in each exchange.
+
+use std::fmt;
+
+/// Most registers of one number.
+pub const WIDTH_MAX: usize = 4;
+
+/// A type of number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Number {
+    /// 16 bits, no sign.
+    U16,
+    /// 16 bits, two's complement.
+    I16,
+    /// 32 bits, no sign.
+    U32,
+    /// 32 bits, two's complement.
+    I32,
+    /// 64 bits, no sign; beyond 2^53 an `f64` cannot tell neighbours apart.
+    U64,
+    /// 64 bits, two's complement; as above.
+    I64,
+    /// IEEE 754 single.
+    F32,
+    /// IEEE 754 double.
+    F64,
+}
+
+/// Names, and registers of each.
+const NUMBERS: [(&str, Number, u16); 8] = [
+    ("u16", Number::U16, 1),
+    ("i16", Number::I16, 1),
+    ("u32", Number::U32, 2),
+    ("i32", Number::I32, 2),
+    ("u64", Number::U64, 4),
+    ("i64", Number::I64, 4),
+    ("f32", Number::F32, 2),
+    ("f64", Number::F64, 4),
+];
+
+/// Byte orders by the registers of a number; A is the most significant byte, and a register is sent with its high
+/// byte first.
+const ORDERS: [(u16, [(&str, Order); 4]); 3] = [
+    (1, orders(["AB", "AB", "BA", "BA"])),
+    (2, orders(["ABCD", "CDAB", "BADC", "DCBA"])),
+    (4, orders(["ABCDEFGH", "GHEFCDAB", "BADCFEHG", "HGFEDCBA"])),
+];
+
+const fn orders(names: [&'static str; 4]) -> [(&'static str, Order); 4] {
+    let [plain, words, bytes, both] = names;
+    [
+        (
+            plain,
+            Order {
+                words_reversed: false,
+                bytes_swapped: false,
+            },
+        ),
+        (
+            words,
+            Order {
+                words_reversed: true,
+                bytes_swapped: false,
+            },
+        ),
+        (
+            bytes,
+            Order {
+                words_reversed: false,
+                bytes_swapped: true,
+            },
+        ),
+        (
+            both,
+            Order {
+                words_reversed: true,
+                bytes_swapped: true,
+            },
+        ),
+    ]
+}
+
+/// How the bytes of a number lie in its registers; the default is the standard's, highest first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Order {
+    /// The least significant register comes first.
+    pub words_reversed: bool,
+    /// In each register the low byte comes first.
+    pub bytes_swapped: bool,
+}
+
+/// A type and its byte order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Format {
+    /// The type.
+    pub number: Number,
+    /// The order.
+    pub order: Order,
+}
+
+/// The registers of one number, in the order of their addresses; those beyond its width are 0.
+pub type Words = [u16; WIDTH_MAX];
+
+impl Number {
+    /// From its name.
+    #[must_use]
+    pub fn parse(name: &str) -> Option<Number> {
+        NUMBERS.iter().find(|row| row.0 == name).map(|row| row.1)
+    }
+
+    /// As it is written in an address.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        let mut rows = NUMBERS.iter();
+        rows.find(|row| row.1 == self).map_or("", |row| row.0)
+    }
+
+    /// Registers that it takes.
+    #[must_use]
+    pub fn width(self) -> u16 {
+        let mut rows = NUMBERS.iter();
+        rows.find(|row| row.1 == self).map_or(1, |row| row.2)
+    }
+
+    /// From its letters, such as `CDAB`.
+    #[must_use]
+    pub fn order(self, letters: &str) -> Option<Order> {
+        let mut rows = self.order_rows();
+        rows.find(|row| row.0 == letters).map(|row| row.1)
+    }
+
+    /// The letters of all orders that differ.
+    #[must_use]
+    pub fn orders(self) -> Vec<&'static str> {
+        let mut names: Vec<_> = self.order_rows().map(|row| row.0).collect();
+        names.dedup();
+        names
+    }
+
+    fn order_rows(self) -> impl Iterator<Item = &'static (&'static str, Order)> {
+        let width = self.width();
+        let mut rows = ORDERS.iter();
+        rows.find(move |row| row.0 == width)
+            .into_iter()
+            .flat_map(|row| &row.1)
+    }
+
+    /// Smallest and largest value, as near as an `f64` can say.
+    #[must_use]
+    pub fn limits(self) -> [f64; 2] {
+        match self {
+            Number::U16 => [0.0, f64::from(u16::MAX)],
+            Number::I16 => [f64::from(i16::MIN), f64::from(i16::MAX)],
+            Number::U32 => [0.0, f64::from(u32::MAX)],
+            Number::I32 => [f64::from(i32::MIN), f64::from(i32::MAX)],
+            // The largest f64 below 2^64 and 2^63.
+            Number::U64 => [0.0, 18_446_744_073_709_549_568.0],
+            Number::I64 => [-9_223_372_036_854_775_808.0, 9_223_372_036_854_774_784.0],
+            Number::F32 => [f64::from(f32::MIN), f64::from(f32::MAX)],
+            Number::F64 => [f64::MIN, f64::MAX],
+        }
+    }
+}
+
+impl Format {
+    /// Registers that it takes.
+    #[must_use]
+    pub fn width(self) -> u16 {
+        self.number.width()
+    }
+
+    /// The raw value that registers hold; NaN if they hold none that is finite, or are too few.
+    #[must_use]
+    pub fn decode(self, registers: &[u16]) -> f64 {
+        let width = usize::from(self.width());
+        let Some(registers) = registers.get(..width) else {
+            return f64::NAN;
+        };
+        let mut bits = 0_u64;
+        for place in 0..width {
+            let from = if self.order.words_reversed {
+                width - 1 - place
+            } else {
+                place
+            };
+            bits = bits << 16 | u64::from(self.register(registers[from]));
+        }
+        let value = match self.number {
+            Number::U16 | Number::U32 | Number::U64 => bits as f64,
+            Number::I16 => f64::from(bits as u16 as i16),
+            Number::I32 => f64::from(bits as u32 as i32),
+            Number::I64 => bits as i64 as f64,
+            Number::F32 => f64::from(f32::from_bits(bits as u32)),
+            Number::F64 => f64::from_bits(bits),
+        };
+        if value.is_finite() { value } else { f64::NAN }
+    }
+
+    /// The registers that hold a raw value, an integer rounded; `None` if they cannot (out of range, or NaN).
+    #[must_use]
+    pub fn encode(self, raw: f64) -> Option<Words> {
+        let raw = match self.number {
+            Number::F32 | Number::F64 => raw,
+            _ => raw.round(),
+        };
+        let [lower, upper] = self.number.limits();
+        if !(raw >= lower && raw <= upper) {
+            return None;
+        }
+        // Inside of the bounds, so nothing is cut off.
+        let mut bits = match self.number {
+            Number::U16 | Number::U32 | Number::U64 => raw as u64,
+            Number::I16 | Number::I32 | Number::I64 => (raw as i64).cast_unsigned(),
+            Number::F32 => u64::from((raw as f32).to_bits()),
+            Number::F64 => raw.to_bits(),
+        };
+        let width = usize::from(self.width());
+        let mut words = [0; WIDTH_MAX];
+        for place in 0..width {
+            // From the least significant one on.
+            let to = if self.order.words_reversed {
+                place
+            } else {
+                width - 1 - place
+            };
+            words[to] = self.register(bits as u16);
+            bits >>= 16;
+        }
+        Some(words)
+    }
+
+    fn register(self, word: u16) -> u16 {
+        if self.order.bytes_swapped {
+            word.swap_bytes()
+        } else {
+            word
+        }
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.number.name())?;
+        let mut rows = self.number.order_rows();
+        match rows.find(|row| row.1 == self.order) {
+            Some((letters, order)) if *order != Order::default() => {
+                write!(formatter, " {letters}")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn format(number: Number, letters: &str) -> Format {
+        let order = number.order(letters).unwrap();
+        Format { number, order }
+    }
+
+    #[test]
+    fn bytes_lie_as_the_letters_say() {
+        // 0x0A0B0C0D as u32, and 123456.0 as f32 = 0x47F12000.
+        for (letters, words) in [
+            ("ABCD", [0x0A0B, 0x0C0D]),
+            ("CDAB", [0x0C0D, 0x0A0B]),
+            ("BADC", [0x0B0A, 0x0D0C]),
+            ("DCBA", [0x0D0C, 0x0B0A]),
+        ] {
+            let format = format(Number::U32, letters);
+            assert_eq!(format.decode(&words), f64::from(0x0A0B_0C0D_u32));
+            assert_eq!(
+                format.encode(f64::from(0x0A0B_0C0D_u32)),
+                Some([words[0], words[1], 0, 0])
+            );
+        }
+        assert_eq!(
+            format(Number::F32, "ABCD").decode(&[0x47F1, 0x2000]),
+            123_456.0
+        );
+        let wide = 0x0102_0304_0506_0700_u64 as f64;
+        for (letters, words) in [
+            ("ABCDEFGH", [0x0102, 0x0304, 0x0506, 0x0700]),
+            ("GHEFCDAB", [0x0700, 0x0506, 0x0304, 0x0102]),
+            ("BADCFEHG", [0x0201, 0x0403, 0x0605, 0x0007]),
+            ("HGFEDCBA", [0x0007, 0x0605, 0x0403, 0x0201]),
+        ] {
+            // 2^56 and more: the lowest byte is 0, so that an f64 holds it.
+            assert_eq!(
+                format(Number::U64, letters).encode(wide),
+                Some(words),
+                "{letters}"
+            );
+            assert_eq!(format(Number::U64, letters).decode(&words), wide);
+        }
+        assert_eq!(
+            format(Number::U16, "BA").encode(258.0),
+            Some([0x0201, 0, 0, 0])
+        );
+    }
+
+    #[test]
+    fn every_type_gives_back_its_limits_in_every_order_and_refuses_what_lies_beyond() {
+        for (name, number, _) in NUMBERS {
+            let [lower, upper] = number.limits();
+            for letters in number.orders() {
+                let format = format(number, letters);
+                for value in [lower, upper, 0.0, 1.0] {
+                    let words = format.encode(value).unwrap();
+                    assert_eq!(format.decode(&words), value, "{name} {letters}");
+                }
+                let [below, beyond] = match number {
+                    Number::F64 => [f64::NEG_INFINITY, f64::INFINITY],
+                    // One step of an f64 further out.
+                    _ if lower == 0.0 => [-1.0, upper.next_up().max(upper + 1.0)],
+                    _ => [
+                        lower.next_down().min(lower - 1.0),
+                        upper.next_up().max(upper + 1.0),
+                    ],
+                };
+                for value in [below, beyond, f64::NAN] {
+                    assert_eq!(format.encode(value), None, "{name} {value}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn registers_without_a_finite_number_are_unknown() {
+        let single = format(Number::F32, "ABCD");
+        for words in [[0x7FC0, 0], [0x7F80, 0], [0xFF80, 0]] {
+            assert!(single.decode(&words).is_nan());
+        }
+        assert!(single.decode(&[0x47F1]).is_nan());
+    }
+}
