@@ -10,4 +10,5 @@ pub mod follow;
 pub mod interrupt;
 pub mod supervisor;
 pub mod table;
+pub mod units;
 pub mod verbs;

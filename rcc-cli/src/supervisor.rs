@@ -3,6 +3,7 @@
 
 pub mod child;
 pub mod launch;
+pub mod notices;
 pub mod places;
 pub mod policy;
 pub mod running;
@@ -32,7 +33,7 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 const DEVICES_EVERY: Duration = Duration::from_millis(250);
 /// How long one answer of the loader may take; nobody waits for it.
 const ANSWER_LIMIT: Duration = Duration::from_millis(500);
-/// How long a cell may take to be up.
+/// How long a cell, and each of its processes, may take to be up.
 const START_LIMIT: Duration = Duration::from_secs(30);
 /// Pause before a janitor that did not succeed runs again.
 const CLEAN_AGAIN: Duration = Duration::from_secs(1);
@@ -67,7 +68,9 @@ pub struct Supervisor {
     grade_told: u32,
     /// When the janitor has to run again, on the supervisor's clock.
     clean_due: Option<Duration>,
+    looked: Instant,
     failed: bool,
+    executor_failed: bool,
     logs: PathBuf,
     // Held to the end: a second supervisor of this cell is refused.
     presence: Option<Announced>,
@@ -105,7 +108,9 @@ impl Supervisor {
         events::begin(&cell, &config, &prepared.ports);
         running::write(&cell, &prepared)?;
         let client = Client::new(name, &cell.socket(), ANSWER_LIMIT)?;
-        let children = specs.into_iter().map(|spec| Child::new(spec, &logs));
+        let supervision = &prepared.config.supervision;
+        let children = specs.into_iter().enumerate();
+        let children = children.map(|(number, spec)| Child::new(spec, number, supervision, &logs));
         let mut supervisor = Supervisor {
             children: children.collect(),
             cell,
@@ -117,7 +122,9 @@ impl Supervisor {
             devices_asked: Instant::now(),
             grade_told: 0,
             clean_due: None,
+            looked: Instant::now(),
             failed: false,
+            executor_failed: false,
             logs,
             presence: Some(presence),
         };
@@ -159,6 +166,7 @@ impl Supervisor {
 
     /// One look at everything; call it at least every [`LOOK_EVERY`].
     pub fn look(&mut self) {
+        self.excuse_all();
         for index in 0..self.children.len() {
             self.look_at(index);
         }
@@ -180,6 +188,30 @@ impl Supervisor {
         self.failed
     }
 
+    /// True once the executor failed for good: without it there is no cell. The others are no reason to end it.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.executor_failed
+    }
+
+    /// How long a process that was asked to end may take.
+    fn patience(&self) -> Duration {
+        Duration::from_nanos(self.prepared.config.supervision.stop_timeout_ns)
+    }
+
+    /// A supervisor that did not look for long (a busy or suspended machine, a janitor) calls nobody silent.
+    fn excuse_all(&mut self) {
+        let away = self.looked.elapsed();
+        self.looked = Instant::now();
+        if away > Duration::from_nanos(self.prepared.config.supervision.watchdog_ns) / 2 {
+            let ears = self
+                .children
+                .iter_mut()
+                .filter_map(|child| child.notices.as_mut());
+            ears.for_each(notices::Notices::excuse);
+        }
+    }
+
     /// The folder for logs and other files that end with the cell.
     #[must_use]
     pub fn logs(&self) -> &std::path::Path {
@@ -195,24 +227,37 @@ impl Supervisor {
 
     fn look_at(&mut self, index: usize) {
         let now = self.begun.elapsed();
+        let patience = self.patience();
         let Some(child) = self.children.get_mut(index) else {
             return;
         };
         let name = child.spec.name.clone();
         if let Some(status) = child.ended() {
-            let words = child::words(status);
-            self.bury(index, now, &words, child::is_final(status));
+            let words = match child.hung {
+                Some(_) => format!("killed, because it hung ({})", child::words(status)),
+                None => child::words(status),
+            };
+            self.bury(index, now, &words, child::remedy(status));
+            return;
+        }
+        if let Some(silence) = child.watch(START_LIMIT, patience) {
+            let silence = silence.as_secs_f64();
+            self.say(
+                &name,
+                &format!("hangs: no progress for {silence:.1} s, it is killed"),
+            );
             return;
         }
         match std::mem::replace(&mut child.life, Life::Failed) {
             Life::Down(at) if at <= now => {
                 if let Err(error) = child.start() {
-                    self.bury(index, now, &error.to_string(), true);
+                    let remedy = "allow it, or install all programs again";
+                    self.bury(index, now, &error.to_string(), Some(remedy));
                 }
             }
             Life::Starting(process) => {
                 child.life = Life::Starting(process);
-                if child.is_ready(&self.cell) {
+                if child.is_ready() {
                     let pid = child.pid().unwrap_or(0);
                     if let Life::Starting(process) =
                         std::mem::replace(&mut child.life, Life::Failed)
@@ -231,13 +276,14 @@ impl Supervisor {
     }
 
     /// A process is dead: its last words, the janitor, and what becomes of it.
-    fn bury(&mut self, index: usize, now: Duration, words: &str, is_final: bool) {
+    fn bury(&mut self, index: usize, now: Duration, words: &str, remedy: Option<&str>) {
         let Some(child) = self.children.get_mut(index) else {
             return;
         };
         let (name, last_words) = (child.spec.name.clone(), child.last_words());
         let pid = child.pid().unwrap_or(0);
-        let verdict = if is_final {
+        let is_executor = child.spec.stage == Stage::Executor;
+        let verdict = if remedy.is_some() {
             Verdict::Failed
         } else {
             child.restarts.died(now)
@@ -259,7 +305,7 @@ impl Supervisor {
         self.clean(Some(clean::HALF_CREATED_AFTER * 2));
         match verdict {
             Verdict::Again { nth, .. } => {
-                let (most, window) = (policy::RESTARTS_MAX, policy::WINDOW.as_secs());
+                let (most, window) = self.allowed();
                 self.say(
                     &name,
                     &format!("starting again ({nth}/{most} in {window} s)"),
@@ -273,13 +319,33 @@ impl Supervisor {
             }
             Verdict::Failed => {
                 self.failed = true;
-                self.say(&name, "failed: it is not started again");
+                self.executor_failed |= is_executor;
+                self.say(&name, &format!("failed: it is not started again ({words})"));
+                let (most, window) = self.allowed();
+                let rest = match is_executor {
+                    true => "the cell ends",
+                    false => "the rest of the cell goes on",
+                };
+                let remedy = remedy.map_or_else(
+                    || format!("it died more than {most} times in {window} s; find out why from the lines above, then start the cell again"),
+                    str::to_owned,
+                );
+                self.say(&name, &format!("  > {rest}; {remedy}"));
                 self.record(Kind::ProcessFailed {
                     process: name,
                     why: words.to_owned(),
                 });
             }
         }
+    }
+
+    /// So many starts again in so many seconds.
+    fn allowed(&self) -> (usize, u64) {
+        let supervision = &self.prepared.config.supervision;
+        (
+            supervision.restarts as usize,
+            supervision.within_ns / 1_000_000_000,
+        )
     }
 
     /// Runs the janitor; `again` after a death, because what a process left half-made is removed only when it is old

@@ -65,6 +65,10 @@ verbs! {
     Doctor = doctor;
     /// Print monitored values as they come.
     Tail = tail;
+    /// Write the systemd units of a cell from its configuration, or remove them.
+    InstallUnits = install_units;
+    /// Set what only root can set for real time; the units do it at start.
+    RtSetup = rt_setup;
 }
 
 /// A net by id or name.

@@ -4,22 +4,20 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::os::unix::fs::OpenOptionsExt;
-use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child as Process, Command, ExitStatus, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use rcc_ipc::{Announcement, Cell, Role};
+use rcc_config::cell::SupervisionConfig;
+use rcc_process::ending;
 
 use super::launch::{Ready, Spec};
+use super::notices::Notices;
 use super::policy::Restarts;
 
-/// Exit codes with which starting again does not help: wrong arguments, a configuration error (sysexits.h EX_CONFIG).
-const EXIT_USAGE: i32 = 2;
-const EXIT_CONFIG: i32 = 78;
 /// A log longer than this is emptied.
 const LOG_MAX: u64 = 8 << 20;
 /// Lines of a log that are shown after a death.
@@ -34,7 +32,7 @@ pub enum Life {
     Starting(Process),
     /// Runs.
     Up(Process),
-    /// Ended for good.
+    /// Ended for good: it is not started again, whatever happens.
     Failed,
 }
 
@@ -47,20 +45,31 @@ pub struct Child {
     pub life: Life,
     /// Its deaths.
     pub restarts: Restarts,
+    /// What it tells; `None` while it does not run, and for programs that tell nothing.
+    pub notices: Option<Notices>,
+    /// It hung for so long and has been asked to abort; when.
+    pub hung: Option<(Duration, Instant)>,
+    watchdog: Duration,
     log: PathBuf,
     output: PathBuf,
+    ear: PathBuf,
 }
 
 impl Child {
     /// A process that is not started yet; its output goes to files in `logs`.
     #[must_use]
-    pub fn new(spec: Spec, logs: &Path) -> Child {
+    pub fn new(spec: Spec, number: usize, supervision: &SupervisionConfig, logs: &Path) -> Child {
         let file = spec.name.replace('/', "-");
         Child {
             log: logs.join(format!("{file}.log")),
             output: logs.join(format!("{file}.out")),
+            // Shorter than the cell's own socket, whose length has been checked.
+            ear: logs.join(format!("n{number}")),
             life: Life::Down(Duration::ZERO),
-            restarts: Restarts::default(),
+            restarts: Restarts::new(supervision),
+            notices: None,
+            hung: None,
+            watchdog: Duration::from_nanos(supervision.watchdog_ns),
             spec,
         }
     }
@@ -81,7 +90,19 @@ impl Child {
             file.set_len(0).map_err(|error| named(path, error))?;
             Ok::<File, io::Error>(file)
         };
-        let process = Command::new(&self.spec.program)
+        let mut command = Command::new(&self.spec.program);
+        // Of a supervisor of ours they are not meant for our children.
+        for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
+            command.env_remove(name);
+        }
+        self.hung = None;
+        if self.spec.ready == Ready::Notified {
+            let notices = Notices::listen(&self.ear).map_err(|error| named(&self.ear, error))?;
+            self.notices = Some(notices);
+            command.env("NOTIFY_SOCKET", &self.ear);
+            command.env("WATCHDOG_USEC", self.watchdog.as_micros().to_string());
+        }
+        let process = command
             .args(&self.spec.arguments)
             .stdin(Stdio::null())
             .stdout(create(&self.output)?)
@@ -112,19 +133,31 @@ impl Child {
 
     /// True if it runs and is ready.
     #[must_use]
-    pub fn is_ready(&self, cell: &Cell) -> bool {
-        let Some(pid) = self.pid() else { return false };
-        let announced = |role: Role, label: &str| {
-            let found = cell.announced(role, label).ok().flatten();
-            found.is_some_and(|found: Announcement| found.pid == pid)
-        };
+    pub fn is_ready(&self) -> bool {
         match &self.spec.ready {
-            Ready::Announced(role, label) => announced(*role, label),
-            Ready::Serving => {
-                announced(Role::Loader, "loader") && UnixStream::connect(cell.socket()).is_ok()
-            }
+            Ready::Notified => self.notices.as_ref().is_some_and(Notices::is_ready),
             Ready::Line => tail(&self.output).contains('\n'),
         }
+    }
+
+    /// Looks for a hang: no READY within `start`, or no heartbeat within the watchdog's time. Such a process is asked to
+    /// abort, as systemd does, and killed if it does not within `patience`. How long it hung, when it was just found.
+    pub fn watch(&mut self, start: Duration, patience: Duration) -> Option<Duration> {
+        self.pid()?;
+        if let Some((_, since)) = self.hung {
+            if since.elapsed() > patience {
+                self.signal(Signal::SIGKILL);
+            }
+            return None;
+        }
+        let notices = self.notices.as_mut()?;
+        notices.take();
+        let silence = notices.hung_for(start, self.watchdog)?;
+        self.hung = Some((silence, Instant::now()));
+        self.signal(Signal::SIGABRT);
+        // A process that was stopped aborts only when it goes on.
+        self.signal(Signal::SIGCONT);
+        Some(silence)
     }
 
     /// Asks it to end, or kills it. One that ended meanwhile is no error.
@@ -161,15 +194,29 @@ impl Child {
 /// True if starting again cannot help.
 #[must_use]
 pub fn is_final(status: ExitStatus) -> bool {
-    matches!(status.code(), Some(EXIT_USAGE | EXIT_CONFIG))
+    remedy(status).is_some()
+}
+
+/// What to do about a process that ended for good.
+#[must_use]
+pub fn remedy(status: ExitStatus) -> Option<&'static str> {
+    of_code(status).map(|(_, _, remedy)| *remedy)
+}
+
+fn of_code(status: ExitStatus) -> Option<&'static (u8, &'static str, &'static str)> {
+    let code = status.code()?;
+    ending::FINAL
+        .iter()
+        .find(|(row, ..)| i32::from(*row) == code)
 }
 
 /// How a process ended, in words.
 #[must_use]
 pub fn words(status: ExitStatus) -> String {
+    if let Some((code, meaning, _)) = of_code(status) {
+        return format!("{meaning} (exit {code})");
+    }
     match (status.code(), status.signal()) {
-        (Some(EXIT_USAGE), _) => "wrong arguments (exit 2)".to_owned(),
-        (Some(EXIT_CONFIG), _) => "configuration error (exit 78)".to_owned(),
         (Some(code), _) => format!("exit {code}"),
         (None, Some(number)) => match Signal::try_from(number) {
             Ok(signal) => signal.as_str().to_owned(),

@@ -6,9 +6,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, auto_ports, free_port};
-use rcc_ipc::Role;
 use rcc_loader::server::codes;
-use rcc_loader::server::executor::EXECUTOR_LABEL;
 
 use super::places;
 use crate::failure::Failure;
@@ -42,10 +40,8 @@ impl Stage {
 /// How one tells that a process is ready.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ready {
-    /// It announced itself in the cell.
-    Announced(Role, String),
-    /// It announced itself, and answers on the cell's socket.
-    Serving,
+    /// It says so to its supervisor, as to systemd.
+    Notified,
     /// It wrote a line.
     Line,
 }
@@ -105,6 +101,13 @@ pub fn prepare(path: &Path) -> Result<Prepared, Failure> {
     })
 }
 
+/// A driver's SCHED_FIFO priority: below the executor's, above everything ordinary, because a driver that is late costs
+/// the robot's connection.
+#[must_use]
+pub fn driver_priority(executor: u8) -> u8 {
+    executor.saturating_sub(BELOW_EXECUTOR).max(1)
+}
+
 /// The processes of a cell, in the order in which they are started.
 ///
 /// # Errors
@@ -131,28 +134,26 @@ pub fn specs(cell: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
         name: "executor".to_owned(),
         program: places::program("rcc-exec")?,
         arguments: common.clone(),
-        ready: Ready::Announced(Role::Executor, EXECUTOR_LABEL.to_owned()),
+        ready: Ready::Notified,
     });
     all.push(Spec {
         stage: Stage::Loader,
         name: "loader".to_owned(),
         program: places::program("rcc-loader")?,
         arguments: common.clone(),
-        ready: Ready::Serving,
+        ready: Ready::Notified,
     });
     for device in &prepared.config.devices {
         let mut arguments = common.clone();
         arguments.extend(["--device".into(), device.name.as_str().into()]);
-        // Below the executor's, above everything ordinary: a driver that is late costs the robot's connection.
-        let executor = prepared.config.executor.priority;
-        let priority = executor.saturating_sub(BELOW_EXECUTOR).max(1);
+        let priority = driver_priority(prepared.config.executor.priority);
         arguments.extend(["--priority".into(), priority.to_string().into()]);
         all.push(Spec {
             stage: Stage::Driver,
             name: format!("driver/{}", device.name),
             program: places::program("rcc-driver")?,
             arguments,
-            ready: Ready::Announced(Role::Driver, device.name.clone()),
+            ready: Ready::Notified,
         });
     }
     Ok(all)

@@ -4,16 +4,18 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// So many starts again …
-pub const RESTARTS_MAX: usize = 5;
-/// … within this time; one more death and the process has failed for good.
-pub const WINDOW: Duration = Duration::from_secs(30);
-/// Pause before the first start again; it doubles with each within the window.
+use rcc_config::cell::SupervisionConfig;
+
+/// Pause before the first start again; it doubles with each within the window …
 const PAUSE_FIRST: Duration = Duration::from_millis(50);
+/// … up to this.
+const PAUSE_MAX: Duration = Duration::from_secs(5);
 
 /// The deaths of one process.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Restarts {
+    most: usize,
+    window: Duration,
     deaths: VecDeque<Duration>,
 }
 
@@ -24,7 +26,7 @@ pub enum Verdict {
     Again {
         /// When, on the supervisor's clock.
         at: Duration,
-        /// 1 to [`RESTARTS_MAX`].
+        /// 1 to the number that is allowed.
         nth: usize,
     },
     /// It has failed for good.
@@ -32,19 +34,31 @@ pub enum Verdict {
 }
 
 impl Restarts {
+    /// As the configuration of its cell has it: so many starts again within this time; one more death and the process
+    /// has failed for good.
+    #[must_use]
+    pub fn new(supervision: &SupervisionConfig) -> Restarts {
+        Restarts {
+            // A u32 fits.
+            most: supervision.restarts as usize,
+            window: Duration::from_nanos(supervision.within_ns),
+            deaths: VecDeque::new(),
+        }
+    }
+
     /// It died at `now` (time since the supervisor's start).
     pub fn died(&mut self, now: Duration) -> Verdict {
         while self
             .deaths
             .front()
-            .is_some_and(|death| now.saturating_sub(*death) > WINDOW)
+            .is_some_and(|death| now.saturating_sub(*death) > self.window)
         {
             self.deaths.pop_front();
         }
-        if self.deaths.len() >= RESTARTS_MAX {
+        if self.deaths.len() >= self.most {
             return Verdict::Failed;
         }
-        let pause = PAUSE_FIRST * (1 << self.deaths.len());
+        let pause = (PAUSE_FIRST * (1 << self.deaths.len().min(10))).min(PAUSE_MAX);
         self.deaths.push_back(now);
         Verdict::Again {
             at: now + pause,
@@ -57,9 +71,22 @@ impl Restarts {
 mod tests {
     use super::*;
 
+    fn usual() -> Restarts {
+        Restarts::new(&SupervisionConfig::default())
+    }
+
+    #[test]
+    fn the_configuration_sets_the_limit() {
+        let mut restarts = Restarts::new(&SupervisionConfig {
+            restarts: 0,
+            ..SupervisionConfig::default()
+        });
+        assert_eq!(restarts.died(Duration::ZERO), Verdict::Failed);
+    }
+
     #[test]
     fn the_sixth_death_within_the_window_is_the_last() {
-        let mut restarts = Restarts::default();
+        let mut restarts = usual();
         for second in 0..5 {
             let verdict = restarts.died(Duration::from_secs(second));
             assert!(matches!(verdict, Verdict::Again { nth, .. } if nth == second as usize + 1));
@@ -69,7 +96,7 @@ mod tests {
 
     #[test]
     fn old_deaths_are_forgotten() {
-        let mut restarts = Restarts::default();
+        let mut restarts = usual();
         for second in [0, 10, 20, 25, 29, 31, 45] {
             let verdict = restarts.died(Duration::from_secs(second));
             assert_ne!(verdict, Verdict::Failed, "{second}");
@@ -78,7 +105,7 @@ mod tests {
 
     #[test]
     fn each_pause_is_longer_than_the_one_before() {
-        let mut restarts = Restarts::default();
+        let mut restarts = usual();
         let pauses: Vec<Duration> = (0..5)
             .filter_map(|_| match restarts.died(Duration::ZERO) {
                 Verdict::Again { at, .. } => Some(at),

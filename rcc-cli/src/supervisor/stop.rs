@@ -18,8 +18,6 @@ use crate::interrupt::Interrupts;
 const CANCEL_LIMIT: Duration = Duration::from_secs(10);
 /// How long devices may take to come to rest.
 const REST_LIMIT: Duration = Duration::from_secs(5);
-/// How long a process may take to end after SIGTERM.
-const END_LIMIT: Duration = Duration::from_secs(5);
 /// How long others that only look at the cell may take to leave it.
 const LEAVE_LIMIT: Duration = Duration::from_secs(2);
 
@@ -95,7 +93,7 @@ impl Supervisor {
         for child in self.children.iter_mut().filter(of_stage) {
             child.signal(Signal::SIGTERM);
         }
-        let limit = Instant::now() + END_LIMIT;
+        let limit = Instant::now() + self.patience();
         let mut killed = Vec::new();
         for child in self.children.iter_mut().filter(of_stage) {
             while child.pid().is_some() && child.ended().is_none() {

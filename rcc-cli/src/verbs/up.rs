@@ -25,7 +25,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let prepared = launch::prepare(&arguments.file)?;
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
     let json = context.format == Format::Json;
-    let mut supervisor = Supervisor::start(&name, prepared, Box::new(move |line| tell(line, json)))?;
+    let mut supervisor =
+        Supervisor::start(&name, prepared, Box::new(move |line| tell(line, json)))?;
     let up = supervisor.wait_until_up(&interrupts);
     if up.is_ok() {
         let ready = Line {
@@ -34,7 +35,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             what: "ready  (Ctrl-C ends it; next: rcc-cli devices, rcc-cli run FILE)".to_owned(),
         };
         tell(&ready, json);
-        while !interrupts.asked() {
+        while !interrupts.asked() && !supervisor.is_over() {
             supervisor.look();
             std::thread::sleep(LOOK_EVERY);
         }

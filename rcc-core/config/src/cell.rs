@@ -81,7 +81,7 @@ impl Default for SupervisionConfig {
         SupervisionConfig {
             restarts: 5,
             within_ns: 30_000_000_000,
-            stop_timeout_ns: 3_000_000_000,
+            stop_timeout_ns: 5_000_000_000,
             watchdog_ns: 2_000_000_000,
         }
     }

@@ -1,0 +1,153 @@
+//! What a process tells its supervisor over `NOTIFY_SOCKET`, as it would tell systemd: ready, status, heartbeat.
+//! Listened to by the supervisor's thread, which never waits for it.
+
+use std::io;
+use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Longer words are cut.
+const WORDS_MAX: usize = 4096;
+/// So many words are read in one look; a process that talks more is listened to again in the next one.
+const WORDS_A_LOOK: usize = 64;
+
+/// The ear for one life of one process.
+#[derive(Debug)]
+pub struct Notices {
+    socket: UnixDatagram,
+    begun: Instant,
+    heard: Instant,
+    ready: bool,
+    stopping: bool,
+    status: String,
+}
+
+impl Notices {
+    /// Listens at `path`; what was told to it before, by an earlier life, is gone.
+    ///
+    /// # Errors
+    /// The socket cannot be made.
+    pub fn listen(path: &Path) -> io::Result<Notices> {
+        match std::fs::remove_file(path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        let socket = UnixDatagram::bind(path)?;
+        socket.set_nonblocking(true)?;
+        let now = Instant::now();
+        Ok(Notices {
+            socket,
+            begun: now,
+            heard: now,
+            ready: false,
+            stopping: false,
+            status: String::new(),
+        })
+    }
+
+    /// Takes what has come.
+    pub fn take(&mut self) {
+        let mut buffer = [0; WORDS_MAX];
+        for _ in 0..WORDS_A_LOOK {
+            let Ok(size) = self.socket.recv(&mut buffer) else {
+                return;
+            };
+            let words = String::from_utf8_lossy(buffer.get(..size).unwrap_or_default());
+            for word in words.lines() {
+                self.hear(word);
+            }
+        }
+    }
+
+    fn hear(&mut self, word: &str) {
+        match word.split_once('=') {
+            Some(("READY", "1")) => {
+                self.ready = true;
+                self.heard = Instant::now();
+            }
+            Some(("WATCHDOG", "1")) => self.heard = Instant::now(),
+            Some(("STOPPING", "1")) => self.stopping = true,
+            Some(("STATUS", status)) => status.clone_into(&mut self.status),
+            _ => {}
+        }
+    }
+
+    /// The process said that it is ready.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.ready
+    }
+
+    /// What it said last about how it does.
+    #[must_use]
+    pub fn status(&self) -> &str {
+        &self.status
+    }
+
+    /// For how long it has made no progress, if that is longer than it may: `watchdog` once it is ready, `start` before.
+    #[must_use]
+    pub fn hung_for(&self, start: Duration, watchdog: Duration) -> Option<Duration> {
+        let (since, limit) = match self.ready {
+            true => (self.heard, watchdog),
+            false => (self.begun, start),
+        };
+        // Who stops has another limit, which whoever stopped it watches over.
+        Some(since.elapsed()).filter(|silence| *silence > limit && !self.stopping)
+    }
+
+    /// Nobody could listen for a while: that is nobody's silence.
+    pub fn excuse(&mut self) {
+        self.heard = Instant::now();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NEVER: Duration = Duration::from_secs(3600);
+
+    fn ear(name: &str) -> (Notices, UnixDatagram, std::path::PathBuf) {
+        let path = std::env::temp_dir().join(format!("rcc-notices-{name}-{}", std::process::id()));
+        let notices = Notices::listen(&path).unwrap();
+        let mouth = UnixDatagram::unbound().unwrap();
+        mouth.connect(&path).unwrap();
+        (notices, mouth, path)
+    }
+
+    #[test]
+    fn words_are_heard_in_any_combination() {
+        let (mut notices, mouth, path) = ear("words");
+        mouth
+            .send(b"READY=1\nSTATUS=1000 Hz, a=b\nWATCHDOG=1\nMAINPID=7\n\xff")
+            .unwrap();
+        notices.take();
+        assert!(notices.is_ready());
+        assert_eq!(notices.status(), "1000 Hz, a=b");
+        std::fs::remove_file(path).unwrap();
+    }
+
+    #[test]
+    fn silence_is_a_hang_only_beyond_the_limit_of_its_time() {
+        let (mut notices, mouth, path) = ear("silence");
+        assert!(
+            notices.hung_for(Duration::ZERO, NEVER).is_some(),
+            "not ready in time"
+        );
+        assert!(notices.hung_for(NEVER, Duration::ZERO).is_none());
+        mouth.send(b"READY=1").unwrap();
+        notices.take();
+        assert!(notices.hung_for(Duration::ZERO, NEVER).is_none());
+        assert!(
+            notices.hung_for(NEVER, Duration::ZERO).is_some(),
+            "no heartbeat"
+        );
+        mouth.send(b"STOPPING=1").unwrap();
+        notices.take();
+        assert!(
+            notices.hung_for(NEVER, Duration::ZERO).is_none(),
+            "it stops"
+        );
+        std::fs::remove_file(path).unwrap();
+    }
+}

@@ -1,0 +1,316 @@
+//! systemd units of a cell: the ones that are the same everywhere, and drop-ins made from the cell's configuration.
+//! Pure text, but for [`disk`]; used by the main thread of `install-units`.
+
+pub mod addresses;
+pub mod cores;
+pub mod disk;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rcc_config::CellConfig;
+use rcc_config::cell::SupervisionConfig;
+
+use crate::supervisor::launch;
+use cores::Cores;
+
+/// What begins every file of ours; only such files are ever replaced or removed.
+pub const MARK: &str = "# RCC:";
+/// Units of an administrator.
+pub const UNITS: &str = "etc/systemd/system";
+/// Units of a package.
+pub const PACKAGED: &str = "usr/lib/systemd/system";
+/// The name of our drop-in in each folder.
+pub const DROP_IN: &str = "50-cell.conf";
+/// Where the programs of a package lie; the units say so.
+pub const PROGRAMS: &str = "/usr/bin";
+/// The executor's nets have so long to end after they have been cancelled (as `rcc_exec::rt` has it).
+const NETS_END_MS: u64 = 5000;
+
+macro_rules! shipped {
+    ($($path:literal = $file:literal;)*) => {
+        /// The files that are the same for every cell: where they go, below the root, and what they say.
+        pub const SHIPPED: &[(&str, &str)] = &[
+            $(($path, include_str!(concat!("../../configs/systemd/", $file)))),*
+        ];
+    };
+}
+
+shipped! {
+    "etc/systemd/system/rcc.target" = "rcc.target";
+    "etc/systemd/system/rcc@.target" = "rcc@.target";
+    "etc/systemd/system/rcc.slice" = "rcc.slice";
+    "etc/systemd/system/rcc-rt-setup.service" = "rcc-rt-setup.service";
+    "etc/systemd/system/rcc-executor@.service" = "rcc-executor@.service";
+    "etc/systemd/system/rcc-loader@.service" = "rcc-loader@.service";
+    "etc/systemd/system/rcc-driver@.service" = "rcc-driver@.service";
+    "etc/systemd/system/rcc-simulator@.service" = "rcc-simulator@.service";
+    "etc/sysusers.d/rcc.conf" = "sysusers.conf";
+    "etc/tmpfiles.d/rcc.conf" = "tmpfiles.conf";
+    "etc/security/limits.d/rcc.conf" = "limits.conf";
+}
+
+/// A file that is to be written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnitFile {
+    /// Below the root.
+    pub path: PathBuf,
+    /// Its text.
+    pub text: String,
+}
+
+/// One cell and how it shall run.
+#[derive(Clone, Copy, Debug)]
+pub struct Order<'a> {
+    /// Name of the cell.
+    pub cell: &'a str,
+    /// Its configuration.
+    pub config: &'a CellConfig,
+    /// Its file, absolute.
+    pub path: &'a Path,
+    /// Numbers for its automatic ports.
+    pub ports: &'a BTreeMap<String, u16>,
+    /// Cores for everything but the cycle.
+    pub cores: Option<&'a Cores>,
+    /// Where the programs lie.
+    pub programs: &'a Path,
+    /// Simulators get units too.
+    pub simulators: bool,
+}
+
+/// The files of [`SHIPPED`] for programs in this folder.
+#[must_use]
+pub fn shipped(programs: &Path) -> Vec<UnitFile> {
+    let programs = programs.display().to_string();
+    let file = |(path, text): &(&str, &str)| UnitFile {
+        path: PathBuf::from(path),
+        text: text.replace("/usr/bin/rcc-", &format!("{programs}/rcc-")),
+    };
+    SHIPPED.iter().map(file).collect()
+}
+
+impl Order<'_> {
+    /// The drop-ins of the cell.
+    #[must_use]
+    pub fn drop_ins(&self) -> Vec<UnitFile> {
+        let mut all = vec![self.target(), self.executor(), self.loader(), self.setup()];
+        all.extend(self.config.devices.iter().map(|device| self.driver(device)));
+        if self.simulators {
+            let simulators = self.config.simulators.iter();
+            all.extend(simulators.map(|simulator| self.simulator(simulator)));
+        }
+        all
+    }
+
+    /// Names of the units of the drivers, and of the simulators that are asked for.
+    #[must_use]
+    pub fn instances(&self) -> Vec<String> {
+        let cell = self.cell;
+        let drivers = self.config.devices.iter();
+        let drivers = drivers.map(|device| format!("rcc-driver@{cell}:{}.service", device.name));
+        let asked = self.config.simulators.iter().filter(|_| self.simulators);
+        let simulators = asked.map(|one| format!("rcc-simulator@{cell}:{}.service", one.name));
+        drivers.chain(simulators).collect()
+    }
+
+    fn file(&self, unit: &str, text: &str) -> UnitFile {
+        let order = self.path.display();
+        let head = format!(
+            "{MARK} written by `rcc-cli install-units {order}`; do not edit, run it again after a change of that file.\n"
+        );
+        UnitFile {
+            path: Path::new(UNITS).join(format!("{unit}.d")).join(DROP_IN),
+            text: head + text,
+        }
+    }
+
+    fn target(&self) -> UnitFile {
+        let wants = self.instances().join(" ");
+        let unit = format!("rcc@{}.target", self.cell);
+        self.file(&unit, &format!("[Unit]\nWants={wants}\n"))
+    }
+
+    fn executor(&self) -> UnitFile {
+        let executor = &self.config.executor;
+        let service = format!(
+            "{}{}LimitRTPRIO={}\n{}",
+            self.environment(""),
+            times(&self.config.supervision, NETS_END_MS),
+            executor.priority,
+            self.affinity(),
+        );
+        let unit = format!("rcc-executor@{}.service", self.cell);
+        self.file(
+            &unit,
+            &(limits(&self.config.supervision) + "\n[Service]\n" + &service),
+        )
+    }
+
+    fn loader(&self) -> UnitFile {
+        let service = format!(
+            "{}{}{}",
+            self.environment(""),
+            times(&self.config.supervision, 0),
+            self.affinity(),
+        );
+        let unit = format!("rcc-loader@{}.service", self.cell);
+        self.file(
+            &unit,
+            &(limits(&self.config.supervision) + "\n[Service]\n" + &service),
+        )
+    }
+
+    fn driver(&self, device: &rcc_config::DeviceConfig) -> UnitFile {
+        let cell = self.cell;
+        let priority = launch::driver_priority(self.config.executor.priority);
+        let more = format!(
+            " \"RCC_CELL={cell}\" \"RCC_DEVICE={}\" \"RCC_PRIORITY={priority}\"",
+            device.name
+        );
+        let simulators = self.config.simulators.iter().filter(|_| self.simulators);
+        let simulators: String = simulators
+            .map(|one| format!(" rcc-simulator@{cell}:{}.service", one.name))
+            .collect();
+        let order = format!(
+            "PartOf=rcc@{cell}.target\n# Started before the executor, so stopped after it: the device is brought to rest.\n\
+             Before=rcc-executor@{cell}.service\n{}",
+            if simulators.is_empty() {
+                String::new()
+            } else {
+                format!("After={}\n", simulators.trim())
+            }
+        );
+        let service = format!(
+            "{}{}LimitRTPRIO={priority}\n{}{}",
+            self.environment(&more),
+            times(&self.config.supervision, 0),
+            self.affinity(),
+            addresses::allowed(&device.settings),
+        );
+        let unit = format!("rcc-driver@{cell}:{}.service", device.name);
+        self.file(
+            &unit,
+            &(limits(&self.config.supervision) + &order + "\n[Service]\n" + &service),
+        )
+    }
+
+    fn simulator(&self, simulator: &rcc_config::cell::SimulatorConfig) -> UnitFile {
+        let cell = self.cell;
+        let program = match simulator.program.contains('/') {
+            true => PathBuf::from(&simulator.program),
+            false => self.programs.join(&simulator.program),
+        };
+        let arguments = simulator
+            .arguments
+            .iter()
+            .filter(|one| *one != "--parent-death");
+        let arguments: String = arguments.map(|one| format!(" {}", quoted(one))).collect();
+        let text = format!(
+            "{}PartOf=rcc@{cell}.target\n\n[Service]\nExecStart={}{arguments}\n{}",
+            limits(&self.config.supervision),
+            quoted(&program.display().to_string()),
+            self.affinity(),
+        );
+        self.file(
+            &format!("rcc-simulator@{cell}:{}.service", simulator.name),
+            &text,
+        )
+    }
+
+    /// Which core is the cycle's: interrupts are kept away from it. One drop-in a cell, so that several add up.
+    fn setup(&self) -> UnitFile {
+        let name = format!("50-cell-{}.conf", self.cell);
+        let cores = self
+            .config
+            .executor
+            .core
+            .map_or(String::new(), |core| core.to_string());
+        let variable = self.cell.replace('-', "_").to_uppercase();
+        let text = format!("[Service]\nEnvironment=RCC_RT_CORES_{variable}={cores}\n");
+        let mut file = self.file("rcc-rt-setup.service", &text);
+        file.path.set_file_name(name);
+        file
+    }
+
+    fn environment(&self, more: &str) -> String {
+        let path = quoted(&format!("RCC_CONFIG={}", self.path.display()));
+        let ports: Vec<String> = self
+            .ports
+            .iter()
+            .map(|(name, port)| format!("{name}={port}"))
+            .collect();
+        let ports = match ports.is_empty() {
+            true => String::new(),
+            false => format!(" \"RCC_PORTS={}\"", ports.join(",")),
+        };
+        format!("Environment={path}{more}{ports}\n")
+    }
+
+    fn affinity(&self) -> String {
+        self.cores.map_or(String::new(), |cores| {
+            format!("# Housekeeping cores.\nCPUAffinity={cores}\n")
+        })
+    }
+}
+
+/// How often it is started again: the first start counts as well.
+fn limits(supervision: &SupervisionConfig) -> String {
+    let SupervisionConfig {
+        restarts,
+        within_ns,
+        ..
+    } = supervision;
+    format!(
+        "[Unit]\nStartLimitIntervalSec={}ms\nStartLimitBurst={}\n",
+        within_ns / 1_000_000,
+        restarts + 1
+    )
+}
+
+fn times(supervision: &SupervisionConfig, more_ms: u64) -> String {
+    format!(
+        "WatchdogSec={}ms\nTimeoutStopSec={}ms\n",
+        supervision.watchdog_ns / 1_000_000,
+        supervision.stop_timeout_ns / 1_000_000 + more_ms
+    )
+}
+
+/// A word of a unit file, whatever is in it.
+fn quoted(word: &str) -> String {
+    let word = word.replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{}\"", word.replace('%', "%%").replace('$', "$$"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shipped_file_bears_our_mark() {
+        for (path, text) in SHIPPED {
+            assert!(text.starts_with(MARK), "{path}");
+        }
+    }
+
+    #[test]
+    fn no_unit_makes_a_whole_process_real_time_or_binds_executor_and_drivers() {
+        for (path, text) in SHIPPED {
+            for line in text.lines().filter(|line| !line.starts_with('#')) {
+                for never in [
+                    "CPUSchedulingPolicy",
+                    "BindsTo",
+                    "Requires=",
+                    "AllowedCPUs",
+                    "CPUWeight",
+                ] {
+                    assert!(!line.starts_with(never), "{path}: {line}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn words_are_quoted_for_units() {
+        assert_eq!(quoted("a b%c$d\"e"), "\"a b%%c$$d\\\"e\"");
+    }
+}

@@ -1,0 +1,190 @@
+//! Writes and removes unit files; never touches one that does not bear our mark.
+//! Used by the main thread of `install-units`.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use rcc_loader::server::codes;
+
+use super::{DROP_IN, MARK, PACKAGED, SHIPPED, UNITS, UnitFile};
+use crate::failure::Failure;
+
+/// What became of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Done {
+    /// It was not there.
+    Written,
+    /// It said something else.
+    Replaced,
+    /// It says so already.
+    Unchanged,
+    /// A package has it.
+    Packaged,
+    /// It is gone.
+    Removed,
+}
+
+/// What is done to each file, and if `dry` is false, does it. Nothing is written if one of them is not ours.
+///
+/// # Errors
+/// A file of somebody else's is in the place of ours, or the system refuses.
+pub fn write(root: &Path, files: &[UnitFile], dry: bool) -> Result<Vec<(Done, PathBuf)>, Failure> {
+    let plan: Result<Vec<_>, Failure> = files
+        .iter()
+        .map(|file| Ok((judge(root, file)?, file)))
+        .collect();
+    let plan = plan?;
+    for (done, file) in &plan {
+        if !dry && matches!(done, Done::Written | Done::Replaced) {
+            store(&root.join(&file.path), &file.text)?;
+        }
+    }
+    let told = |(done, file): &(Done, &UnitFile)| (*done, root.join(&file.path));
+    Ok(plan.iter().map(told).collect())
+}
+
+fn judge(root: &Path, file: &UnitFile) -> Result<Done, Failure> {
+    let path = root.join(&file.path);
+    let packaged = file.path.strip_prefix(UNITS).ok();
+    if packaged.is_some_and(|unit| root.join(PACKAGED).join(unit).exists()) {
+        return Ok(Done::Packaged);
+    }
+    match read(&path)? {
+        None => Ok(Done::Written),
+        Some(text) if text == file.text => Ok(Done::Unchanged),
+        Some(text) if text.starts_with(MARK) => Ok(Done::Replaced),
+        Some(_) => Err(Failure::new(
+            codes::CELL_LIVES,
+            format!(
+                "{} is there and not ours; nothing was written",
+                path.display()
+            ),
+            "move it away, or write a drop-in of your own beside it",
+        )),
+    }
+}
+
+/// Removes the drop-ins of a cell, and with the last cell everything else of ours.
+///
+/// # Errors
+/// The system refuses.
+pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(Done, PathBuf)>, Failure> {
+    let (own, others) = drop_ins(root, cell)?;
+    let mut paths = own;
+    if others == 0 {
+        paths.extend(SHIPPED.iter().map(|(path, _)| root.join(path)));
+    }
+    let mut removed = Vec::new();
+    for path in paths {
+        if !read(&path)?.is_some_and(|text| text.starts_with(MARK)) {
+            continue;
+        }
+        if !dry {
+            fs::remove_file(&path).map_err(|error| refused(&path, &error))?;
+            if let Some(folder) = path.parent().filter(|folder| is_drop_in_folder(folder)) {
+                // Not empty: somebody else's drop-ins.
+                let _ = fs::remove_dir(folder);
+            }
+        }
+        removed.push((Done::Removed, path));
+    }
+    Ok(removed)
+}
+
+fn is_drop_in_folder(folder: &Path) -> bool {
+    folder.extension().is_some_and(|extension| extension == "d")
+        && folder.to_string_lossy().contains("systemd/system")
+}
+
+/// Our drop-ins of this cell, and how many other cells have some.
+fn drop_ins(root: &Path, cell: &str) -> Result<(Vec<PathBuf>, usize), Failure> {
+    let units = root.join(UNITS);
+    let entries = match fs::read_dir(&units) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok((Vec::new(), 0)),
+        Err(error) => return Err(refused(&units, &error)),
+    };
+    let (mut own, mut others) = (Vec::new(), 0);
+    let setup = units
+        .join("rcc-rt-setup.service.d")
+        .join(format!("50-cell-{cell}.conf"));
+    own.push(setup);
+    for entry in entries.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let path = entry.path().join(DROP_IN);
+        let Some((kind, instance)) = name.split_once('@') else {
+            continue;
+        };
+        if !kind.starts_with("rcc") || !path.is_file() {
+            continue;
+        }
+        // CELL.target.d, CELL.service.d or CELL:DEVICE.service.d; no dot or colon is in a cell's name.
+        let of = instance.split([':', '.']).next().unwrap_or_default();
+        if of == cell {
+            own.push(path);
+        } else {
+            others += 1;
+        }
+    }
+    own.sort();
+    Ok((own, others))
+}
+
+fn read(path: &Path) -> Result<Option<String>, Failure> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(refused(path, &error)),
+    }
+}
+
+fn store(path: &Path, text: &str) -> Result<(), Failure> {
+    let folder = path.parent().unwrap_or(Path::new("/"));
+    fs::create_dir_all(folder).map_err(|error| refused(folder, &error))?;
+    let half = path.with_extension("half");
+    fs::write(&half, text)
+        .and_then(|()| fs::rename(&half, path))
+        .map_err(|error| refused(path, &error))
+}
+
+fn refused(path: &Path, error: &io::Error) -> Failure {
+    let (code, help) = match error.kind() {
+        io::ErrorKind::PermissionDenied => (
+            codes::NOT_PERMITTED,
+            "run it with sudo, or write elsewhere with --root DIR",
+        ),
+        _ => (codes::NOT_STORED, ""),
+    };
+    Failure::new(code, format!("{}: {error}", path.display()), help)
+}
+
+/// Our drop-ins of this cell that are not among `files`: of devices that it has no more.
+///
+/// # Errors
+/// The system refuses.
+pub fn remove_stale(
+    root: &Path,
+    cell: &str,
+    files: &[UnitFile],
+    dry: bool,
+) -> Result<Vec<(Done, PathBuf)>, Failure> {
+    let (own, _) = drop_ins(root, cell)?;
+    let known: Vec<PathBuf> = files.iter().map(|file| root.join(&file.path)).collect();
+    let mut removed = Vec::new();
+    for path in own
+        .into_iter()
+        .filter(|path| !known.contains(path) && path.is_file())
+    {
+        if !dry {
+            fs::remove_file(&path).map_err(|error| refused(&path, &error))?;
+            if let Some(folder) = path.parent() {
+                // Not empty: somebody else's drop-ins.
+                let _ = fs::remove_dir(folder);
+            }
+        }
+        removed.push((Done::Removed, path));
+    }
+    Ok(removed)
+}

@@ -1,0 +1,257 @@
+//! `install-units FILE`: writes the systemd units of a cell from its configuration, or removes them.
+//! The main thread does it all; nothing is started.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use rcc_config::ports::PortArgument;
+use rcc_config::{CellConfig, auto_ports};
+use rcc_loader::server::codes;
+
+use crate::context::{Context, Format, say};
+use crate::failure::Failure;
+use crate::units::cores::Cores;
+use crate::units::disk::{self, Done};
+use crate::units::{self, Order};
+
+/// What to write, and where.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The cell's configuration; where the services can read it, for example below /etc/rcc.
+    file: PathBuf,
+    /// Write below this folder instead of /.
+    #[arg(long, value_name = "DIR", default_value = "/")]
+    root: PathBuf,
+    /// Only say what would be written.
+    #[arg(long)]
+    dry_run: bool,
+    /// Cores for everything but the cycle, like 0-2,5 (default: all but the executor's, if it has one).
+    #[arg(long, value_name = "CORES")]
+    cpus: Option<Cores>,
+    /// Where the programs are installed (default: where this one is).
+    #[arg(long, value_name = "DIR")]
+    programs: Option<PathBuf>,
+    /// A number for a port that the configuration leaves open.
+    #[arg(long = "port", value_name = "NAME=NUMBER")]
+    ports: Vec<PortArgument>,
+    /// Give the simulators of the configuration units too.
+    #[arg(long)]
+    simulators: bool,
+    /// Remove what was written for this cell; with the last cell, everything.
+    #[arg(long)]
+    uninstall: bool,
+}
+
+/// Folders that the services cannot see (`ProtectHome`, `PrivateTmp`).
+const HIDDEN: [&str; 5] = ["/home", "/root", "/run/user", "/tmp", "/var/tmp"];
+/// The programs that the units start.
+const PROGRAMS: [&str; 5] = [
+    "rcc-exec",
+    "rcc-loader",
+    "rcc-driver",
+    "rcc-janitor",
+    "rcc-cli",
+];
+
+/// Does it.
+///
+/// # Errors
+/// The configuration is not valid or not for production, a file is not ours, or the system refuses.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let name = arguments.file.display().to_string();
+    let path = arguments.file.canonicalize();
+    let path = path.map_err(|error| Failure::unreadable(&name, &error))?;
+    let ports = chosen(&path, &arguments)?;
+    let config = CellConfig::load(&path, &ports)
+        .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))?;
+    let cell = context.cell.clone().unwrap_or(config.name.clone());
+    if arguments.uninstall {
+        let removed = disk::remove(&arguments.root, &cell, arguments.dry_run)?;
+        tell(context, &removed);
+        return Ok(after_uninstall(context, &cell));
+    }
+    let installed = arguments.root != Path::new("/");
+    let programs = programs(arguments.programs.as_deref(), installed)?;
+    visible(&path, "the configuration", installed)?;
+    real(&config, &arguments)?;
+    let cores = cores(&config, arguments.cpus)?;
+    let order = Order {
+        cell: &cell,
+        config: &config,
+        path: &path,
+        ports: &ports,
+        cores: cores.as_ref(),
+        programs: &programs,
+        simulators: arguments.simulators,
+    };
+    let mut files = units::shipped(&programs);
+    files.extend(order.drop_ins());
+    let mut done = disk::write(&arguments.root, &files, arguments.dry_run)?;
+    done.extend(disk::remove_stale(
+        &arguments.root,
+        &cell,
+        &files,
+        arguments.dry_run,
+    )?);
+    tell(context, &done);
+    after_install(context, &cell, arguments.dry_run);
+    Ok(())
+}
+
+/// The numbers of the automatic ports: all of them must be given.
+fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, Failure> {
+    let given: BTreeMap<String, u16> = arguments
+        .ports
+        .iter()
+        .map(|port| (port.name.clone(), port.number))
+        .collect();
+    let automatic = auto_ports(path)
+        .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))?;
+    let open: Vec<String> = automatic.into_iter().map(|(name, _)| name).collect();
+    let missing: Vec<&str> = open
+        .iter()
+        .filter(|name| !given.contains_key(*name))
+        .map(String::as_str)
+        .collect();
+    // What is removed needs no ports.
+    if missing.is_empty() || arguments.uninstall {
+        let zero = missing.iter().map(|name| ((*name).to_owned(), 0));
+        return Ok(given
+            .iter()
+            .map(|(name, port)| (name.clone(), *port))
+            .chain(zero)
+            .collect());
+    }
+    let sample: Vec<String> = missing
+        .iter()
+        .zip(49938..)
+        .map(|(name, port)| format!("--port {name}={port}"))
+        .collect();
+    Err(Failure::new(
+        codes::BAD_REQUEST,
+        format!(
+            "services need fixed ports, the configuration leaves open: {}",
+            missing.join(", ")
+        ),
+        format!("write numbers into its `ports`, or: {}", sample.join(" ")),
+    ))
+}
+
+/// Simulators have no place in production, unless they are asked for.
+fn real(config: &CellConfig, arguments: &Arguments) -> Result<(), Failure> {
+    if arguments.simulators || config.simulators.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<&str> = config
+        .simulators
+        .iter()
+        .map(|one| one.name.as_str())
+        .collect();
+    Err(Failure::new(
+        codes::BAD_REQUEST,
+        format!(
+            "the configuration has simulators ({}): it is not for production",
+            names.join(", ")
+        ),
+        "remove `simulators` and give the devices their real addresses, or add --simulators to run them as services",
+    ))
+}
+
+fn programs(given: Option<&Path>, elsewhere: bool) -> Result<PathBuf, Failure> {
+    let here = std::env::current_exe().unwrap_or_default();
+    let folder = given
+        .or(here.parent())
+        .unwrap_or(Path::new(units::PROGRAMS))
+        .to_owned();
+    if elsewhere {
+        return Ok(folder);
+    }
+    let missing = PROGRAMS.iter().find(|name| !folder.join(name).is_file());
+    if let Some(name) = missing {
+        return Err(Failure::new(
+            codes::BAD_REQUEST,
+            format!("{name} is not in {}", folder.display()),
+            "install all programs in one folder and name it: --programs DIR",
+        ));
+    }
+    visible(&folder, "the folder of the programs", elsewhere)?;
+    Ok(folder)
+}
+
+fn visible(path: &Path, what: &str, elsewhere: bool) -> Result<(), Failure> {
+    let hidden = HIDDEN.iter().find(|folder| path.starts_with(folder));
+    match hidden {
+        Some(folder) if !elsewhere => Err(Failure::new(
+            codes::BAD_REQUEST,
+            format!(
+                "{what} is {}, but services do not see {folder}",
+                path.display()
+            ),
+            "sudo install -m755 target/release/rcc-* /usr/local/bin/; sudo mkdir -p /etc/rcc; sudo cp -r configs/* /etc/rcc/",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Everything but the executor's core, unless the cores are given.
+fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Failure> {
+    let Some(core) = config.executor.core else {
+        return Ok(given);
+    };
+    if given.as_ref().is_some_and(|cores| cores.contains(core)) {
+        return Err(Failure::new(
+            codes::BAD_REQUEST,
+            format!(
+                "core {core} is the executor's (`executor: {{core: {core}}}`): nothing else should run there"
+            ),
+            "leave it out of --cpus",
+        ));
+    }
+    let count = std::thread::available_parallelism().map_or(1, usize::from);
+    Ok(given.or_else(|| Cores::all_but(count, &BTreeSet::from([core]))))
+}
+
+fn tell(context: &Context, done: &[(Done, PathBuf)]) {
+    if context.format == Format::Json {
+        let rows: Vec<_> = done
+            .iter()
+            .map(|(done, path)| serde_json::json!({"path": path, "done": done}))
+            .collect();
+        say(&serde_json::Value::from(rows).to_string());
+        return;
+    }
+    for (done, path) in done {
+        let word = match done {
+            Done::Written => "written",
+            Done::Replaced => "replaced",
+            Done::Unchanged => "unchanged",
+            Done::Packaged => "packaged",
+            Done::Removed => "removed",
+        };
+        say(&format!("{word:<10} {}", path.display()));
+    }
+}
+
+fn after_install(context: &Context, cell: &str, dry: bool) {
+    if context.format == Format::Json {
+        return;
+    }
+    if dry {
+        say("nothing was written (--dry-run)");
+        return;
+    }
+    say(&format!(
+        "next:
+  sudo systemd-sysusers && sudo systemd-tmpfiles --create && sudo systemctl daemon-reload
+  sudo systemctl enable --now rcc@{cell}.target rcc.target
+  systemctl status 'rcc-*@{cell}*'"
+    ));
+}
+
+fn after_uninstall(context: &Context, cell: &str) {
+    if context.format == Format::Human {
+        say(&format!(
+            "next: sudo systemctl stop rcc@{cell}.target; sudo systemctl daemon-reload"
+        ));
+    }
+}

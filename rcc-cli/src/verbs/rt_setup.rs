@@ -1,0 +1,233 @@
+//! `rt-setup`: what only root can set for real time: governor, interrupts, sleep states. Says what it did and what not.
+//! The main thread does it all, and with `--hold` waits, because the last of them holds only while a file is open.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use rcc_loader::server::codes;
+use rcc_process::{Notifier, Pulse, Stop};
+
+use crate::context::{Context, say};
+use crate::failure::Failure;
+use crate::units::cores::Cores;
+
+/// What to set.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The cores of the cycles, like 3 or 2-3; interrupts are moved away from them. Also taken from RCC_RT_CORES….
+    #[arg(long, value_name = "CORES")]
+    cores: Option<Cores>,
+    /// Keep the processors out of sleep states until SIGTERM or Ctrl-C.
+    #[arg(long)]
+    hold: bool,
+    /// The files of the system are below this folder.
+    #[arg(long, value_name = "DIR", default_value = "/", hide = true)]
+    root: PathBuf,
+}
+
+/// Does it.
+///
+/// # Errors
+/// Signals cannot be awaited, or the supervisor cannot be told. What the machine does not have or refuses is only told.
+pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let failed =
+        |error: &dyn std::error::Error| Failure::new(codes::PROCESS_FAILED, error.to_string(), "");
+    let stop = Stop::prepare(false).map_err(|error| failed(&error))?;
+    let cores = wanted(arguments.cores);
+    let mut lines = vec![
+        governor(&arguments.root),
+        interrupts(&arguments.root, &cores),
+    ];
+    let (held, line) = match arguments.hold {
+        true => latency(&arguments.root),
+        false => (None, "sleep states: not touched without --hold".to_owned()),
+    };
+    lines.push(line);
+    lines.iter().for_each(|line| say(line));
+    if arguments.hold {
+        let status = lines.join("; ");
+        let look = move || Pulse {
+            progress: 0,
+            status: status.clone(),
+        };
+        let supervisor = Notifier::ready(look).map_err(|error| failed(&error))?;
+        stop.wait().map_err(|error| failed(&error))?;
+        supervisor.stopping();
+    }
+    drop(held);
+    Ok(())
+}
+
+/// The cores that were given here, and those of every cell (`RCC_RT_CORES_<CELL>`, by install-units).
+fn wanted(given: Option<Cores>) -> BTreeSet<usize> {
+    let named = std::env::vars().filter(|(name, _)| name.starts_with("RCC_RT_CORES"));
+    let named = named.filter_map(|(_, value)| value.parse::<Cores>().ok());
+    let all = named.chain(given);
+    all.flat_map(|cores| cores.numbers().clone()).collect()
+}
+
+/// Files of this name, one a numbered folder.
+fn numbered(folder: &Path, prefix: &str, file: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_numbered = |name: &str| {
+        let number = name.strip_prefix(prefix);
+        number
+            .is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let named = entries.filter(|entry| entry.file_name().to_str().is_some_and(is_numbered));
+    let mut files: Vec<PathBuf> = named.map(|entry| entry.path().join(file)).collect();
+    files.retain(|path| path.exists());
+    files.sort();
+    files
+}
+
+/// Writes the same into all; how many took it, and the first refusal.
+fn write_all(files: &[PathBuf], text: &str) -> (usize, Option<(PathBuf, io::Error)>) {
+    let mut refusal = None;
+    let mut taken = 0;
+    for path in files {
+        let written = OpenOptions::new().write(true).open(path);
+        match written.and_then(|mut file| file.write_all(text.as_bytes())) {
+            Ok(()) => taken += 1,
+            Err(error) => refusal = refusal.or(Some((path.clone(), error))),
+        }
+    }
+    (taken, refusal)
+}
+
+fn told(
+    what: &str,
+    done: &str,
+    files: usize,
+    (taken, refusal): (usize, Option<(PathBuf, io::Error)>),
+) -> String {
+    let but = refusal.map_or(String::new(), |(path, error)| {
+        format!(" ({}: {error})", path.display())
+    });
+    match (files, taken) {
+        (0, _) => format!("{what}: this machine has none to set"),
+        (_, 0) => format!("{what}: nothing set{but}"),
+        _ => format!("{what}: {done} for {taken} of {files}{but}"),
+    }
+}
+
+fn governor(root: &Path) -> String {
+    let files = numbered(
+        &root.join("sys/devices/system/cpu"),
+        "cpu",
+        "cpufreq/scaling_governor",
+    );
+    told(
+        "frequency governor",
+        "performance",
+        files.len(),
+        write_all(&files, "performance"),
+    )
+}
+
+fn interrupts(root: &Path, cores: &BTreeSet<usize>) -> String {
+    let what = "interrupts";
+    if cores.is_empty() {
+        return format!(
+            "{what}: left where they are, no core is reserved (`executor: {{core: …}}`, or --cores)"
+        );
+    }
+    let count = numbered(&root.join("sys/devices/system/cpu"), "cpu", "").len();
+    let Some(rest) = Cores::all_but(count, cores) else {
+        return format!("{what}: left where they are, there is no other core");
+    };
+    let files = numbered(&root.join("proc/irq"), "", "smp_affinity_list");
+    // Those of a single core cannot be moved: they refuse.
+    let done = format!("moved to cores {rest}");
+    told(
+        what,
+        &done,
+        files.len(),
+        write_all(&files, &rest.to_string()),
+    )
+}
+
+/// The kernel keeps the processors awake as long as this file is open with 0 µs in it.
+fn latency(root: &Path) -> (Option<File>, String) {
+    let path = root.join("dev/cpu_dma_latency");
+    let opened = OpenOptions::new().write(true).open(&path);
+    match opened.and_then(|mut file| file.write_all(&0_i32.to_ne_bytes()).map(|()| file)) {
+        Ok(file) => (Some(file), "sleep states: none while this runs".to_owned()),
+        Err(error) => (
+            None,
+            format!("sleep states: not touched ({}: {error})", path.display()),
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A system in a folder, removed at the end.
+    struct System(PathBuf);
+
+    impl System {
+        fn new(name: &str) -> System {
+            let root =
+                std::env::temp_dir().join(format!("rcc-rt-setup-{name}-{}", std::process::id()));
+            for file in [
+                "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor",
+                "sys/devices/system/cpu/cpu1/cpufreq/scaling_governor",
+                "proc/irq/7/smp_affinity_list",
+                "dev/cpu_dma_latency",
+            ] {
+                let path = root.join(file);
+                fs::create_dir_all(path.parent().unwrap()).unwrap();
+                fs::write(path, "").unwrap();
+            }
+            System(root)
+        }
+
+        fn text(&self, file: &str) -> String {
+            fs::read_to_string(self.0.join(file)).unwrap()
+        }
+    }
+
+    impl Drop for System {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    #[test]
+    fn everything_is_set_and_told() {
+        let system = System::new("all");
+        assert_eq!(
+            governor(&system.0),
+            "frequency governor: performance for 2 of 2"
+        );
+        let line = interrupts(&system.0, &BTreeSet::from([1]));
+        assert_eq!(line, "interrupts: moved to cores 0 for 1 of 1");
+        assert_eq!(system.text("proc/irq/7/smp_affinity_list"), "0");
+        let (held, line) = latency(&system.0);
+        assert!(held.is_some(), "{line}");
+        assert_eq!(system.text("dev/cpu_dma_latency"), "\0\0\0\0");
+    }
+
+    #[test]
+    fn what_the_machine_lacks_is_told() {
+        let nowhere = Path::new("/nowhere");
+        assert_eq!(
+            governor(nowhere),
+            "frequency governor: this machine has none to set"
+        );
+        let line = interrupts(nowhere, &BTreeSet::from([0]));
+        assert_eq!(
+            line,
+            "interrupts: left where they are, there is no other core"
+        );
+        assert!(
+            latency(nowhere)
+                .1
+                .starts_with("sleep states: not touched (/nowhere/dev/cpu_dma_latency")
+        );
+    }
+}
