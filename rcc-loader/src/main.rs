@@ -10,12 +10,12 @@ use std::time::Duration;
 use clap::Parser;
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{Announcement, Cell, Role, Session};
+use rcc_loader::server::doors::Doors;
 use rcc_loader::server::executor::Executor;
+use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
-use rcc_loader::server::{routes, socket};
 use rcc_process::signals::end_with_parent;
 use rcc_process::{CellArguments, Ending, Notifier, Pulse, ending};
-use tokio::net::UnixListener;
 use tokio::signal::unix::{SignalKind, signal};
 
 /// How often the executor is looked for and files of unloaded commands are removed.
@@ -55,7 +55,13 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
         note: String::new(),
         predecessor,
     });
-    let listener = socket::listen(&cell.socket())?;
+    let doors = Doors::open(&cell, &config.access).map_err(|error| {
+        if error.is_final() {
+            Ending::configuration(&error)
+        } else {
+            error.into()
+        }
+    })?;
     let service = Service::new(Executor::new(session), config).recording(recorder.clone());
     let service = Arc::new(service);
     let tended = Arc::clone(&service);
@@ -73,8 +79,10 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
     let served: Result<(), Ending> = runtime.block_on(async {
         let mut terminate = signal(SignalKind::terminate())?;
         let mut interrupt = signal(SignalKind::interrupt())?;
-        let listener = UnixListener::from_std(listener)?;
         tracing::info!(socket = %cell.socket().display(), "serving");
+        if let Some(address) = doors.address() {
+            tracing::info!(%address, "serving over TCP, with the token only");
+        }
         tokio::spawn(turn(Arc::clone(&turns)));
         let socket = cell.socket();
         let supervisor = Notifier::ready(move || Pulse {
@@ -82,7 +90,7 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
             status: format!("serving on {}", socket.display()),
         })?;
         tokio::select! {
-            served = async { axum::serve(listener, routes::router(service)).await } => served?,
+            served = doors.serve(routes::router(service)) => served?,
             _ = terminate.recv() => {}
             _ = interrupt.recv() => {}
         }

@@ -3,41 +3,23 @@
 
 #[path = "server/executor.rs"]
 mod executor;
+#[path = "server/served.rs"]
+mod served;
 
-use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::sync::Arc;
-use std::time::Duration;
 
 use executor::{FakeExecutor, TestCell};
-use rcc_config::{CellConfig, auto_ports};
 use rcc_core::frame::PrepareFault;
 use rcc_core::message::CommandState;
 use rcc_core::plan::Resource;
 use rcc_ipc::control::{Call, Refusal};
-use rcc_ipc::{Cell, Role, Session};
-use rcc_loader::server::executor::Executor;
-use rcc_loader::server::service::{Operation, Service};
+use rcc_loader::server::codes;
+use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::{CommandFile, Store};
 use rcc_loader::server::words::Namer;
-use rcc_loader::server::{codes, routes, socket};
-
-fn config() -> CellConfig {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
-    let ports: BTreeMap<String, u16> = auto_ports(&path)
-        .expect("ports")
-        .into_iter()
-        .map(|(name, _)| (name, 1))
-        .collect();
-    CellConfig::load(&path, &ports).expect("the demo's configuration")
-}
-
-fn service(cell: &Cell) -> Service {
-    let session = Session::join(cell, Role::Loader, "loader").expect("join");
-    Service::new(Executor::new(session), config())
-}
+use served::{Served, ask, config, service};
 
 fn line() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/nets/line.yaml");
@@ -265,72 +247,6 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         first.contains(&format!("lwr joint {joint}")) && first.contains("11.459°"),
         "{first}"
     );
-}
-
-/// A server on the cell's socket until it is dropped.
-struct Served {
-    stop: Option<tokio::sync::oneshot::Sender<()>>,
-    thread: Option<std::thread::JoinHandle<()>>,
-}
-
-impl Served {
-    fn start(cell: &Cell) -> Served {
-        let service = Arc::new(service(cell));
-        let listener = socket::listen(&cell.socket()).expect("a socket");
-        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-        let thread = std::thread::spawn(move || {
-            let runtime = tokio::runtime::Builder::new_current_thread()
-                .enable_all()
-                .build()
-                .expect("a runtime");
-            runtime.block_on(async {
-                let listener = tokio::net::UnixListener::from_std(listener).expect("a listener");
-                tokio::select! {
-                    served = async { axum::serve(listener, routes::router(service)).await } => served.expect("served"),
-                    _ = stopped => {}
-                }
-            });
-        });
-        Served {
-            stop: Some(stop),
-            thread: Some(thread),
-        }
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        self.stop.take();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-fn ask(cell: &Cell, head: &str, body: &[u8]) -> (u16, serde_json::Value) {
-    let mut stream = UnixStream::connect(cell.socket()).expect("connected");
-    stream
-        .set_read_timeout(Some(Duration::from_secs(20)))
-        .expect("a time limit");
-    let length = body.len();
-    let head = format!(
-        "{head} HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n"
-    );
-    stream.write_all(head.as_bytes()).expect("sent");
-    // A server that refuses a large body does not read all of it.
-    let _ = stream.write_all(body);
-    let mut answer = Vec::new();
-    let _ = stream.read_to_end(&mut answer);
-    let text = String::from_utf8_lossy(&answer).into_owned();
-    let status = text
-        .split(' ')
-        .nth(1)
-        .and_then(|status| status.parse().ok());
-    let body = text.split_once("\r\n\r\n").map_or("", |(_, body)| body);
-    (
-        status.unwrap_or(0),
-        serde_json::from_str(body).unwrap_or_default(),
-    )
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use std::fs::{self, DirBuilder};
 use std::io;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use crate::room::SHM;
@@ -200,6 +200,30 @@ impl Cell {
         above.filter(|above| !chosen && *above == base_dir())
     }
 
+    /// Lets the members of a group reach the cell's socket, or nobody but us: the runtime folder gets that group and mode
+    /// 0750 (0700 without). The usual base folder is made passable then (0711): who may do what is decided below it.
+    ///
+    /// # Errors
+    /// The folder cannot be given to that group: we are neither root nor in it.
+    pub fn open_to_group(&self, group: Option<u32>) -> Result<(), CellError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |source| CellError::Folder { path, source }
+        };
+        let folder = &self.runtime_dir;
+        let set = |path: &Path, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode));
+        if let Some(group) = group {
+            std::os::unix::fs::chown(folder, None, Some(group)).map_err(failed(folder))?;
+            set(folder, 0o750).map_err(failed(folder))?;
+            if let Some(base) = self.own_base() {
+                set(&base, 0o711).map_err(failed(&base))?;
+            }
+        } else {
+            set(folder, 0o700).map_err(failed(folder))?;
+        }
+        Ok(())
+    }
+
     /// Makes what [`Cell::at`] made, again: a wipe may have removed it since.
     pub(crate) fn make_folders(&self) -> Result<(), CellError> {
         for path in [
@@ -310,7 +334,6 @@ fn make_private_dir(path: &Path) -> Result<(), CellError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt;
 
     #[test]
     fn names_are_short_lower_case_words() {

@@ -72,6 +72,9 @@ codes! {
     CELL_LIVES = "RCC4012", 409, CONFLICT, "The cell is in use.";
     PROCESS_FAILED = "RCC4013", 500, FAILED, "A process of the cell failed.";
     NO_SPACE = "RCC4014", 507, FAILED, "There is too little shared memory.";
+    NO_TOKEN = "RCC4015", 401, PERMISSION, "The token is missing or wrong.";
+    HEAD_TOO_LARGE = "RCC4016", 431, USAGE, "The head of the request is too large.";
+    TOO_SLOW = "RCC4017", 408, TIMEOUT, "The request came too slowly.";
 }
 
 /// HTTP status of a text that is not valid.

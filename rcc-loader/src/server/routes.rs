@@ -29,11 +29,13 @@ pub const TEXT_MAX: usize = 4 << 20;
 /// Texts that are compiled at a time; further ones wait.
 const COMPILING_MAX: usize = 2;
 /// Texts that are compiled or wait for it; further ones are refused.
-const LOADING_MAX: usize = 32;
+pub const LOADING_MAX: usize = 32;
 /// Requests that are answered at a time; further ones are refused.
-const REQUESTS_MAX: usize = 64;
-/// No request takes longer, a slowly sent one included.
-const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
+pub const REQUESTS_MAX: usize = 64;
+/// So long a body may take to come.
+pub const BODY_TIME: Duration = Duration::from_secs(5);
+/// So long a request may take from then on.
+pub const REQUEST_TIME: Duration = Duration::from_secs(10);
 
 /// What all requests share.
 #[derive(Clone)]
@@ -85,21 +87,23 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/openapi.json", get(openapi))
         .fallback(no_route)
         .method_not_allowed_fallback(no_route)
-        .layer(DefaultBodyLimit::max(TEXT_MAX))
+        // `limited` has already looked at the size.
+        .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(shared.clone(), limited))
         .with_state(shared)
 }
 
-/// Bounds the number of requests and the time of each.
+/// Bounds the number of requests, the size of each, and the time it takes to come and to be answered.
 async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    // First the body: whoever sends slowly holds nothing that others need.
+    let request = match whole(request).await {
+        Ok(request) => request,
+        Err(error) => return error.into_response(),
+    };
     let Ok(_place) = shared.requests.try_acquire() else {
         return too_many(REQUESTS_MAX).into_response();
     };
-    match tokio::time::timeout(REQUEST_TIMEOUT, next.run(request)).await {
-        Ok(response) if response.status() == StatusCode::PAYLOAD_TOO_LARGE => {
-            let message = format!("a text has at most {TEXT_MAX} bytes");
-            ApiError::new(codes::TOO_LARGE, message, "divide the net into several").into_response()
-        }
+    match tokio::time::timeout(REQUEST_TIME, next.run(request)).await {
         Ok(response) if response.status() == StatusCode::BAD_REQUEST && !is_json(&response) => {
             let message = "the address or its query is not understood";
             ApiError::new(
@@ -112,10 +116,35 @@ async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> 
         Ok(response) => response,
         Err(_) => ApiError::new(
             codes::LOADER_SILENT,
-            format!("the request took longer than {REQUEST_TIMEOUT:?}"),
+            format!("the request took longer than {REQUEST_TIME:?}"),
             "try again; whether it was carried out is not known",
         )
         .into_response(),
+    }
+}
+
+/// The request with all of its body in memory.
+async fn whole(request: Request) -> Result<Request, ApiError> {
+    let (parts, body) = request.into_parts();
+    let read = axum::body::to_bytes(body, TEXT_MAX);
+    match tokio::time::timeout(BODY_TIME, read).await {
+        Ok(Ok(bytes)) => Ok(Request::from_parts(parts, bytes.into())),
+        Ok(Err(error)) => {
+            let too_large = std::error::Error::source(&error)
+                .is_some_and(|source| source.is::<http_body_util::LengthLimitError>());
+            Err(if too_large {
+                let message = format!("a text has at most {TEXT_MAX} bytes");
+                ApiError::new(codes::TOO_LARGE, message, "divide the net into several")
+            } else {
+                let message = format!("the body is not whole: {error}");
+                ApiError::new(codes::BAD_REQUEST, message, "send all of it")
+            })
+        }
+        Err(_) => Err(ApiError::new(
+            codes::TOO_SLOW,
+            format!("the body took longer than {BODY_TIME:?}"),
+            "send the whole request at once",
+        )),
     }
 }
 

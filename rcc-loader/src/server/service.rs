@@ -259,7 +259,12 @@ impl Service {
             executor: events::digits(attached.announcement.incarnation),
             net: events::text(&file.net),
             primitives,
-            uses: file.uses.iter().map(|use_| events::text(use_)).take(16).collect(),
+            uses: file
+                .uses
+                .iter()
+                .map(|use_| events::text(use_))
+                .take(16)
+                .collect(),
         });
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));

@@ -1,0 +1,165 @@
+//! The head of a request, read before anything is done for it: bounded in size and time, and answered with words when it
+//! is none. Run by the thread that serves connections.
+
+use std::io;
+use std::pin::Pin;
+use std::task::{Context, Poll};
+
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
+
+use super::codes;
+use super::door::{HEAD_MAX, HEADERS_MAX};
+use super::error::ApiError;
+
+/// Up to here every byte is looked at as it comes, so that nonsense is answered at once; later only at ends of lines.
+const BEGINNING: usize = 64;
+
+/// What was read: the head, and maybe the beginning of the body.
+pub(super) struct Head {
+    /// All of it, as it came.
+    pub bytes: Vec<u8>,
+    /// What follows `Bearer ` in `authorization`.
+    pub bearer: Option<Vec<u8>>,
+}
+
+/// Reads a head; nothing when the client closed before it sent anything.
+pub(super) async fn read(io: &mut (impl AsyncRead + Unpin)) -> Result<Option<Head>, ApiError> {
+    let mut bytes = Vec::with_capacity(1024);
+    loop {
+        let before = bytes.len();
+        let room = (HEAD_MAX + 1 - before).min(4096) as u64;
+        let read = (&mut *io).take(room).read_buf(&mut bytes).await;
+        match read {
+            Ok(0) if before == 0 => return Ok(None),
+            Ok(0) | Err(_) => return Err(malformed("it ends in the middle of its head")),
+            Ok(_) => {}
+        }
+        let looked_at = before < BEGINNING || bytes[before..].contains(&b'\n');
+        if looked_at && let Some(bearer) = parse(&bytes)? {
+            return Ok(Some(Head { bytes, bearer }));
+        }
+        if bytes.len() > HEAD_MAX {
+            return Err(too_large(format!("more than {HEAD_MAX} bytes")));
+        }
+    }
+}
+
+/// The token of a whole head, if it has one; nothing while it is not whole.
+fn parse(bytes: &[u8]) -> Result<Option<Option<Vec<u8>>>, ApiError> {
+    let mut headers = [httparse::EMPTY_HEADER; HEADERS_MAX];
+    let mut request = httparse::Request::new(&mut headers);
+    match request.parse(bytes) {
+        Ok(httparse::Status::Partial) => Ok(None),
+        Ok(httparse::Status::Complete(_)) => {
+            let headers = request.headers.iter();
+            let mut named =
+                headers.filter(|header| header.name.eq_ignore_ascii_case("authorization"));
+            let value = named.next().map(|header| header.value);
+            let bearer = value.and_then(|value| value.strip_prefix(b"Bearer "));
+            Ok(Some(bearer.map(<[u8]>::to_vec)))
+        }
+        Err(httparse::Error::TooManyHeaders) => {
+            Err(too_large(format!("more than {HEADERS_MAX} lines")))
+        }
+        Err(error) => Err(malformed(error)),
+    }
+}
+
+fn malformed(why: impl std::fmt::Display) -> ApiError {
+    let message = format!("this is no HTTP/1.1 request: {why}");
+    ApiError::new(
+        codes::BAD_REQUEST,
+        message,
+        "use rcc-cli, curl or an HTTP library",
+    )
+}
+
+fn too_large(what: String) -> ApiError {
+    let message = format!("the head of the request has {what}");
+    ApiError::new(codes::HEAD_TOO_LARGE, message, "send what is long as body")
+}
+
+/// A connection of which the beginning was read already.
+pub(super) struct Rewound<I> {
+    begun: Vec<u8>,
+    given: usize,
+    /// The connection itself.
+    pub io: I,
+}
+
+impl<I> Rewound<I> {
+    /// As if `begun` had not been read yet.
+    pub fn new(begun: Vec<u8>, io: I) -> Rewound<I> {
+        Rewound {
+            begun,
+            given: 0,
+            io,
+        }
+    }
+}
+
+impl<I: AsyncRead + Unpin> AsyncRead for Rewound<I> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        into: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let rest = self.begun.get(self.given..).unwrap_or_default();
+        if rest.is_empty() {
+            return Pin::new(&mut self.io).poll_read(context, into);
+        }
+        let count = rest.len().min(into.remaining());
+        into.put_slice(&rest[..count]);
+        self.given += count;
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl<I: AsyncWrite + Unpin> AsyncWrite for Rewound<I> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.io).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.io).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.io).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn code(result: Result<Option<Option<Vec<u8>>>, ApiError>) -> Option<&'static str> {
+        result.err().map(|error| error.code.code)
+    }
+
+    #[test]
+    fn a_head_is_whole_at_its_empty_line_and_tells_its_token() {
+        let text = b"GET /status HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer abc\r\n\r\n";
+        for end in 0..text.len() {
+            assert_eq!(parse(&text[..end]), Ok(None), "{end}");
+        }
+        assert_eq!(parse(text), Ok(Some(Some(b"abc".to_vec()))));
+        assert_eq!(
+            parse(b"GET / HTTP/1.1\r\nauthorization: Basic abc\r\n\r\n"),
+            Ok(Some(None))
+        );
+    }
+
+    #[test]
+    fn nonsense_and_too_many_lines_are_told_apart() {
+        assert_eq!(code(parse(b"\x00\xff")), Some("RCC4011"));
+        assert_eq!(code(parse(b"\x16\x03\x01\x02\x00")), Some("RCC4011"), "TLS");
+        let lines = "a: b\r\n".repeat(HEADERS_MAX + 1);
+        let text = format!("GET / HTTP/1.1\r\n{lines}\r\n");
+        assert_eq!(code(parse(text.as_bytes())), Some("RCC4016"));
+    }
+}

@@ -1,0 +1,208 @@
+//! The token of the TCP door: read from a file that only its owner (and a group) may read, compared in constant time.
+//! Read once by the main thread; compared by the thread that serves connections.
+
+use std::fmt;
+use std::fs::{self, File};
+use std::hint::black_box;
+use std::io::{self, Read};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// A token has at least this many characters: 128 bits in hexadecimal digits.
+pub const TOKEN_LENGTH_MIN: usize = 32;
+/// A token has at most this many characters.
+pub const TOKEN_LENGTH_MAX: usize = 256;
+
+/// What whoever comes over TCP must know.
+pub struct Token(Vec<u8>);
+
+impl fmt::Debug for Token {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("Token(…)")
+    }
+}
+
+/// Why there is no token.
+#[derive(Debug, thiserror::Error)]
+pub enum TokenError {
+    /// The file cannot be read.
+    #[error("token file {path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Everybody may read it, or others may write it.
+    #[error(
+        "token file {path} has mode {mode:04o}, so others know the token or can change it: `chmod 600 {path}`, and make a new one"
+    )]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// Its permissions.
+        mode: u32,
+    },
+    /// It belongs neither to us nor to root.
+    #[error(
+        "token file {path} belongs to user {owner}: `chown` it to the user that runs the cell, or to root"
+    )]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+        /// Its owner's user id.
+        owner: u32,
+    },
+    /// Too short, too long, or with other characters.
+    #[error(
+        "token file {path} has no token of {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} letters and digits: `openssl rand -hex 32 > {path}`"
+    )]
+    Weak {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+impl Token {
+    /// Reads the token; white space around it does not count.
+    ///
+    /// # Errors
+    /// A file that others may read or write, or whose token could be guessed.
+    pub fn read(path: &Path) -> Result<Token, TokenError> {
+        let failed = |source| TokenError::File {
+            path: path.to_owned(),
+            source,
+        };
+        // Asked before it is opened: a pipe would be waited for.
+        if !fs::metadata(path).map_err(failed)?.is_file() {
+            return Err(failed(io::Error::other("it is no plain file")));
+        }
+        let file = File::open(path).map_err(failed)?;
+        let found = file.metadata().map_err(failed)?;
+        let owner = found.uid();
+        if owner != 0 && owner != nix::unistd::geteuid().as_raw() {
+            return Err(TokenError::NotOurs {
+                path: path.to_owned(),
+                owner,
+            });
+        }
+        if found.mode() & 0o027 != 0 {
+            return Err(TokenError::Open {
+                path: path.to_owned(),
+                mode: found.mode() & 0o7777,
+            });
+        }
+        let mut text = Vec::new();
+        let most = 2 * TOKEN_LENGTH_MAX as u64;
+        file.take(most).read_to_end(&mut text).map_err(failed)?;
+        let token = text.trim_ascii();
+        let length = TOKEN_LENGTH_MIN..=TOKEN_LENGTH_MAX;
+        let plain = token.iter().all(u8::is_ascii_graphic);
+        // One character again and again is as short as one.
+        let varied = token.iter().any(|byte| Some(byte) != token.first());
+        if length.contains(&token.len()) && plain && varied {
+            Ok(Token(token.to_vec()))
+        } else {
+            Err(TokenError::Weak {
+                path: path.to_owned(),
+            })
+        }
+    }
+
+    /// True if `given` is this token. Takes the same time wherever the first difference is.
+    #[must_use]
+    pub fn is(&self, given: &[u8]) -> bool {
+        let same_length = self.0.len() == given.len();
+        let given = given.iter().chain(std::iter::repeat(&0));
+        let difference = self
+            .0
+            .iter()
+            .zip(given)
+            .fold(0, |all, (one, other)| black_box(all | (one ^ other)));
+        same_length & (difference == 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    const GOOD: &str = "0123456789abcdef0123456789abcdef";
+
+    struct TestFile(PathBuf);
+
+    impl TestFile {
+        fn new(name: &str, text: &str, mode: u32) -> io::Result<TestFile> {
+            let path =
+                std::env::temp_dir().join(format!("rcc-token-{}-{name}", std::process::id()));
+            fs::write(&path, text)?;
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode))?;
+            Ok(TestFile(path))
+        }
+    }
+
+    impl Drop for TestFile {
+        fn drop(&mut self) {
+            let _ = fs::remove_file(&self.0);
+        }
+    }
+
+    #[test]
+    fn only_the_whole_token_is_the_token() -> Result<(), Box<dyn std::error::Error>> {
+        let file = TestFile::new("good", &format!("{GOOD}\n"), 0o640)?;
+        let token = Token::read(&file.0)?;
+        assert!(token.is(GOOD.as_bytes()));
+        for wrong in [
+            "",
+            "0",
+            &GOOD[1..],
+            &format!("{GOOD}0"),
+            &format!("{GOOD}\0"),
+            &GOOD.replace('f', "e"),
+        ] {
+            assert!(!token.is(wrong.as_bytes()), "{wrong}");
+        }
+        assert_eq!(format!("{token:?}"), "Token(…)");
+        Ok(())
+    }
+
+    #[test]
+    fn a_file_that_others_may_read_or_write_is_refused() -> io::Result<()> {
+        for mode in [0o644, 0o604, 0o660, 0o602] {
+            let file = TestFile::new("open", GOOD, mode)?;
+            let refused = Token::read(&file.0);
+            assert!(
+                matches!(refused, Err(TokenError::Open { .. })),
+                "{mode:o}: {refused:?}"
+            );
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_token_that_could_be_guessed_is_refused_with_the_remedy() -> io::Result<()> {
+        for text in [
+            "",
+            "\n",
+            "secret",
+            &GOOD[1..],
+            &"a".repeat(32),
+            &"ab ".repeat(20),
+            &GOOD.repeat(9),
+        ] {
+            let file = TestFile::new("weak", text, 0o600)?;
+            match Token::read(&file.0) {
+                Err(error @ TokenError::Weak { .. }) => {
+                    assert!(error.to_string().contains("openssl rand"))
+                }
+                other => panic!("{text}: {other:?}"),
+            }
+        }
+        let missing = Token::read(Path::new("/nonexistent/token"));
+        assert!(matches!(missing, Err(TokenError::File { .. })));
+        let folder = Token::read(&std::env::temp_dir());
+        assert!(matches!(folder, Err(TokenError::File { .. })));
+        Ok(())
+    }
+}

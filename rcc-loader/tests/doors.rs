@@ -1,0 +1,331 @@
+//! The loader's doors against clients that are slow, half-open, too many, too large, or that talk nonsense: cut off with
+//! words and a line in the log, while the others are served. Each test has a cell of its own, on loopback.
+
+#[path = "server/executor.rs"]
+#[allow(dead_code)]
+mod executor;
+#[path = "server/served.rs"]
+mod served;
+
+use std::fs;
+use std::io::Write;
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use executor::TestCell;
+use rcc_config::{AccessConfig, TcpAccess};
+use rcc_ipc::Cell;
+use rcc_loader::server::door::{HEAD_MAX, HEADERS_MAX, TCP, UNIX};
+use rcc_loader::server::doors::{DoorError, Doors};
+use rcc_loader::server::routes::TEXT_MAX;
+use served::{LIMIT, Served, answer, ask, exchange};
+
+const TOKEN: &str = "0123456789abcdef0123456789abcdef";
+const SOCKET: &str = "RCC_DOORS_TEST_SOCKET";
+
+/// The second process: asks once.
+#[test]
+fn peer() {
+    let Some(socket) = std::env::var_os(SOCKET) else {
+        return;
+    };
+    let stream = UnixStream::connect(PathBuf::from(socket)).unwrap();
+    stream.set_read_timeout(Some(LIMIT)).unwrap();
+    let (status, _) = exchange(stream, &get("/primitives", ""));
+    assert_eq!(status, 200);
+}
+
+fn another_process_is_served(cell: &Cell) -> bool {
+    let status = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "peer", "--test-threads", "1"])
+        .env(SOCKET, cell.socket())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
+    status.unwrap().success()
+}
+
+fn get(path: &str, lines: &str) -> Vec<u8> {
+    format!("GET {path} HTTP/1.1\r\nhost: x\r\n{lines}\r\n").into_bytes()
+}
+
+fn with_token() -> String {
+    format!("authorization: Bearer {TOKEN}\r\n")
+}
+
+fn connect(cell: &Cell) -> UnixStream {
+    let stream = UnixStream::connect(cell.socket()).unwrap();
+    stream.set_read_timeout(Some(LIMIT)).unwrap();
+    stream
+}
+
+/// Connects from one of the loopback addresses: to the door each is another peer.
+fn connect_from(last: u8, to: SocketAddr) -> TcpStream {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
+    let stream = runtime.block_on(async {
+        let socket = tokio::net::TcpSocket::new_v4().unwrap();
+        socket
+            .bind((Ipv4Addr::new(127, 0, 0, last), 0).into())
+            .unwrap();
+        socket.connect(to).await.unwrap().into_std().unwrap()
+    });
+    stream.set_nonblocking(false).unwrap();
+    stream.set_read_timeout(Some(LIMIT)).unwrap();
+    stream
+}
+
+/// TCP on any free port, with the token.
+fn tcp(cell: &Cell) -> AccessConfig {
+    let token_file = cell.runtime_dir().join("token");
+    let mut options = fs::File::options();
+    let file = options
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(&token_file);
+    file.unwrap().write_all(TOKEN.as_bytes()).unwrap();
+    AccessConfig {
+        group: None,
+        tcp: Some(TcpAccess {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            token_file,
+        }),
+    }
+}
+
+/// Waits for a line in the log.
+fn told(served: &Served, words: &str) {
+    let limit = Instant::now() + LIMIT;
+    while !served.log().contains(words) {
+        assert!(Instant::now() < limit, "no `{words}` in:\n{}", served.log());
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_client_that_does_not_finish_its_head_is_cut_off_and_others_are_served() {
+    let test = TestCell::new("slow");
+    let served = Served::start(&test.cell);
+    let silent = connect(&test.cell);
+    let mut slow = connect(&test.cell);
+    slow.write_all(b"GET /status HTTP/1.1\r\nhost:").unwrap();
+    assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+    for stream in [silent, slow] {
+        let (status, body) = answer(stream);
+        assert_eq!((status, &body["code"]), (408, &"RCC4017".into()));
+        assert!(body["message"].as_str().unwrap().contains("2s"), "{body}");
+    }
+    told(&served, "took longer than 2s");
+}
+
+#[test]
+fn a_client_that_does_not_finish_its_body_is_cut_off_and_others_are_served() {
+    let test = TestCell::new("body");
+    let _served = Served::start(&test.cell);
+    let mut slow = connect(&test.cell);
+    slow.write_all(b"POST /commands HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nnet: ")
+        .unwrap();
+    assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+    let (status, body) = answer(slow);
+    assert_eq!((status, &body["code"]), (408, &"RCC4017".into()));
+}
+
+#[test]
+fn what_is_too_large_is_refused_with_words() {
+    let test = TestCell::new("large");
+    let served = Served::start(&test.cell);
+    let long = format!("x: {}\r\n", "y".repeat(HEAD_MAX));
+    let many = "x: y\r\n".repeat(HEADERS_MAX + 1);
+    for lines in [long, many] {
+        let (status, body) = exchange(connect(&test.cell), &get("/primitives", &lines));
+        assert_eq!((status, &body["code"]), (431, &"RCC4016".into()));
+    }
+    let endless = vec![b'A'; HEAD_MAX * 4];
+    assert_eq!(exchange(connect(&test.cell), &endless).1["code"], "RCC4016");
+    let (status, body) = ask(&test.cell, "POST /commands", &vec![b'#'; TEXT_MAX + 1]);
+    assert_eq!((status, &body["code"]), (413, &"RCC4006".into()));
+    told(&served, "RCC4016");
+    assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+}
+
+#[test]
+fn nonsense_is_refused_with_words() {
+    let test = TestCell::new("nonsense");
+    let _served = Served::start(&test.cell);
+    for bytes in [
+        &b"\x00\xff\r\n\r\n"[..],
+        b"\x16\x03\x01\x02\x00\x01\x00",
+        b"GET\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+    ] {
+        let (status, body) = exchange(connect(&test.cell), bytes);
+        assert_eq!(
+            (status, &body["code"]),
+            (400, &"RCC4011".into()),
+            "{bytes:?}"
+        );
+    }
+    // In the middle of a head the client ends its side.
+    let mut half = connect(&test.cell);
+    half.write_all(b"GET / HTTP/1.1\r\n").unwrap();
+    half.shutdown(std::net::Shutdown::Write).unwrap();
+    assert_eq!(answer(half).0, 400);
+    assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+}
+
+#[test]
+fn of_requests_sent_at_once_over_one_connection_the_first_is_answered() {
+    let test = TestCell::new("pipeline");
+    let _served = Served::start(&test.cell);
+    let one = get("/nothing", "");
+    let mut stream = connect(&test.cell);
+    stream.write_all(&one.repeat(50)).unwrap();
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut stream, &mut text).unwrap();
+    assert_eq!(text.matches("HTTP/1.1 404").count(), 1, "{text}");
+    assert!(text.contains("connection: close"), "{text}");
+}
+
+#[test]
+fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_served() {
+    let test = TestCell::new("many");
+    let served = Served::start(&test.cell);
+    let held: Vec<_> = (0..UNIX.connections_of_peer)
+        .map(|_| connect(&test.cell))
+        .collect();
+    let (status, body) = answer(connect(&test.cell));
+    assert_eq!((status, &body["code"]), (429, &"RCC4010".into()));
+    assert!(another_process_is_served(&test.cell));
+    told(&served, "connections of process");
+    // Each of them had its time; then there is room again.
+    for stream in held {
+        assert_eq!(answer(stream).0, 408);
+    }
+    assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+}
+
+#[test]
+fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
+    let test = TestCell::new("often");
+    let served = Served::with(&test.cell, &tcp(&test.cell));
+    let door = served.address.unwrap();
+    let request = get("/nothing", &with_token());
+    let limit = Instant::now() + LIMIT;
+    loop {
+        let (status, body) = exchange(connect_from(1, door), &request);
+        if status == 429 {
+            assert!(
+                body["message"].as_str().unwrap().contains("times a second"),
+                "{body}"
+            );
+            break;
+        }
+        assert_eq!(status, 404);
+        assert!(Instant::now() < limit, "never refused");
+    }
+    assert_eq!(exchange(connect_from(2, door), &request).0, 404);
+    assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+    told(&served, "times a second");
+}
+
+#[test]
+fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_served() {
+    let test = TestCell::new("half-open");
+    let served = Served::with(&test.cell, &tcp(&test.cell));
+    let door = served.address.unwrap();
+    let _held: Vec<_> = (0..TCP.connections_of_peer)
+        .map(|_| connect_from(1, door))
+        .collect();
+    assert_eq!(answer(connect_from(1, door)).1["code"], "RCC4010");
+    assert_eq!(
+        exchange(connect_from(2, door), &get("/primitives", &with_token())).0,
+        200
+    );
+    assert!(another_process_is_served(&test.cell));
+}
+
+#[test]
+fn over_tcp_only_the_token_opens() {
+    let test = TestCell::new("token");
+    let served = Served::with(&test.cell, &tcp(&test.cell));
+    let door = served.address.unwrap();
+    let almost = format!("authorization: Bearer {}0\r\n", &TOKEN[1..]);
+    let basic = format!("authorization: Basic {TOKEN}\r\n");
+    for lines in ["", "authorization: Bearer \r\n", &almost, &basic] {
+        let (status, body) = exchange(connect_from(1, door), &get("/primitives", lines));
+        assert_eq!((status, &body["code"]), (401, &"RCC4015".into()), "{lines}");
+        assert!(
+            body["help"].as_str().unwrap().contains("RCC_TOKEN"),
+            "{body}"
+        );
+    }
+    told(&served, "RCC4015");
+    assert_eq!(
+        exchange(connect_from(1, door), &get("/primitives", &with_token())).0,
+        200
+    );
+    assert!(!served.log().contains(TOKEN));
+}
+
+#[test]
+fn a_body_is_not_read_before_the_token_was_seen() {
+    let test = TestCell::new("first");
+    let served = Served::with(&test.cell, &tcp(&test.cell));
+    let mut stream = connect_from(1, served.address.unwrap());
+    stream
+        .write_all(b"POST /commands HTTP/1.1\r\nhost: x\r\ncontent-length: 4000000\r\n\r\n")
+        .unwrap();
+    assert_eq!(answer(stream).0, 401);
+}
+
+#[test]
+fn a_group_may_use_the_socket_and_nobody_else_without_one() {
+    let test = TestCell::new("group");
+    let modes = || {
+        let mode = |path: &std::path::Path| fs::metadata(path).unwrap().mode() & 0o777;
+        (mode(test.cell.runtime_dir()), mode(&test.cell.socket()))
+    };
+    let own = nix::unistd::Group::from_gid(nix::unistd::getgid())
+        .unwrap()
+        .unwrap();
+    let access = AccessConfig {
+        group: Some(own.name),
+        tcp: None,
+    };
+    drop(Doors::open(&test.cell, &access).unwrap());
+    assert_eq!(modes(), (0o750, 0o660));
+    // Whoever joins the cell later leaves that as it is; what is inside stays private.
+    assert!(Cell::at("group", test.cell.runtime_dir()).is_ok());
+    assert_eq!(modes().0, 0o750);
+    assert_eq!(
+        fs::metadata(test.cell.processes_dir()).unwrap().mode() & 0o777,
+        0o700
+    );
+    drop(Doors::open(&test.cell, &AccessConfig::default()).unwrap());
+    assert_eq!(modes(), (0o700, 0o600));
+}
+
+#[test]
+fn a_door_that_cannot_be_locked_is_not_opened() {
+    let test = TestCell::new("locked");
+    let access = AccessConfig {
+        group: Some("no-such-group".to_owned()),
+        tcp: None,
+    };
+    let refused = Doors::open(&test.cell, &access).unwrap_err();
+    assert!(matches!(refused, DoorError::NoGroup { .. }) && refused.is_final());
+    let access = tcp(&test.cell);
+    fs::write(&access.tcp.as_ref().unwrap().token_file, "secret").unwrap();
+    let refused = Doors::open(&test.cell, &access).unwrap_err();
+    assert!(matches!(refused, DoorError::Token(_)) && refused.is_final());
+    assert!(refused.to_string().contains("openssl rand"), "{refused}");
+    assert!(!test.cell.socket().exists());
+}

@@ -1,0 +1,147 @@
+//! The loader's doors in a thread of the test, and clients of them.
+#![allow(dead_code)] // Each test program uses a part of it.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use rcc_config::{AccessConfig, CellConfig, auto_ports};
+use rcc_ipc::{Cell, Role, Session};
+use rcc_loader::server::doors::Doors;
+use rcc_loader::server::executor::Executor;
+use rcc_loader::server::routes;
+use rcc_loader::server::service::Service;
+use serde_json::Value;
+use tracing_subscriber::fmt::MakeWriter;
+
+/// Far longer than anything takes; only a broken test reaches it.
+pub const LIMIT: Duration = Duration::from_secs(60);
+
+pub fn config() -> CellConfig {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
+    let ports: BTreeMap<String, u16> = auto_ports(&path)
+        .expect("ports")
+        .into_iter()
+        .map(|(name, _)| (name, 1))
+        .collect();
+    CellConfig::load(&path, &ports).expect("the demo's configuration")
+}
+
+pub fn service(cell: &Cell) -> Service {
+    let session = Session::join(cell, Role::Loader, "loader").expect("join");
+    Service::new(Executor::new(session), config())
+}
+
+/// A server on the cell's socket until it is dropped.
+pub struct Served {
+    /// Where its TCP door is.
+    pub address: Option<std::net::SocketAddr>,
+    log: Log,
+    stop: Option<tokio::sync::oneshot::Sender<()>>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Served {
+    pub fn start(cell: &Cell) -> Served {
+        Served::with(cell, &AccessConfig::default())
+    }
+
+    pub fn with(cell: &Cell, access: &AccessConfig) -> Served {
+        let service = Arc::new(service(cell));
+        let doors = Doors::open(cell, access).expect("doors");
+        let address = doors.address();
+        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+        let log = Log::default();
+        let told = log.clone();
+        let thread = std::thread::spawn(move || {
+            let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(told);
+            let _guard = tracing::subscriber::set_default(subscriber.finish());
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .expect("a runtime");
+            runtime.block_on(async {
+                tokio::select! {
+                    served = doors.serve(routes::router(service)) => served.expect("served"),
+                    _ = stopped => {}
+                }
+            });
+        });
+        Served {
+            address,
+            log,
+            stop: Some(stop),
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Served {
+    /// What it told its log so far.
+    pub fn log(&self) -> String {
+        String::from_utf8_lossy(&self.log.0.lock().expect("a log")).into_owned()
+    }
+}
+
+/// A log in memory.
+#[derive(Clone, Default)]
+struct Log(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().expect("a log").write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl<'a> MakeWriter<'a> for Log {
+    type Writer = Log;
+
+    fn make_writer(&'a self) -> Log {
+        self.clone()
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.stop.take();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// One request on the cell's socket: status and body.
+pub fn ask(cell: &Cell, head: &str, body: &[u8]) -> (u16, Value) {
+    let stream = UnixStream::connect(cell.socket()).expect("connected");
+    stream.set_read_timeout(Some(LIMIT)).expect("a time limit");
+    let length = body.len();
+    let head = format!("{head} HTTP/1.1\r\nhost: x\r\ncontent-length: {length}\r\n\r\n");
+    exchange(stream, &[head.as_bytes(), body].concat())
+}
+
+/// Sends the bytes and reads to the end: status and body. A server that cuts a client off need not read all of it.
+pub fn exchange(mut stream: impl Read + Write, bytes: &[u8]) -> (u16, Value) {
+    let _ = stream.write_all(bytes);
+    answer(stream)
+}
+
+/// Reads to the end: status and body.
+pub fn answer(mut stream: impl Read) -> (u16, Value) {
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    let text = String::from_utf8_lossy(&answer).into_owned();
+    let status = text.split(' ').nth(1);
+    let status = status.and_then(|status| status.parse().ok());
+    let body = text.split_once("\r\n\r\n").map_or("", |(_, body)| body);
+    (
+        status.unwrap_or(0),
+        serde_json::from_str(body).unwrap_or_default(),
+    )
+}
