@@ -13,6 +13,9 @@ use crate::types::Store;
 pub const SLOTS_MAX: usize = 1 << 20;
 /// Most operands of a net.
 pub const OPERANDS_MAX: usize = 1 << 20;
+/// Most elements that a net reads and writes in one cycle, delayed links included: a net that keeps the other limits
+/// could still ask for hours.
+pub const WORK_MAX: u64 = 1 << 24;
 /// Most path clocks of a net.
 pub const CLOCKS_MAX: u32 = 64;
 /// Most monitors of a net.
@@ -182,6 +185,8 @@ pub struct Checked {
     pub can_cancel: bool,
     /// Number of primitives with a kernel.
     pub primitives: u32,
+    /// Elements that its primitives read and write in one cycle.
+    pub work: u64,
 }
 
 /// Why a plan is refused. Numbers index into the plan.
@@ -262,12 +267,19 @@ impl<'a> Plan<'a> {
         if let Some(slot) = self.bools.iter().position(|value| *value > 2) {
             return Err(PlanError::BadBool { slot: slot as u32 });
         }
-        self.check_copies()?;
-        self.check_runs(models)
+        let copied = self.check_copies()?;
+        let checked = self.check_runs(models)?;
+        if copied.saturating_add(checked.work) > WORK_MAX {
+            return Err(PlanError::TooLarge);
+        }
+        Ok(checked)
     }
 
-    fn check_copies(&self) -> Result<(), PlanError> {
+    /// The elements that delayed links copy.
+    fn check_copies(&self) -> Result<u64, PlanError> {
+        let mut copied = 0u64;
         for (delay, index) in self.delays.iter().zip(0u32..) {
+            copied = copied.saturating_add(u64::from(delay.width));
             if !self.contains(delay.store, delay.from, delay.width)
                 || !self.contains(delay.store, delay.to, delay.width)
             {
@@ -280,7 +292,7 @@ impl<'a> Plan<'a> {
                 return Err(PlanError::BadMonitor { monitor: index });
             }
         }
-        Ok(())
+        Ok(copied)
     }
 
     fn check_runs(&self, models: &[DeviceModel]) -> Result<Checked, PlanError> {
@@ -290,6 +302,7 @@ impl<'a> Plan<'a> {
             terminations: 0,
             cancels: 0,
             primitives: 0,
+            work: 0,
         };
         for (run, index) in self.runs.iter().zip(0u32..) {
             let (entry, kernel) =
@@ -319,6 +332,7 @@ impl<'a> Plan<'a> {
             resources: seen.resources,
             can_cancel: seen.cancels > 0,
             primitives: seen.primitives,
+            work: seen.work,
         })
     }
 
@@ -332,6 +346,14 @@ impl<'a> Plan<'a> {
         seen: &mut Seen,
     ) -> Result<(), PlanError> {
         let width = group.last().copied().unwrap_or(0);
+        let each = if entry.spec.is_polymorphic() {
+            width
+        } else {
+            1
+        };
+        seen.work = seen
+            .work
+            .saturating_add(u64::from(each.max(1)) * group.len() as u64);
         let mut device = None;
         for ((operand, &value), index) in entry.spec.operands(store).zip(group).zip(first..) {
             let bad = PlanError::BadOperand { operand: index };
@@ -410,6 +432,7 @@ struct Seen {
     terminations: u32,
     cancels: u32,
     primitives: u32,
+    work: u64,
 }
 
 impl Seen {

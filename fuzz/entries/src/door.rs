@@ -1,18 +1,19 @@
 //! Target `door`: any bytes as requests to the executor, as announcements and as files of commands. What is no call is
 //! refused; what is one is carried out and commands nothing outside of the limits. Run by the thread of the target.
 
-use arbitrary::Unstructured;
+use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_exec::queue::Order;
 use rcc_ipc::control::{Answer, Call};
 use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;
 
 use crate::engine::Bench;
+use crate::shipped::shipped;
 
 /// Requests of one input.
 const CALLS_MAX: usize = 32;
 
-/// Each request is its length in two bytes, and its bytes.
+/// Each request is made of bytes, or a good one of which some bytes are changed.
 pub fn run(data: &[u8]) {
     if let Ok(announcement) = serde_json::from_slice::<Announcement>(data) {
         let _ = announcement.is_alive();
@@ -24,25 +25,55 @@ pub fn run(data: &[u8]) {
     let _ = serde_json::from_slice::<CommandFile>(data);
     let _ = wire::decode_serde::<Answer>(data);
     let mut bench = Bench::new();
-    let mut rest = data;
+    let mut bytes = Unstructured::new(data);
     for _ in 0..CALLS_MAX {
-        let Some((length, tail)) = rest.split_first_chunk::<2>() else {
+        let Ok(call) = request(&mut bytes) else {
             break;
         };
-        let length = usize::from(u16::from_le_bytes(*length)).min(tail.len());
-        let (call, tail) = tail.split_at(length);
-        rest = tail;
-        if let Ok(call) = wire::decode_serde::<Call>(call) {
-            let bytes = wire::encode_serde(&call);
-            assert!(bytes.is_ok(), "what was decoded can be encoded");
+        if let Ok(call) = wire::decode_serde::<Call>(&call) {
+            assert!(
+                wire::encode_serde(&call).is_ok(),
+                "what was decoded can be encoded"
+            );
             obey(&mut bench, call);
+        }
+        if crate::plan::happen(&mut bench, 1, &mut bytes).is_err() {
+            break;
         }
         bench.step();
     }
-    let mut what = Unstructured::new(rest);
-    while !what.is_empty() && crate::plan::happen(&mut bench, 1, &mut what).is_ok() {
-        bench.step();
+}
+
+fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
+    let id = bytes.int_in_range(0..=4)?;
+    let call = match bytes.int_in_range(0..=9)? {
+        0..=1 => Call::Reserve,
+        2..=4 => {
+            let plan = bytes.choose(&shipped().plans)?.clone();
+            Call::Install { id, plan }
+        }
+        5 => Call::Start { id },
+        6 => bytes
+            .choose(&[
+                Call::Cancel { id },
+                Call::Abort { id },
+                Call::Unload { id },
+                Call::Reject { id },
+            ])?
+            .clone(),
+        _ => {
+            let length = bytes.int_in_range(0..=200)?;
+            return Ok(bytes.bytes(length.min(bytes.len()))?.to_vec());
+        }
+    };
+    let mut call = wire::encode_serde(&call).unwrap_or_default();
+    for _ in 0..bytes.int_in_range(0..=3)? {
+        let at = bytes.int_in_range(0..=call.len().max(1) - 1)?;
+        if let Some(place) = call.get_mut(at) {
+            *place = u8::arbitrary(bytes)?;
+        }
     }
+    Ok(call)
 }
 
 /// As the executor's intake thread does it.

@@ -75,7 +75,7 @@ fn happen(krc: &mut Krc, answer: &mut CommandDatagram, bytes: &mut Unstructured<
             let length = bytes.int_in_range(0..=400)?;
             krc.receive(bytes.bytes(length.min(bytes.len()))?, 1e-4);
         }
-        7 => drop(krc.tick(u64::arbitrary(bytes)? % 2000)),
+        7 => drop(krc.tick(bytes.int_in_range(1..=2000)?)),
         8 => {
             let length = bytes.int_in_range(0..=96)?;
             let line = String::from_utf8_lossy(bytes.bytes(length.min(bytes.len()))?).into_owned();

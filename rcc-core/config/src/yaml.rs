@@ -187,9 +187,18 @@ pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
 }
 
 fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
-    let at = at.min(text.len());
+    let at = (0..=at.min(text.len()))
+        .rev()
+        .find(|at| text.is_char_boundary(*at))
+        .unwrap_or(0);
     let line = message.split('\n').next().unwrap_or_default();
-    let fault = Diagnostic::error(BROKEN, Span::new(at, at + 1), "this is no YAML or JSON");
+    // The character there, or nothing at the end of the text.
+    let length = text[at..].chars().next().map_or(0, char::len_utf8);
+    let fault = Diagnostic::error(
+        BROKEN,
+        Span::new(at, at + length),
+        "this is no YAML or JSON",
+    );
     let fault = fault.label(line.to_string());
     let tab = text.get(..at).is_some_and(|before| {
         let line = before.rsplit('\n').next().unwrap_or_default();

@@ -186,7 +186,8 @@ impl Player {
     /// board does. An executor that comes, or comes back, with a net already commanding is not followed.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         let news = image.map_or(News::None, |image| self.track.update(image));
-        let age_ns = now_ns.saturating_sub(self.track.stamp_ns());
+        // A stamp from the future is no better than an old one: nobody could tell when it ages.
+        let age_ns = now_ns.abs_diff(self.track.stamp_ns());
         let fresh = image.is_some()
             && self.track.newest() > 0
             && age_ns <= self.settings.command_timeout_ns;
@@ -299,7 +300,7 @@ impl Player {
         let between = self.fraction * self.track.period_ns() as f64;
         self.track
             .at(self.entry)
-            .map_or(0, |entry| entry.logical_ns + between as u64)
+            .map_or(0, |entry| entry.logical_ns.saturating_add(between as u64))
     }
 
     /// Logical time up to which everything is played and the arm rests, ns; 0 while that is not so.

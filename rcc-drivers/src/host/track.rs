@@ -6,6 +6,11 @@ use rcc_core::message::{CommandImage, MAGIC, SET_POINTS, SetPoint};
 /// Set-points kept: what a device may fall behind before it must stop.
 pub const TRACK_LENGTH: usize = 64;
 
+/// No executor comes this far: 285 years of cycles of 1 µs. Numbers beyond it are not counted with.
+const SEQUENCE_MAX: u64 = 1 << 53;
+/// No executor is slower: what a cell's configuration allows, ns.
+const PERIOD_MAX_NS: u64 = 1_000_000_000;
+
 /// What a look at the board brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
@@ -44,11 +49,12 @@ impl Default for Track {
 }
 
 impl Track {
-    /// Copies what is new. An image that no executor has written yet is ignored.
+    /// Copies what is new. An image that no executor has written yet is ignored, and so is one whose numbers no executor
+    /// writes.
     pub fn update(&mut self, image: &CommandImage) -> News {
         if image.magic != MAGIC
-            || image.sequence == 0
-            || image.period_ns == 0
+            || !(1..=SEQUENCE_MAX).contains(&image.sequence)
+            || !(1..=PERIOD_MAX_NS).contains(&image.period_ns)
             || image.executor == 0
         {
             return News::None;
@@ -189,6 +195,25 @@ mod tests {
         assert_eq!(track.update(&image(1, 40)), News::None);
         assert_eq!(track.update(&image(2, 3)), News::Other);
         assert_eq!((kept(&track), track.executor()), (vec![1, 2, 3], 2));
+    }
+
+    #[test]
+    fn numbers_that_no_executor_writes_are_not_counted_with() {
+        let mut track = Track::default();
+        track.update(&image(1, 20));
+        let before = kept(&track);
+        let far = CommandImage {
+            sequence: u64::MAX,
+            ..image(1, 21)
+        };
+        let slow = CommandImage {
+            period_ns: u64::MAX,
+            ..image(1, 21)
+        };
+        for hostile in [far, slow] {
+            assert_eq!(track.update(&hostile), News::None);
+        }
+        assert_eq!(kept(&track), before);
     }
 
     #[test]

@@ -122,3 +122,24 @@ fn nothing_is_null() {
     assert_eq!(parse("").unwrap().value, Value::Null);
     assert_eq!(parse("# only a comment\n").unwrap().value, Value::Null);
 }
+
+#[test]
+fn every_fault_lies_inside_of_the_text() {
+    for text in [
+        "a: [",
+        "a: {b: 1",
+        "a: \"b",
+        "ä: [ö",
+        "a:\n\tb: 1",
+        "a: 1\n b: ü\n- ü",
+        "\u{feff}: [",
+    ] {
+        for fault in parse(text).unwrap_err() {
+            let place = fault.place.unwrap();
+            assert!(
+                text.get(place.start..place.end).is_some(),
+                "{text:?}: {place:?}"
+            );
+        }
+    }
+}

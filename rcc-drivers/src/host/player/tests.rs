@@ -226,6 +226,17 @@ fn a_stale_board_at_rest_releases_outputs_and_its_net() {
 }
 
 #[test]
+fn a_board_stamped_in_the_future_is_as_stale_as_an_old_one() {
+    let mut bench = Bench::new();
+    bench.now_ns += MS;
+    bench.write(SetPoint::NONE);
+    bench.image.stamp_ns = bench.now_ns + 1_000 * MS;
+    bench.exchange();
+    assert_eq!(bench.player.executor(), 0);
+    assert_ne!(bench.player.state(), DeviceState::Ready);
+}
+
+#[test]
 fn when_the_executor_goes_in_motion_the_arm_comes_to_rest() {
     let mut bench = Bench::new();
     bench.run(1, &usual()[..200]);
