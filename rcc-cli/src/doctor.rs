@@ -10,9 +10,11 @@ pub mod clean;
 pub mod facts;
 pub mod grade;
 pub mod histogram;
+pub mod link;
 pub mod measure;
 pub mod record;
 pub mod report;
+pub mod told;
 pub mod trial;
 pub mod wish;
 

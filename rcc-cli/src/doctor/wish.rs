@@ -127,8 +127,8 @@ fn of_running(name: &str) -> Result<Option<Chosen>, Failure> {
 
 /// Every process of a cell was started with `--config FILE` and its ports; nobody else knows the automatic ones.
 fn arguments_of(announced: &Announcement) -> Option<(PathBuf, BTreeMap<String, u16>)> {
-    let bytes = fs::read(format!("/proc/{}/cmdline", announced.pid)).ok()?;
-    configuration_in(&bytes)
+    let read = |file: &str| fs::read(format!("/proc/{}/{file}", announced.pid)).ok();
+    configuration_in(&read("cmdline")?).or_else(|| configuration_of(&read("environ")?))
 }
 
 fn configuration_in(command_line: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16>)> {
@@ -154,6 +154,20 @@ fn configuration_in(command_line: &[u8]) -> Option<(PathBuf, BTreeMap<String, u1
         }
     }
     Some((path?, ports))
+}
+
+/// Services get it by their environment.
+fn configuration_of(environment: &[u8]) -> Option<(PathBuf, BTreeMap<String, u16>)> {
+    let variable = |name: &str| {
+        let mut all = environment.split(|byte| *byte == 0);
+        all.find_map(|one| std::str::from_utf8(one).ok()?.strip_prefix(name))
+    };
+    let ports = variable("RCC_PORTS=").unwrap_or_default().split(',');
+    let ports = ports.filter_map(|port| port.parse::<PortArgument>().ok());
+    let ports = ports
+        .map(|PortArgument { name, number }| (name, number))
+        .collect();
+    Some((PathBuf::from(variable("RCC_CONFIG=")?), ports))
 }
 
 fn load(path: &Path, chosen: &BTreeMap<String, u16>) -> Result<CellConfig, Failure> {
@@ -182,6 +196,12 @@ mod tests {
             BTreeMap::from([("fri".to_owned(), 4711), ("io".to_owned(), 5)])
         );
         assert_eq!(configuration_in(b"sh\0-c\0x\0"), None);
+        let environment = b"HOME=/\0RCC_CONFIG=/etc/rcc/cell.yaml\0RCC_PORTS=fri=4711\0";
+        let (path, ports) = configuration_of(environment).unwrap_or_default();
+        assert_eq!(
+            (path, ports.get("fri")),
+            (PathBuf::from("/etc/rcc/cell.yaml"), Some(&4711))
+        );
     }
 
     #[test]

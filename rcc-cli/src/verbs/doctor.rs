@@ -4,17 +4,18 @@ use std::path::Path;
 use std::time::Duration;
 
 use rcc_ipc::cell::base_dir;
-use rcc_loader::server::codes::exit;
+use rcc_loader::server::codes::{self, exit};
 
 use crate::context::{Context, Format, say};
 use crate::doctor::Level;
 use crate::doctor::clean::clean;
 use crate::doctor::facts::{self, Facts, cpu, system::System};
+use crate::doctor::link::{LinkReport, gather::gather};
 use crate::doctor::measure::{Plan, measure};
 use crate::doctor::record::Record;
 use crate::doctor::report::Report;
 use crate::doctor::trial::try_all;
-use crate::doctor::wish::{self, Wish};
+use crate::doctor::wish::{self, Chosen, Wish};
 use crate::failure::Failure;
 
 /// What to look at. `--cell` is a cell's name or its file.
@@ -26,6 +27,19 @@ pub struct Arguments {
     /// Remove what dead cells left, instead of looking.
     #[arg(long)]
     clean: bool,
+    #[command(subcommand)]
+    what: Option<What>,
+}
+
+/// One device instead of the machine.
+#[derive(clap::Subcommand, Debug)]
+pub enum What {
+    /// Why a device is not connected, stage after stage.
+    #[command(visible_aliases = ["fri", "modbus"])]
+    Device {
+        /// Name of the device.
+        name: String,
+    },
 }
 
 fn length(text: &str) -> Result<Duration, String> {
@@ -44,6 +58,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return remove(context);
     }
     let chosen = wish::choose(context)?;
+    if let Some(What::Device { name }) = &arguments.what {
+        return device(context, chosen, name);
+    }
     let wish = chosen
         .as_ref()
         .map_or_else(Wish::default, |chosen| Wish::of(&chosen.config));
@@ -60,6 +77,37 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(Failure::said(exit::FAILED));
     }
     Ok(())
+}
+
+fn device(context: &Context, chosen: Option<Chosen>, name: &str) -> Result<(), Failure> {
+    let chosen = chosen.ok_or_else(|| {
+        let what = format!("no process of a cell '{}' runs", context.cell_name());
+        Failure::new(
+            codes::NO_LOADER,
+            what,
+            "start it (rcc-cli up FILE), or name its file: --cell FILE.yaml",
+        )
+    })?;
+    let config = &chosen.config;
+    let (_, device) = config.device(name).ok_or_else(|| {
+        let names: Vec<&str> = config
+            .devices
+            .iter()
+            .map(|device| device.name.as_str())
+            .collect();
+        let what = format!("{} has no device '{name}'", config.source.display());
+        Failure::new(
+            codes::BAD_REQUEST,
+            what,
+            format!("it has: {}", names.join(", ")),
+        )
+    })?;
+    let report = LinkReport::of(&gather(&chosen, device));
+    context.print(&report, LinkReport::human);
+    match report.failed {
+        Some(_) => Err(Failure::said(exit::FAILED)),
+        None => Ok(()),
+    }
 }
 
 fn look(context: &Context, wish: Wish, length: Duration) -> Facts {

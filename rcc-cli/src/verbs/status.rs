@@ -1,8 +1,10 @@
 //! `status`: the executor's health, the RT grade it really obtained, and the processes of the cell.
 
 use rcc_loader::server::api::StatusView;
+use serde::Serialize;
 
 use crate::context::Context;
+use crate::doctor::record::Record;
 use crate::failure::Failure;
 use crate::table::{self, grouped, time};
 
@@ -15,12 +17,25 @@ pub struct Arguments {}
 /// # Errors
 /// Not reachable.
 pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
-    let status: StatusView = context.client()?.get("/status")?;
-    context.print(&status, human);
+    let status = Status {
+        cell: context.client()?.get("/status")?,
+        measured: Record::last(),
+    };
+    context.print(&status, |status| {
+        human(&status.cell, status.measured.as_ref())
+    });
     Ok(())
 }
 
-fn human(status: &StatusView) -> String {
+/// The cell's own word, and how punctual the machine was when it was last measured.
+#[derive(Serialize)]
+struct Status {
+    #[serde(flatten)]
+    cell: StatusView,
+    measured: Option<Record>,
+}
+
+fn human(status: &StatusView, measured: Option<&Record>) -> String {
     let executor = &status.executor;
     let late = if executor.late == 0 {
         "no late cycle".to_owned()
@@ -35,7 +50,7 @@ fn human(status: &StatusView) -> String {
     };
     let head = format!(
         "cell {}  {}\nexecutor  cycle {}  period {}  {late}\n          execution last {}, longest {}; worst wake-up {} \
-         after its time; {} nets running\n{}\n",
+         after its time; {} nets running\n{}\nmachine   {}\n",
         status.cell,
         status.config,
         grouped(executor.cycle),
@@ -44,7 +59,11 @@ fn human(status: &StatusView) -> String {
         time(executor.exec_max_ns),
         time(executor.worst_wake_ns),
         executor.running,
-        executor.grade
+        executor.grade,
+        measured.map_or_else(
+            || "not graded yet: rcc-cli doctor".to_owned(),
+            Record::words
+        )
     );
     let mut rows = table::table(&["PROCESS", "PID", "INCARNATION", "STATE"]);
     for process in &status.processes {

@@ -1,0 +1,260 @@
+//! Why a device is not connected: stage after stage, from the configuration to the device's own state.
+//! Run by the main thread; the stages are functions of facts, and the report ends with the first that fails.
+
+use serde::Serialize;
+
+use super::told::{History, Told};
+use super::{Finding, Level};
+
+pub mod fri;
+pub mod gather;
+pub mod plain;
+pub mod sockets;
+
+/// What is known about one device.
+#[derive(Clone, Debug, Default)]
+pub struct LinkFacts {
+    /// Its name.
+    pub device: String,
+    /// Name of its driver.
+    pub driver: String,
+    /// Its settings.
+    pub settings: serde_json::Value,
+    /// The cell's file.
+    pub source: String,
+    /// Period of the executor, ns.
+    pub period_ns: u64,
+    /// Ports of the file that are chosen at start, and the cell does not run.
+    pub unknown_ports: Vec<String>,
+    /// The cell has simulators.
+    pub simulated: bool,
+    /// Process of the living driver.
+    pub pid: Option<u32>,
+    /// What it told last.
+    pub told: Option<Told>,
+    /// What it had told about a second before.
+    pub before: Option<Told>,
+    /// What was heard without a driver.
+    pub probe: Option<serde_json::Value>,
+    /// Why nothing could be heard without a driver.
+    pub no_probe: Option<String>,
+    /// Addresses of this machine.
+    pub interfaces: Vec<sockets::Interface>,
+    /// Who has the device's port.
+    pub holder: Option<String>,
+    /// The server accepts connections; none: it was not tried.
+    pub connects: Option<Result<(), String>>,
+}
+
+impl LinkFacts {
+    /// What only the driver knows, from the driver or from listening in its place.
+    #[must_use]
+    pub fn link(&self) -> &serde_json::Value {
+        match (&self.told, &self.probe) {
+            (Some(told), _) => &told.link,
+            (None, Some(probe)) => &probe["link"],
+            (None, None) => &serde_json::Value::Null,
+        }
+    }
+
+    /// A counter of [`LinkFacts::link`] since the beginning.
+    #[must_use]
+    pub fn total(&self, key: &str) -> u64 {
+        self.link()[key].as_u64().unwrap_or(0)
+    }
+
+    /// How much a counter has grown while we looked.
+    #[must_use]
+    pub fn grown(&self, key: &str) -> u64 {
+        let before = self
+            .before
+            .as_ref()
+            .and_then(|before| before.link[key].as_u64());
+        self.total(key).saturating_sub(before.unwrap_or(0))
+    }
+
+    /// Somebody answers the device, so that its judgement of us means something.
+    #[must_use]
+    pub fn is_answered(&self) -> bool {
+        self.told.is_some()
+    }
+}
+
+/// A stage: nothing to say, or what was found.
+pub type Stage = (&'static str, fn(&LinkFacts) -> Option<Finding>);
+
+/// The report about one device; keys are only ever added.
+#[derive(Clone, Debug, Serialize)]
+pub struct LinkReport {
+    /// Form of this report, 1.
+    pub schema: u32,
+    /// The device.
+    pub device: String,
+    /// Its driver.
+    pub driver: String,
+    /// The stage that failed, if one did.
+    pub failed: Option<&'static str>,
+    /// What was found, in order; ends with what failed.
+    pub findings: Vec<Finding>,
+    /// The last minute, if a driver runs.
+    pub history: Option<History>,
+    /// What only the driver knows.
+    pub link: serde_json::Value,
+}
+
+impl LinkReport {
+    /// Runs the stages that suit the driver.
+    #[must_use]
+    pub fn of(facts: &LinkFacts) -> LinkReport {
+        let stages: &[Stage] = match facts.driver.as_str() {
+            "fri-lwr" => fri::STAGES,
+            _ => plain::STAGES,
+        };
+        let mut findings = Vec::new();
+        let mut failed = None;
+        for (name, stage) in stages {
+            let Some(finding) = stage(facts) else {
+                continue;
+            };
+            let fails = finding.level == Level::Fail;
+            findings.push(Finding {
+                check: name,
+                ..finding
+            });
+            if fails {
+                failed = Some(*name);
+                break;
+            }
+        }
+        LinkReport {
+            schema: 1,
+            device: facts.device.clone(),
+            driver: facts.driver.clone(),
+            failed,
+            findings,
+            history: facts.told.as_ref().map(Told::history),
+            link: facts.link().clone(),
+        }
+    }
+
+    /// For people.
+    #[must_use]
+    pub fn human(&self) -> String {
+        let mut text: String = self.findings.iter().map(super::report::lines).collect();
+        if let Some(history) = &self.history {
+            text.push_str(&format!(
+                "\nlast {} s  {}\n           quality mean {} min {}   late or lost answers {} ({} since the driver began, {} ago)\n",
+                history.seconds,
+                history.sparkline,
+                percent(history.quality_mean_permille),
+                percent(history.quality_min_permille),
+                history.late,
+                history.late_total,
+                super::record::age(super::told::now().saturating_sub(history.since)),
+            ));
+        }
+        text.push_str(&match self.failed {
+            Some(stage) => format!(
+                "\n{} does not work: {stage}. What comes after it was not looked at.\n",
+                self.device
+            ),
+            None => format!("\n{} works\n", self.device),
+        });
+        text
+    }
+}
+
+/// Thousandths for people.
+#[must_use]
+pub fn percent(permille: u32) -> String {
+    format!("{:.1} %", f64::from(permille) / 10.0)
+}
+
+/// The configuration can be used as it is.
+fn configuration(facts: &LinkFacts) -> Option<Finding> {
+    if facts.unknown_ports.is_empty() {
+        return None;
+    }
+    let ports = facts.unknown_ports.join(", ");
+    Some(
+        Finding::fail(
+            format!(
+                "the cell does not run, and its file leaves the number of {ports} to the start"
+            ),
+            format!(
+                "start the cell (rcc-cli up {}), or give numbers in its `ports`",
+                facts.source
+            ),
+        )
+        .cause("without the number there is nothing to listen to"),
+    )
+}
+
+/// The driver lives and turns.
+fn driver(facts: &LinkFacts) -> Option<Finding> {
+    let pid = facts.pid?;
+    let Some(told) = &facts.told else {
+        return Some(Finding::fail(
+            format!("the driver runs (pid {pid}) and has told nothing yet"),
+            "ask again in two seconds; if it stays so, look at its log",
+        ));
+    };
+    if told.history().stale {
+        return Some(
+            Finding::fail(
+                format!("the driver (pid {pid}) has told nothing for {} s", super::told::now().saturating_sub(told.at)),
+                format!("continue or restart it: kill -CONT {pid}; `rcc-cli up` and systemd restart what hangs"),
+            )
+            .cause("it is stopped, or hangs"),
+        );
+    }
+    Some(Finding::ok(format!(
+        "driver {} runs (pid {pid}), for {}",
+        facts.driver,
+        super::record::age(super::told::now().saturating_sub(told.since))
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn automatic_ports_of_a_cell_that_does_not_run_fail_first() {
+        let facts = LinkFacts {
+            driver: "fri-lwr".to_owned(),
+            device: "lwr".to_owned(),
+            unknown_ports: vec!["fri".to_owned()],
+            ..LinkFacts::default()
+        };
+        let report = LinkReport::of(&facts);
+        assert_eq!(
+            (report.failed, report.findings.len()),
+            (Some("configuration"), 1)
+        );
+        assert!(report.human().contains("lwr does not work: configuration"));
+    }
+
+    #[test]
+    fn a_driver_that_stopped_telling_fails() {
+        let mut facts = LinkFacts {
+            pid: Some(7),
+            ..LinkFacts::default()
+        };
+        assert_eq!(
+            driver(&facts).map(|finding| finding.level),
+            Some(Level::Fail)
+        );
+        facts.told = Some(Told {
+            at: super::super::told::now() - 60,
+            ..Told::default()
+        });
+        let found = driver(&facts);
+        assert!(found.is_some_and(|found| found.what.contains("has told nothing for")));
+        facts.told = Some(Told {
+            at: super::super::told::now(),
+            ..Told::default()
+        });
+        assert_eq!(driver(&facts).map(|finding| finding.level), Some(Level::Ok));
+    }
+}

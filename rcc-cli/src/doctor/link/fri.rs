@@ -1,0 +1,501 @@
+//! The stages of a KUKA LWR over FRI 1.0: card, port, datagrams, sender, version, drives, control, quality, session.
+//! Pure functions of the facts.
+//!
+//! FRI 1.0 has no word for the operating mode or the E-stop; both show as drives without power, and the words say so.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+
+use serde_json::Value;
+
+use super::{LinkFacts, Stage, configuration, driver, percent, plain};
+use crate::doctor::{Finding, Level};
+use crate::table::time;
+
+/// EADDRINUSE and EADDRNOTAVAIL.
+const IN_USE: i64 = nix::libc::EADDRINUSE as i64;
+const NOT_OURS: i64 = nix::libc::EADDRNOTAVAIL as i64;
+/// The two identities of FRI 1.0.
+const MEASUREMENT: u64 = 0x2006;
+const COMMAND: u64 = 0x1005;
+/// Field 1 of a Sunrise message: its identifier 0x00245142 as protobuf writes it.
+const SUNRISE: [u8; 5] = [0x08, 0xc2, 0xa2, 0x91, 0x01];
+
+/// In order; the first that fails ends the report.
+pub const STAGES: &[Stage] = &[
+    ("configuration", configuration),
+    ("interface", interface),
+    ("driver", driver),
+    ("port", port),
+    ("datagrams", datagrams),
+    ("sender", sender),
+    ("version", version),
+    ("order", order),
+    ("arrival", arrival),
+    ("drives", drives),
+    ("control", control),
+    ("quality", quality),
+    ("session", session),
+    ("answers", answers),
+];
+
+fn listen(facts: &LinkFacts) -> Option<SocketAddr> {
+    facts.settings["listen"].as_str()?.parse().ok()
+}
+
+fn interface(facts: &LinkFacts) -> Option<Finding> {
+    let Some(SocketAddr::V4(listen)) = listen(facts) else {
+        let fix = "give settings.listen an IPv4 address with a port, such as 192.168.0.1:49938";
+        return Some(Finding::fail(
+            "settings.listen is no IPv4 address with a port",
+            fix,
+        ));
+    };
+    let ip = *listen.ip();
+    if ip.is_unspecified() {
+        return Some(
+            Finding::note("listens on every card of this machine").fix(
+                "name the address of the card that leads to the controller in settings.listen",
+            ),
+        );
+    }
+    let Some(card) = facts
+        .interfaces
+        .iter()
+        .find(|card| card.address == ip || (ip.is_loopback() && card.address.is_loopback()))
+    else {
+        let have: Vec<String> = facts
+            .interfaces
+            .iter()
+            .map(super::sockets::Interface::words)
+            .collect();
+        let fix = format!(
+            "give a card this address (ip addr add {ip}/24 dev CARD), or correct settings.listen"
+        );
+        return Some(
+            Finding::fail(format!("no card of this machine has the address {ip}"), fix)
+                .cause(format!("there are: {}", have.join(", "))),
+        );
+    };
+    if !card.up {
+        let fix = format!(
+            "plug the cable in, switch the controller on; ip link set {} up",
+            card.name
+        );
+        return Some(Finding::fail(
+            format!("the card {} is down", card.words()),
+            fix,
+        ));
+    }
+    if let Some(peer) = peer(facts).filter(|peer| !card.is_near(*peer)) {
+        let fix = "give both cards addresses of one subnet (the controller's card: VxWorks, KRC network settings)";
+        return Some(Finding::fail(
+            format!(
+                "the controller {peer} is not in the subnet of {}",
+                card.words()
+            ),
+            fix,
+        ));
+    }
+    if ip.is_loopback() && !facts.simulated {
+        return Some(Finding::warn(
+            format!("listens on {ip}, which only this machine reaches"),
+            "for a real controller: the address of the card that leads to it in settings.listen, and in FRIHOST",
+        ));
+    }
+    Some(Finding::ok(format!("card {} is up", card.words())))
+}
+
+fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
+    match facts.settings["peer"]
+        .as_str()?
+        .parse::<SocketAddr>()
+        .ok()?
+        .ip()
+    {
+        IpAddr::V4(ip) => Some(ip),
+        IpAddr::V6(_) => None,
+    }
+}
+
+fn port(facts: &LinkFacts) -> Option<Finding> {
+    let listen = listen(facts)?;
+    if facts.is_answered() {
+        return Some(Finding::ok(format!("UDP {listen} is open")));
+    }
+    let Some(probe) = &facts.probe else {
+        return plain::settings(facts);
+    };
+    let Some(words) = probe["error"].as_str() else {
+        return Some(Finding::note(format!(
+            "no driver runs; listened at UDP {listen} in its place, without answering"
+        )));
+    };
+    match probe["errno"].as_i64() {
+        Some(IN_USE) => {
+            let who = facts
+                .holder
+                .clone()
+                .unwrap_or_else(|| "another process".to_owned());
+            let fix = "end that process, or choose another port in the cell's file and in FRISOCK (dlrrc.ini)";
+            Some(Finding::fail(
+                format!("UDP {listen} is taken by {who}"),
+                fix,
+            ))
+        }
+        Some(NOT_OURS) => {
+            let fix = "correct settings.listen";
+            Some(Finding::fail(
+                format!("{} is no address of this machine", listen.ip()),
+                fix,
+            ))
+        }
+        _ => Some(Finding::fail(
+            words,
+            "correct the device's part of the cell's file",
+        )),
+    }
+}
+
+fn datagrams(facts: &LinkFacts) -> Option<Finding> {
+    let listen = listen(facts)?;
+    let came = facts.grown("datagrams");
+    if came > 0 {
+        return Some(Finding::ok(format!(
+            "datagrams arrive at {listen}: {came} while we looked"
+        )));
+    }
+    let ever = facts.total("datagrams");
+    let what = if ever == 0 {
+        format!("nobody sends to {listen}")
+    } else {
+        format!("nobody sends to {listen} any more ({ever} datagrams since the driver began)")
+    };
+    let fix = if facts.simulated {
+        "start the simulator (rcc-cli up does); its --driver must be this address".to_owned()
+    } else {
+        format!(
+            "on the controller: C:\\KRC\\ROBOTER\\INIT\\dlrrc.ini FRIHOST={} FRISOCK={},0; has its KRL program called \
+             friOpen? Here: is the cable in the right card, and no firewall before UDP {}?",
+            listen.ip(),
+            listen.port(),
+            listen.port()
+        )
+    };
+    Some(
+        Finding::fail(what, fix)
+            .cause("the controller sends first; without its datagrams nothing can be answered"),
+    )
+}
+
+fn sender(facts: &LinkFacts) -> Option<Finding> {
+    let foreign = facts.grown("foreign");
+    let text = |key: &str| facts.link()[key].as_str().unwrap_or("nobody").to_owned();
+    if foreign == 0 {
+        return facts.link()["controller"]
+            .as_str()
+            .map(|from| Finding::ok(format!("they come from {from}")));
+    }
+    let others = format!("{foreign} datagrams came from {}", text("foreign_last"));
+    let accepted = facts.grown("accepted");
+    let expected = match facts.settings["peer"].as_str() {
+        Some(peer) => format!("settings.peer takes {peer} only"),
+        None => format!("{} was first", text("controller")),
+    };
+    if accepted == 0 {
+        let fix = format!(
+            "set settings.peer to {} if that is the controller, or leave it out",
+            text("foreign_last")
+        );
+        return Some(Finding::fail(others, fix).cause(expected));
+    }
+    let fix = "find out who that is: only one controller may send here";
+    Some(Finding::warn(format!("{others}; they are refused"), fix).cause(expected))
+}
+
+fn version(facts: &LinkFacts) -> Option<Finding> {
+    let fails = |what: String, fix: &str| {
+        // Garbage beside a good controller is no failure.
+        let level = if facts.grown("accepted") > 0 {
+            Level::Warn
+        } else {
+            Level::Fail
+        };
+        Some(Finding {
+            level,
+            ..Finding::fail(what, fix)
+        })
+    };
+    if facts.grown("wrong_size") > 0 {
+        let head: Vec<u8> = facts.link()["wrong_size_head"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(|byte| u8::try_from(byte.as_u64()?).ok())
+            .collect();
+        let bytes = facts.total("wrong_size_last");
+        return match sunrise(&head) {
+            Some(which) => fails(
+                format!(
+                    "the sender speaks the FRI of Sunrise ({which}): an LBR iiwa or Med, not an LWR"
+                ),
+                "this driver is for the LWR 4+ with KUKA.FRI 1.0; an iiwa needs a driver of its own",
+            ),
+            None => fails(
+                format!("datagrams of {bytes} bytes arrive, FRI 1.0 has 916"),
+                "is another program sending here, or another version of KUKA.FRI on the controller? 1.0 is needed",
+            ),
+        };
+    }
+    if facts.grown("wrong_identity") > 0 {
+        let id = facts.total("wrong_identity_last");
+        return match id {
+            COMMAND => fails(
+                format!("datagrams have the identity {id:#06x}: commands, as a PC sends them"),
+                "another PC program sends here; the controller sends measurements",
+            ),
+            _ => fails(
+                format!("datagrams have the identity {id:#06x}, FRI 1.0 has {MEASUREMENT:#06x}"),
+                "another version of KUKA.FRI runs on the controller: install 1.0 there",
+            ),
+        };
+    }
+    if facts.grown("malformed") > 0 {
+        return fails(
+            "datagrams have the size and identity of FRI 1.0, but numbers without meaning"
+                .to_owned(),
+            "another version of KUKA.FRI, or a device between that changes datagrams",
+        );
+    }
+    Some(Finding::ok("they are FRI 1.0: 916 bytes, identity 0x2006"))
+}
+
+/// SDK 1.x and 2.5 send the bare message, 2.7 its length before.
+fn sunrise(head: &[u8]) -> Option<&'static str> {
+    let starts = |from: usize| {
+        let (tag, rest) = (head.get(from)?, head.get(from + 2..)?);
+        let known = SUNRISE.get(..rest.len().min(SUNRISE.len()))?;
+        (*tag == 0x0a && !known.is_empty() && rest.starts_with(known)).then_some(())
+    };
+    if starts(0).is_some() {
+        Some("SDK 1.x to 2.5")
+    } else if starts(4).is_some() {
+        Some("SDK 2.7")
+    } else {
+        None
+    }
+}
+
+fn order(facts: &LinkFacts) -> Option<Finding> {
+    let disordered = facts.grown("disordered");
+    let lost = facts.grown("gaps_datagrams");
+    if disordered > 0 && facts.grown("accepted") == 0 {
+        let fix =
+            "restart the controller's FRI (friClose, friOpen); is a recording being replayed here?";
+        return Some(Finding::fail(
+            "datagrams come again and again, or backwards, or hold no numbers",
+            fix,
+        ));
+    }
+    if disordered + lost > 0 {
+        let what = format!(
+            "{lost} datagrams were lost on the way and {disordered} came twice or late, while we looked"
+        );
+        let fix = "a cable of its own between controller and this machine, no switch, no Wi-Fi";
+        return Some(Finding::warn(what, fix));
+    }
+    let (gaps, ever) = (facts.total("gaps"), facts.total("gaps_datagrams"));
+    (gaps > 0).then(|| {
+        Finding::note(format!(
+            "{ever} datagrams were lost in {gaps} gaps since the driver began"
+        ))
+    })
+}
+
+fn wire(facts: &LinkFacts) -> Option<&Value> {
+    let wire = &facts.link()["wire"];
+    wire.is_object().then_some(wire)
+}
+
+fn arrival(facts: &LinkFacts) -> Option<Finding> {
+    let period_s = wire(facts)?["period_s"].as_f64()?;
+    let period_ns = (period_s * 1e6).round() as u64 * 1000;
+    let longest_ns = facts.total("interval_max_ns");
+    let what = format!(
+        "every {}; longest pause {} while we looked, {} since the beginning",
+        time(period_ns),
+        time(longest_ns),
+        time(facts.total("interval_longest_ns"))
+    );
+    if longest_ns > 3 * period_ns {
+        let fix = "look at `rcc-cli doctor` (this machine woke late), else at the network";
+        return Some(Finding::warn(what, fix));
+    }
+    if period_ns != facts.period_ns {
+        let fix = format!(
+            "friOpen({}) on the controller, or `period` in the cell's file",
+            facts.period_ns.div_ceil(1_000_000)
+        );
+        let cause = format!("the cell's period is {}", time(facts.period_ns));
+        return Some(Finding::note(what).cause(cause).fix(fix));
+    }
+    Some(Finding::ok(what))
+}
+
+fn drives(facts: &LinkFacts) -> Option<Finding> {
+    let wire = wire(facts)?;
+    let bits = |key: &str| wire[key].as_u64().unwrap_or(0);
+    let (power, error, warning) = (bits("power"), bits("error"), bits("warning"));
+    if error != 0 {
+        let fix = "read the message on the KCP, remove its cause, acknowledge";
+        return Some(Finding::fail(
+            format!("drives report an error: {}", joints(error)),
+            fix,
+        ));
+    }
+    if power == 0 {
+        let fix = "release the E-stop, close the gate, acknowledge on the KCP; in T1 and T2 hold the enabling switch; a \
+                   motion of the KRL program (a small PTP) releases the brakes";
+        return Some(Finding::fail("the drives have no power", fix).cause(
+            "E-stop, safety gate, or no enabling switch in T1 and T2: FRI 1.0 does not tell which",
+        ));
+    }
+    if warning != 0 {
+        let fix = "read the message on the KCP";
+        return Some(Finding::warn(
+            format!("drives report a warning: {}", joints(warning)),
+            fix,
+        ));
+    }
+    Some(Finding::ok("the drives have power, without error"))
+}
+
+/// `joint 1, joint 3`
+fn joints(bits: u64) -> String {
+    let set = (0..16).filter(|bit| bits >> bit & 1 == 1);
+    let words: Vec<String> = set.map(|bit| format!("joint {}", bit + 1)).collect();
+    words.join(", ")
+}
+
+fn control(facts: &LinkFacts) -> Option<Finding> {
+    match wire(facts)?["control"].as_str()? {
+        "position" => Some(Finding::ok("the controller is in position control")),
+        other => Some(Finding::fail(
+            format!("the controller is in another control strategy ({other})"),
+            "set $STIFFNESS.STRATEGY = 10 in the KRL program, before friStart",
+        )),
+    }
+}
+
+fn quality(facts: &LinkFacts) -> Option<Finding> {
+    let wire = wire(facts)?;
+    let word = wire["quality"].as_str()?;
+    let Some(told) = facts.told.as_ref() else {
+        return Some(
+            Finding::note(format!(
+                "quality {word}: nobody answers, so it means nothing yet"
+            ))
+            .fix(format!("start the cell: rcc-cli up {}", facts.source)),
+        );
+    };
+    let history = told.history();
+    let real = |key: &str| wire[key].as_f64().unwrap_or(0.0);
+    let what = format!(
+        "quality {word} (last {} s: mean {}, min {}); the controller counts {} answers of 100 in time, delay {}, jitter {}",
+        history.seconds,
+        percent(history.quality_mean_permille),
+        percent(history.quality_min_permille),
+        (real("answer_rate") * 100.0).round(),
+        time((real("latency_s") * 1e9) as u64),
+        time((real("jitter_s") * 1e9) as u64)
+    );
+    let rank = |word: &str| {
+        ["unacceptable", "bad", "ok", "perfect"]
+            .iter()
+            .position(|one| *one == word)
+    };
+    let wanted = facts.settings["quality_min"].as_str().unwrap_or("ok");
+    if rank(word) < rank(wanted) {
+        let (cause, fix) = culprit(facts, history.late);
+        return Some(Finding::fail(what, fix).cause(cause));
+    }
+    if history.late > 0 {
+        let (cause, fix) = culprit(facts, history.late);
+        return Some(Finding::warn(what, fix).cause(cause));
+    }
+    Some(Finding::ok(what))
+}
+
+/// Whether our answers are late or get lost on the way.
+fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
+    let period_ns = facts.period_ns;
+    let slow = facts.total("answer_max_ns") > period_ns / 2;
+    let gaps = facts.grown("gaps_datagrams") > 0 || facts.total("interval_max_ns") > 2 * period_ns;
+    let counted = format!("{late} answers late or lost in the last minute");
+    if slow {
+        let took = time(facts.total("answer_max_ns"));
+        return (
+            format!("{counted}; our answers took up to {took}"),
+            "this machine is late: rcc-cli doctor".to_owned(),
+        );
+    }
+    if gaps {
+        return (
+            format!("{counted}; datagrams of the controller get lost or come late, too"),
+            "the network: a cable of its own, no switch, no Wi-Fi; else this machine: rcc-cli doctor".to_owned(),
+        );
+    }
+    (
+        format!("{counted}; ours leave in time, so they get lost on the way to the controller"),
+        "the network: a cable of its own, no switch, no Wi-Fi; its card's VxWorks settings"
+            .to_owned(),
+    )
+}
+
+fn session(facts: &LinkFacts) -> Option<Finding> {
+    let wire = wire(facts)?;
+    let told = facts.told.as_ref()?;
+    match wire["session"].as_str()? {
+        "command" if told.reason == 0 => Some(Finding::ok(format!(
+            "session in command mode; the device is {}",
+            told.state
+        ))),
+        "command" => Some(Finding::warn(
+            format!("session in command mode, but: {}", told.reason_words),
+            "do what the words say",
+        )),
+        _ => {
+            let fix = match facts.settings["krl"].as_str() {
+                Some("auto") => {
+                    "the KRL program calls friStart by itself: start it, look where it waits"
+                }
+                _ => {
+                    "start the KRL program; it must call friStart(1.0) when $FRI_FRM_INT[1] becomes 10"
+                }
+            };
+            Some(Finding::fail(
+                "the controller monitors: command mode has not begun",
+                fix,
+            ))
+        }
+    }
+}
+
+fn answers(facts: &LinkFacts) -> Option<Finding> {
+    let told = facts.told.as_ref()?;
+    let mean_ns = facts.link()["answer_mean_ns"].as_u64()?;
+    let longest_ns = facts.total("answer_max_ns");
+    let what = format!(
+        "answers leave after {} on average, {} at most while we looked, {} since the beginning; {} set-points came too late",
+        time(mean_ns),
+        time(longest_ns),
+        time(facts.total("answer_longest_ns")),
+        told.starved
+    );
+    if longest_ns > facts.period_ns / 2 {
+        return Some(Finding::warn(what, "this machine is late: rcc-cli doctor"));
+    }
+    Some(Finding::ok(what))
+}
+
+#[cfg(test)]
+mod tests;

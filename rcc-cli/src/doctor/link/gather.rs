@@ -1,0 +1,118 @@
+//! Collects what is known about a device: from its driver if one lives, else by listening in its place.
+//! Run by the main thread; takes about two seconds.
+
+use std::net::{SocketAddr, TcpStream};
+use std::process::Command;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rcc_config::{DeviceConfig, auto_ports};
+use rcc_ipc::Role;
+
+use super::{LinkFacts, sockets};
+use crate::doctor::told::Told;
+use crate::doctor::wish::Chosen;
+use crate::supervisor::places;
+
+/// How long is listened where no driver runs.
+const LISTEN: Duration = Duration::from_secs(2);
+/// A driver tells once a second; after this we no longer wait for news.
+const NEWS: Duration = Duration::from_secs(3);
+const STEP: Duration = Duration::from_millis(50);
+/// How long a server may take to accept a connection.
+const CONNECT: Duration = Duration::from_secs(1);
+
+/// Everything about `device`.
+#[must_use]
+pub fn gather(chosen: &Chosen, device: &DeviceConfig) -> LinkFacts {
+    let config = &chosen.config;
+    let announced = chosen
+        .cell
+        .as_ref()
+        .and_then(|cell| cell.announced(Role::Driver, &device.name).ok().flatten())
+        .filter(rcc_ipc::Announcement::is_alive);
+    let unknown = auto_ports(&chosen.path).unwrap_or_default();
+    let unknown = unknown.into_iter().map(|(name, _)| name);
+    let mut facts = LinkFacts {
+        device: device.name.clone(),
+        driver: device.driver.clone(),
+        settings: device.settings.clone(),
+        source: config.source.display().to_string(),
+        period_ns: config.period_ns,
+        unknown_ports: unknown
+            .filter(|name| !chosen.ports.contains_key(name))
+            .collect(),
+        simulated: !config.simulators.is_empty(),
+        pid: announced.as_ref().map(|announced| announced.pid),
+        interfaces: sockets::interfaces(),
+        ..LinkFacts::default()
+    };
+    if !facts.unknown_ports.is_empty() {
+        return facts;
+    }
+    match (&chosen.cell, facts.pid) {
+        (Some(cell), Some(_)) => {
+            facts.before = Told::of(cell, &device.name);
+            facts.told = newer(|| Told::of(cell, &device.name), facts.before.as_ref());
+        }
+        _ => listen(chosen, device, &mut facts),
+    }
+    let address = |key: &str| {
+        device.settings[key]
+            .as_str()
+            .and_then(|text| text.parse::<SocketAddr>().ok())
+    };
+    facts.holder = address("listen").and_then(sockets::holder);
+    // Some servers take one client only: where a driver exchanges, nothing is tried.
+    let exchanges = |told: &Option<Told>| told.as_ref().map_or(0, |told| told.exchanges);
+    let works = exchanges(&facts.told) > exchanges(&facts.before);
+    facts.connects = address("server").filter(|_| !works).map(|server| {
+        TcpStream::connect_timeout(&server, CONNECT)
+            .map(drop)
+            .map_err(|error| error.to_string())
+    });
+    facts
+}
+
+/// Waits for the driver's next word; without one the last counts.
+fn newer(read: impl Fn() -> Option<Told>, before: Option<&Told>) -> Option<Told> {
+    let begun = Instant::now();
+    loop {
+        let now = read();
+        let is_news =
+            now.is_some() && now.as_ref().map(|told| told.at) != before.map(|told| told.at);
+        if is_news || begun.elapsed() > NEWS {
+            return now;
+        }
+        thread::sleep(STEP);
+    }
+}
+
+fn listen(chosen: &Chosen, device: &DeviceConfig, facts: &mut LinkFacts) {
+    match probe(chosen, device) {
+        Ok(probe) => facts.probe = Some(probe),
+        Err(words) => facts.no_probe = Some(words),
+    }
+}
+
+fn probe(chosen: &Chosen, device: &DeviceConfig) -> Result<serde_json::Value, String> {
+    let program = places::program("rcc-probe").map_err(|failure| failure.body.message.clone())?;
+    let mut command = Command::new(&program);
+    command
+        .args(["--cell", &chosen.config.name, "--device", &device.name])
+        .arg("--config")
+        .arg(&chosen.path)
+        .args(["--milliseconds", &LISTEN.as_millis().to_string()])
+        .env_remove("RCC_PORTS");
+    for (name, number) in &chosen.ports {
+        command.arg("--port").arg(format!("{name}={number}"));
+    }
+    let output = command
+        .output()
+        .map_err(|error| format!("{}: {error}", program.display()))?;
+    if !output.status.success() {
+        return Err(String::from_utf8_lossy(&output.stderr).trim().to_owned());
+    }
+    serde_json::from_slice(&output.stdout)
+        .map_err(|error| format!("{}: {error}", program.display()))
+}

@@ -1,0 +1,185 @@
+//! The stages of a device whose driver counts nothing of its own: driver, server, exchange, quality.
+//! Pure functions of the facts.
+
+use super::{LinkFacts, Stage, configuration, driver, percent};
+use crate::doctor::Finding;
+
+/// In order; the first that fails ends the report.
+pub const STAGES: &[Stage] = &[
+    ("configuration", configuration),
+    ("driver", driver),
+    ("settings", settings),
+    ("server", server),
+    ("exchange", exchange),
+    ("quality", quality),
+];
+
+/// Without a driver: its configuration is accepted.
+pub(super) fn settings(facts: &LinkFacts) -> Option<Finding> {
+    if let Some(words) = &facts.no_probe {
+        let fix = "correct the device's part of the cell's file";
+        return Some(Finding::fail(
+            format!("no driver runs, and none can: {words}"),
+            fix,
+        ));
+    }
+    let probe = facts.probe.as_ref()?;
+    match probe["error"].as_str() {
+        // Its words name the key and what to give.
+        Some(words) => Some(Finding::fail(
+            words,
+            "correct the device's part of the cell's file",
+        )),
+        None => Some(Finding::note(
+            "no driver runs; listened in its place, without answering",
+        )),
+    }
+}
+
+fn server(facts: &LinkFacts) -> Option<Finding> {
+    let server = facts.settings["server"].as_str()?;
+    match facts.connects.as_ref()? {
+        Ok(()) => Some(Finding::ok(format!(
+            "the server {server} accepts connections"
+        ))),
+        Err(words) => {
+            let fix = format!(
+                "is it switched on and in our subnet (ping {})? Is its Modbus server enabled, and on this port? \
+                 Does it take one more client? Is a firewall between?",
+                server.rsplit_once(':').map_or(server, |(host, _)| host)
+            );
+            Some(Finding::fail(
+                format!("the server {server} is not reached: {words}"),
+                fix,
+            ))
+        }
+    }
+}
+
+/// Number, words and whether anything was exchanged.
+fn exchange(facts: &LinkFacts) -> Option<Finding> {
+    let (reason, words, exchanges) = match (&facts.told, &facts.probe) {
+        (Some(told), _) => {
+            let before = facts.before.as_ref().map_or(0, |before| before.exchanges);
+            (
+                told.reason,
+                told.reason_words.clone(),
+                told.exchanges.saturating_sub(before),
+            )
+        }
+        (None, Some(probe)) => {
+            let last = &probe["last"];
+            let reason = last["reason"]
+                .as_u64()
+                .and_then(|number| u32::try_from(number).ok());
+            let words = last["reason_words"].as_str().unwrap_or_default().to_owned();
+            (
+                reason.unwrap_or(0),
+                words,
+                probe["exchanges"].as_u64().unwrap_or(0),
+            )
+        }
+        (None, None) => return None,
+    };
+    if exchanges == 0 {
+        let fix = "do what the words say; the driver's log names address and cause";
+        return Some(Finding::fail(format!("nothing is exchanged: {words}"), fix));
+    }
+    match reason {
+        0 => Some(Finding::ok("the device answers and can be commanded")),
+        _ => Some(Finding::fail(
+            format!("the device answers, but: {words}"),
+            "do what the words say",
+        )),
+    }
+}
+
+pub(super) fn quality(facts: &LinkFacts) -> Option<Finding> {
+    let history = facts.told.as_ref()?.history();
+    let what = format!(
+        "quality {} in the last {} s, {} late or lost answers",
+        percent(history.quality_mean_permille),
+        history.seconds,
+        history.late
+    );
+    if history.late == 0 {
+        return Some(Finding::ok(what));
+    }
+    let fix = "look at the network to the device, and at `rcc-cli doctor` for this machine";
+    Some(Finding::warn(what, fix))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::LinkReport;
+    use super::*;
+    use crate::doctor::told::{Told, now};
+    use serde_json::json;
+
+    fn running(told: Told) -> LinkFacts {
+        LinkFacts {
+            device: "io".to_owned(),
+            driver: "modbus".to_owned(),
+            settings: json!({"server": "127.0.0.1:502"}),
+            pid: Some(7),
+            connects: Some(Ok(())),
+            told: Some(Told {
+                at: now(),
+                since: now(),
+                ..told
+            }),
+            before: Some(Told::default()),
+            ..LinkFacts::default()
+        }
+    }
+
+    #[test]
+    fn a_server_that_is_not_reached_ends_the_report() {
+        let mut facts = running(Told::default());
+        facts.connects = Some(Err("Connection refused".to_owned()));
+        let report = LinkReport::of(&facts);
+        assert_eq!(report.failed, Some("server"));
+        assert!(
+            report
+                .human()
+                .contains("127.0.0.1:502 is not reached: Connection refused")
+        );
+    }
+
+    #[test]
+    fn exceptions_are_told_in_the_drivers_words() {
+        let words = "the Modbus server refuses an address or a value".to_owned();
+        let facts = running(Told {
+            reason: 102,
+            reason_words: words,
+            ..Told::default()
+        });
+        let report = LinkReport::of(&facts);
+        assert_eq!(report.failed, Some("exchange"));
+        assert!(report.human().contains("refuses an address"));
+    }
+
+    #[test]
+    fn a_device_that_exchanges_works() {
+        let facts = running(Told {
+            exchanges: 100,
+            state: "ready".to_owned(),
+            ..Told::default()
+        });
+        assert_eq!(LinkReport::of(&facts).failed, None);
+    }
+
+    #[test]
+    fn without_driver_the_probe_decides() {
+        let mut facts = running(Told::default());
+        (facts.told, facts.before, facts.pid) = (None, None, None);
+        facts.probe = Some(
+            json!({"opened": true, "exchanges": 9, "last": {"reason": 0, "reason_words": ""}}),
+        );
+        assert_eq!(LinkReport::of(&facts).failed, None);
+        facts.probe = Some(
+            json!({"opened": false, "error": "devices.io.settings.unit: 300 is of another form"}),
+        );
+        assert_eq!(LinkReport::of(&facts).failed, Some("settings"));
+    }
+}

@@ -1,0 +1,154 @@
+//! Addresses of this machine, and which process holds a port.
+//! Run by the main thread.
+
+use std::fs;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+
+use nix::ifaddrs::getifaddrs;
+use nix::net::if_::InterfaceFlags;
+
+/// An address of this machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Interface {
+    /// Name of the card.
+    pub name: String,
+    /// Its address.
+    pub address: Ipv4Addr,
+    /// Its mask.
+    pub mask: Ipv4Addr,
+    /// Switched on, with a cable or whatever else it needs.
+    pub up: bool,
+}
+
+impl Interface {
+    /// True if `other` is reached without a router.
+    #[must_use]
+    pub fn is_near(&self, other: Ipv4Addr) -> bool {
+        let mask = self.mask.to_bits();
+        self.address.to_bits() & mask == other.to_bits() & mask
+    }
+
+    /// `192.168.0.1/24`
+    #[must_use]
+    pub fn words(&self) -> String {
+        format!(
+            "{} {}/{}",
+            self.name,
+            self.address,
+            self.mask.to_bits().count_ones()
+        )
+    }
+}
+
+/// All IPv4 addresses of this machine.
+#[must_use]
+pub fn interfaces() -> Vec<Interface> {
+    let both = InterfaceFlags::IFF_UP | InterfaceFlags::IFF_RUNNING;
+    getifaddrs()
+        .into_iter()
+        .flatten()
+        .filter_map(|found| {
+            let address = found.address?.as_sockaddr_in()?.ip();
+            let mask = found.netmask?.as_sockaddr_in()?.ip();
+            Some(Interface {
+                name: found.interface_name,
+                address,
+                mask,
+                up: found.flags.contains(both),
+            })
+        })
+        .collect()
+}
+
+/// Name and number of the process that has this UDP address, as far as we may look.
+#[must_use]
+pub fn holder(address: SocketAddr) -> Option<String> {
+    let table = fs::read_to_string("/proc/net/udp").ok()?;
+    let inode = inode_of(&table, address)?;
+    let socket = format!("socket:[{inode}]");
+    for entry in fs::read_dir("/proc").ok()?.flatten() {
+        let process = entry.path();
+        // Not `self` and `thread-self`.
+        if !entry
+            .file_name()
+            .as_encoded_bytes()
+            .iter()
+            .all(u8::is_ascii_digit)
+        {
+            continue;
+        }
+        for file in fs::read_dir(process.join("fd"))
+            .into_iter()
+            .flatten()
+            .flatten()
+        {
+            if fs::read_link(file.path()).is_ok_and(|target| target.as_os_str() == socket.as_str())
+            {
+                let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
+                return Some(format!(
+                    "{} (pid {})",
+                    name.trim(),
+                    entry.file_name().display()
+                ));
+            }
+        }
+    }
+    Some("a process of another user".to_owned())
+}
+
+/// `/proc/net/udp`: `sl local_address rem_address st tx rx tr tm retrnsmt uid timeout inode …`, addresses as the
+/// machine stores them.
+fn inode_of(table: &str, address: SocketAddr) -> Option<&str> {
+    let IpAddr::V4(ip) = address.ip() else {
+        return None;
+    };
+    table.lines().skip(1).find_map(|line| {
+        let mut words = line.split_whitespace().skip(1);
+        let (place, port) = words.next()?.split_once(':')?;
+        let bits = u32::from_str_radix(place, 16).ok()?;
+        let found = Ipv4Addr::from(bits.to_ne_bytes());
+        let same = u16::from_str_radix(port, 16) == Ok(address.port());
+        let meets = found == ip || found.is_unspecified() || ip.is_unspecified();
+        (same && meets).then(|| words.nth(7)).flatten()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn this_machine_has_its_loopback() {
+        let all = interfaces();
+        let loopback = all.iter().find(|one| one.address == Ipv4Addr::LOCALHOST);
+        assert!(
+            loopback.is_some_and(|one| one.up && one.is_near(Ipv4Addr::new(127, 0, 0, 2))),
+            "{all:?}"
+        );
+    }
+
+    #[test]
+    fn the_holder_of_a_port_is_this_process() -> std::io::Result<()> {
+        let socket = std::net::UdpSocket::bind("127.0.0.1:0")?;
+        let found = holder(socket.local_addr()?).unwrap_or_default();
+        assert!(
+            found.ends_with(&format!("(pid {})", std::process::id())),
+            "{found}"
+        );
+        Ok(())
+    }
+
+    #[test]
+    fn a_free_port_has_no_holder() {
+        let table = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n\
+                     10: 0100007F:C312 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 4711 2 0 0\n";
+        let at = |text: &str| {
+            text.parse()
+                .ok()
+                .and_then(|address| inode_of(table, address))
+        };
+        assert_eq!(at("127.0.0.1:49938"), Some("4711"));
+        assert_eq!(at("127.0.0.1:49939"), None);
+        assert_eq!(at("10.0.0.1:49938"), None);
+    }
+}
