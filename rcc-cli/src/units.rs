@@ -8,8 +8,8 @@ pub mod disk;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use rcc_config::CellConfig;
 use rcc_config::cell::SupervisionConfig;
+use rcc_config::{AccessConfig, CellConfig};
 
 use crate::supervisor::launch;
 use cores::Cores;
@@ -107,9 +107,9 @@ impl Order<'_> {
     pub fn instances(&self) -> Vec<String> {
         let cell = self.cell;
         let drivers = self.config.devices.iter();
-        let drivers = drivers.map(|device| format!("rcc-driver@{cell}:{}.service", device.name));
+        let drivers = drivers.map(|device| format!("rcc-driver@{cell}.{}.service", device.name));
         let asked = self.config.simulators.iter().filter(|_| self.simulators);
-        let simulators = asked.map(|one| format!("rcc-simulator@{cell}:{}.service", one.name));
+        let simulators = asked.map(|one| format!("rcc-simulator@{cell}.{}.service", one.name));
         drivers.chain(simulators).collect()
     }
 
@@ -148,16 +148,15 @@ impl Order<'_> {
 
     fn loader(&self) -> UnitFile {
         let service = format!(
-            "{}{}{}",
+            "{}{}{}{}",
             self.environment(""),
             times(&self.config.supervision, 0),
             self.affinity(),
+            doors(&self.config.access),
         );
         let unit = format!("rcc-loader@{}.service", self.cell);
-        self.file(
-            &unit,
-            &(limits(&self.config.supervision) + "\n[Service]\n" + &service),
-        )
+        let text = limits(&self.config.supervision) + "\n[Service]\n" + &service;
+        self.file(&unit, &text)
     }
 
     fn driver(&self, device: &rcc_config::DeviceConfig) -> UnitFile {
@@ -169,7 +168,7 @@ impl Order<'_> {
         );
         let simulators = self.config.simulators.iter().filter(|_| self.simulators);
         let simulators: String = simulators
-            .map(|one| format!(" rcc-simulator@{cell}:{}.service", one.name))
+            .map(|one| format!(" rcc-simulator@{cell}.{}.service", one.name))
             .collect();
         let order = format!(
             "PartOf=rcc@{cell}.target\n# Started before the executor, so stopped after it: the device is brought to rest.\n\
@@ -187,7 +186,7 @@ impl Order<'_> {
             self.affinity(),
             addresses::allowed(&device.settings),
         );
-        let unit = format!("rcc-driver@{cell}:{}.service", device.name);
+        let unit = format!("rcc-driver@{cell}.{}.service", device.name);
         self.file(
             &unit,
             &(limits(&self.config.supervision) + &order + "\n[Service]\n" + &service),
@@ -212,7 +211,7 @@ impl Order<'_> {
             self.affinity(),
         );
         self.file(
-            &format!("rcc-simulator@{cell}:{}.service", simulator.name),
+            &format!("rcc-simulator@{cell}.{}.service", simulator.name),
             &text,
         )
     }
@@ -265,6 +264,22 @@ fn limits(supervision: &SupervisionConfig) -> String {
         within_ns / 1_000_000,
         restarts + 1
     )
+}
+
+/// What the loader needs for the doors that are asked for.
+fn doors(access: &AccessConfig) -> String {
+    let group = access.group.as_ref();
+    let group = group.map_or(String::new(), |group| {
+        format!("# It gives the socket to this group.\nSupplementaryGroups={group}\n")
+    });
+    let Some(tcp) = &access.tcp else {
+        return group;
+    };
+    let from = match tcp.listen.ip().is_loopback() {
+        true => "localhost",
+        false => "any",
+    };
+    format!("{group}RestrictAddressFamilies=AF_INET AF_INET6\nIPAddressAllow={from}\n")
 }
 
 fn times(supervision: &SupervisionConfig, more_ms: u64) -> String {

@@ -76,6 +76,14 @@ impl TestCell {
         self.up.wait().expect("the child is ours");
     }
 
+    /// Waits until `rcc-cli up` has ended by itself.
+    pub fn await_supervisor(&mut self) -> ExitStatus {
+        let up = &mut self.up;
+        await_some("the supervisor to end", || {
+            up.try_wait().expect("the child can be asked")
+        })
+    }
+
     /// Starts `rcc-cli up` again after it has ended, and waits until the cell is ready.
     pub fn up_again(&mut self) {
         self.up = start_up(self);

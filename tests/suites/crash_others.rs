@@ -179,7 +179,13 @@ fn ctrl_c_on_run_cancels_and_unloads() {
 
 #[test]
 fn a_loader_that_hangs_changes_no_motion_and_knows_everything_when_it_goes_on() {
-    let cell = TestCell::demo();
+    // The supervisor has patience here; what it does without is tested in `services`.
+    let cell = TestCell::changed(|text| {
+        text.replace(
+            "period: 1 ms",
+            "period: 1 ms\nsupervision: {watchdog: 60 s}",
+        )
+    });
     let mut arm = cell.simulator("fri_control");
     let line = cell.run(&nets::line("line", 0.1, 0.1));
     arm.await_motion();

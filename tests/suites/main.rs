@@ -10,3 +10,5 @@ mod examples;
 mod life;
 mod plans;
 mod readme;
+mod services;
+mod syscalls;

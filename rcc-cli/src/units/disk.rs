@@ -120,8 +120,8 @@ fn drop_ins(root: &Path, cell: &str) -> Result<(Vec<PathBuf>, usize), Failure> {
         if !kind.starts_with("rcc") || !path.is_file() {
             continue;
         }
-        // CELL.target.d, CELL.service.d or CELL:DEVICE.service.d; no dot or colon is in a cell's name.
-        let of = instance.split([':', '.']).next().unwrap_or_default();
+        // CELL.target.d, CELL.service.d or CELL.DEVICE.service.d; no dot is in a cell's name.
+        let of = instance.split('.').next().unwrap_or_default();
         if of == cell {
             own.push(path);
         } else {

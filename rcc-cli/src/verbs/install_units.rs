@@ -61,18 +61,22 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = arguments.file.display().to_string();
     let path = arguments.file.canonicalize();
     let path = path.map_err(|error| Failure::unreadable(&name, &error))?;
-    let ports = chosen(&path, &arguments)?;
-    let config = CellConfig::load(&path, &ports)
-        .map_err(|faults| Failure::of_faults("the configuration is not valid", &faults))?;
-    let cell = context.cell.clone().unwrap_or(config.name.clone());
+    let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
     if arguments.uninstall {
-        let removed = disk::remove(&arguments.root, &cell, arguments.dry_run)?;
+        // What is removed needs no ports.
+        let config = CellConfig::load_offline(&path).map_err(invalid)?;
+        let cell = context.cell.as_deref().unwrap_or(&config.name);
+        let removed = disk::remove(&arguments.root, cell, arguments.dry_run)?;
         tell(context, &removed);
-        return Ok(after_uninstall(context, &cell));
+        after_uninstall(context, cell);
+        return Ok(());
     }
-    let installed = arguments.root != Path::new("/");
-    let programs = programs(arguments.programs.as_deref(), installed)?;
-    visible(&path, "the configuration", installed)?;
+    let ports = chosen(&path, &arguments)?;
+    let config = CellConfig::load(&path, &ports).map_err(invalid)?;
+    let cell = context.cell.clone().unwrap_or(config.name.clone());
+    let elsewhere = arguments.root != Path::new("/");
+    let programs = programs(arguments.programs.as_deref(), elsewhere)?;
+    visible(&path, "the configuration", elsewhere)?;
     real(&config, &arguments)?;
     let cores = cores(&config, arguments.cpus)?;
     let order = Order {
@@ -113,14 +117,8 @@ fn chosen(path: &Path, arguments: &Arguments) -> Result<BTreeMap<String, u16>, F
         .filter(|name| !given.contains_key(*name))
         .map(String::as_str)
         .collect();
-    // What is removed needs no ports.
-    if missing.is_empty() || arguments.uninstall {
-        let zero = missing.iter().map(|name| ((*name).to_owned(), 0));
-        return Ok(given
-            .iter()
-            .map(|(name, port)| (name.clone(), *port))
-            .chain(zero)
-            .collect());
+    if missing.is_empty() {
+        return Ok(given);
     }
     let sample: Vec<String> = missing
         .iter()

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use rcc_config::cell::{RealTime, SupervisionConfig};
 use rcc_config::diagnostic::Faults;
 use rcc_config::{AccessConfig, CellConfig, OnRelease, ports::PortArgument};
 use rcc_core::primitive::ChannelKind;
@@ -53,6 +54,44 @@ fn what_is_left_out_has_its_documented_value() {
     assert_eq!(device.command_timeout_ns, 50_000_000);
     assert!((device.first_tolerance_rad.to_degrees() - 0.1).abs() < 1e-15);
     assert_eq!(device.settings, serde_json::json!({}));
+}
+
+#[test]
+fn supervision_is_as_the_file_has_it_and_sensible_without() {
+    let devices = "devices:\n  b: {driver: c}\n";
+    let usual = cell(&format!("cell: a\nperiod: 1 ms\n{devices}"));
+    let SupervisionConfig {
+        restarts,
+        within_ns,
+        stop_timeout_ns,
+        watchdog_ns,
+    } = usual.supervision;
+    assert_eq!((restarts, within_ns), (5, 30_000_000_000));
+    assert_eq!(
+        (stop_timeout_ns, watchdog_ns),
+        (5_000_000_000, 2_000_000_000)
+    );
+    assert_eq!(usual.executor.rt, RealTime::BestEffort);
+    let given = cell(&format!(
+        "cell: a\nperiod: 1 ms\nexecutor: {{rt: required}}\n\
+         supervision: {{restarts: 0, within: 1 min, stop_timeout: 1 s, watchdog: 500 ms}}\n{devices}"
+    ));
+    assert_eq!(given.supervision.restarts, 0);
+    assert_eq!(given.supervision.within_ns, 60_000_000_000);
+    assert_eq!(given.supervision.stop_timeout_ns, 1_000_000_000);
+    assert_eq!(given.supervision.watchdog_ns, 500_000_000);
+    assert_eq!(given.executor.rt, RealTime::Required);
+}
+
+#[test]
+fn a_watchdog_that_kills_the_busy_is_refused() {
+    let text = "cell: a\nperiod: 1 ms\nsupervision: {watchdog: 10 ms, restarts: -1}\ndevices:\n  b: {driver: c}\n";
+    let faults = parse(text).unwrap_err().to_string();
+    assert!(
+        faults.contains("watchdog is 10 ms, it must be from 500 ms to 60 s"),
+        "{faults}"
+    );
+    assert!(faults.contains("restarts is -1"), "{faults}");
 }
 
 #[test]

@@ -1,0 +1,281 @@
+//! `install-units` writes what systemd accepts and calls safe, and takes it away again. The tests play no systemd: its
+//! own `systemd-analyze` judges. Run by the threads of the test harness.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Exposure by `systemd-analyze security`, in tenths: 33 = 3.3 "OK" is what may be reached at most.
+const EXPOSURE_MAX: u32 = 33;
+
+/// A root folder of one test, removed at the end.
+struct Root(PathBuf);
+
+impl Root {
+    fn new(name: &str) -> Root {
+        let root = std::env::temp_dir().join(format!("rcc-units-{name}-{}", std::process::id()));
+        fs::create_dir_all(&root).unwrap();
+        Root(root)
+    }
+
+    fn install(&self, config: &str, more: &[&str]) -> Output {
+        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells");
+        Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+            .arg("install-units")
+            .arg(configs.join(config))
+            .arg("--root")
+            .arg(&self.0)
+            .args(more)
+            .env_remove("RCC_CELL")
+            .env_remove("RCC_OUTPUT")
+            .output()
+            .unwrap()
+    }
+
+    /// All files below it, with their texts.
+    fn files(&self) -> BTreeMap<String, String> {
+        let mut files = BTreeMap::new();
+        let mut folders = vec![self.0.clone()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap().flatten() {
+                let path = entry.path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else {
+                    let name = path.strip_prefix(&self.0).unwrap().display().to_string();
+                    files.insert(name, fs::read_to_string(&path).unwrap());
+                }
+            }
+        }
+        files
+    }
+
+    /// Runs systemd-analyze on these units; `None` where the machine has none.
+    fn analyze(&self, arguments: &[&str], unit: &str) -> Option<Output> {
+        let ran = Command::new("systemd-analyze")
+            .args(arguments)
+            .arg(unit)
+            // With a colon at its end: and the system's own units.
+            .env(
+                "SYSTEMD_UNIT_PATH",
+                format!("{}/etc/systemd/system:", self.0.display()),
+            )
+            .output();
+        ran.map_err(|_| eprintln!("skipped: this machine has no systemd-analyze"))
+            .ok()
+    }
+}
+
+impl Drop for Root {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+const DEMO: [&str; 8] = [
+    "--simulators",
+    "--port",
+    "fri=49938",
+    "--port",
+    "fri_control=49939",
+    "--port",
+    "io=49940",
+    "--port=io_control=49941",
+];
+
+/// What a cell's units are called.
+const UNITS: [&str; 10] = [
+    "rcc.target",
+    "rcc@demo.target",
+    "rcc-rt-setup.service",
+    "rcc-executor@demo.service",
+    "rcc-loader@demo.service",
+    "rcc-driver@demo.lwr.service",
+    "rcc-driver@demo.io.service",
+    "rcc-simulator@demo.lwr-sim.service",
+    "rcc-simulator@demo.io-sim.service",
+    "rcc.slice",
+];
+
+fn succeeds(output: &Output) -> String {
+    let (out, errors) = (text(&output.stdout), text(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}\n{out}\n{errors}",
+        output.status
+    );
+    out
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn systemd_accepts_every_unit() {
+    let root = Root::new("verify");
+    succeeds(&root.install("demo.yaml", &DEMO));
+    for unit in UNITS {
+        let Some(output) = root.analyze(&["verify", "--man=no"], unit) else {
+            return;
+        };
+        let said = text(&output.stderr);
+        assert!(output.status.success(), "{unit}: {said}");
+        assert!(!said.contains("rcc"), "{unit}: {said}");
+    }
+}
+
+#[test]
+fn every_service_is_locked_in() {
+    let root = Root::new("security");
+    succeeds(&root.install("demo.yaml", &DEMO));
+    let threshold = format!("--threshold={EXPOSURE_MAX}");
+    for unit in UNITS.iter().filter(|unit| unit.ends_with(".service")) {
+        let Some(output) = root.analyze(
+            &["security", "--offline=true", "--no-pager", &threshold],
+            unit,
+        ) else {
+            return;
+        };
+        let said = text(&output.stdout);
+        assert!(
+            output.status.success(),
+            "{unit}: {said}\n{}",
+            text(&output.stderr)
+        );
+        println!("{}", said.lines().last().unwrap_or_default());
+    }
+}
+
+#[test]
+fn the_configuration_decides_restarts_priorities_cores_and_addresses() {
+    let root = Root::new("drop-ins");
+    succeeds(&root.install(
+        "lwr.yaml",
+        &["--cpus", "0,2-3", "--programs", "/opt/rcc/bin"],
+    ));
+    let files = root.files();
+    let units = "etc/systemd/system";
+    let executor = &files[&format!("{units}/rcc-executor@lwr.service.d/50-cell.conf")];
+    for line in [
+        "StartLimitBurst=6",
+        "LimitRTPRIO=80",
+        "CPUAffinity=0,2-3",
+        "WatchdogSec=2000ms",
+    ] {
+        assert!(
+            executor.lines().any(|have| have == line),
+            "{line} is not in\n{executor}"
+        );
+    }
+    let driver = &files[&format!("{units}/rcc-driver@lwr.lwr.service.d/50-cell.conf")];
+    for line in [
+        "IPAddressAllow=192.168.0.0/24",
+        "LimitRTPRIO=70",
+        "Before=rcc-executor@lwr.service",
+    ] {
+        assert!(
+            driver.lines().any(|have| have == line),
+            "{line} is not in\n{driver}"
+        );
+    }
+    let target = &files[&format!("{units}/rcc@lwr.target.d/50-cell.conf")];
+    assert!(
+        target.contains("Wants=rcc-driver@lwr.lwr.service\n"),
+        "{target}"
+    );
+    let unit = &files[&format!("{units}/rcc-executor@.service")];
+    assert!(unit.contains("ExecStart=/opt/rcc/bin/rcc-exec\n"), "{unit}");
+}
+
+#[test]
+fn what_is_not_for_production_is_refused_with_the_remedy() {
+    let root = Root::new("refused");
+    let output = root.install("demo.yaml", &[]);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("fri, fri_control, io, io_control") && said.contains("--port fri="),
+        "{said}"
+    );
+    let output = root.install("demo.yaml", &DEMO[1..]);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("simulators (lwr-sim, io-sim)") && said.contains("--simulators"),
+        "{said}"
+    );
+    assert!(root.files().is_empty());
+}
+
+#[test]
+fn somebody_elses_unit_is_never_touched() {
+    let root = Root::new("foreign");
+    let folder = root.0.join("etc/systemd/system");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("rcc.target"), "[Unit]\nDescription=mine\n").unwrap();
+    let output = root.install("lwr.yaml", &[]);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{said}");
+    assert!(said.contains("rcc.target is there and not ours"), "{said}");
+    assert_eq!(root.files().len(), 1, "nothing was written");
+}
+
+#[test]
+fn a_dry_run_writes_nothing_and_a_second_run_changes_nothing() {
+    let root = Root::new("dry");
+    let said = succeeds(&root.install("lwr.yaml", &["--dry-run"]));
+    assert!(said.contains("rcc-driver@lwr.lwr.service.d"), "{said}");
+    assert!(root.files().is_empty());
+    succeeds(&root.install("lwr.yaml", &[]));
+    let files = root.files();
+    let said = succeeds(&root.install("lwr.yaml", &[]));
+    assert!(
+        said.lines()
+            .filter(|line| line.starts_with("unchanged"))
+            .count()
+            == files.len(),
+        "{said}"
+    );
+    assert_eq!(root.files(), files);
+}
+
+#[test]
+fn uninstall_leaves_other_cells_alone_and_at_last_nothing() {
+    let root = Root::new("uninstall");
+    succeeds(&root.install("lwr.yaml", &[]));
+    let one = root.files();
+    succeeds(&root.install("demo.yaml", &DEMO));
+    succeeds(&root.install("demo.yaml", &["--uninstall"]));
+    assert_eq!(root.files(), one);
+    succeeds(&root.install("lwr.yaml", &["--uninstall"]));
+    assert_eq!(root.files(), BTreeMap::new());
+}
+
+#[test]
+fn a_device_that_is_gone_loses_its_unit() {
+    let root = Root::new("stale");
+    succeeds(&root.install("demo.yaml", &DEMO));
+    let more = [&DEMO[1..], &["--cell", "demo"]].concat();
+    let config = root.0.join("demo.yaml");
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+    let text = fs::read_to_string(shipped.join("cells/demo.yaml")).unwrap();
+    let robots = shipped.join("robots").canonicalize().unwrap();
+    let text = text.replace("../robots", robots.to_str().unwrap());
+    let (head, _) = text.split_at(text.find("  io:\n    driver: modbus").unwrap());
+    let from = head.find("simulators:").unwrap();
+    let to = head.find("devices:").unwrap();
+    fs::write(&config, head[..from].to_owned() + &head[to..]).unwrap();
+    let said = succeeds(&root.install(config.to_str().unwrap(), &more));
+    assert!(
+        said.contains("removed") && said.contains("rcc-driver@demo.io.service.d"),
+        "{said}"
+    );
+    let files = root.files();
+    let left: Vec<&String> = files
+        .keys()
+        .filter(|name| name.contains("simulator@demo"))
+        .collect();
+    assert!(left.is_empty(), "{left:?}");
+}

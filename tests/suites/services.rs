@@ -1,0 +1,79 @@
+//! `rcc-cli up` obeys `supervision`: who hangs is killed and started again, who dies too often has failed for good, and
+//! only the executor takes the cell along. Each test has a cell of its own. Run by the threads of the test harness.
+
+use std::fs;
+
+use nix::sys::signal::Signal;
+use rcc_ipc::Role;
+use rcc_tests::processes::signal;
+use rcc_tests::{TestCell, await_some};
+
+/// The demo with this supervision.
+fn cell(supervision: &str) -> TestCell {
+    TestCell::changed(|text| {
+        let keys = format!("period: 1 ms\nsupervision: {{{supervision}}}");
+        text.replace("period: 1 ms", &keys)
+    })
+}
+
+/// Waits until the supervisor said a line with these words.
+fn await_line(cell: &TestCell, words: &str) -> String {
+    await_some(&format!("'{words}' from the supervisor"), || {
+        let said = fs::read_to_string(cell.folder().join("up.log")).ok()?;
+        said.lines()
+            .find(|line| line.contains(words))
+            .map(str::to_owned)
+    })
+}
+
+#[test]
+fn a_process_that_hangs_is_killed_and_started_again() {
+    let cell = cell("watchdog: 1 s");
+    for (role, label, name) in [
+        (Role::Driver, "lwr", "driver/lwr"),
+        (Role::Loader, "loader", "loader"),
+        (Role::Executor, "exec", "executor"),
+    ] {
+        let hung = cell.announced(role, label);
+        assert!(signal(hung.pid, Signal::SIGSTOP), "{name} is gone");
+        cell.await_successor(role, label, hung.incarnation);
+        let line = await_line(&cell, &format!("{name:<20} hangs: no progress for"));
+        assert!(line.contains("it is killed"), "{line}");
+        await_line(
+            &cell,
+            &format!("{name:<20} died: killed, because it hung (SIGABRT)"),
+        );
+    }
+    cell.await_devices();
+    cell.stop();
+}
+
+#[test]
+fn a_driver_that_dies_too_often_has_failed_and_the_rest_goes_on() {
+    let cell = cell("restarts: 1, within: 3600 s");
+    let first = cell.kill(Role::Driver, "io");
+    let second = cell.await_successor(Role::Driver, "io", first);
+    await_line(&cell, "starting again (1/1 in 3600 s)");
+    assert!(signal(second.pid, Signal::SIGKILL), "it is gone");
+    await_line(
+        &cell,
+        "driver/io            failed: it is not started again (SIGKILL)",
+    );
+    let line = await_line(&cell, "  > the rest of the cell goes on");
+    assert!(line.contains("died more than 1 times in 3600 s"), "{line}");
+    cell.await_device("lwr", "ready");
+    let place = cell.interrupt();
+    place.await_dead();
+    place.assert_nothing_left();
+}
+
+#[test]
+fn without_its_executor_the_cell_ends() {
+    let mut cell = cell("restarts: 0");
+    cell.kill(Role::Executor, "exec");
+    let status = cell.await_supervisor();
+    assert_eq!(status.code(), Some(1));
+    await_line(&cell, "  > the cell ends");
+    cell.await_dead();
+    cell.assert_nothing_left();
+}
