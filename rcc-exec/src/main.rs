@@ -19,7 +19,6 @@ use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, RECORDS, STATUS, TABLES, command_board};
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{Announcement, BoardError, Cell, Role, Session};
 use rcc_process::{CellArguments, Ending, Notifier, Pulse, Stop, ending};
 use tracing::{error, info, warn};
@@ -44,7 +43,6 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     let cell = Cell::new(&arguments.cell)?;
     let session = Session::join(&cell, Role::Executor, "exec")?;
     let mut grants = Grants::default();
-    let recorder = Recorder::start(&cell, Role::Executor, session.label())?;
     let recorder = Recorder::start(&cell, Role::Executor, session.label())?;
     let (rt_ends, helper_ends) = rings();
     let models = config.models();
@@ -103,12 +101,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         return Err(Ending::not_permitted(&refused(&grants)));
     }
     let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
-    let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
-    recorder.tell(Kind::Started {
-        note: events::text(&grants.to_string()),
-        predecessor,
-    });
     recorder.tell(Kind::Started {
         note: events::text(&grants.to_string()),
         predecessor,
