@@ -242,10 +242,11 @@ impl Supervisor {
         }
         if let Some(silence) = child.watch(START_LIMIT, patience) {
             let silence = silence.as_secs_f64();
-            self.say(
-                &name,
-                &format!("hangs: no progress for {silence:.1} s, it is killed"),
+            let status = child.notices.as_ref().map_or("", notices::Notices::status);
+            let words = format!(
+                "hangs: no progress for {silence:.1} s, it is killed; it said last: {status}"
             );
+            self.say(&name, &words);
             return;
         }
         match std::mem::replace(&mut child.life, Life::Failed) {
@@ -293,11 +294,13 @@ impl Supervisor {
             Verdict::Failed => Life::Failed,
         };
         self.say(&name, &format!("died: {words}"));
+        // What it did before is in the log; only complaints tell why it died.
+        let said = last_words.iter().rfind(|line| !line.contains(" INFO "));
         self.record(Kind::ProcessDied {
             process: name.clone(),
             pid,
             how: words.to_owned(),
-            last_words: events::text(last_words.last().map_or("", String::as_str)),
+            last_words: events::text(said.map_or("", String::as_str)),
         });
         for line in last_words {
             self.say(&name, &format!("  | {line}"));
@@ -317,26 +320,29 @@ impl Supervisor {
                     within_s: window,
                 });
             }
-            Verdict::Failed => {
-                self.failed = true;
-                self.executor_failed |= is_executor;
-                self.say(&name, &format!("failed: it is not started again ({words})"));
-                let (most, window) = self.allowed();
-                let rest = match is_executor {
-                    true => "the cell ends",
-                    false => "the rest of the cell goes on",
-                };
-                let remedy = remedy.map_or_else(
-                    || format!("it died more than {most} times in {window} s; find out why from the lines above, then start the cell again"),
-                    str::to_owned,
-                );
-                self.say(&name, &format!("  > {rest}; {remedy}"));
-                self.record(Kind::ProcessFailed {
-                    process: name,
-                    why: words.to_owned(),
-                });
-            }
+            Verdict::Failed => self.fail(name, is_executor, words, remedy),
         }
+    }
+
+    /// A process has failed for good: why, what becomes of the others, what to do.
+    fn fail(&mut self, name: String, is_executor: bool, words: &str, remedy: Option<&str>) {
+        self.failed = true;
+        self.executor_failed |= is_executor;
+        let (most, window) = self.allowed();
+        let rest = match is_executor {
+            true => "the cell ends",
+            false => "the rest of the cell goes on",
+        };
+        let remedy = remedy.map_or_else(
+            || format!("it died more than {most} times in {window} s; find out why from the lines above, then start the cell again"),
+            str::to_owned,
+        );
+        self.say(&name, &format!("failed: it is not started again ({words})"));
+        self.say(&name, &format!("  > {rest}; {remedy}"));
+        self.record(Kind::ProcessFailed {
+            process: name,
+            why: words.to_owned(),
+        });
     }
 
     /// So many starts again in so many seconds.
