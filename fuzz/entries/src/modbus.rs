@@ -1,20 +1,21 @@
 //! Target `modbus`: a server on loopback that answers the Modbus driver with any bytes. Never a panic, an answer within
 //! its time, and nothing known that was not configured. Run by the thread of the target; a second one is the server.
 
+use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::Duration;
 
 use arbitrary::{Arbitrary, Unstructured};
-use rcc_config::DeviceConfig;
+use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::primitive::ChannelKind;
 use rcc_drivers::driver::{Driver, Inputs, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 
 use crate::plan::real;
-use crate::shipped::shipped;
 
 /// Exchanges of one input.
 const EXCHANGES: usize = 4;
@@ -89,7 +90,9 @@ pub fn run(data: &[u8]) {
         }
         let mut outputs = Outputs::NONE;
         (outputs.digital, outputs.digital_set) = <_>::arbitrary(&mut bytes).unwrap_or((1, 1));
-        outputs.analog[0] = real(&mut bytes).unwrap_or(f64::NAN);
+        for place in outputs.analog.iter_mut().take(3) {
+            *place = real(&mut bytes).unwrap_or(f64::NAN);
+        }
         if driver.send(&outputs).is_err() {
             break;
         }
@@ -101,17 +104,46 @@ pub fn run(data: &[u8]) {
     }
 }
 
+/// Every kind of point, and everything that a driver does besides.
+const CELL: &str = "
+cell: fuzz
+period: 1 ms
+devices:
+  io:
+    driver: modbus
+    settings: {server: '127.0.0.1:1', unit: 1, period: 1 ms}
+    channels:
+      lamp:  {kind: digital output, address: coil 0, on_release: hold}
+      clamp: {kind: digital output, address: coil 1, on_release: hold}
+      gate:  {kind: digital output, address: holding 9 bit 3, on_release: hold}
+      lamp_on: {kind: digital input, address: discrete 0}
+      coil_on: {kind: digital input, address: coil 7}
+      ready:   {kind: digital input, address: input 9 bit 15}
+      speed:  {kind: analog output, address: holding 0, unit: m/s, scale: 1 mm/s, on_release: hold}
+      force:  {kind: analog output, address: holding 2 f32 CDAB, unit: N, on_release: hold}
+      far:    {kind: analog output, address: holding 4 i64, unit: m, on_release: hold}
+      speed_is: {kind: analog input, address: input 0 i16, unit: m/s, scale: 1 mm/s}
+      force_is: {kind: analog input, address: input 2 f32 BADC, unit: N}
+      count:    {kind: analog input, address: input 4 u64, unit: 1}
+      exact:    {kind: analog input, address: holding 20 f64 HGFEDCBA, unit: 1}
+";
+
+static DEVICE: LazyLock<DeviceConfig> = LazyLock::new(|| {
+    let cell = CellConfig::parse(CELL, "cell.yaml", Path::new(""), &BTreeMap::new());
+    let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
+    cell.devices[0].clone()
+});
+
 fn device(server: SocketAddr) -> DeviceConfig {
-    let (_, device) = shipped()
-        .cell
-        .device("io")
-        .unwrap_or_else(|| panic!("the demo has an io"));
     let settings = serde_json::json!({
         "server": server.to_string(), "unit": 1, "period": "1 ms", "timeout": "20 ms",
+        "watchdog": {"address": "coil 15", "every": "1 ms"},
+        "heartbeat": {"address": "input 10", "within": "500 ms"},
+        "on_connect": [{"address": "holding 100", "value": 500}],
     });
     DeviceConfig {
         settings,
-        ..device.clone()
+        ..DEVICE.clone()
     }
 }
 
