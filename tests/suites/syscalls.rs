@@ -1,0 +1,320 @@
+//! A driver killed before every system call from its start to its first exchange, and the loader up to its first answer:
+//! `strace` injects the death. Nobody hangs, the next start succeeds, nothing is left, the executor misses no cycle.
+//!
+//! strace counts the calls of each name in each thread, so a death has a name and a number: before the n-th `openat`.
+//! By default some deaths, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use rcc_core::message::{DeviceState, MonitorRecord};
+use rcc_ipc::Life;
+use rcc_tests::place::{LIMIT, Watch, files_below};
+use rcc_tests::processes::{ends_with_test, signal};
+use rcc_tests::records::Records;
+use rcc_tests::{HandCell, await_some, nets};
+
+/// Deaths of each program that are tried by default.
+const SAMPLE: usize = 12;
+/// How often a process is looked at.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// A program that is killed, and how to see that it works.
+struct Victim {
+    /// In the bench.
+    name: &'static str,
+    program: &'static str,
+    arguments: &'static [&'static str],
+    /// Place among the devices, for a driver.
+    device: Option<usize>,
+    /// A net that needs none of it, with a monitor of every cycle.
+    bystander: fn() -> String,
+}
+
+/// Before which system call it dies.
+type Death = (String, usize);
+
+#[test]
+fn a_death_of_the_fri_driver_before_any_system_call_harms_nobody() {
+    die_everywhere(&Victim {
+        name: "lwr",
+        program: "rcc-driver",
+        arguments: &["--device", "lwr"],
+        device: Some(0),
+        bystander: || nets::lamp("bystander"),
+    });
+}
+
+#[test]
+fn a_death_of_the_modbus_driver_before_any_system_call_harms_nobody() {
+    die_everywhere(&Victim {
+        name: "io",
+        program: "rcc-driver",
+        arguments: &["--device", "io"],
+        device: Some(1),
+        bystander: || nets::output("bystander", "lwr", "torch"),
+    });
+}
+
+#[test]
+fn a_death_of_the_loader_before_any_system_call_harms_nobody() {
+    die_everywhere(&Victim {
+        name: "loader",
+        program: "rcc-loader",
+        arguments: &[],
+        device: None,
+        bystander: || nets::lamp("bystander"),
+    });
+}
+
+fn die_everywhere(victim: &Victim) {
+    if let Err(cause) = can_trace() {
+        eprintln!(
+            "skipped: deaths of {} before system calls: {cause}",
+            victim.name
+        );
+        return;
+    }
+    let mut cell = HandCell::demo();
+    cell.run(&(victim.bystander)());
+    let watch = cell.watch();
+    let records = Records::follow(&cell);
+    let (executor, before) = (cell.pid("executor"), watch.status());
+    cell.end(victim.name, Signal::SIGKILL);
+    let usual = left(&cell);
+
+    let all = every_death(&cell, victim, &watch);
+    let chosen = choose(&all);
+    let mut reached = 0;
+    for death in &chosen {
+        reached += usize::from(die(&cell, victim, &watch, death));
+        cell.clean();
+        start_and_kill(&mut cell, victim, &watch);
+        await_some(&format!("nothing to be left after {death:?}"), || {
+            cell.clean();
+            left(&cell)
+                .difference(&usual)
+                .next()
+                .is_none()
+                .then_some(())
+        });
+        assert_eq!(cell.pid("executor"), executor);
+        assert_eq!(
+            watch.status().incarnation,
+            before.incarnation,
+            "after {death:?}"
+        );
+    }
+    let after = watch.status();
+    eprintln!(
+        "{}: {} of {} deaths tried, {reached} before the first exchange; {} cycles meanwhile, {} of them late",
+        victim.name,
+        chosen.len(),
+        all.len(),
+        after.cycle - before.cycle,
+        after.late - before.late
+    );
+    assert!(
+        reached * 10 >= chosen.len() * 8,
+        "most of them happened: {reached} of {}",
+        chosen.len()
+    );
+    assert_no_cycle_missing(&records.finish());
+    drop(watch);
+    match victim.device {
+        Some(_) => drop(cell.start_driver(victim.name)),
+        None => drop(cell.start_loader()),
+    }
+    cell.await_devices();
+    cell.stop();
+}
+
+/// The machine has strace, and we may trace.
+fn can_trace() -> Result<(), String> {
+    let output = Command::new("strace")
+        .args(["-f", "-o", "/dev/null", "true"])
+        .output();
+    match output {
+        Ok(output) if output.status.success() => Ok(()),
+        Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
+        Err(error) => Err(format!("strace: {error}")),
+    }
+}
+
+/// The program under strace with these options.
+fn traced(cell: &HandCell, victim: &Victim, options: &[String]) -> Child {
+    let usual = cell.program(victim.program);
+    let mut command = Command::new("strace");
+    command.args(["-f", "-qq"]).args(options).arg("--");
+    command.arg(usual.get_program()).args(usual.get_args());
+    command
+        .arg("--config")
+        .arg(cell.config())
+        .arg("--parent-death")
+        .args(victim.arguments);
+    for (key, value) in usual.get_envs() {
+        command.env(key, value.unwrap_or_default());
+    }
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    ends_with_test(&mut command).spawn().expect("strace starts")
+}
+
+/// The process that strace watches.
+fn tracee(strace: &Child) -> Option<u32> {
+    let pid = strace.id();
+    let children = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).ok()?;
+    children.split_whitespace().next()?.parse().ok()
+}
+
+/// It has exchanged with its device, or answers.
+fn works(cell: &HandCell, victim: &Victim, watch: &Watch, pid: u32) -> bool {
+    match victim.device {
+        Some(device) => {
+            let row = watch.tables().devices[device];
+            let is_it = Life::from_incarnation(row.incarnation).pid == pid;
+            is_it && row.state != DeviceState::Offline as u32 && row.sequence > 0
+        }
+        None => cell.try_rest("GET", "/status", "").is_some(),
+    }
+}
+
+/// Traces a whole start; returns each death that it could die, in the order of the calls.
+fn every_death(cell: &HandCell, victim: &Victim, watch: &Watch) -> Vec<Death> {
+    let file = cell.folder().join("calls.txt");
+    let mut strace = traced(cell, victim, &["-o".into(), file.display().to_string()]);
+    await_some(&format!("{} to work under strace", victim.name), || {
+        let pid = tracee(&strace)?;
+        works(cell, victim, watch, pid).then(|| signal(pid, Signal::SIGKILL))
+    });
+    strace.wait().expect("the child is ours");
+    cell.clean();
+    let deaths = deaths_of(&file, victim);
+    assert!(deaths.len() > 50, "{} system calls only", deaths.len());
+    deaths
+}
+
+fn deaths_of(file: &Path, victim: &Victim) -> Vec<Death> {
+    let text = fs::read_to_string(file).expect("strace wrote it");
+    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    let mut seen = BTreeSet::new();
+    let mut deaths = Vec::new();
+    let mut accepted = false;
+    for line in text.lines() {
+        let Some((thread, call)) = line.split_once(' ') else {
+            continue;
+        };
+        let call = call.trim_start();
+        // `<... resumed>`, `+++ exited`, `--- SIGNAL` are no calls.
+        let name = call.split('(').next().unwrap_or_default();
+        if name.is_empty() || !name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') {
+            continue;
+        }
+        let count = counts.entry((thread, name)).or_default();
+        *count += 1;
+        if seen.insert((name, *count)) {
+            deaths.push((name.to_owned(), *count));
+        }
+        accepted |= name.starts_with("accept");
+        let says =
+            ["sendto", "sendmsg", "write", "writev"].contains(&name) && call.contains("HTTP/1.1 ");
+        let exchanges = name == "sendto" && call.contains("sin_port")
+            || name == "sendto" && call.contains("MSG_NOSIGNAL");
+        if (victim.device.is_none() && accepted && says) || (victim.device.is_some() && exchanges) {
+            break;
+        }
+    }
+    deaths
+}
+
+/// All of them if that is asked for, otherwise some.
+fn choose(all: &[Death]) -> Vec<Death> {
+    let every = std::env::var_os("RCC_EVERY_SYSCALL").is_some_and(|value| value == "1");
+    let count = if every {
+        all.len()
+    } else {
+        SAMPLE.min(all.len())
+    };
+    // The middles of as many equal parts.
+    (0..count)
+        .map(|part| all[(2 * part + 1) * all.len() / (2 * count)].clone())
+        .collect()
+}
+
+/// Starts the program and lets it die; false if it worked before it came to that call.
+fn die(cell: &HandCell, victim: &Victim, watch: &Watch, (name, number): &Death) -> bool {
+    let inject = format!("inject={name}:signal=SIGKILL:when={number}");
+    let options = [
+        "-o",
+        "/dev/null",
+        "-e",
+        &format!("trace={name}"),
+        "-e",
+        &inject,
+    ];
+    let mut strace = traced(cell, victim, &options.map(str::to_owned));
+    let begun = Instant::now();
+    let died = loop {
+        if strace.try_wait().expect("the child is ours").is_some() {
+            break true;
+        }
+        if let Some(pid) = tracee(&strace)
+            && works(cell, victim, watch, pid)
+        {
+            signal(pid, Signal::SIGKILL);
+            break false;
+        }
+        assert!(
+            begun.elapsed() < LIMIT,
+            "{} hangs before {name} {number}\n{}",
+            victim.name,
+            cell.logs()
+        );
+        std::thread::sleep(LOOK);
+    };
+    strace.wait().expect("the child is ours");
+    died
+}
+
+/// The next start of the same program succeeds.
+fn start_and_kill(cell: &mut HandCell, victim: &Victim, watch: &Watch) {
+    if victim.device.is_some() {
+        let pid = cell.start_driver(victim.name);
+        await_some(&format!("the next {} to work", victim.name), || {
+            works(cell, victim, watch, pid).then_some(())
+        });
+        let reply = cell
+            .try_rest("GET", "/status", "")
+            .expect("the loader answers");
+        assert_eq!(reply.status, 200, "{reply:?}");
+    } else {
+        cell.start_loader();
+    }
+    cell.end(victim.name, Signal::SIGKILL);
+}
+
+/// What lies in shared memory and in the runtime folder; numbers in names are those of a life.
+fn left(cell: &HandCell) -> BTreeSet<String> {
+    let shared = cell.cell().leftovers().expect("/dev/shm can be listed");
+    let files = shared
+        .into_iter()
+        .chain(files_below(cell.cell().runtime_dir()));
+    files.map(|path| path.display().to_string()).collect()
+}
+
+fn assert_no_cycle_missing(records: &[MonitorRecord]) {
+    assert!(records.len() > 100, "{} records", records.len());
+    for pair in records.windows(2) {
+        let (cycles, sequences) = (
+            pair[1].cycle - pair[0].cycle,
+            pair[1].sequence - pair[0].sequence,
+        );
+        assert_eq!(cycles, sequences, "a cycle without a record: {pair:?}");
+    }
+}
