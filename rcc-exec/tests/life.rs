@@ -275,6 +275,30 @@ fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
 }
 
 #[test]
+fn a_driver_that_is_replaced_at_once_ends_its_nets_and_nothing_is_commanded_again() {
+    let mut bench = Bench::new();
+    let output = bench.load(output_net(2));
+    let line = bench.load(line_net());
+    bench.start(output);
+    bench.start(line);
+    bench.steps(200);
+    bench.driver.incarnation = 2;
+    bench.driver.measurement.state = DeviceState::Ready as u32;
+    for id in [output, line] {
+        assert!(bench.until_terminated(id, 2) == EndReason::Fault);
+        assert_eq!(bench.entry(id).fault.code, FaultCode::DeviceLost as u32);
+    }
+    for _ in 0..100 {
+        bench.step();
+        let image = bench.engine.image(0).unwrap();
+        let newest = image.at(image.sequence).unwrap();
+        assert_eq!((newest.has_position, newest.digital_commanded), (0, 0));
+    }
+    assert_eq!(bench.engine.tables().devices[0].incarnation, 2);
+    assert_eq!(bench.engine.tables().devices[0].losses, 1);
+}
+
+#[test]
 fn a_board_with_wrong_magic_or_a_stamp_far_from_now_is_a_lost_device() {
     let mut bench = Bench::new();
     let good = bench.driver.measurement;

@@ -11,11 +11,16 @@ use super::{Engagement, Engine, SETTLE_MAX_NS};
 use crate::queue::{Event, Outcome};
 
 impl Engine {
-    /// Latches a device for this cycle: its newest measurement, or `None` without a board.
+    /// Latches a device for this cycle: the incarnation of its driver and its newest measurement, or `None` without a
+    /// board.
     pub fn latch(&mut self, index: usize, board: Option<(u64, Measurement)>, now_ns: u64) {
         let Some(input) = self.inputs.get_mut(index) else {
             return;
         };
+        // Another life of the driver: for one cycle nobody is there, so that what the last one was commanded to do ends,
+        // however quickly it was replaced. A net never goes on with a driver that has just been started.
+        let known = (self.tables.devices.get(index)).map_or(0, |entry| entry.incarnation);
+        let board = board.filter(|(incarnation, _)| known == 0 || known == *incarnation);
         let before = input.present;
         let mut fresh = false;
         input.present = false;

@@ -48,6 +48,7 @@ pub struct Driver {
     pub measurement: Measurement,
     pub delay: u64,
     pub alive: bool,
+    pub incarnation: u64,
     waited: u64,
 }
 
@@ -125,6 +126,7 @@ impl Bench {
             measurement,
             delay: 10,
             alive: true,
+            incarnation: 1,
             waited: 0,
         };
         let mut bench = Bench {
@@ -152,8 +154,8 @@ impl Bench {
         } else {
             self.driver.measurement.stamp_ns
         };
-        self.engine
-            .latch(0, Some((1, self.driver.measurement)), self.now_ns);
+        let newest = (self.driver.incarnation, self.driver.measurement);
+        self.engine.latch(0, Some(newest), self.now_ns);
         for (index, other) in self.others.iter_mut().enumerate() {
             if self.driver.alive {
                 other.stamp_ns = self.now_ns;
