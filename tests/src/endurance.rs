@@ -152,10 +152,12 @@ fn watch(field: &Field<'_>, report: &mut Report, judge: Option<&Judge>, begun: I
     }
 }
 
-/// Counts when what dead processes left has been cleaned: half-made files only when they are old enough.
+/// Counts when what dead processes left has been cleaned: half-made files only when they are old enough, and the
+/// executor lets go of dead monitors with the next record that it publishes.
 fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
     let begun = Instant::now();
     loop {
+        clients::publish(field);
         field.clean();
         let now = Census::of(field.place, field.executor);
         let within = first.is_some_and(|first| now.growth(first).is_empty());

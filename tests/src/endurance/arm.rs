@@ -55,7 +55,7 @@ pub fn run(field: &Field<'_>) {
     arm.simulator.await_rest();
     arm.simulator.reset_statistics();
     field.journal.rounds("arm", |number| arm.round(number));
-    arm.driver.end(Signal::SIGTERM);
+    field.end(&mut arm.driver);
     drop(arm.watch);
 }
 

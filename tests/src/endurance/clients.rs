@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
+use rcc_ipc::monotonic_ns;
 
 use super::field::{Field, count};
 use crate::await_some;
@@ -40,7 +41,7 @@ pub fn loader(field: &Field<'_>) {
         count(&field.counts.loaders);
         field.clean();
     });
-    loader.end(Signal::SIGTERM);
+    field.end(&mut loader);
 }
 
 /// Loads big nets, runs the smaller of them, and unloads them.
@@ -67,6 +68,17 @@ pub fn big_nets(field: &Field<'_>) {
             .journal
             .pause(random.time_below(Duration::from_millis(800)));
     });
+}
+
+/// Runs a small net for a moment, so that the executor publishes records.
+pub fn publish(field: &Field<'_>) {
+    let name = format!("publish-{}", monotonic_ns());
+    let id = field.load(&name, &big_net(&name, 1));
+    field.start(id);
+    std::thread::sleep(Duration::from_millis(50));
+    field.stop(id, "cancel");
+    field.await_end(id);
+    field.unload(id);
 }
 
 /// A sum of many sums, monitored.

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use nix::sys::signal::Signal;
 use rcc_core::message::DeviceState;
 use rcc_ipc::{Life, clean};
 use serde_json::Value;
@@ -13,6 +14,7 @@ use super::Options;
 use crate::await_some;
 use crate::journal::{Journal, Random};
 use crate::place::{Place, Watch};
+use crate::process::Process;
 use crate::rest::Reply;
 
 /// Index of the arm in the demo's configuration.
@@ -232,6 +234,18 @@ impl<'a> Field<'a> {
             count(&self.counts.janitors);
             clean::run_janitor(self.place.cell(), clean::JANITOR_TIMEOUT).ok()
         });
+    }
+
+    /// Asks a process to end, which it must.
+    pub fn end(&self, process: &mut Process) {
+        match process.end(Signal::SIGTERM) {
+            Some(status) if status.success() => {}
+            status => {
+                let name = process.name();
+                self.journal
+                    .find(format!("{name} after SIGTERM: {status:?}"));
+            }
+        }
     }
 
     /// Waits until the executor sees this life of a driver, and its device is ready.

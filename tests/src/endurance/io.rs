@@ -64,5 +64,5 @@ pub fn run(field: &Field<'_>) {
             count(&field.counts.lamps);
         }
     });
-    driver.end(Signal::SIGTERM);
+    field.end(&mut driver);
 }
