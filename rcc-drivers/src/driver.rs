@@ -205,6 +205,12 @@ pub trait Driver: Send {
     /// Asks the device to leave command mode; it is followed by further exchanges. Plain I/O does nothing.
     fn release(&mut self);
 
+    /// What its reason numbers mean, if its configuration decides that; otherwise they are those of its row in
+    /// [`crate::drivers::DRIVERS`]. Asked for once, at the start.
+    fn reasons(&self) -> Option<&'static [crate::host::reason::Reason]> {
+        None
+    }
+
     /// What it counts about its connection, for `rcc-cli doctor device`; none by default. Asked for once, at the start.
     fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
         None

@@ -92,6 +92,7 @@ impl Host {
     ) -> Result<Self, HostError> {
         let session = Session::join(cell, Role::Driver, &device.name)?;
         let link = driver.diagnosis();
+        let reasons = driver.reasons().unwrap_or(reasons);
         let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
         let station = Station::new(device, monotonic_ns());
         board.write(station.measurement());

@@ -4,6 +4,7 @@
 //! A server that is not reached is no fault of the configuration: the device is offline, and the driver tries again.
 //! The device is as good as the worst of its servers: while one is lost, the others get the values of `on_release`.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nix::poll::{PollFd, ppoll};
@@ -11,13 +12,15 @@ use nix::sys::time::TimeSpec;
 use rcc_config::DeviceConfig;
 use rcc_core::message::JOINTS_MAX;
 
-use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
+use crate::driver::{Diagnosis, Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
+use crate::host::reason::Reason;
 
 pub mod address;
 pub mod connection;
 pub mod fault;
 pub mod frame;
 pub mod points;
+pub mod report;
 pub mod server;
 pub mod settings;
 pub mod value;
@@ -28,6 +31,7 @@ use address::Address;
 use connection::Connection;
 use fault::NAMED;
 use points::Points;
+use report::{BegunLate, Report};
 use server::Server;
 use settings::{ModbusSettings, ServerSettings};
 
@@ -54,6 +58,7 @@ pub struct Modbus {
     ticks: u64,
     late: u64,
     lost: bool,
+    report: Arc<Report>,
 }
 
 impl Driver for Modbus {
@@ -76,8 +81,15 @@ impl Driver for Modbus {
             let seed = u64::from(std::process::id()) << 8 | place;
             Connection::new(Server::new(settings, points, released, now), seed, now)
         });
+        let connections: Vec<Connection> = connections.collect();
+        let servers = connections.iter().map(|one| Arc::clone(one.figures()));
+        let report = Report {
+            servers: servers.collect(),
+            begun_late: BegunLate::default(),
+        };
         Ok(Self {
-            connections: connections.collect(),
+            report: Arc::new(report),
+            connections,
             period: settings.period,
             released,
             outputs: released,
@@ -130,6 +142,27 @@ impl Driver for Modbus {
     }
 
     fn release(&mut self) {}
+
+    fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
+        Some(Arc::<Report>::clone(&self.report))
+    }
+
+    fn reasons(&self) -> Option<&'static [Reason]> {
+        let names = self.connections.iter().zip(1..).filter_map(|(one, place)| {
+            let name = one.server.settings().name.as_deref()?;
+            Some((name, place))
+        });
+        let reasons: Vec<Reason> = names
+            .flat_map(|(name, place)| {
+                REASONS.iter().map(move |(number, words)| {
+                    // Kept for the life of the process, which asks once.
+                    let words: &'static str = format!("server '{name}': {words}").leak();
+                    (number + place * NAMED, words)
+                })
+            })
+            .collect();
+        (!reasons.is_empty()).then(|| &*reasons.leak())
+    }
 }
 
 impl Modbus {
@@ -140,6 +173,7 @@ impl Modbus {
             let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
             let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
             self.end_round();
+            self.report.begun_late.count(behind);
             self.next += self.period.saturating_mul(skipped + 1);
             self.ticks += u64::from(skipped) + 1;
             self.late += u64::from(skipped);

@@ -4,6 +4,7 @@
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
@@ -13,6 +14,7 @@ use nix::sys::socket::{
 };
 
 use super::fault::Fault;
+use super::report::Figures;
 use super::server::Server;
 use super::settings::ServerSettings;
 
@@ -55,6 +57,7 @@ pub struct Connection {
     /// It answered within the last period: others wait for it.
     pub quick: bool,
     random: u64,
+    figures: Arc<Figures>,
 }
 
 impl Connection {
@@ -62,6 +65,7 @@ impl Connection {
     #[must_use]
     pub fn new(server: Server, seed: u64, now: Instant) -> Self {
         Self {
+            figures: Arc::new(Figures::new(server.settings())),
             server,
             phase: Phase::Away { until: now },
             back_off: BACK_OFF_FIRST,
@@ -72,6 +76,12 @@ impl Connection {
             quick: true,
             random: seed | 1,
         }
+    }
+
+    /// What is counted.
+    #[must_use]
+    pub fn figures(&self) -> &Arc<Figures> {
+        &self.figures
     }
 
     /// Its inputs are known and its outputs are ours.
@@ -107,6 +117,14 @@ impl Connection {
         } else {
             self.quality - step(self.quality - aim)
         };
+        self.figures.round(in_time);
+        if let Some(time) = self.server.read_time() {
+            self.figures.read(time);
+        }
+        let discarded = self.server.counts().discarded;
+        let online = self.is_online();
+        self.figures
+            .now(online, self.fault, self.quality, discarded);
     }
 
     /// Does everything that can be done without waiting.
@@ -220,6 +238,7 @@ impl Connection {
             return Err(Fault::Connect(io::ErrorKind::ConnectionRefused.into()));
         }
         stream.set_nodelay(true).map_err(Fault::Connect)?;
+        self.figures.connected();
         self.open(|server| server.connected(now));
         self.exchange(now)
     }
@@ -264,6 +283,7 @@ impl Connection {
     /// Not online until a pause is over; what is wrong is said once.
     fn lose(&mut self, fault: &Fault, now: Instant) {
         self.tell(fault);
+        self.figures.lost(fault);
         self.quality = 0;
         self.quick = false;
         self.online_since = None;

@@ -4,7 +4,7 @@
 //! On a new connection, and after every fault: safe values, `on_connect`, safe values that were refused before, and only
 //! then rounds: all inputs, what the outputs have become, the watchdog.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::address::{Form, Table};
 use super::fault::Fault;
@@ -99,6 +99,9 @@ pub struct Server {
     complete: bool,
     /// The inputs have not been taken.
     fresh: bool,
+    /// When the inputs were asked for, and how long they took.
+    asked: Instant,
+    read_time: Duration,
     beat: Option<u16>,
     beat_changed: Option<Instant>,
     prepared: Instant,
@@ -131,6 +134,8 @@ impl Server {
             inputs: Inputs::NONE,
             complete: false,
             fresh: false,
+            asked: now,
+            read_time: Duration::ZERO,
             beat: None,
             beat_changed: None,
             prepared: now,
@@ -213,6 +218,12 @@ impl Server {
         self.step == Step::Decide
     }
 
+    /// How long the inputs of the last complete round took.
+    #[must_use]
+    pub fn read_time(&self) -> Option<Duration> {
+        self.complete.then_some(self.read_time)
+    }
+
     /// A round begins, unless the last one still runs.
     pub fn tick(&mut self, now: Instant) -> bool {
         if !matches!(self.step, Step::Idle | Step::Decide) {
@@ -220,6 +231,7 @@ impl Server {
             return false;
         }
         self.commanded = None;
+        self.asked = now;
         self.begin(Step::Read(0), now);
         true
     }
@@ -415,6 +427,7 @@ impl Server {
 
     fn finish_reading(&mut self, now: Instant) {
         self.inputs = self.building;
+        self.read_time = now.saturating_duration_since(self.asked);
         // A heartbeat counts from its first change on.
         let lives = self.settings.heartbeat.is_none() || self.beat_changed.is_some();
         self.complete = lives && self.standstill(now).is_none();

@@ -2,7 +2,8 @@
 //! The control port's threads run it.
 //!
 //! `{"state":null}` · `{"set":{"discrete":{"address":3,"value":true}}}` · `{"set":{"input":{"address":0,"value":512}}}` ·
-//! `{"freeze_ms":200}` · `{"quit":null}`. Addresses count from 0. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
+//! `{"freeze_ms":200}` · `{"exception":6}` · `{"delay_ms":30}` · `{"drop":10}` · `{"clear":null}` · `{"quit":null}`.
+//! The four before the last are faults, and `clear` ends them all. Addresses count from 0. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use super::image::{Image, POINTS};
 use serde::Deserialize;
@@ -17,6 +18,14 @@ pub enum Command {
     Set(Input),
     /// Answers no Modbus request for this many milliseconds.
     FreezeMs(u64),
+    /// Answers every request with this exception; 0 ends it.
+    Exception(u8),
+    /// Answers every request later by this many milliseconds; 0 ends it.
+    DelayMs(u64),
+    /// Gives the next requests, so many, no answer.
+    Drop(u64),
+    /// Ends all faults.
+    Clear,
     /// Ends the simulator.
     Quit,
 }
@@ -50,6 +59,9 @@ pub enum ControlError {
     /// No such input.
     #[error("inputs have the addresses 0 to {last}, there is no {0}", last = POINTS - 1)]
     Address(usize),
+    /// No such exception.
+    #[error("Modbus has the exceptions 1 to 6, 8, 10 and 11, there is no {0}")]
+    Exception(u8),
 }
 
 impl Image {
@@ -84,7 +96,7 @@ mod tests {
             .flat_map(|line| line.split('`'))
             .filter(|part| part.starts_with('{') && !part.contains("ok") && !part.contains("error"))
             .collect();
-        assert_eq!(lines.len(), 5);
+        assert_eq!(lines.len(), 9);
         for line in lines {
             let command: Result<Command, _> = serde_json::from_str(line);
             assert!(command.is_ok(), "{line}: {command:?}");

@@ -143,6 +143,13 @@ impl Image {
                     values.len() as u16,
                 ))
             }
+            Request::MaskWriteRegister(address, and, or) => {
+                let [register] = read(&self.holding, *address, 1)?[..] else {
+                    return Err(ExceptionCode::IllegalDataAddress);
+                };
+                self.write_holding(*address, &[(register & and) | (or & !and)])?;
+                Ok(Response::MaskWriteRegister(*address, *and, *or))
+            }
             _ => Err(ExceptionCode::IllegalFunction),
         }
     }
@@ -219,6 +226,17 @@ mod tests {
     }
 
     #[test]
+    fn a_masked_write_changes_only_the_bits_outside_of_the_and_mask() {
+        let mut image = Image::new(Vec::new());
+        image.holding[4] = 0x12;
+        image
+            .answer(&Request::MaskWriteRegister(4, 0xF2, 0x25))
+            .unwrap();
+        // The example of MODBUS Application Protocol V1.1b3, section 6.16.
+        assert_eq!(image.holding[4], 0x17);
+    }
+
+    #[test]
     fn a_request_beyond_the_last_point_is_refused_and_changes_nothing() {
         let mut image = Image::new(Vec::new());
         let before = image.coils.clone();
@@ -237,7 +255,7 @@ mod tests {
             Err(ExceptionCode::IllegalDataValue)
         );
         assert_eq!(
-            image.answer(&Request::MaskWriteRegister(0, 0, 0)),
+            image.answer(&Request::ReportServerId),
             Err(ExceptionCode::IllegalFunction)
         );
         assert_eq!(image.refused, 4);

@@ -47,7 +47,17 @@ pub enum RunError {
 #[derive(Debug)]
 struct Station {
     image: Mutex<Image>,
-    frozen_until: Mutex<Option<Instant>>,
+    faults: Mutex<Faults>,
+}
+
+/// What the station does wrong.
+#[derive(Clone, Copy, Debug, Default)]
+struct Faults {
+    frozen_until: Option<Instant>,
+    exception: Option<ExceptionCode>,
+    delay: Duration,
+    /// Requests that still get no answer.
+    drop: u64,
 }
 
 /// A lock that outlives a panic: points are written whole or not at all.
@@ -68,7 +78,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     }
     let station = Arc::new(Station {
         image: Mutex::new(Image::new(options.wire.clone())),
-        frozen_until: Mutex::new(None),
+        faults: Mutex::default(),
     });
     let listener = TcpListener::bind(options.bind).map_err(|source| RunError::Address {
         what: "--bind",
@@ -121,12 +131,34 @@ fn obey(station: &Station, command: Command) -> Result<serde_json::Value, Contro
         Command::State => return Ok(serde_json::to_value(&*lock(&station.image))?),
         Command::Set(input) => lock(&station.image).set(&input)?,
         Command::FreezeMs(time_ms) => {
-            *lock(&station.frozen_until) =
+            lock(&station.faults).frozen_until =
                 Instant::now().checked_add(Duration::from_millis(time_ms));
         }
+        Command::Exception(code) => lock(&station.faults).exception = exception(code)?,
+        Command::DelayMs(time_ms) => {
+            lock(&station.faults).delay = Duration::from_millis(time_ms);
+        }
+        Command::Drop(count) => lock(&station.faults).drop = count,
+        Command::Clear => *lock(&station.faults) = Faults::default(),
         Command::Quit => {}
     }
     Ok(serde_json::json!({ "ok": true }))
+}
+
+fn exception(code: u8) -> Result<Option<ExceptionCode>, ControlError> {
+    Ok(Some(match code {
+        0 => return Ok(None),
+        1 => ExceptionCode::IllegalFunction,
+        2 => ExceptionCode::IllegalDataAddress,
+        3 => ExceptionCode::IllegalDataValue,
+        4 => ExceptionCode::ServerDeviceFailure,
+        5 => ExceptionCode::Acknowledge,
+        6 => ExceptionCode::ServerDeviceBusy,
+        8 => ExceptionCode::MemoryParityError,
+        10 => ExceptionCode::GatewayPathUnavailable,
+        11 => ExceptionCode::GatewayTargetDevice,
+        _ => return Err(ControlError::Exception(code)),
+    }))
 }
 
 /// What one connection's requests go to.
@@ -135,19 +167,37 @@ struct Connection(Arc<Station>);
 
 impl Service for Connection {
     type Request = Request<'static>;
-    type Response = Response;
+    type Response = Option<Response>;
     type Exception = ExceptionCode;
-    type Future = Pin<Box<dyn Future<Output = Result<Response, ExceptionCode>> + Send>>;
+    type Future = Pin<Box<dyn Future<Output = Result<Option<Response>, ExceptionCode>> + Send>>;
 
     fn call(&self, request: Request<'static>) -> Self::Future {
         let station = self.0.clone();
         Box::pin(async move {
-            // bound first, so that no lock is held while waiting
-            let until = *lock(&station.frozen_until);
-            if let Some(until) = until {
+            // copied first, so that no lock is held while waiting
+            let Faults {
+                frozen_until,
+                delay,
+                ..
+            } = *lock(&station.faults);
+            if let Some(until) = frozen_until {
                 tokio::time::sleep_until(until.into()).await;
             }
-            lock(&station.image).answer(&request)
+            if !delay.is_zero() {
+                tokio::time::sleep(delay).await;
+            }
+            let exception = {
+                let mut faults = lock(&station.faults);
+                if faults.drop > 0 {
+                    faults.drop -= 1;
+                    return Ok(None);
+                }
+                faults.exception
+            };
+            match exception {
+                Some(code) => Err(code),
+                None => lock(&station.image).answer(&request).map(Some),
+            }
         })
     }
 }

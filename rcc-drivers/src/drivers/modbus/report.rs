@@ -1,0 +1,142 @@
+//! What is counted about the connection to each server, for `rcc-cli doctor`.
+//! Counted by the host's thread, read by any other; Relaxed, because each figure stands for itself.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::fault::{self, Fault};
+use super::settings::ServerSettings;
+use crate::driver::Diagnosis;
+
+/// The figures of one server, since the driver began unless it is said.
+#[derive(Debug, Default)]
+pub struct Figures {
+    name: Option<String>,
+    address: String,
+    unit: u8,
+    online: AtomicU32,
+    fault: AtomicU32,
+    quality_permille: AtomicU32,
+    connections: AtomicU64,
+    rounds: AtomicU64,
+    rounds_late: AtomicU64,
+    timeouts: AtomicU64,
+    exceptions: AtomicU64,
+    broken: AtomicU64,
+    discarded: AtomicU64,
+    read_ns: AtomicU64,
+    read_max_ns: AtomicU64,
+}
+
+impl Figures {
+    /// Nothing has been counted.
+    #[must_use]
+    pub fn new(settings: &ServerSettings) -> Self {
+        Self {
+            name: settings.name.clone(),
+            address: settings.address.to_string(),
+            unit: settings.unit,
+            ..Self::default()
+        }
+    }
+
+    /// A connection was made.
+    pub fn connected(&self) {
+        self.connections.fetch_add(1, Relaxed);
+    }
+
+    /// How it is now.
+    pub fn now(&self, online: bool, fault: u32, quality_permille: u32, discarded: u64) {
+        self.online.store(u32::from(online), Relaxed);
+        self.fault.store(fault, Relaxed);
+        self.quality_permille.store(quality_permille, Relaxed);
+        self.discarded.store(discarded, Relaxed);
+    }
+
+    /// A round has ended, within its period or not.
+    pub fn round(&self, in_time: bool) {
+        self.rounds.fetch_add(1, Relaxed);
+        self.rounds_late.fetch_add(u64::from(!in_time), Relaxed);
+    }
+
+    /// All inputs have come, so long after they were asked for.
+    pub fn read(&self, time: Duration) {
+        let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        self.read_ns.store(time_ns, Relaxed);
+        self.read_max_ns.fetch_max(time_ns, Relaxed);
+    }
+
+    /// The server is lost.
+    pub fn lost(&self, fault: &Fault) {
+        let count = match fault {
+            Fault::Timeout { .. } | Fault::OtherUnit { .. } => &self.timeouts,
+            Fault::Exception { .. } => &self.exceptions,
+            Fault::Broken(_) => &self.broken,
+            _ => return,
+        };
+        count.fetch_add(1, Relaxed);
+    }
+
+    fn json(&self) -> Value {
+        let number = |figure: &AtomicU64| figure.load(Relaxed);
+        let fault = self.fault.load(Relaxed);
+        json!({
+            "server": self.name,
+            "address": self.address,
+            "unit": self.unit,
+            "online": self.online.load(Relaxed) == 1,
+            "fault": (fault != 0).then(|| fault::words(fault)),
+            "quality_permille": self.quality_permille.load(Relaxed),
+            "connections": number(&self.connections),
+            "rounds": number(&self.rounds),
+            "rounds_late": number(&self.rounds_late),
+            "timeouts": number(&self.timeouts),
+            "exceptions": number(&self.exceptions),
+            "broken_answers": number(&self.broken),
+            "discarded_answers": number(&self.discarded),
+            "read_ns": number(&self.read_ns),
+            "read_max_ns": number(&self.read_max_ns),
+        })
+    }
+}
+
+/// The figures of all servers.
+#[derive(Debug)]
+pub struct Report {
+    /// In the order of the configuration.
+    pub servers: Vec<Arc<Figures>>,
+    /// How late the rounds began, ns.
+    pub begun_late: BegunLate,
+}
+
+/// How late rounds began after their time.
+#[derive(Debug, Default)]
+pub struct BegunLate {
+    last_ns: AtomicU64,
+    max_ns: AtomicU64,
+}
+
+impl BegunLate {
+    /// A round began so long after its time.
+    pub fn count(&self, late: Duration) {
+        let late_ns = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
+        self.last_ns.store(late_ns, Relaxed);
+        self.max_ns.fetch_max(late_ns, Relaxed);
+    }
+}
+
+impl Diagnosis for Report {
+    fn link(&self) -> Value {
+        let servers: Vec<Value> = self.servers.iter().map(|one| one.json()).collect();
+        json!({
+            "protocol": "Modbus TCP",
+            "begun_late_ns": self.begun_late.last_ns.load(Relaxed),
+            // Since the last look.
+            "begun_late_max_ns": self.begun_late.max_ns.swap(0, Relaxed),
+            "servers": servers,
+        })
+    }
+}
