@@ -61,6 +61,8 @@ verbs! {
     Status = status;
     /// What happened: who died, what was lost, what ended and why.
     Events = events;
+    /// Break something on purpose, in a simulated cell only.
+    Fault = fault;
     /// What this machine grants and how punctual it is; why a device is not connected.
     Doctor = doctor;
     /// Print monitored values as they come.

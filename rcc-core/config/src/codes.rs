@@ -73,6 +73,8 @@ pub const BROKEN_PLACEHOLDER: Code = code("RCC2023", "a placeholder is not close
 pub const BAD_ADDRESS: Code = code("RCC2024", "a text is no address with a port");
 /// An address that other machines reach, without a word that this is wanted.
 pub const REMOTE_ADDRESS: Code = code("RCC2025", "other machines can reach an address");
+/// No device of that name.
+pub const UNKNOWN_DEVICE: Code = code("RCC2026", "a device is not in the cell");
 
 /// All kinds, in order.
 pub const CODES: &[Code] = &[
@@ -101,6 +103,7 @@ pub const CODES: &[Code] = &[
     BROKEN_PLACEHOLDER,
     BAD_ADDRESS,
     REMOTE_ADDRESS,
+    UNKNOWN_DEVICE,
 ];
 
 #[cfg(test)]

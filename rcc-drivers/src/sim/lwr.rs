@@ -8,6 +8,7 @@ pub mod fault;
 pub mod krc;
 mod measurement;
 pub mod model;
+pub mod network;
 pub mod options;
 pub mod program;
 pub mod quality;

@@ -2,6 +2,7 @@
 //! Run at start-up by whoever reads it.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use rcc_core::message::{DEVICES_MAX, SET_POINTS};
@@ -31,7 +32,7 @@ const KEYS: [&str; 9] = [
 ];
 const EXECUTOR_KEYS: [&str; 4] = ["priority", "core", "late_in_a_row_max", "rt"];
 const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
-const SIMULATOR_KEYS: [&str; 2] = ["program", "arguments"];
+const SIMULATOR_KEYS: [&str; 4] = ["program", "arguments", "device", "control"];
 const DEVICE_KEYS: [&str; 7] = [
     "driver",
     "robot",
@@ -131,6 +132,7 @@ impl Reading<'_> {
         let access = access::read(&mut self.reader, &fields, self.base, &self.ports);
         let simulators = self.simulators(&fields);
         let devices = self.devices(&fields);
+        self.check_simulators(&fields);
         Some(CellConfig {
             name: name?,
             period_ns: period_ns?,
@@ -208,10 +210,8 @@ impl Reading<'_> {
         let fields = self
             .reader
             .fields(node, place, "the supervision", &SUPERVISION_KEYS)?;
-        if let Some(node) = fields.get("restarts") {
-            let restarts = self.reader.whole(node, "restarts", 0, RESTARTS_MAX)?;
-            supervision.restarts = u32::try_from(restarts).ok()?;
-        }
+        let restarts = fields.get("restarts");
+        let restarts = restarts.map(|node| self.reader.whole(node, "restarts", 0, RESTARTS_MAX));
         let times = [
             ("within", WITHIN_NS, &mut supervision.within_ns),
             (
@@ -221,10 +221,20 @@ impl Reading<'_> {
             ),
             ("watchdog", WATCHDOG_NS, &mut supervision.watchdog_ns),
         ];
+        // All of them are read before one of them ends it: all faults come at once.
+        let mut sound = true;
         for (key, [least, most], time) in times {
             if let Some(node) = fields.get(key) {
-                *time = self.reader.nanoseconds(node, key, least, most)?;
+                let read = self.reader.nanoseconds(node, key, least, most);
+                sound &= read.is_some();
+                *time = read.unwrap_or(*time);
             }
+        }
+        if let Some(restarts) = restarts {
+            supervision.restarts = u32::try_from(restarts?).ok()?;
+        }
+        if !sound {
+            return None;
         }
         Some(supervision)
     }
@@ -247,13 +257,68 @@ impl Reading<'_> {
         let list = fields.get("arguments");
         let list = list.and_then(|node| reader.list(node, "arguments"));
         let list = list.unwrap_or_default().iter();
-        let arguments = list.filter_map(|node| self.argument(node)).collect();
+        let mut arguments: Vec<String> = list.filter_map(|node| self.argument(node)).collect();
+        let control = match fields.get("control") {
+            Some(node) => Some(self.control(node)?),
+            None => None,
+        };
+        arguments.extend(control.map(|address| format!("--control={address}")));
+        let device = match fields.get("device") {
+            Some(node) => Some(self.name(node, "a device")?),
+            None => None,
+        };
         let (program, span) = program?;
         Some(SimulatorConfig {
             name: name?,
             program: ports::substitute(&mut self.reader, program, span, &self.ports)?,
             arguments,
+            device,
+            control,
         })
+    }
+
+    /// The address of a control port: nobody is asked for a password there.
+    fn control(&mut self, node: &Node) -> Option<SocketAddr> {
+        let text = self.reader.text(node, "control")?;
+        let text = ports::substitute(&mut self.reader, text, node.span, &self.ports)?;
+        match text.parse::<SocketAddr>() {
+            Ok(address) if address.ip().is_loopback() => Some(address),
+            _ => {
+                let message = format!("`{text}` is no loopback address with a port");
+                let fault = error(codes::BAD_ADDRESS, node.span, message);
+                self.reader
+                    .keep(fault.help("for example `control: 127.0.0.1:${lwr_control}`"));
+                None
+            }
+        }
+    }
+
+    /// A simulator plays the part of a device of this cell.
+    fn check_simulators(&mut self, cell: &Fields<'_>) {
+        let names = |key: &str| -> Vec<String> {
+            let entries = cell.get(key).map(|node| &node.value);
+            match entries {
+                Some(Value::Map(entries)) => {
+                    entries.iter().map(|entry| entry.key.name.clone()).collect()
+                }
+                _ => Vec::new(),
+            }
+        };
+        let devices = names("devices");
+        let Some(Value::Map(simulators)) = cell.get("simulators").map(|node| &node.value) else {
+            return;
+        };
+        for simulator in simulators {
+            if let Some(node) = simulator.value.get("device")
+                && let Value::Text(device) = &node.value
+                && !devices.contains(device)
+            {
+                let message = format!("this cell has no device `{device}`");
+                let fault = error(codes::UNKNOWN_DEVICE, node.span, message);
+                self.reader
+                    .keep(fault.help(format!("the devices are: {}", devices.join(", "))));
+            }
+        }
     }
 
     /// Text, or a whole number: other numbers would not be passed on as they are written.

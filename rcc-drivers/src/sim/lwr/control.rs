@@ -4,12 +4,16 @@
 //! `{"state":null}` · `{"wrench":{"force":[0,0,15],"torque":[0,0,0]}}` ·
 //! `{"wall":{"point":[0,0,0.3],"normal":[0,0,1],"stiffness":5000,"damping":20}}` · `{"wall":null}` · `{"estop":null}` ·
 //! `{"ack":null}` · `{"drives":{"on":false}}` · `{"freeze_ms":200}` · `{"drop":{"percent":10}}` ·
+//! `{"network":{"to_pc":{"lost":0.1},"from_pc":{"corrupted":0.1}}}` · `{"clear":null}` ·
 //! `{"set_bool":{"number":3,"value":true}}` · `{"set_real":{"number":1,"value":2.5}}` ·
 //! `{"wire_bool":{"from":1,"to":1}}` · `{"wire_real":{"from":1,"to":1}}` · `{"reset_statistics":null}` ·
 //! `{"trace":{"path":"/tmp/trace.csv"}}` · `{"trace":null}` · `{"flush":null}` · `{"quit":null}`.
+//! `network` takes the probabilities of lost, late (with late_steps_max), duplicated, reordered, truncated and corrupted
+//! datagrams; `clear` ends every fault that was asked for, and acknowledges.
 //! A command without content may also be a bare name, `"state"`. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use super::krc::Krc;
+use super::network::{NetworkRates, impossible};
 use super::settings::Wire;
 use super::statistics::{KrlVariables, Snapshot};
 use super::surroundings::{Wall, WallError};
@@ -37,6 +41,10 @@ pub enum Command {
     FreezeMs(u64),
     /// Drops a part of the PC's answers.
     Drop(Part),
+    /// Loses, delays, doubles, swaps, cuts and corrupts datagrams, from now on.
+    Network(NetworkRates),
+    /// Ends all faults that were asked for: network, wrench, wall, emergency stop, drives.
+    Clear,
     /// Sets `$FRI_TO_BOOL[number]`.
     SetBool(Variable<bool>),
     /// Sets `$FRI_TO_REA[number]`.
@@ -116,6 +124,9 @@ pub enum ControlError {
     /// Not a percentage.
     #[error("{0} is no percentage: 0 to 100")]
     Percent(f64),
+    /// Not a probability.
+    #[error("{0} is no probability: 0 to 1")]
+    Probability(f64),
     /// Acknowledged too early.
     #[error("the arm still moves: ask for `ack` again when `at_rest` is true")]
     Moving,
@@ -160,6 +171,23 @@ impl Krc {
                 self.drop_answers(percent)
             }
             Command::Drop(Part { percent }) => return Err(ControlError::Percent(percent)),
+            Command::Network(rates) => {
+                if let Some(rate) = impossible(&rates) {
+                    return Err(ControlError::Probability(rate));
+                }
+                self.network.set(rates);
+            }
+            Command::Clear => {
+                self.network.set(NetworkRates::default());
+                self.drop_answers(0.0);
+                self.withhold(0.0);
+                self.surroundings.injected = [0.0; 6];
+                self.surroundings.wall = self.settings.wall;
+                self.switch_drives(true);
+                if !self.acknowledge() {
+                    return Err(ControlError::Moving);
+                }
+            }
             Command::SetBool(Variable { number, value }) => {
                 checked(number)?;
                 self.to_pc.set_boolean(number, value);
@@ -215,6 +243,7 @@ impl Krc {
             latency_s: figures.latency_s,
             jitter_s: figures.jitter_s,
             counts: self.counts,
+            network: self.network.counts(),
             krl_to_pc: variables(&self.to_pc),
             krl_from_pc: variables(&self.from_pc),
         }
@@ -271,11 +300,11 @@ mod tests {
         let lines: Vec<&str> = text
             .lines()
             .filter_map(|line| line.strip_prefix("//! "))
-            .take_while(|line| !line.starts_with("A command"))
+            .take_while(|line| !line.starts_with("`network` takes"))
             .flat_map(|line| line.split('`'))
             .filter(|part| part.starts_with('{'))
             .collect();
-        assert_eq!(lines.len(), 18, "{lines:?}");
+        assert_eq!(lines.len(), 20, "{lines:?}");
         for line in lines {
             let command: Result<Command, _> = serde_json::from_str(line);
             assert!(command.is_ok(), "{line}: {command:?}");

@@ -12,6 +12,7 @@ use super::arm::Arm;
 use super::brake::Brake;
 use super::fault::{Fault, Waiting};
 use super::model::{Geometry, geometry};
+use super::network::Network;
 use super::quality::QualityMeter;
 use super::settings::{Settings, Wire};
 use super::statistics::{Counts, FAULTS_KEPT, FaultRecord};
@@ -65,6 +66,7 @@ pub struct Krc {
     pub(super) last_answer_sequence: Option<u16>,
     withheld_ticks: u64,
     drop_percent: f64,
+    pub(super) network: Network,
     chance: u64,
     pub(super) farewell: Option<u32>,
     sent: Option<TraceRecord>,
@@ -107,6 +109,7 @@ impl Krc {
             last_answer_sequence: None,
             withheld_ticks: 0,
             drop_percent: 0.0,
+            network: Network::new(settings.seed),
             chance: settings.seed,
             farewell: None,
             sent: None,

@@ -266,7 +266,13 @@ impl Clock {
             return self.krc.receive_foreign();
         }
         let delay_s = (arrival.time_ns - sent_ns).max(0) as f64 * 1e-9;
-        self.krc.receive(&arrival.bytes[..arrival.length], delay_s);
+        let datagram = &arrival.bytes[..arrival.length];
+        if self.krc.network.is_clear() {
+            return self.krc.receive(datagram, delay_s);
+        }
+        for datagram in self.krc.network.from_pc(datagram) {
+            self.krc.receive(&datagram, delay_s);
+        }
     }
 
     /// A datagram that the receiver thread has not fetched yet.
@@ -292,9 +298,20 @@ impl Clock {
     }
 
     fn send(&mut self, periods_max: u64) {
-        if let Some(datagram) = self.krc.tick(periods_max)
-            && let Err(error) = self.socket.send_to(&datagram, self.driver)
-        {
+        let Some(datagram) = self.krc.tick(periods_max) else {
+            return;
+        };
+        self.krc.network.step();
+        if self.krc.network.is_clear() {
+            return self.send_one(&datagram);
+        }
+        for datagram in self.krc.network.to_pc(&datagram) {
+            self.send_one(&datagram);
+        }
+    }
+
+    fn send_one(&self, datagram: &[u8]) {
+        if let Err(error) = self.socket.send_to(datagram, self.driver) {
             tracing::warn!(%error, driver = %self.driver, "a datagram could not be sent");
         }
     }

@@ -2,6 +2,7 @@
 //! Plain data; written by the clock thread, turned into JSON by the control port's threads.
 
 use super::Joints;
+use super::network::NetworkCounts;
 use super::surroundings::Wall;
 use serde::Serialize;
 
@@ -124,6 +125,8 @@ pub struct Snapshot {
     pub jitter_s: f64,
     /// Counters.
     pub counts: Counts,
+    /// What the network was asked to do to datagrams.
+    pub network: NetworkCounts,
     /// `$FRI_TO_…`, controller to PC.
     pub krl_to_pc: KrlVariables,
     /// `$FRI_FRM_…`, PC to controller; kept when the PC is silent.

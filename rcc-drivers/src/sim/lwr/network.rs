@@ -1,0 +1,142 @@
+//! What a bad network does to the datagrams between the simulated controller and the PC, on request.
+//! Run by the clock thread; one step of time is one cycle.
+
+use serde::{Deserialize, Serialize};
+
+use crate::proxy::{Counts, Line, Rates};
+
+/// How probable each fault is in each direction.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkRates {
+    /// Measurements.
+    pub to_pc: Rates,
+    /// Answers.
+    pub from_pc: Rates,
+}
+
+/// What was done since the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
+pub struct NetworkCounts {
+    /// Measurements.
+    pub to_pc: Counts,
+    /// Answers.
+    pub from_pc: Counts,
+}
+
+/// Both directions.
+#[derive(Clone, Debug)]
+pub struct Network {
+    rates: NetworkRates,
+    to_pc: Line,
+    from_pc: Line,
+}
+
+impl Network {
+    /// A network without faults; chance begins with `seed`.
+    #[must_use]
+    pub fn new(seed: u64) -> Network {
+        Network {
+            rates: NetworkRates::default(),
+            to_pc: Line::new(Rates::NONE, seed),
+            from_pc: Line::new(Rates::NONE, seed ^ 1),
+        }
+    }
+
+    /// From now on; without faults, what is held back is lost.
+    pub fn set(&mut self, rates: NetworkRates) {
+        self.rates = rates;
+        self.to_pc.set_rates(rates.to_pc);
+        self.from_pc.set_rates(rates.from_pc);
+        if self.is_clear() {
+            self.to_pc.forget();
+            self.from_pc.forget();
+        }
+    }
+
+    /// Nothing happens to any datagram.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        self.rates == NetworkRates::default()
+    }
+
+    /// A cycle begins.
+    pub fn step(&mut self) {
+        self.to_pc.step();
+        self.from_pc.step();
+    }
+
+    /// What arrives of a measurement that is sent, and of those before it.
+    pub fn to_pc(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
+        pass(&mut self.to_pc, datagram)
+    }
+
+    /// What arrives of an answer, and of those before it.
+    pub fn from_pc(&mut self, datagram: &[u8]) -> Vec<Vec<u8>> {
+        pass(&mut self.from_pc, datagram)
+    }
+
+    /// What was done.
+    #[must_use]
+    pub fn counts(&self) -> NetworkCounts {
+        NetworkCounts {
+            to_pc: self.to_pc.counts(),
+            from_pc: self.from_pc.counts(),
+        }
+    }
+}
+
+fn pass(line: &mut Line, datagram: &[u8]) -> Vec<Vec<u8>> {
+    line.put(datagram);
+    std::iter::from_fn(|| line.take()).collect()
+}
+
+/// The first rate that is no probability.
+#[must_use]
+pub fn impossible(rates: &NetworkRates) -> Option<f64> {
+    [rates.to_pc, rates.from_pc]
+        .iter()
+        .flat_map(|rates| {
+            [
+                rates.lost,
+                rates.late,
+                rates.duplicated,
+                rates.reordered,
+                rates.truncated,
+                rates.corrupted,
+            ]
+        })
+        .find(|rate| !(0.0..=1.0).contains(rate))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_direction_has_its_own_faults() {
+        let mut network = Network::new(7);
+        let lost = Rates {
+            lost: 1.0,
+            ..Rates::NONE
+        };
+        network.set(NetworkRates {
+            to_pc: lost,
+            from_pc: Rates::NONE,
+        });
+        assert!(network.to_pc(&[1]).is_empty());
+        assert_eq!(network.from_pc(&[2]), [vec![2]]);
+        let counts = network.counts();
+        assert_eq!((counts.to_pc.lost, counts.from_pc.passed), (1, 1));
+        network.set(NetworkRates::default());
+        assert!(network.is_clear());
+    }
+
+    #[test]
+    fn what_is_no_probability_is_found() {
+        let mut rates = NetworkRates::default();
+        assert_eq!(impossible(&rates), None);
+        rates.from_pc.corrupted = 1.5;
+        assert_eq!(impossible(&rates), Some(1.5));
+    }
+}
