@@ -148,8 +148,17 @@ impl Pump {
                 reason,
                 age_ns,
                 driver,
+                attached,
                 ..
-            } => self.device_kind(device, [was, state], reason, age_ns, driver),
+            } => {
+                // What a driver said before it fell silent is no reason for its silence.
+                let reason = match (attached, age_ns) {
+                    (false, _) => "its driver is dead".to_owned(),
+                    (true, 0) => self.reason(device, reason),
+                    (true, _) => String::new(),
+                };
+                self.device_kind(device, [was, state], reason, age_ns, driver)
+            }
         })
     }
 
@@ -157,7 +166,7 @@ impl Pump {
         &self,
         index: u32,
         [was, state]: [u32; 2],
-        reason: u32,
+        reason: String,
         age_ns: u64,
         driver: u64,
     ) -> Kind {
@@ -166,12 +175,7 @@ impl Pump {
         let driver = (driver != 0).then(|| events::digits(driver));
         if state == DeviceState::Offline {
             return Kind::DeviceLost {
-                // What a driver said before it fell silent is no reason for its silence.
-                reason: if age_ns == 0 {
-                    self.reason(&device, reason)
-                } else {
-                    String::new()
-                },
+                reason,
                 board_age_us: (age_ns != 0).then_some(age_ns / 1000),
                 driver,
                 device,
@@ -188,16 +192,16 @@ impl Pump {
         Kind::DeviceState {
             state: state.name().to_owned(),
             was: was.name().to_owned(),
-            reason: self.reason(&device, reason),
+            reason,
             device,
         }
     }
 
     /// The driver's words for a number, read from its announcement.
-    fn reason(&self, device: &str, number: u32) -> String {
+    fn reason(&self, device: u32, number: u32) -> String {
         let log = self.log.as_ref();
         log.map_or_else(String::new, |(cell, _)| {
-            events::reason_words(cell, device, number)
+            events::reason_words(cell, self.device(device), number)
         })
     }
 

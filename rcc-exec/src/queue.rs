@@ -70,7 +70,8 @@ pub enum Event {
         fault: FaultRecord,
     },
     /// A device changed its state from `was` to `state` (numbers of `DeviceState`); `age_ns` is the age of its last
-    /// measurement when that was too old, else 0; `driver` is the incarnation of its driver, 0 = none.
+    /// measurement when that is of no use any more, else 0; `driver` is the incarnation of its driver, 0 = none;
+    /// `attached` is false when that driver was found dead.
     Device {
         cycle: u64,
         device: u32,
@@ -79,6 +80,7 @@ pub enum Event {
         reason: u32,
         age_ns: u64,
         driver: u64,
+        attached: bool,
     },
     /// A cycle was late: how long after its deadline it woke, and how long it computed.
     Late {

@@ -12,6 +12,8 @@ use super::station::Station;
 
 /// Lowest quality, in thousandths, of each grade from the best on; what lies below all is a grade, too.
 const GRADES: [u32; 3] = [950, 800, 500];
+/// Quality is told at most once in this time, ns: a connection may be at a bound for hours.
+const QUALITY_EVERY_NS: u64 = 5_000_000_000;
 /// A grade is left only when the quality is so far beyond its bound.
 const HYSTERESIS: u32 = 20;
 
@@ -27,6 +29,8 @@ pub struct Diary {
     violations: u64,
     /// Quality that was told last; nothing while the device is offline.
     quality: Option<u32>,
+    /// Stamp of that telling, ns.
+    quality_ns: u64,
     /// Stamp at which the way to rest began, ns.
     stopping_ns: Option<u64>,
 }
@@ -45,6 +49,7 @@ impl Diary {
             out_of_range: 0,
             violations: 0,
             quality: None,
+            quality_ns: 0,
             stopping_ns: None,
         }
     }
@@ -112,8 +117,10 @@ impl Diary {
             self.quality = Some(now);
             return;
         };
-        if has_changed(was, now) {
+        let young = measurement.stamp_ns.saturating_sub(self.quality_ns) < QUALITY_EVERY_NS;
+        if has_changed(was, now) && !young {
             self.quality = Some(now);
+            self.quality_ns = measurement.stamp_ns;
             self.tell(Kind::Quality { permille: now, was });
         }
     }

@@ -69,6 +69,7 @@ impl Engine {
                     now_ns.abs_diff(measurement.stamp_ns)
                 },
                 driver,
+                attached: board.is_some(),
             });
         }
     }

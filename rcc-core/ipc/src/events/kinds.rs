@@ -96,11 +96,11 @@ kinds! {
     DeviceLost = "device-lost", "executor", Error {
         /// Its name.
         device: String,
-        /// Age of the driver's last measurement, µs; nothing if the driver's death was known first.
+        /// Age of the driver's last measurement, µs; nothing if it is young, and the driver itself says so.
         board_age_us: Option<u64>,
         /// The driver's life.
         driver: Option<String>,
-        /// The driver's last words about it.
+        /// Why, if anybody knows.
         reason: String,
     }
     /// A device is there: its ports have values from this cycle on. No net commands it until START.

@@ -201,3 +201,28 @@ fn every_kind_has_a_row_with_its_name() {
     }
     assert!(KINDS.iter().any(|row| row.name == fault().name()));
 }
+
+#[test]
+fn the_table_in_the_docs_is_that_of_the_program() {
+    const END: &str = "<!-- end of kinds -->";
+    const BEGIN: &str = "<!-- kinds: this table is compared with the program by a test -->\n";
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/events.md");
+    let text = fs::read_to_string(path).unwrap();
+    let (before, rest) = text.split_once(BEGIN).unwrap();
+    let (table, after) = rest.split_once(END).unwrap();
+    let mut expected =
+        String::from("| kind | who | usually | what it says | fields |\n|---|---|---|---|---|\n");
+    for row in KINDS {
+        let severity = format!("{:?}", row.severity).to_lowercase();
+        let (summary, fields) = (row.summary.trim(), row.fields.join(", "));
+        expected += &format!(
+            "| `{}` | {} | {severity} | {summary} | {fields} |\n",
+            row.name, row.writer
+        );
+    }
+    if std::env::var_os("RCC_BLESS").is_some() {
+        fs::write(path, format!("{before}{BEGIN}{expected}{END}{after}")).unwrap();
+    } else {
+        assert_eq!(table, expected, "run with RCC_BLESS=1");
+    }
+}

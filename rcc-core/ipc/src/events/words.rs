@@ -128,12 +128,14 @@ impl Kind {
                 reason,
                 ..
             } => {
-                let why = match (board_age_us, reason.is_empty()) {
-                    (Some(age), true) => {
-                        format!("its driver wrote nothing for {:.1} ms", *age as f64 / 1e3)
+                let age = board_age_us.map(|age| age as f64 / 1e3);
+                let why = match (age, reason.as_str()) {
+                    (Some(age), "") => format!("its driver wrote nothing for {age:.1} ms"),
+                    (Some(age), reason) => {
+                        format!("{reason}, its last measurement is {age:.1} ms old")
                     }
-                    (_, false) => reason.clone(),
-                    (None, true) => "its driver is gone".to_owned(),
+                    (None, "") => "its driver says so".to_owned(),
+                    (None, reason) => reason.to_owned(),
                 };
                 format!(
                     "device {device} lost: {why}; its ports are null, nets that command it end, the robot's own side or \
@@ -162,6 +164,9 @@ impl Kind {
                 "the driver of {device} is dead (life {driver}); its supervisor starts another, nets do not go on by \
                  themselves"
             ),
+            Kind::DriverState { state, was, reason } if state == was => {
+                format!("still {state}{}", because(reason))
+            }
             Kind::DriverState { state, was, reason } => {
                 format!("{was} → {state}{}", because(reason))
             }
