@@ -96,6 +96,15 @@ impl Finding {
         Finding::new(Level::Fail, what).fix(fix)
     }
 
+    /// Worse if the cell's file requires what was refused (`executor: {rt: required}`).
+    #[must_use]
+    pub fn required(mut self, required: bool) -> Finding {
+        if required && self.level == Level::Warn {
+            self.level = Level::Fail;
+        }
+        self
+    }
+
     /// Why it is so.
     #[must_use]
     pub fn cause(mut self, cause: impl Into<String>) -> Finding {

@@ -20,9 +20,10 @@ pub struct Cleaned {
     pub refused: Vec<String>,
 }
 
-/// Removes dead cells below `base`, and shared memory in `shm` that nobody uses and that is ours (root: anybody's).
+/// Removes dead cells below `base`; with `shm` also the shared memory there that belongs to no cell below `base`, that
+/// nobody uses, and that is ours (root: anybody's).
 #[must_use]
-pub fn clean(shm: &Path, base: &Path) -> Cleaned {
+pub fn clean(base: &Path, shm: Option<&Path>) -> Cleaned {
     let mut cleaned = Cleaned::default();
     let dead = |cell: &CellFacts| cell.living.is_empty() && cell.refused.is_none();
     for cell in cells::read(base).into_iter().filter(dead) {
@@ -32,6 +33,7 @@ pub fn clean(shm: &Path, base: &Path) -> Cleaned {
             Err(words) => cleaned.refused.push(words),
         }
     }
+    let Some(shm) = shm else { return cleaned };
     let uid = nix::unistd::getuid();
     let ours = |stray: &Stray| !stray.used && (uid.is_root() || stray.owner == uid.as_raw());
     for stray in cells::strays(shm, base).into_iter().filter(ours) {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use rcc_config::cell::RealTime;
 use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, ExecutorConfig, auto_ports};
 use rcc_ipc::{Announcement, Cell};
@@ -24,6 +25,8 @@ pub struct Wish {
     pub period_ns: u64,
     /// When a measurement is stale, ns; none without configuration.
     pub stale_after_ns: Option<u64>,
+    /// The executor ends where it is not granted SCHED_FIFO, locked memory and its core (`rt: required`).
+    pub required: bool,
     /// Where it is written, for people.
     pub source: String,
 }
@@ -36,6 +39,7 @@ impl Default for Wish {
             core,
             period_ns: 1_000_000,
             stale_after_ns: None,
+            required: false,
             source: "defaults (name a cell's file with --cell)".to_owned(),
         }
     }
@@ -63,6 +67,7 @@ impl Wish {
             core: config.executor.core,
             period_ns: config.period_ns,
             stale_after_ns: Some(config.stale_after_ns),
+            required: config.executor.rt == RealTime::Required,
             source: config.source.display().to_string(),
         }
     }

@@ -1,6 +1,9 @@
 //! `devices`: the devices of the cell, why one is not ready, and what their connections were like in the last minute.
 
-use rcc_ipc::Cell;
+use std::collections::BTreeMap;
+
+use rcc_ipc::events::{Kind, Reader};
+use rcc_ipc::{Cell, monotonic_ns};
 use rcc_loader::server::api::DeviceView;
 use serde::Serialize;
 
@@ -9,7 +12,7 @@ use crate::doctor::link::percent;
 use crate::doctor::record::age;
 use crate::doctor::told::{self, History, Told};
 use crate::failure::Failure;
-use crate::table;
+use crate::table::{self, grouped};
 
 /// Nothing more to say.
 #[derive(clap::Args, Debug)]
@@ -26,6 +29,21 @@ struct Row {
     device: DeviceView,
     /// None without a living driver.
     history: Option<History>,
+    /// When the executor lost it last, as far as the event log goes back.
+    last_lost: Option<Lost>,
+}
+
+/// A loss, as the executor saw it.
+#[derive(Clone, Debug, Serialize)]
+struct Lost {
+    /// Executor cycle from which the device's ports were null.
+    cycle: Option<u64>,
+    /// Wall clock.
+    time: String,
+    /// CLOCK_MONOTONIC.
+    monotonic_ns: u64,
+    /// Why, if anybody knew.
+    reason: String,
 }
 
 /// Does it.
@@ -37,15 +55,35 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     // A cell on another machine has no folder here, and no history.
     let cell = Cell::find(context.cell_name()).ok().flatten();
     let history = |name: &str| Some(Told::of(cell.as_ref()?, name)?.history());
+    let losses = cell.as_ref().map(losses).unwrap_or_default();
     let rows: Vec<Row> = devices
         .into_iter()
         .map(|device| Row {
             history: history(&device.name),
+            last_lost: losses.get(&device.name).cloned(),
             device,
         })
         .collect();
     context.print(&rows, |rows| list(rows, arguments.channels));
     Ok(())
+}
+
+/// The last loss of each device in the event log.
+fn losses(cell: &Cell) -> BTreeMap<String, Lost> {
+    let mut last = BTreeMap::new();
+    // A log that cannot be read is one without losses: this verb shows more than that.
+    for event in Reader::open(cell).poll().unwrap_or_default() {
+        if let Kind::DeviceLost { device, reason, .. } = event.what {
+            let lost = Lost {
+                cycle: event.cycle,
+                time: event.time,
+                monotonic_ns: event.monotonic_ns,
+                reason,
+            };
+            last.insert(device, lost);
+        }
+    }
+    last
 }
 
 fn list(rows: &[Row], channels: bool) -> String {
@@ -60,7 +98,9 @@ fn list(rows: &[Row], channels: bool) -> String {
 }
 
 fn devices(rows: &[Row]) -> String {
-    let heads = ["DEVICE", "DRIVER", "STATE", "QUALITY", "LOSSES", "HELD BY", "REASON"];
+    let heads = [
+        "DEVICE", "DRIVER", "STATE", "QUALITY", "LOSSES", "HELD BY", "REASON",
+    ];
     let mut table = table::table(&heads);
     for Row { device, .. } in rows {
         table.add_row([
@@ -77,9 +117,22 @@ fn devices(rows: &[Row]) -> String {
 }
 
 fn connections(rows: &[Row]) -> String {
-    let heads = ["DEVICE", "LAST MINUTE", "MEAN", "MIN", "LATE", "LAST LOST", "PEER"];
+    let heads = [
+        "DEVICE",
+        "LAST MINUTE",
+        "MEAN",
+        "MIN",
+        "LATE",
+        "LAST LOST",
+        "PEER",
+    ];
     let mut table = table::table(&heads);
-    for Row { device, history } in rows {
+    for row in rows {
+        let Row {
+            device,
+            history,
+            last_lost: lost,
+        } = row;
         let Some(history) = history else { continue };
         table.add_row([
             device.name.clone(),
@@ -87,17 +140,28 @@ fn connections(rows: &[Row]) -> String {
             percent(history.quality_mean_permille),
             percent(history.quality_min_permille),
             format!("{} ({})", history.late, history.late_total),
-            last_lost(history, told::now()),
+            last_lost(history, lost.as_ref(), [told::now(), monotonic_ns()]),
             history.peer.clone().unwrap_or_else(|| "–".to_owned()),
         ]);
     }
     table::text(&table)
 }
 
-/// When, or since when not.
-fn last_lost(history: &History, now: u64) -> String {
+/// When, or since when not. The executor's word comes first: it names the cycle. `now` is wall clock in seconds and
+/// CLOCK_MONOTONIC in nanoseconds.
+fn last_lost(history: &History, lost: Option<&Lost>, now: [u64; 2]) -> String {
+    let [now, now_ns] = now;
     if history.stale {
         return "its driver tells nothing any more".to_owned();
+    }
+    if let Some(Lost {
+        cycle: Some(cycle),
+        monotonic_ns,
+        ..
+    }) = lost
+    {
+        let seconds = now_ns.saturating_sub(*monotonic_ns) / 1_000_000_000;
+        return format!("cycle {}, {} ago", grouped(*cycle), age(seconds));
     }
     match history.lost_at {
         Some(at) => format!("{} ago", age(now.saturating_sub(at))),
@@ -134,13 +198,17 @@ mod tests {
                 ..DeviceView::default()
             },
             history,
+            last_lost: None,
         }
     }
 
     #[test]
     fn without_a_driver_there_is_no_history() {
         let text = list(&[row(None)], false);
-        assert!(text.starts_with("DEVICE") && !text.contains("LAST MINUTE"), "{text}");
+        assert!(
+            text.starts_with("DEVICE") && !text.contains("LAST MINUTE"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -152,12 +220,23 @@ mod tests {
             late_total: 12,
             ..History::default()
         };
-        assert_eq!(last_lost(&history, 1090), "not in 90 s");
+        let now = [1090, 95_000_000_000];
+        assert_eq!(last_lost(&history, None, now), "not in 90 s");
         history.lost_at = Some(1030);
-        assert_eq!(last_lost(&history, 1090), "60 s ago");
+        assert_eq!(last_lost(&history, None, now), "60 s ago");
+        let lost = Lost {
+            cycle: Some(81_422),
+            time: String::new(),
+            monotonic_ns: 35_000_000_000,
+            reason: String::new(),
+        };
+        assert_eq!(
+            last_lost(&history, Some(&lost), now),
+            "cycle 81 422, 60 s ago"
+        );
         let text = list(&[row(Some(history.clone()))], false);
         assert!(text.contains("█▇") && text.contains("1 (12)"), "{text}");
         history.stale = true;
-        assert!(last_lost(&history, 1090).contains("nothing any more"));
+        assert!(last_lost(&history, None, now).contains("nothing any more"));
     }
 }

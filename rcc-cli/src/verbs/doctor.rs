@@ -27,6 +27,9 @@ pub struct Arguments {
     /// Remove what dead cells left, instead of looking.
     #[arg(long)]
     clean: bool,
+    /// With --clean: also shared memory that nobody uses, of cells in other folders (RCC_RUNTIME_DIR).
+    #[arg(long, requires = "clean")]
+    strays: bool,
     #[command(subcommand)]
     what: Option<What>,
 }
@@ -55,7 +58,7 @@ fn length(text: &str) -> Result<Duration, String> {
 /// Exit code 1 when a finding prevents a cell from running; 3 for a configuration that is not valid.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if arguments.clean {
-        return remove(context);
+        return remove(context, arguments.strays);
     }
     let chosen = wish::choose(context)?;
     if let Some(What::Device { name }) = &arguments.what {
@@ -144,8 +147,8 @@ fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
     facts
 }
 
-fn remove(context: &Context) -> Result<(), Failure> {
-    let cleaned = clean(Path::new("/dev/shm"), &base_dir());
+fn remove(context: &Context, strays: bool) -> Result<(), Failure> {
+    let cleaned = clean(&base_dir(), strays.then_some(Path::new("/dev/shm")));
     if context.format == Format::Json {
         context.print(&cleaned, |_| String::new());
     } else {

@@ -17,7 +17,11 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         Err(errno) => {
             let (cause, fix) = cause_and_fix(facts, errno);
             let what = format!("SCHED_FIFO {priority} refused: {}", errno.desc());
-            vec![Finding::warn(what, fix).cause(cause)]
+            vec![
+                Finding::warn(what, fix)
+                    .required(facts.wish.required)
+                    .cause(cause),
+            ]
         }
     }
 }
@@ -260,6 +264,13 @@ mod tests {
         facts.granted = vec![granted("@audio", 95)];
         let (_, fix) = only(&facts);
         assert!(fix.contains("usermod -aG audio anna"), "{fix}");
+    }
+
+    #[test]
+    fn a_cell_that_requires_it_does_not_run_without() {
+        let mut facts = refused();
+        facts.wish.required = true;
+        assert_eq!(check(&facts)[0].level, Level::Fail);
     }
 
     #[test]

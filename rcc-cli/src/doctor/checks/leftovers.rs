@@ -35,11 +35,11 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             Finding::note(format!("{what}, in use"))
         } else if stray.owner != facts.user.uid && facts.user.uid != 0 {
             Finding::note(format!("{what}, of user {}", stray.owner))
-                .fix("that user (or root) removes it: rcc-cli doctor --clean")
+                .fix("that user (or root) removes it: rcc-cli doctor --clean --strays")
         } else {
             Finding::warn(
                 format!("{what}, and nobody uses it"),
-                "rcc-cli doctor --clean",
+                "rcc-cli doctor --clean --strays",
             )
         });
     }

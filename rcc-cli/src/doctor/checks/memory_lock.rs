@@ -7,22 +7,27 @@ use crate::doctor::facts::Facts;
 
 pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     let limit = facts.limits.memlock.soft;
-    let privileged = facts.user.may_lock || facts.user.uid == 0;
+    // As the executor: under a finite limit only root tries.
+    let privileged = facts.user.uid == 0;
     match (facts.trial.lock, limit) {
-        (Ok(()), _) if privileged => vec![Finding::ok("memory can be locked (CAP_IPC_LOCK)")],
+        (Ok(()), _) if privileged => vec![Finding::ok("memory can be locked (root)")],
         (Ok(()), None) => vec![Finding::ok(
             "memory can be locked (the limit memlock is unlimited)",
         )],
         (Ok(()), Some(limit)) => {
             let what = format!("memory is locked only up to {}", bytes(limit));
-            vec![Finding::warn(what, fix(facts)).cause(
+            vec![Finding::warn(what, fix(facts)).required(facts.wish.required).cause(
                 "the executor does not lock under a finite limit: later memory would be refused in the middle of its work",
             )]
         }
         (Err(errno), limit) => {
             let limit = limit.map_or_else(|| "unlimited".to_owned(), bytes);
             let what = format!("memory cannot be locked: {}", errno.desc());
-            vec![Finding::warn(what, fix(facts)).cause(format!("the limit memlock is {limit}"))]
+            vec![
+                Finding::warn(what, fix(facts))
+                    .required(facts.wish.required)
+                    .cause(format!("the limit memlock is {limit}")),
+            ]
         }
     }
 }
@@ -59,7 +64,7 @@ mod tests {
         let found = check(&facts);
         assert_eq!(found[0].level, Level::Warn);
         assert!(found[0].what.contains("8 MB"), "{found:?}");
-        facts.user.may_lock = true;
+        facts.user.uid = 0;
         assert_eq!(check(&facts)[0].level, Level::Ok);
     }
 

@@ -11,7 +11,7 @@ const LITTLE: u64 = 256 << 20;
 pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     let memory = &facts.memory;
     let locked =
-        facts.trial.lock.is_ok() && (facts.user.may_lock || facts.limits.memlock.soft.is_none());
+        facts.trial.lock.is_ok() && (facts.user.uid == 0 || facts.limits.memlock.soft.is_none());
     let mut found = Vec::new();
     if let Some(available) = memory.available.filter(|available| *available < LITTLE) {
         let what = format!("only {} of memory are left", bytes(available));
@@ -56,6 +56,7 @@ mod tests {
     #[test]
     fn swap_matters_only_where_memory_is_not_locked() {
         let mut facts = Facts::default();
+        facts.user.uid = 1000;
         facts.memory.swap = 1 << 30;
         facts.memory.swap_used = 1 << 20;
         assert_eq!(check(&facts), []);

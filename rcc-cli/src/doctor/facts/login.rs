@@ -3,9 +3,7 @@
 
 use super::system::{System, value_in};
 
-/// CAP_IPC_LOCK (linux/capability.h).
-const CAP_IPC_LOCK: u32 = 14;
-/// CAP_SYS_NICE.
+/// linux/capability.h.
 const CAP_SYS_NICE: u32 = 23;
 
 /// Who we are.
@@ -19,8 +17,6 @@ pub struct User {
     pub groups: Vec<String>,
     /// It may give any priority to its threads.
     pub may_nice: bool,
-    /// It may lock any amount of memory.
-    pub may_lock: bool,
     /// No person: logind leaves it alone.
     pub is_system: bool,
     /// Path of the control group.
@@ -79,7 +75,6 @@ pub fn read(system: &System) -> User {
             .map(|gid| name_of(system, "etc/group", *gid).unwrap_or_else(|| gid.to_string()))
             .collect(),
         may_nice: capabilities >> CAP_SYS_NICE & 1 == 1,
-        may_lock: capabilities >> CAP_IPC_LOCK & 1 == 1,
         // nobody counts as one, too (systemd's uid_is_system, uid_is_dynamic and 65534).
         is_system: uid <= system_max || uid == 65_534,
         cgroup: cgroup(system),
@@ -179,7 +174,7 @@ mod tests {
         let user = read(&recorded.system());
         assert_eq!((user.uid, user.name.as_str()), (1000, "anna"));
         assert_eq!(user.groups, ["audio", "anna", "anna"]);
-        assert!(user.may_nice && user.may_lock && !user.is_system);
+        assert!(user.may_nice && !user.is_system);
         assert_eq!(user.service(), None);
         assert!(user.is_meant_by("@audio") && user.is_meant_by("*") && user.is_meant_by("anna"));
         assert!(!user.is_meant_by("@rcc") && !user.is_meant_by("bert"));

@@ -438,6 +438,14 @@ fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
             "this machine is late: rcc-cli doctor".to_owned(),
         );
     }
+    if gaps && facts.simulated {
+        return (
+            format!(
+                "{counted}; the simulator's datagrams come late, too: both run on this machine"
+            ),
+            "this machine is late: rcc-cli doctor".to_owned(),
+        );
+    }
     if gaps {
         return (
             format!("{counted}; datagrams of the controller get lost or come late, too"),
