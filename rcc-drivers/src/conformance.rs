@@ -18,14 +18,11 @@ use crate::host::reason::Reason;
 
 pub mod bench;
 pub mod capture;
-mod check;
 pub mod hosted;
 pub mod judge;
 pub mod real;
 pub mod rules;
 pub mod wire;
-
-pub use check::check;
 
 /// Waits of a receive: a driver waits no longer than this for nothing.
 pub const TIMEOUT: Duration = Duration::from_millis(20);
@@ -99,8 +96,8 @@ pub trait Subject: Peer + Sized {
     fn complaints(&self) -> Vec<String> {
         Vec::new()
     }
-    /// Bytes of a real exchange and what the driver makes of them.
-    fn capture() -> capture::Capture;
+    /// Bytes of an exchange with a device that is not the subject, and what the driver makes of them.
+    fn capture() -> Option<capture::Capture>;
 }
 
 /// Gives a driver all rules: `conformance!(io: Station)` for plain I/O, `conformance!(arm: Controller)` for a device
@@ -132,6 +129,7 @@ macro_rules! conformance {
             survives_corrupted_packets,
             survives_all_faults_at_once,
             replays_its_capture,
+            replays_a_recording,
             in_a_cell_outputs_are_released_when_the_executor_dies,
             in_a_cell_a_lost_device_is_offline_and_comes_back,
         );
@@ -204,7 +202,8 @@ pub fn device(driver: &str, settings: serde_json::Value, rows: &[Row<'_>]) -> De
 
 /// A cell with this device only, of 1 ms.
 pub fn cell(device: &DeviceConfig) -> CellConfig {
-    let text = "cell: conformance\nperiod: 1 ms\nstale_after: 50 ms\ndevices: {device: {driver: none}}\n";
+    let text =
+        "cell: conformance\nperiod: 1 ms\nstale_after: 50 ms\ndevices: {device: {driver: none}}\n";
     let cell = CellConfig::parse(text, "conformance", Path::new(""), &Default::default());
     CellConfig {
         devices: vec![device.clone()],

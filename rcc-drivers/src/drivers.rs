@@ -8,6 +8,8 @@ use crate::host::reason::Reason;
 
 pub mod fri_lwr;
 pub mod modbus;
+#[cfg(test)]
+pub mod template;
 
 /// One driver.
 #[derive(Debug)]

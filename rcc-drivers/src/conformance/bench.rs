@@ -210,7 +210,8 @@ impl<S: Subject> Bench<S> {
     }
 
     fn is_known(&self, reason: u32) -> bool {
-        let mut rows = HOST_REASONS.iter().chain(S::REASONS);
+        let own = self.driver.reasons().unwrap_or(S::REASONS);
+        let mut rows = HOST_REASONS.iter().chain(own);
         rows.any(|row| row.0 == reason)
     }
 

@@ -8,11 +8,15 @@ use std::time::Duration;
 
 use rcc_config::DeviceConfig;
 
+use super::wire::Between;
 use super::{Subject, TIMEOUT, Wire};
-use crate::driver::{Driver, Inputs};
+use crate::driver::{Driver, Inputs, Outputs};
 
 /// Receives until the capture is over.
 const PATIENCE: usize = 500;
+/// Exchanges of a recording, and how often it is tried.
+const RECORDED: usize = 20;
+const ATTEMPTS: usize = 10;
 /// How long a replayed device waits for the driver's bytes.
 const WAIT: Duration = Duration::from_secs(10);
 
@@ -29,7 +33,7 @@ pub enum From {
 pub struct Capture {
     /// The driver's configuration, for a device (or, if that sends first, a driver) at an address.
     pub device: fn(SocketAddr) -> DeviceConfig,
-    /// Packets, in their order. What a driver sends that is not the first to send is not compared.
+    /// Packets, in their order. What a driver sends is compared if it is the first to send.
     pub packets: Vec<(From, Vec<u8>)>,
     /// Exchanges in it.
     pub exchanges: usize,
@@ -58,19 +62,91 @@ impl Capture {
     }
 }
 
-/// Twice, with a driver that knows nothing each time.
+/// A stored capture, twice, with a driver that knows nothing each time.
 pub fn replays_its_capture<S: Subject>() {
-    let capture = S::capture();
-    assert!(capture.exchanges > 0);
-    let first = replay::<S>(&capture);
-    assert_eq!(first.len(), capture.exchanges);
-    let bits = |inputs: &[Inputs]| format!("{inputs:?}");
-    assert_eq!(
-        bits(&first),
-        bits(&replay::<S>(&capture)),
-        "the same bytes, other inputs"
-    );
+    let Some(capture) = S::capture() else {
+        return eprintln!("skipped: replays_its_capture (there is no stored capture)");
+    };
+    let first = replays(&capture, replay::<S>);
     (capture.check)(&first);
+}
+
+/// An exchange with the subject, recorded and replayed: `RCC_RECORD=FILE` keeps it.
+pub fn replays_a_recording<S: Subject>() {
+    let (packets, recorded) = (0..ATTEMPTS)
+        .find_map(|_| record::<S>())
+        .expect("one recording without a pause");
+    if let Some(file) = std::env::var_os("RCC_RECORD") {
+        std::fs::write(file, text(&packets)).expect("RCC_RECORD names a file");
+    }
+    let capture = Capture {
+        device: S::device,
+        exchanges: recorded.len(),
+        packets: Capture::packets(&text(&packets)),
+        check: |_| {},
+    };
+    let replayed = replays(&capture, replay::<S>);
+    assert_eq!(format!("{recorded:?}"), format!("{replayed:?}"));
+}
+
+fn replays(capture: &Capture, replay: fn(&Capture) -> Vec<Inputs>) -> Vec<Inputs> {
+    assert!(capture.exchanges > 0);
+    let (first, second) = (replay(capture), replay(capture));
+    assert_eq!(first.len(), capture.exchanges);
+    // As text, in which NaN equals NaN.
+    let (one, other) = (format!("{first:?}"), format!("{second:?}"));
+    assert_eq!(one, other, "the same bytes, other inputs");
+    first
+}
+
+fn text(packets: &[(From, Vec<u8>)]) -> String {
+    let mut text = String::new();
+    for (from, bytes) in packets {
+        text.push(if *from == From::Driver { '>' } else { '<' });
+        bytes
+            .iter()
+            .for_each(|byte| text += &format!(" {byte:02x}"));
+        text.push('\n');
+    }
+    text
+}
+
+/// Bytes and inputs of some exchanges; `None` if one of them failed, as the machine was too busy.
+fn record<S: Subject>() -> Option<(Vec<(From, Vec<u8>)>, Vec<Inputs>)> {
+    let mut subject = S::start();
+    let (between, address) = Between::of(&mut subject, 1);
+    drop(between.heard());
+    let device = S::device(address);
+    let mut driver = S::Driver::open(&device).unwrap_or_else(|error| panic!("{error}"));
+    let mut packets = Vec::new();
+    let mut seen = Vec::new();
+    for _ in 0..PATIENCE {
+        subject.before();
+        between.step();
+        let inputs = exchange(&mut driver);
+        packets.extend(between.heard());
+        subject.after();
+        match inputs {
+            Some(inputs) => seen.push(inputs),
+            None if packets.is_empty() => {}
+            None => return None,
+        }
+        if seen.len() == RECORDED {
+            return Some((packets, seen));
+        }
+    }
+    None
+}
+
+fn exchange(driver: &mut impl Driver) -> Option<Inputs> {
+    let mut inputs = Inputs::NONE;
+    let exchange = driver.receive(TIMEOUT, &mut inputs).ok()?;
+    let outputs = Outputs {
+        position: exchange.mirror,
+        ..Outputs::NONE
+    };
+    driver.send(&outputs).ok()?;
+    Some(inputs)
 }
 
 fn replay<S: Subject>(capture: &Capture) -> Vec<Inputs> {
@@ -101,10 +177,7 @@ fn from_device<S: Subject>(capture: &Capture) -> Vec<Inputs> {
     let mut seen = Vec::new();
     for (_, bytes) in capture.packets.iter().filter(|row| row.0 == From::Device) {
         socket.send_to(bytes, address).expect("loopback");
-        let mut inputs = Inputs::NONE;
-        if driver.receive(TIMEOUT, &mut inputs).is_ok() {
-            seen.push(inputs);
-        }
+        seen.extend(exchange(&mut driver));
     }
     seen
 }
@@ -118,10 +191,7 @@ fn from_driver<S: Subject>(
     let mut driver = S::Driver::open(&config).unwrap_or_else(|error| panic!("{error}"));
     let mut seen = Vec::new();
     for _ in 0..PATIENCE {
-        let mut inputs = Inputs::NONE;
-        if driver.receive(TIMEOUT, &mut inputs).is_ok() {
-            seen.push(inputs);
-        }
+        seen.extend(exchange(&mut driver));
         if seen.len() == capture.exchanges {
             break;
         }
@@ -165,4 +235,6 @@ fn answer_stream(listener: &TcpListener, packets: &[(From, Vec<u8>)]) {
             From::Device => stream.write_all(packet).expect("the driver reads"),
         }
     }
+    // The driver ends first: what it has not read yet would be lost otherwise.
+    while matches!(stream.read(&mut [0; 64]), Ok(1..)) {}
 }

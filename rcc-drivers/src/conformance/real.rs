@@ -50,6 +50,7 @@ const ON_REAL: &[(&str, OnReal)] = &[
     ("refuses_two_outputs_at_one_address", OnReal::Same),
     ("refuses_a_robot_that_it_cannot_move", OnReal::Same),
     ("replays_its_capture", OnReal::Same),
+    ("replays_a_recording", OnReal::Same),
     ("tells_what_it_knows", OnReal::Listen),
     ("carries_outputs_there_and_inputs_back", OnReal::Outputs),
 ];

@@ -17,4 +17,4 @@ pub use outputs::*;
 pub use rest::*;
 pub use restart::*;
 
-pub use super::capture::replays_its_capture;
+pub use super::capture::{replays_a_recording, replays_its_capture};

@@ -3,6 +3,7 @@
 
 use std::net::{SocketAddr, UdpSocket};
 
+use super::capture::From;
 use super::{Subject, Wire};
 use crate::proxy::{Counts, Direction, Rates, TcpProxy, UdpProxy};
 
@@ -53,14 +54,36 @@ impl Between {
 
     /// Passes on what the driver has sent; returns that, as it left the driver, if the test pumps.
     pub fn answers(&self) -> Vec<Vec<u8>> {
-        let Self::Pumped(proxy) = self else {
+        if !matches!(self, Self::Pumped(_)) {
             return Vec::new();
-        };
-        proxy.pump();
-        let heard = proxy.heard().into_iter();
+        }
+        let heard = self.heard().into_iter();
         heard
-            .filter(|(direction, _)| *direction == Direction::Back)
+            .filter(|(from, _)| *from == From::Driver)
             .map(|(_, bytes)| bytes)
+            .collect()
+    }
+
+    /// What both ends have sent since the last time, as it left them; kept from the first call on.
+    pub fn heard(&self) -> Vec<(From, Vec<u8>)> {
+        let (heard, device) = match self {
+            Self::Pumped(proxy) => {
+                proxy.pump();
+                (proxy.heard(), Direction::Forth)
+            }
+            Self::Threaded(proxy) => (proxy.heard(), Direction::Back),
+            Self::Stream(proxy) => (proxy.heard(), Direction::Back),
+        };
+        let from = |direction| {
+            if direction == device {
+                From::Device
+            } else {
+                From::Driver
+            }
+        };
+        heard
+            .into_iter()
+            .map(|(direction, bytes)| (from(direction), bytes))
             .collect()
     }
 

@@ -332,4 +332,6 @@ fn check_watchdog(
 }
 
 #[cfg(test)]
+mod conforms;
+#[cfg(test)]
 mod tests;

@@ -8,7 +8,6 @@ use super::super::hosted::Hosted;
 use super::super::{Subject, TIMEOUT};
 use super::rest::Motion;
 use crate::host::limits::ArmLimits;
-use crate::host::reason;
 
 /// Cycles in which nothing may happen.
 const WATCHED: usize = 200;
@@ -38,9 +37,7 @@ pub fn in_a_cell_a_lost_device_is_offline_and_comes_back<S: Subject>() {
         std::thread::sleep(TIMEOUT);
         hosted.cell.is(DeviceState::Offline)
     });
-    let reason = hosted.cell.measured().reason;
-    let known = S::REASONS.iter().any(|row| row.0 == reason);
-    assert!(known || reason == reason::SILENT, "reason {reason}");
+    assert_ne!(hosted.cell.measured().reason, 0, "it does not say why");
     hosted.subject.set_present(true);
     hosted.until_ready();
 }

@@ -172,9 +172,9 @@ impl Subject for Controller {
     }
 
     /// One captured datagram in command state; the numbers have been read from its bytes with Python's `struct`.
-    fn capture() -> Capture {
+    fn capture() -> Option<Capture> {
         let bytes = include_bytes!("../../../../tests/data/fri/cap_lwr.msr");
-        Capture {
+        Some(Capture {
             device: lwr,
             packets: vec![(From::Device, bytes.to_vec())],
             exchanges: 1,
@@ -192,7 +192,7 @@ impl Subject for Controller {
                 assert_eq!(inputs[0].torque, [0.0; JOINTS_MAX]);
                 assert_eq!((inputs[0].digital, inputs[0].digital_known), (0, 0b111));
             },
-        }
+        })
     }
 }
 

@@ -111,12 +111,6 @@ impl Peer for Station {
 }
 
 #[test]
-fn conforms() {
-    let mut station = Station::nowhere();
-    conformance::check::<Modbus>(&device(station.address), REASONS, &mut station);
-}
-
-#[test]
 fn signed_registers_are_read_back_as_they_were_written() {
     let mut station = Station::nowhere();
     station.start();

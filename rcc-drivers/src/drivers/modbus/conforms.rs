@@ -1,0 +1,145 @@
+//! The driver against the conformance suite: the simulated I/O station, which runs in threads of the test.
+//! Test code only.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::mpsc;
+
+use rcc_config::{DeviceConfig, OnRelease};
+use rcc_core::message::ANALOG_MAX;
+use rcc_core::primitive::ChannelKind::{
+    self, AnalogInput, AnalogOutput, DigitalInput, DigitalOutput,
+};
+use serde_json::{Value, json};
+
+use super::{Modbus, REASONS};
+use crate::conformance::capture::Capture;
+use crate::conformance::{Peer, Subject, Told, Wire, conformance, device};
+use crate::host::reason::Reason;
+use crate::sim::io::options::Options;
+use crate::sim::io::program;
+
+/// The station; coil 0 is wired to discrete input 0, holding register 0 to input register 0.
+struct Station {
+    address: SocketAddr,
+    control: BufReader<TcpStream>,
+}
+
+impl Station {
+    fn say(&mut self, line: &str) -> Value {
+        writeln!(self.control.get_mut(), "{line}").expect("loopback");
+        let mut answer = String::new();
+        self.control.read_line(&mut answer).expect("an answer");
+        serde_json::from_str(&answer).expect("JSON")
+    }
+}
+
+impl Peer for Station {
+    fn before(&mut self) {}
+
+    fn after(&mut self) {}
+
+    fn set_present(&mut self, present: bool) {
+        let time = if present { 0 } else { 600_000 };
+        let answer = self.say(&format!("{{\"freeze_ms\": {time}}}"));
+        assert_eq!(answer["ok"], true);
+    }
+}
+
+impl Subject for Station {
+    type Driver = Modbus;
+    const NAME: &'static str = "modbus";
+    const REASONS: &'static [Reason] = REASONS;
+    const WIRE: Wire = Wire::TcpFromDriver;
+    const CHECKED: bool = false;
+    const BAD_SETTINGS: &'static [(&'static str, &'static str)] = &[
+        ("server", "\"192.168.0.7\""),
+        ("unit", "256"),
+        ("unit", "-1"),
+        ("period", "\"0 ms\""),
+        ("period", "\"10\""),
+        ("timeout", "\"1 m\""),
+    ];
+    const BAD_ADDRESSES: &'static [(ChannelKind, &'static str)] = &[
+        (DigitalOutput, "\"discrete 0\""),
+        (DigitalOutput, "\"coil\""),
+        (DigitalOutput, "\"coil 65536\""),
+        (DigitalInput, "\"discrete 0 i16\""),
+        (AnalogOutput, "\"input 0\""),
+        (AnalogOutput, "\"holding 0\""),
+    ];
+
+    /// Runs until the test process ends.
+    fn start() -> Self {
+        let any = SocketAddr::from(([127, 0, 0, 1], 0));
+        let wire = |text: &str| text.parse().expect("a wire");
+        let options = Options {
+            bind: any,
+            control: any,
+            wire: vec![wire("coil:0=discrete:0"), wire("holding:0=input:0")],
+            parent_death: false,
+        };
+        let (tell, told) = mpsc::channel();
+        std::thread::spawn(move || {
+            program::run(&options, |line| {
+                tell.send(line.to_owned()).expect("the test waits")
+            })
+        });
+        let line = told.recv().expect("the station starts");
+        let place = |name: &str| {
+            let rest = line.split(name).nth(1).expect("its address");
+            rest.split(' ').next().expect("its address").to_owned()
+        };
+        let control = TcpStream::connect(place("control=")).expect("loopback");
+        Self {
+            address: place("modbus=").parse().expect("an address"),
+            control: BufReader::new(control),
+        }
+    }
+
+    fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    fn device(at: SocketAddr) -> DeviceConfig {
+        let safe = Some(OnRelease::Safe(0.0));
+        let range = Some([-100.0, 100.0]);
+        let settings = json!({"server": at.to_string(), "period": "1 ms", "timeout": "200 ms"});
+        device(
+            "modbus",
+            settings,
+            &[
+                ("lamp", DigitalOutput, "coil 0".into(), safe, None),
+                (
+                    "clamp",
+                    DigitalOutput,
+                    "coil 1".into(),
+                    Some(OnRelease::Hold),
+                    None,
+                ),
+                ("lamp_on", DigitalInput, "discrete 0".into(), None, None),
+                ("other", DigitalInput, "discrete 7".into(), None, None),
+                ("speed", AnalogOutput, "holding 0 i16".into(), safe, range),
+                ("speed_is", AnalogInput, "input 0 i16".into(), None, None),
+            ],
+        )
+    }
+
+    fn told(&mut self) -> Told {
+        let state = self.say("{\"state\": null}");
+        let coil = |place: usize| u64::from(state["coils"][place] == true);
+        let mut analog = [f64::NAN; ANALOG_MAX];
+        let register = state["holding"][0].as_u64().expect("a register") as u16;
+        analog[0] = f64::from(register.cast_signed());
+        Told {
+            digital: coil(0) | coil(1) << 1,
+            analog,
+        }
+    }
+
+    fn capture() -> Option<Capture> {
+        None
+    }
+}
+
+conformance!(io: Station);

@@ -1,0 +1,295 @@
+//! The template: a driver for a small I/O box that answers lines of text over UDP. To be copied, see `docs/drivers.md`.
+//! Run by the host's thread, which waits in [`Driver::receive`] only.
+//!
+//! Each period the driver asks `get N` and is answered `is N d1=1 a1=0.25`, then it tells `set N d1=0 a1=0.5`. Every line
+//! ends with `#` and the CRC-32 of what stands before it. The box forgets what it was told when it hears `get 0`, and
+//! takes no `set` with a number that is not greater than the last one.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::io::{self, ErrorKind};
+use std::net::{Ipv4Addr, UdpSocket};
+use std::time::{Duration, Instant};
+
+use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_core::message::JOINTS_MAX;
+use rcc_core::primitive::ChannelKind;
+
+use crate::driver::{
+    Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
+    to_raw, to_si,
+};
+use crate::host::reason::Reason;
+
+// 1. What can be wrong with the device, in words for people; numbers of a driver begin at 100.
+
+/// The socket does not work.
+pub const SOCKET: u32 = 100;
+
+/// What the numbers mean.
+pub const REASONS: &[Reason] = &[(
+    SOCKET,
+    "the I/O box is not reached at settings.box: is it on?",
+)];
+
+/// Longest line.
+const LINE_MAX: usize = 1024;
+
+// 2. The driver: the socket, the settings, and what is remembered from one exchange to the next.
+
+/// A channel and its number at the box.
+#[derive(Clone, Debug)]
+struct Point {
+    number: u64,
+    config: ChannelConfig,
+}
+
+/// The driver.
+#[derive(Debug)]
+pub struct LineIo {
+    socket: UdpSocket,
+    period: Duration,
+    timeout: Duration,
+    /// By kind: digital in, digital out, analog in, analog out; in order of their index.
+    points: [Vec<Point>; 4],
+    /// The next cycle.
+    next: Instant,
+    /// Number of the next question.
+    number: u64,
+    late: u64,
+    refused: u64,
+}
+
+impl Driver for LineIo {
+    // 3. Everything that can be checked without the device, each fault with its key and what to give.
+    fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
+        let mut settings = Settings::of(device);
+        let address = settings.address("box", None)?;
+        let period = settings.duration("period", Duration::from_millis(10))?;
+        let timeout = settings.duration("timeout", Duration::from_millis(20))?;
+        settings.finish()?;
+        if device.robot.is_some() {
+            return Err(DriverError::Robot {
+                device: device.name.clone(),
+                cause: "the I/O box moves no robot: leave it out, or name another driver",
+            });
+        }
+        let system = |source| DriverError::System {
+            device: device.name.clone(),
+            key: "box",
+            value: address.to_string(),
+            source,
+        };
+        let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).map_err(system)?;
+        socket.connect(address).map_err(system)?;
+        Ok(Self {
+            socket,
+            period,
+            timeout,
+            points: [
+                points(device, ChannelKind::DigitalInput)?,
+                points(device, ChannelKind::DigitalOutput)?,
+                points(device, ChannelKind::AnalogInput)?,
+                points(device, ChannelKind::AnalogOutput)?,
+            ],
+            next: Instant::now(),
+            number: 0,
+            late: 0,
+            refused: 0,
+        })
+    }
+
+    // 4. One cycle of the device: wait for it, ask, take the answer. Nothing came: `Silent`; it cannot come: `Lost`.
+    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let left = self.next.saturating_duration_since(Instant::now());
+        std::thread::sleep(left.min(timeout));
+        if left > timeout {
+            return Err(LinkError::Silent);
+        }
+        let ticks = self.schedule();
+        self.say(&format!("get {}", self.number))?;
+        self.number += 1;
+        let read = self.hear()?;
+        let Some(read) = read.and_then(|values| self.inputs(&values)) else {
+            self.late += 1;
+            return Err(LinkError::Silent);
+        };
+        *inputs = read;
+        Ok(Exchange {
+            commandable: true,
+            startable: true,
+            mirror: [0.0; JOINTS_MAX],
+            ticks,
+            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
+            quality_permille: 1000,
+            reason: 0,
+            late: self.late,
+            refused: self.refused,
+        })
+    }
+
+    // 5. The answer: what the host says, as the wire wants it. An output without a value is not mentioned.
+    fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
+        let mut line = format!("set {}", self.number - 1);
+        let [_, digital, _, analog] = &self.points;
+        for (point, bit) in digital.iter().zip(0..) {
+            if outputs.digital_set >> bit & 1 == 1 {
+                push(&mut line, 'd', point.number, outputs.digital >> bit & 1);
+            }
+        }
+        for (point, value) in analog.iter().zip(outputs.analog) {
+            if value.is_finite() {
+                push(&mut line, 'a', point.number, to_raw(&point.config, value));
+            }
+        }
+        self.say(&line)
+    }
+
+    // 6. Plain I/O has no command mode to leave.
+    fn release(&mut self) {}
+}
+
+impl LineIo {
+    /// Sets the next cycle; says how many periods lie between the last one and this one.
+    fn schedule(&mut self) -> u64 {
+        let behind = Instant::now().saturating_duration_since(self.next);
+        let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
+        let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
+        self.next += self.period.saturating_mul(skipped + 1);
+        u64::from(skipped) + 1
+    }
+
+    fn say(&self, line: &str) -> Result<(), LinkError> {
+        match self.socket.send(seal(line).as_bytes()) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(lost(&error)),
+        }
+    }
+
+    /// The values of the answer to the last question; `None` if it did not come. Whatever else comes is refused.
+    fn hear(&mut self) -> Result<Option<BTreeMap<String, f64>>, LinkError> {
+        let deadline = Instant::now() + self.timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            let mut bytes = [0; LINE_MAX];
+            let heard = self
+                .socket
+                .set_read_timeout(Some(left))
+                .and_then(|()| self.socket.recv(&mut bytes));
+            match heard {
+                Ok(size) => match self.answer(bytes.get(..size).unwrap_or_default()) {
+                    Some(values) => return Ok(Some(values)),
+                    None => self.refused += 1,
+                },
+                Err(error) if is_pause(&error) => return Ok(None),
+                Err(error) => return Err(lost(&error)),
+            }
+        }
+    }
+
+    fn answer(&self, bytes: &[u8]) -> Option<BTreeMap<String, f64>> {
+        let (word, number, values) = parse(unseal(bytes)?)?;
+        (word == "is" && number + 1 == self.number).then_some(values)
+    }
+
+    /// The inputs that a complete answer gives.
+    fn inputs(&self, values: &BTreeMap<String, f64>) -> Option<Inputs> {
+        let mut inputs = Inputs::NONE;
+        let [digital, _, analog, _] = &self.points;
+        for (point, bit) in digital.iter().zip(0..) {
+            let on = *values.get(&format!("d{}", point.number))? != 0.0;
+            inputs.digital |= u64::from(on) << bit;
+            inputs.digital_known |= 1 << bit;
+        }
+        for (point, place) in analog.iter().zip(&mut inputs.analog) {
+            *place = to_si(&point.config, *values.get(&format!("a{}", point.number))?);
+        }
+        Some(inputs)
+    }
+}
+
+// 7. Channels: what an `address` means is the driver's; a fault names the channel and what to give.
+
+fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, DriverError> {
+    let expected = "a number from 1 to 16 that no other channel of this kind has";
+    let mut found: Vec<Point> = Vec::new();
+    for channel in channels(device, kind) {
+        let number = channel
+            .address
+            .as_u64()
+            .filter(|number| (1..=16).contains(number));
+        let number = number.ok_or_else(|| {
+            let cause = format!("the box has no channel {}", channel.address);
+            channel_error(device, channel, cause, expected)
+        })?;
+        if let Some(other) = found.iter().find(|other| other.number == number) {
+            let cause = format!("'{}' has number {number}, too", other.config.name);
+            return Err(channel_error(device, channel, cause, expected));
+        }
+        found.push(Point {
+            number,
+            config: channel.clone(),
+        });
+    }
+    Ok(found)
+}
+
+// 8. The wire, as pure functions: they are tested without a socket, and the simulated box uses them, too.
+
+fn push(line: &mut String, kind: char, number: u64, value: impl std::fmt::Display) {
+    // Writing to a String cannot fail.
+    let _ = write!(line, " {kind}{number}={value}");
+}
+
+/// The line with its check.
+fn seal(line: &str) -> String {
+    format!("{line}#{:08x}", crc32(line.as_bytes()))
+}
+
+/// The line in these bytes, if its check is right.
+fn unseal(bytes: &[u8]) -> Option<&str> {
+    let (line, check) = std::str::from_utf8(bytes).ok()?.rsplit_once('#')?;
+    (check == format!("{:08x}", crc32(line.as_bytes()))).then_some(line)
+}
+
+/// Word, number and values of a line; every value is finite.
+fn parse(line: &str) -> Option<(&str, u64, BTreeMap<String, f64>)> {
+    let mut words = line.split(' ');
+    let (word, number) = (words.next()?, words.next()?.parse().ok()?);
+    let values = words.map(|pair| {
+        let (name, value) = pair.split_once('=')?;
+        let value = value
+            .parse::<f64>()
+            .ok()
+            .filter(|value| value.is_finite())?;
+        Some((name.to_owned(), value))
+    });
+    Some((word, number, values.collect::<Option<_>>()?))
+}
+
+/// CRC-32 as in IEEE 802.3.
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32, _: u32| (crc >> 1) ^ (0xedb8_8320 * (crc & 1));
+    let byte = |crc: u32, byte: &u8| (0..8).fold(crc ^ u32::from(*byte), step);
+    !bytes.iter().fold(!0, byte)
+}
+
+fn is_pause(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+    )
+}
+
+fn lost(error: &io::Error) -> LinkError {
+    tracing::debug!(%error, "the socket failed");
+    LinkError::Lost { reason: SOCKET }
+}
+
+// 9. The tests: the conformance suite, and what is particular to this wire.
+
+#[cfg(test)]
+mod conforms;
