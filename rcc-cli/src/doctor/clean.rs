@@ -55,6 +55,9 @@ fn remove(facts: &CellFacts) -> Result<Option<String>, String> {
         return Ok(None);
     };
     let report = remove_cell(&cell).map_err(|error| words(&error))?;
+    if report.shared_memory + report.announcements == 0 {
+        return Ok(None);
+    }
     Ok(Some(format!(
         "cell {}: {} files in shared memory, {} announcements, its folder",
         facts.name, report.shared_memory, report.announcements

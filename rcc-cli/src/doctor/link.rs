@@ -153,12 +153,13 @@ impl LinkReport {
                 super::record::age(super::told::now().saturating_sub(history.since)),
             ));
         }
-        text.push_str(&match self.failed {
-            Some(stage) => format!(
-                "\n{} does not work: {stage}. What comes after it was not looked at.\n",
-                self.device
-            ),
-            None => format!("\n{} works\n", self.device),
+        let name = &self.device;
+        text.push_str(&match (self.failed, &self.history) {
+            (Some(stage), _) => {
+                format!("\n{name} does not work: {stage}. What comes after it was not looked at.\n")
+            }
+            (None, Some(_)) => format!("\n{name} works\n"),
+            (None, None) => format!("\n{name} is reached; the rest shows when its driver runs\n"),
         });
         text
     }

@@ -75,20 +75,28 @@ impl Wish {
 
 /// The configuration that `--cell` names: a file, or a running cell. Without `--cell` the usual cell if it runs.
 ///
+/// A dead cell of that name has none any more: there are its left-overs to be looked at.
+///
 /// # Errors
-/// The file is not valid, or the named cell does not run.
+/// The file is not valid, or there is no such cell, not even a dead one.
 pub fn choose(context: &Context) -> Result<Option<Chosen>, Failure> {
     match context.cell.as_deref() {
         Some(name) if is_file(name) => of_file(Path::new(name)).map(Some),
-        Some(name) => of_running(name)?.map(Some).ok_or_else(|| {
-            Failure::new(
+        Some(name) => match of_running(name)? {
+            Some(running) => Ok(Some(running)),
+            None if is_known(name) => Ok(None),
+            None => Err(Failure::new(
                 codes::NO_LOADER,
-                format!("no process of a cell '{name}' runs"),
+                format!("there is no cell '{name}'"),
                 "start it (`rcc-cli up FILE`), or name its file: --cell FILE.yaml",
-            )
-        }),
+            )),
+        },
         None => of_running(context.cell_name()),
     }
+}
+
+fn is_known(name: &str) -> bool {
+    Cell::find(name).is_ok_and(|cell| cell.is_some())
 }
 
 fn is_file(name: &str) -> bool {

@@ -298,7 +298,7 @@ fn order(facts: &LinkFacts) -> Option<Finding> {
     }
     if disordered + lost > 0 {
         let what = format!(
-            "{lost} datagrams were lost on the way and {disordered} came twice or late, while we looked"
+            "{lost} datagrams were lost on the way and {disordered} came twice, late or with a doubtful content, while we looked"
         );
         let fix = "a cable of its own between controller and this machine, no switch, no Wi-Fi";
         return Some(Finding::warn(what, fix));

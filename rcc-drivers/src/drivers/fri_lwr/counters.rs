@@ -126,7 +126,11 @@ impl Counters {
             Err(_) => {
                 self.malformed.fetch_add(1, Relaxed);
             }
-            // It can be read, so its order was wrong, or a number is none.
+            // An interface that is off sends nothing, so this is none.
+            Ok(measured) if measured.state == SessionState::Off => {
+                self.malformed.fetch_add(1, Relaxed);
+            }
+            // It can be read, so its order was wrong, a number is none, or it was doubted.
             Ok(_) => {
                 self.disordered.fetch_add(1, Relaxed);
             }
