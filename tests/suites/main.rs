@@ -6,6 +6,7 @@ mod bad_input;
 mod cells;
 mod crash;
 mod crash_others;
+mod doctor;
 mod examples;
 mod life;
 mod plans;
