@@ -180,6 +180,7 @@ impl Supervisor {
             self.devices_asked = Instant::now();
             self.look_at_devices();
         }
+        self.looked = Instant::now();
     }
 
     /// True once a process failed for good.
@@ -199,10 +200,10 @@ impl Supervisor {
         Duration::from_nanos(self.prepared.config.supervision.stop_timeout_ns)
     }
 
-    /// A supervisor that did not look for long (a busy or suspended machine, a janitor) calls nobody silent.
+    /// A supervisor that was not there for long (a busy or suspended machine) calls nobody silent. Time that it spends in
+    /// a look, waiting for a janitor or a loader that hangs, does not count: what is told meanwhile waits in the sockets.
     fn excuse_all(&mut self) {
         let away = self.looked.elapsed();
-        self.looked = Instant::now();
         if away > Duration::from_nanos(self.prepared.config.supervision.watchdog_ns) / 2 {
             let ears = self
                 .children
@@ -246,7 +247,13 @@ impl Supervisor {
             let words = format!(
                 "hangs: no progress for {silence:.1} s, it is killed; it said last: {status}"
             );
+            let pid = child.pid().unwrap_or(0);
             self.say(&name, &words);
+            self.record(Kind::WatchdogKill {
+                process: name,
+                pid,
+                silent_ms: (silence * 1e3) as u64,
+            });
             return;
         }
         match std::mem::replace(&mut child.life, Life::Failed) {
@@ -294,8 +301,9 @@ impl Supervisor {
             Verdict::Failed => Life::Failed,
         };
         self.say(&name, &format!("died: {words}"));
-        // What it did before is in the log; only complaints tell why it died.
-        let said = last_words.iter().rfind(|line| !line.contains(" INFO "));
+        // What it did before is in the log; only an error or a panic tells why it died.
+        let usual = |line: &&String| line.contains(" INFO ") || line.contains(" WARN ");
+        let said = last_words.iter().rfind(|line| !usual(line));
         self.record(Kind::ProcessDied {
             process: name.clone(),
             pid,
