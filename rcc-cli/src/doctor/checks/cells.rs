@@ -74,8 +74,7 @@ mod tests {
 
     #[test]
     fn a_running_cell_is_told_with_its_health() {
-        let mut facts = Facts::default();
-        facts.cells = vec![CellFacts {
+        let cell = CellFacts {
             name: "demo".to_owned(),
             living: vec!["executor/exec (pid 7)".to_owned()],
             executor: Some(ExecutorView {
@@ -83,7 +82,11 @@ mod tests {
                 ..ExecutorView::default()
             }),
             ..CellFacts::default()
-        }];
+        };
+        let mut facts = Facts {
+            cells: vec![cell],
+            ..Facts::default()
+        };
         assert!(
             check(&facts)[0]
                 .what
@@ -97,12 +100,15 @@ mod tests {
 
     #[test]
     fn a_dead_cell_is_the_business_of_the_leftovers() {
-        let mut facts = Facts::default();
-        facts.cells = vec![CellFacts {
+        let cell = CellFacts {
             name: "demo".to_owned(),
             files: 3,
             ..CellFacts::default()
-        }];
+        };
+        let facts = Facts {
+            cells: vec![cell],
+            ..Facts::default()
+        };
         assert_eq!(check(&facts), []);
     }
 }

@@ -83,9 +83,7 @@ fn at_login(facts: &Facts, priority: u64) -> (String, String) {
     let enough = |line: &&Granted| line.value.is_none_or(|value| value >= priority);
     let name = &facts.user.name;
     // Of several lines for us the last counts.
-    let ours = lines()
-        .filter(|line| facts.user.is_meant_by(&line.whom))
-        .next_back();
+    let ours = lines().rfind(|line| facts.user.is_meant_by(&line.whom));
     if let Some(line) = ours.filter(enough) {
         return (
             format!(

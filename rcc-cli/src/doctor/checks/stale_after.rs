@@ -56,8 +56,10 @@ mod tests {
 
     #[test]
     fn too_short_warns_and_needlessly_long_is_a_note() {
-        let mut facts = Facts::default();
-        facts.measured = Some(measured(700, 9_100));
+        let mut facts = Facts {
+            measured: Some(measured(700, 9_100)),
+            ..Facts::default()
+        };
         assert_eq!(check(&facts), []);
         facts.wish.stale_after_ns = Some(3_000_000);
         let found = check(&facts);

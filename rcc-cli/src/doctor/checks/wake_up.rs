@@ -90,8 +90,10 @@ mod tests {
 
     #[test]
     fn a_good_machine_is_graded_with_what_it_is_good_for() {
-        let mut facts = Facts::default();
-        facts.measured = Some(measured(21, 38));
+        let facts = Facts {
+            measured: Some(measured(21, 38)),
+            ..Facts::default()
+        };
         let found = check(&facts);
         assert_eq!(found[0].level, Level::Ok);
         assert!(
