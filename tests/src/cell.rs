@@ -84,6 +84,26 @@ impl TestCell {
         })
     }
 
+    /// Waits until `rcc-cli up` has ended.
+    pub fn await_end_of_up(&mut self) -> ExitStatus {
+        let Self { place, up } = self;
+        let place = place.as_ref().expect(HERE);
+        await_some("the end of rcc-cli up", || {
+            up.try_wait()
+                .unwrap_or_else(|error| panic!("{error}\n{}", place.logs()))
+        })
+    }
+
+    /// True if `rcc-cli up` has ended.
+    pub fn is_over(&mut self) -> bool {
+        self.up.try_wait().is_ok_and(|status| status.is_some())
+    }
+
+    /// Starts `rcc-cli up` again after it has ended, and waits for nothing.
+    pub fn begin_up_again(&mut self) {
+        self.up = start_up(self);
+    }
+
     /// Starts `rcc-cli up` again after it has ended, and waits until the cell is ready.
     pub fn up_again(&mut self) {
         self.up = start_up(self);

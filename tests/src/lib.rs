@@ -7,6 +7,7 @@ pub mod endurance;
 pub mod hand;
 pub mod journal;
 pub mod lateness;
+pub mod matrix;
 pub mod nets;
 pub mod place;
 pub mod process;

@@ -1,0 +1,115 @@
+//! The outcome of the matrix as tables in markdown, with their legend.
+//! Pure.
+
+use std::fmt::Write as _;
+
+use super::{Case, Outcome, PHASES, TARGETS, WAYS};
+
+/// The document; `machine` says on what and when, in one sentence.
+pub fn table(outcomes: &[(Case, Outcome)], machine: &str) -> String {
+    let held = outcomes
+        .iter()
+        .filter(|(_, outcome)| matches!(outcome, Outcome::Held { .. }));
+    let mut text = format!(
+        "{HEAD}\n{machine} {} of {} cases hold.\n",
+        held.count(),
+        outcomes.len()
+    );
+    let mut broken = Vec::new();
+    for (target, name) in TARGETS {
+        let mut heading = format!("\n| {name}, while the cell is |");
+        let mut line = "|---|".to_owned();
+        for (_, way) in WAYS {
+            // Writing to a string does not fail.
+            let _ = write!(heading, " {way} |");
+            line += "---|";
+        }
+        let _ = writeln!(text, "{heading}\n{line}");
+        for (phase, phase_name) in PHASES {
+            let _ = write!(text, "| {phase_name} |");
+            for (way, _) in WAYS {
+                let case = Case { target, phase, way };
+                let cell = match outcomes.iter().find(|(other, _)| *other == case) {
+                    None => "not run".to_owned(),
+                    Some((_, Outcome::Held { words, late: 0 })) => words.clone(),
+                    Some((_, Outcome::Held { words, late })) => {
+                        format!("{words}, {late} late with the machine")
+                    }
+                    Some((_, Outcome::Broken(words))) => {
+                        broken.push(format!("{name}, {phase_name}, {way:?}: {words}"));
+                        format!("**broken ({})**", broken.len())
+                    }
+                };
+                let _ = write!(text, " {cell} |");
+            }
+            text.push('\n');
+        }
+    }
+    if !broken.is_empty() {
+        text += "\n## Broken\n\n";
+    }
+    for (number, words) in broken.iter().enumerate() {
+        let line = words.lines().next().unwrap_or_default();
+        let _ = writeln!(
+            text,
+            "{}. {}",
+            number + 1,
+            line.chars().take(600).collect::<String>()
+        );
+    }
+    text
+}
+
+const HEAD: &str = "# What happens when a process dies
+
+Each process of a cell, in each phase, is made to die or to hang in four ways; the demo's cell with its simulated robot,
+which outlives it. The table is written by a program:
+
+```console
+$ cargo run -p rcc-tests --example crash_matrix -- --write docs/crashes.md
+```
+
+What every case must show:
+
+- **No motion that nobody asked for.** From the moment the arm rests until the next START no joint is faster than
+  4 mrad/s (the creep of the simulated arm to its set-point), as the simulated controller saw it every millisecond.
+- **The arm is within its limits** of velocity and acceleration, until it rests.
+- **The motion goes as planned** unless its driver, the executor or the whole cell was struck: it finishes, or it is
+  cancelled when it was being cancelled. Otherwise it comes to rest.
+- **The executor misses nothing** unless it was struck itself: cycle numbers go on, it is the same process, no record is
+  dropped, and a late cycle counts as the machine's only if a thread of higher priority on the same core, which does
+  nothing but wake up, was late at that moment too.
+- **Everything is reachable again**: who died under supervision is there again, all devices are ready, and the next LOAD
+  and START move the arm.
+- **Nothing is left**: files in shared memory and in the runtime folder, processes, and the executor's descriptors,
+  mappings, threads and memory are what they were before.
+
+A cell of the table says how the motion ended: *finished*, *canceled*, *device lost* (the net's fault when its driver is
+gone; the controller brakes), *at rest* (the driver brought the arm to rest, its net is gone with the executor), *ended*
+(the whole cell ended in order and left nothing), *goes on*, – (no motion in this case). *Starting* means that the process
+itself has just been started; it is struck within its first 40 ms (the supervisor: 300 ms). SIGSTOP lasts 300 ms: longer
+than every deadline of a driver, shorter than the supervisor's patience (2 s).
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_has_its_place_and_a_broken_one_is_explained() {
+        let held = |case| {
+            let words = "finished".to_owned();
+            (case, Outcome::Held { words, late: 2 })
+        };
+        let mut outcomes: Vec<_> = super::super::cases().into_iter().map(held).collect();
+        outcomes[7].1 = Outcome::Broken("the arm moved".to_owned());
+        let text = table(&outcomes, "Today.");
+        assert!(text.contains("Today. 191 of 192 cases hold."), "{text}");
+        assert_eq!(
+            text.matches("finished, 2 late with the machine").count(),
+            191
+        );
+        assert!(text.contains("**broken (1)**") && text.contains("the arm moved"));
+        assert!(!text.contains("not run"));
+    }
+}
