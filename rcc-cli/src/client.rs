@@ -1,6 +1,8 @@
-//! The command line's end of the REST interface: one request a connection over the cell's Unix socket.
+//! The command line's end of the REST interface: one request a connection, over the cell's Unix socket or over TCP with
+//! the cell's token.
 //! Blocks the calling thread, never longer than its time-out.
 
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,8 +13,10 @@ use hyper::{Method, Request, StatusCode};
 use hyper_util::rt::TokioIo;
 use rcc_loader::server::api::ErrorBody;
 use rcc_loader::server::codes;
+use rcc_loader::server::token::Token;
 use serde::de::DeserializeOwned;
-use tokio::net::UnixStream;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpStream, UnixStream};
 use tokio::runtime::{Builder, Runtime};
 
 use crate::failure::Failure;
@@ -21,9 +25,78 @@ use crate::failure::Failure;
 #[derive(Debug)]
 pub struct Client {
     cell: String,
-    socket: PathBuf,
+    door: Door,
     timeout: Duration,
     runtime: Runtime,
+}
+
+/// Where the loader is.
+#[derive(Debug)]
+enum Door {
+    Socket(PathBuf),
+    Tcp(Remote),
+}
+
+/// A loader's TCP door, and what opens it.
+#[derive(Clone)]
+pub struct Remote {
+    /// Host and port.
+    pub authority: String,
+    /// The value of `authorization`, if there is a token.
+    pub authorization: Option<Vec<u8>>,
+}
+
+impl fmt::Debug for Remote {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Remote({})", self.authority)
+    }
+}
+
+impl Remote {
+    /// The door at `url`, `http://HOST:PORT`; the token is in a file, or given.
+    ///
+    /// # Errors
+    /// Another form of address, or a token file that cannot be used.
+    pub fn new(
+        url: &str,
+        token_file: Option<&Path>,
+        token: Option<&str>,
+    ) -> Result<Remote, Failure> {
+        let bad = |help: &str| {
+            let message = format!("`{url}` is no address of a loader");
+            Failure::new(codes::BAD_REQUEST, message, help)
+        };
+        if url.starts_with("https:") {
+            return Err(bad(
+                "the loader speaks no TLS: `ssh -L 7425:127.0.0.1:7425 HOST`, then http://127.0.0.1:7425",
+            ));
+        }
+        let authority = url
+            .strip_prefix("http://")
+            .map(|rest| rest.trim_end_matches('/'));
+        let has_port = |authority: &&str| {
+            let port = authority
+                .rsplit_once(':')
+                .map(|(_, port)| port.parse::<u16>());
+            port.is_some_and(|port| port.is_ok()) && !authority.contains(['/', '@'])
+        };
+        let authority = authority.filter(has_port);
+        let authority =
+            authority.ok_or_else(|| bad("write http://HOST:PORT, as in http://127.0.0.1:7425"))?;
+        let authorization = match (token_file, token) {
+            (Some(file), _) => {
+                let token = Token::read(file)
+                    .map_err(|error| Failure::new(codes::NOT_PERMITTED, error.to_string(), ""))?;
+                Some(token.bearer())
+            }
+            (None, Some(token)) => Some([b"Bearer ", token.trim().as_bytes()].concat()),
+            (None, None) => None,
+        };
+        Ok(Remote {
+            authority: authority.to_owned(),
+            authorization,
+        })
+    }
 }
 
 impl Client {
@@ -32,6 +105,19 @@ impl Client {
     /// # Errors
     /// The system gives no event queue.
     pub fn new(cell: &str, socket: &Path, timeout: Duration) -> Result<Client, Failure> {
+        Client::through(cell, Door::Socket(socket.to_owned()), timeout)
+    }
+
+    /// A client of a loader's TCP door.
+    ///
+    /// # Errors
+    /// As [`Client::new`].
+    pub fn remote(remote: Remote, timeout: Duration) -> Result<Client, Failure> {
+        let cell = remote.authority.clone();
+        Client::through(&cell, Door::Tcp(remote), timeout)
+    }
+
+    fn through(cell: &str, door: Door, timeout: Duration) -> Result<Client, Failure> {
         let runtime = Builder::new_current_thread()
             .enable_all()
             .build()
@@ -44,7 +130,7 @@ impl Client {
             })?;
         Ok(Client {
             cell: cell.to_owned(),
-            socket: socket.to_owned(),
+            door,
             timeout,
             runtime,
         })
@@ -112,44 +198,71 @@ impl Client {
         path: &str,
         body: String,
     ) -> io::Result<(StatusCode, Bytes)> {
-        let stream = UnixStream::connect(&self.socket).await?;
-        let (mut sender, connection) = hyper::client::conn::http1::handshake(TokioIo::new(stream))
-            .await
-            .map_err(io::Error::other)?;
-        // Ends with the connection, which ends with `sender`.
-        let driven = tokio::spawn(connection);
-        let request = Request::builder()
-            .method(method)
-            .uri(path)
-            .header("host", "rcc")
-            .body(Full::new(Bytes::from(body)))
-            .map_err(io::Error::other)?;
-        let response = sender
-            .send_request(request)
-            .await
-            .map_err(io::Error::other)?;
-        let status = response.status();
-        let bytes = response
-            .into_body()
-            .collect()
-            .await
-            .map_err(io::Error::other)?
-            .to_bytes();
-        driven.abort();
-        Ok((status, bytes))
+        let mut request = Request::builder().method(method).uri(path);
+        match &self.door {
+            Door::Socket(socket) => {
+                let stream = UnixStream::connect(socket).await?;
+                send(stream, request.header("host", "rcc"), body).await
+            }
+            Door::Tcp(remote) => {
+                let stream = TcpStream::connect(&remote.authority).await?;
+                if let Some(token) = &remote.authorization {
+                    request = request.header("authorization", token.as_slice());
+                }
+                send(stream, request.header("host", &remote.authority), body).await
+            }
+        }
     }
 
     fn unreachable(&self, cause: &io::Error) -> Failure {
         let cell = &self.cell;
-        if cause.kind() == io::ErrorKind::PermissionDenied {
-            return Failure::new(
-                codes::NOT_PERMITTED,
-                format!("{} may not be used by you", self.socket.display()),
-                format!("cell '{cell}' belongs to another user: work as that user"),
-            );
+        match &self.door {
+            Door::Socket(socket) if cause.kind() == io::ErrorKind::PermissionDenied => {
+                Failure::new(
+                    codes::NOT_PERMITTED,
+                    format!("{} may not be used by you", socket.display()),
+                    format!(
+                        "cell '{cell}' belongs to another user: work as that user, or join the group that its `access` names"
+                    ),
+                )
+            }
+            Door::Socket(_) => no_loader(cell, &format!(" ({cause})")),
+            Door::Tcp(remote) => Failure::new(
+                codes::NO_LOADER,
+                format!("no loader answers at {} ({cause})", remote.authority),
+                "its cell must run and have `access: {tcp: …}`; through a firewall use ssh -L",
+            ),
         }
-        no_loader(cell, &format!(" ({cause})"))
     }
+}
+
+/// One request over one connection.
+async fn send(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    request: hyper::http::request::Builder,
+    body: String,
+) -> io::Result<(StatusCode, Bytes)> {
+    let (mut sender, connection) = hyper::client::conn::http1::handshake(TokioIo::new(stream))
+        .await
+        .map_err(io::Error::other)?;
+    // Ends with the connection, which ends with `sender`.
+    let driven = tokio::spawn(connection);
+    let request = request
+        .body(Full::new(Bytes::from(body)))
+        .map_err(io::Error::other)?;
+    let response = sender
+        .send_request(request)
+        .await
+        .map_err(io::Error::other)?;
+    let status = response.status();
+    let bytes = response
+        .into_body()
+        .collect()
+        .await
+        .map_err(io::Error::other)?
+        .to_bytes();
+    driven.abort();
+    Ok((status, bytes))
 }
 
 /// The failure of a cell whose loader is not there.
@@ -192,6 +305,35 @@ mod tests {
     fn a_name_becomes_one_segment() {
         assert_eq!(segment("line#7"), "line%237");
         assert_eq!(segment("a/../b?"), "a%2F..%2Fb%3F");
+    }
+
+    #[test]
+    fn an_address_is_http_with_host_and_port() {
+        for good in [
+            "http://127.0.0.1:7425",
+            "http://[::1]:80/",
+            "http://robot:7425",
+        ] {
+            assert!(Remote::new(good, None, None).is_ok(), "{good}");
+        }
+        for bad in [
+            "https://robot:7425",
+            "http://robot",
+            "robot:7425",
+            "http://a@b:80",
+            "http://robot:80/x",
+            "http://:x",
+        ] {
+            let refused = Remote::new(bad, None, None).map_err(|failure| failure.exit);
+            assert!(matches!(refused, Err(2)), "{bad}");
+        }
+        let remote = Remote::new("http://robot:1", None, Some("secret\n"));
+        let shown = remote.map(|remote| (format!("{remote:?}"), remote.authorization));
+        let wanted = (
+            "Remote(robot:1)".to_owned(),
+            Some(b"Bearer secret".to_vec()),
+        );
+        assert_eq!(shown.ok(), Some(wanted));
     }
 
     #[test]

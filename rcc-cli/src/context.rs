@@ -4,11 +4,12 @@
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
-use rcc_ipc::Cell;
+use rcc_ipc::cell::base_dir;
+use rcc_ipc::{Cell, CellError};
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::client::{Client, no_loader};
+use crate::client::{Client, Remote, no_loader};
 use crate::failure::Failure;
 
 /// How results are printed.
@@ -25,6 +26,8 @@ pub enum Format {
 pub struct Context {
     /// Name of the cell, if one was given.
     pub cell: Option<String>,
+    /// A loader's TCP door, to be used instead of the cell's socket.
+    pub remote: Option<Remote>,
     /// How results are printed.
     pub format: Format,
     /// How long one answer is waited for.
@@ -46,11 +49,18 @@ impl Context {
     /// # Errors
     /// There is no such cell. Nothing is made on disk.
     pub fn client(&self) -> Result<Client, Failure> {
+        if let Some(remote) = &self.remote {
+            return Client::remote(remote.clone(), self.timeout);
+        }
         let name = self.cell_name();
-        let cell = Cell::find(name)
-            .map_err(|error| of_cell(&error))?
-            .ok_or_else(|| no_loader(name, ": there is no such cell"))?;
-        Client::new(name, &cell.socket(), self.timeout)
+        let socket = match Cell::find(name) {
+            Ok(Some(cell)) => cell.socket(),
+            Ok(None) => return Err(no_loader(name, ": there is no such cell")),
+            // Another user's: whether his `access` lets us in, the socket tells.
+            Err(CellError::NotOurs { .. }) => base_dir().join(name).join("loader.sock"),
+            Err(error) => return Err(of_cell(&error)),
+        };
+        Client::new(name, &socket, self.timeout)
     }
 
     /// True if diagnostics may be coloured.
@@ -96,7 +106,6 @@ pub fn say(text: &str) {
 /// A cell's name or folder that cannot be used.
 #[must_use]
 pub fn of_cell(error: &rcc_ipc::CellError) -> Failure {
-    use rcc_ipc::CellError;
     let code = match error {
         CellError::NotOurs { .. } | CellError::Writable { .. } => codes::NOT_PERMITTED,
         CellError::BadName { .. } | CellError::PathTooLong { .. } => codes::BAD_REQUEST,

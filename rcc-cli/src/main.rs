@@ -1,10 +1,12 @@
 //! `rcc-cli`: reads its arguments, runs one verb, and ends with a documented exit code.
 //! The main thread does it all; the supervisor's children are started by it, so they end with it.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use rcc_cli::client::Remote;
 use rcc_cli::context::{Context, Format};
 use rcc_cli::verbs::Verb;
 
@@ -15,6 +17,12 @@ struct Arguments {
     /// Name of the cell (default: demo).
     #[arg(long, env = "RCC_CELL", global = true)]
     cell: Option<String>,
+    /// Ask this loader over TCP instead of the cell's socket: http://HOST:PORT.
+    #[arg(long, env = "RCC_URL", global = true)]
+    url: Option<String>,
+    /// The file with the token for --url; without, the token is in RCC_TOKEN.
+    #[arg(long, env = "RCC_TOKEN_FILE", global = true, requires = "url")]
+    token_file: Option<PathBuf>,
     /// How results are printed.
     #[arg(
         long,
@@ -44,12 +52,26 @@ const EXIT_CODES: &str = "Exit codes:
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    let remote = arguments
+        .url
+        .as_deref()
+        .filter(|url| !url.is_empty())
+        .map(|url| {
+            // Never an argument: those are seen by everybody on the machine.
+            let token = std::env::var("RCC_TOKEN").ok();
+            Remote::new(url, arguments.token_file.as_deref(), token.as_deref())
+        });
+    let (remote, refused) = match remote.transpose() {
+        Ok(remote) => (remote, None),
+        Err(failure) => (None, Some(failure)),
+    };
     let context = Context {
         cell: arguments.cell,
+        remote,
         format: arguments.output,
         timeout: arguments.timeout,
     };
-    match arguments.verb.run(&context) {
+    match refused.map_or_else(|| arguments.verb.run(&context), Err) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             context.print_failure(&failure);

@@ -109,6 +109,12 @@ impl Token {
         }
     }
 
+    /// What a client sends as `authorization`.
+    #[must_use]
+    pub fn bearer(&self) -> Vec<u8> {
+        [b"Bearer ", self.0.as_slice()].concat()
+    }
+
     /// True if `given` is this token. Takes the same time wherever the first difference is.
     #[must_use]
     pub fn is(&self, given: &[u8]) -> bool {
