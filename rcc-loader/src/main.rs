@@ -90,7 +90,7 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
             status: format!("serving on {}", socket.display()),
         })?;
         tokio::select! {
-            served = doors.serve(routes::router(service)) => served?,
+            served = doors.recording(recorder.clone()).serve(routes::router(service)) => served?,
             _ = terminate.recv() => {}
             _ = interrupt.recv() => {}
         }

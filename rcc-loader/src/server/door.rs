@@ -13,6 +13,7 @@ use axum::Router;
 use axum::http::StatusCode;
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
+use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::seldom::Seldom;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
@@ -111,6 +112,7 @@ struct Door {
     limits: Limits,
     token: Option<Token>,
     accounts: Mutex<Accounts>,
+    recorder: Option<Recorder>,
 }
 
 /// A connection that is counted until it is dropped.
@@ -182,6 +184,12 @@ impl Door {
         if let Some(others) = said {
             let (code, message) = (error.code.code, &error.message);
             tracing::warn!(%peer, code, others, "cut off: {message}");
+            if let Some(recorder) = &self.recorder {
+                recorder.tell(Kind::ClientCutOff {
+                    client: peer.to_string(),
+                    why: events::text(&format!("{code} {message}")),
+                });
+            }
         }
     }
 }
@@ -200,12 +208,14 @@ pub async fn serve(
     listener: Listener,
     limits: Limits,
     token: Option<Token>,
+    recorder: Option<Recorder>,
     router: Router,
 ) -> Infallible {
     let door = Arc::new(Door {
         limits,
         token,
         accounts: Mutex::default(),
+        recorder,
     });
     loop {
         let accepted = match &listener {
@@ -352,6 +362,7 @@ mod tests {
             limits: LIMITS,
             token: None,
             accounts: Mutex::default(),
+            recorder: None,
         })
     }
 

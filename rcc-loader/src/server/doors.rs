@@ -8,6 +8,7 @@ use std::os::unix::net::UnixListener;
 use axum::Router;
 use nix::unistd::Group;
 use rcc_config::AccessConfig;
+use rcc_ipc::events::Recorder;
 use rcc_ipc::{Cell, CellError};
 
 use super::door::{self, Listener};
@@ -65,6 +66,7 @@ impl DoorError {
 pub struct Doors {
     unix: UnixListener,
     tcp: Option<(TcpListener, Token)>,
+    recorder: Option<Recorder>,
 }
 
 impl Doors {
@@ -87,7 +89,19 @@ impl Doors {
                 source,
             })?;
         let unix = socket::listen(&cell.socket(), group)?;
-        Ok(Doors { unix, tcp })
+        let recorder = None;
+        Ok(Doors {
+            unix,
+            tcp,
+            recorder,
+        })
+    }
+
+    /// Tells of clients that are cut off in the cell's event log, too.
+    #[must_use]
+    pub fn recording(mut self, recorder: Recorder) -> Doors {
+        self.recorder = Some(recorder);
+        self
     }
 
     /// Where the TCP door is.
@@ -104,11 +118,12 @@ impl Doors {
     /// The event queue does not take a listener.
     pub async fn serve(self, router: Router) -> io::Result<()> {
         let unix = Listener::Unix(tokio::net::UnixListener::from_std(self.unix)?);
-        let unix = door::serve(unix, door::UNIX, None, router.clone());
+        let log = self.recorder;
+        let unix = door::serve(unix, door::UNIX, None, log.clone(), router.clone());
         match self.tcp {
             Some((listener, token)) => {
                 let tcp = Listener::Tcp(tokio::net::TcpListener::from_std(listener)?);
-                let tcp = door::serve(tcp, door::TCP, Some(token), router);
+                let tcp = door::serve(tcp, door::TCP, Some(token), log, router);
                 tokio::select! {
                     never = unix => match never {},
                     never = tcp => match never {},
