@@ -42,6 +42,8 @@ struct Round {
     collect_by: Instant,
     /// Bit i: it was asked in this round.
     asked: u32,
+    /// The device's exchange of this round has been.
+    collected: bool,
 }
 
 /// The driver.
@@ -184,6 +186,7 @@ impl Modbus {
             self.round = Some(Round {
                 collect_by: now + self.period / 2,
                 asked,
+                collected: false,
             });
         }
         for connection in &mut self.connections {
@@ -193,7 +196,7 @@ impl Modbus {
 
     /// The inputs of a round in which nobody is waited for any more.
     fn collect(&mut self, now: Instant, inputs: &mut Inputs) -> Option<Exchange> {
-        let round = self.round?;
+        let round = self.round.as_mut().filter(|round| !round.collected)?;
         let mut asked = self.connections.iter().zip(0..);
         let awaited = asked.any(|(connection, place)| {
             round.asked >> place & 1 == 1 && connection.quick && !connection.server.has_read()
@@ -203,7 +206,7 @@ impl Modbus {
         if (awaited && now < round.collect_by) || !fresh {
             return None;
         }
-        self.end_round();
+        round.collected = true;
         for connection in &mut self.connections {
             connection.server.take_inputs(inputs);
         }
@@ -222,6 +225,7 @@ impl Modbus {
         })
     }
 
+    /// Who has been read by now was in time: the period is over.
     fn end_round(&mut self) {
         let Some(round) = self.round.take() else {
             return;
@@ -237,8 +241,9 @@ impl Modbus {
     fn release_all(&mut self, now: Instant) {
         self.outputs = self.released;
         for connection in &mut self.connections {
-            if connection.server.is_waiting() {
-                connection.server.command(&self.released, now);
+            let waits = connection.server.is_waiting();
+            connection.server.command(&self.released, now);
+            if waits {
                 connection.advance(now);
             }
         }
@@ -280,7 +285,10 @@ impl Drop for Modbus {
     /// The last outputs leave, if their servers take them within their time-out.
     fn drop(&mut self) {
         let start = Instant::now();
-        let longest = self.connections.iter().map(|one| one.server.settings().timeout);
+        let longest = self
+            .connections
+            .iter()
+            .map(|one| one.server.settings().timeout);
         let deadline = start + longest.max().unwrap_or_default();
         self.next = deadline;
         self.round = None;
@@ -298,7 +306,8 @@ impl Drop for Modbus {
                 }
             }
             let idle = |one: &Connection| !one.is_online() || one.server.is_idle();
-            if now >= deadline || finished.iter().all(|done| *done) && self.connections.iter().all(idle)
+            if now >= deadline
+                || finished.iter().all(|done| *done) && self.connections.iter().all(idle)
             {
                 return;
             }
@@ -326,7 +335,10 @@ fn check_watchdog(
     Err(DriverError::Setting {
         device: device.name.clone(),
         key: format!("{}watchdog.address", server.unwrap_or_default()),
-        cause: format!("{} is written by the output {}", watchdog.address, output.name),
+        cause: format!(
+            "{} is written by the output {}",
+            watchdog.address, output.name
+        ),
         expected: "an address that no channel has",
     })
 }
