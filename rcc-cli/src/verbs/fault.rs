@@ -19,6 +19,8 @@ use crate::demo::simulator::Simulator;
 use crate::failure::Failure;
 use crate::supervisor::running;
 
+/// How often a SIGSEGV is repeated until it is obeyed.
+const SEGV_TRIES: u32 = 50;
 /// How long `clear` waits for an arm that still moves.
 const REST_LIMIT: Duration = Duration::from_secs(5);
 
@@ -26,7 +28,7 @@ const REST_LIMIT: Duration = Duration::from_secs(5);
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// A simulated device (lwr), or a process: driver/lwr, executor, loader.
-    target: String,
+    target: Option<String>,
     /// What happens to it.
     #[command(subcommand)]
     effect: Effect,
@@ -124,8 +126,11 @@ enum Effect {
         /// How many.
         count: u64,
     },
-    /// Ends every fault of the device that was asked for.
-    Clear,
+    /// Ends every fault of the device that was asked for; `fault clear lwr` means the same.
+    Clear {
+        /// The device.
+        device: Option<String>,
+    },
     /// SIGKILL: the process is gone at once.
     Kill,
     /// SIGSEGV: the process crashes.
@@ -136,9 +141,6 @@ enum Effect {
     Continue,
     /// SIGTERM: the process ends in its own way.
     Exit,
-    /// `fault clear DEVICE`.
-    #[command(external_subcommand)]
-    Other(Vec<String>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -181,7 +183,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let done = json!({"target": target, "what": effect_name(&effect)});
     context.print(&done, |_| match effect {
-        Effect::Clear | Effect::Ack => format!("{target}: faults ended"),
+        Effect::Clear { .. } | Effect::Ack => format!("{target}: faults ended"),
         _ => format!("{target}: done; `rcc-cli events` tells what follows"),
     });
     Ok(())
@@ -189,16 +191,17 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 
 /// `fault clear lwr` means `fault lwr clear`.
 fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, Effect), Failure> {
-    match effect {
-        Effect::Other(words) => match words.as_slice() {
-            [device] if target == "clear" => Ok((device.clone(), Effect::Clear)),
-            _ => Err(Failure::new(
-                codes::BAD_REQUEST,
-                format!("`{}` is no fault", words.join(" ")),
-                "`rcc-cli fault lwr --help` lists them",
-            )),
-        },
-        effect => Ok((target, effect)),
+    let after = match &effect {
+        Effect::Clear { device } => device.clone(),
+        _ => None,
+    };
+    match (target, after) {
+        (Some(target), None) | (None, Some(target)) => Ok((target, effect)),
+        _ => Err(Failure::new(
+            codes::BAD_REQUEST,
+            "one device or process is broken at a time",
+            "`rcc-cli fault DEVICE EFFECT`, for example `rcc-cli fault lwr estop`",
+        )),
     }
 }
 
@@ -272,9 +275,7 @@ fn act(effect: &Effect) -> (Act, String) {
             json!({"drop": count}),
             format!("leaves {count} requests without an answer"),
         ),
-        Effect::Clear | Effect::Other(_) => {
-            command(json!("clear"), "is freed of all faults".to_owned())
-        }
+        Effect::Clear { .. } => command(json!("clear"), "is freed of all faults".to_owned()),
         Effect::Kill => signal(Signal::SIGKILL),
         Effect::Segv => signal(Signal::SIGSEGV),
         Effect::Stop => signal(Signal::SIGSTOP),
@@ -411,7 +412,17 @@ fn send(
             format!("{target} (pid {pid}): {error}"),
             "work as the cell's user",
         )
-    })
+    })?;
+    // The first one only takes away the handler with which Rust tells of a full stack.
+    for _ in 0..SEGV_TRIES {
+        if signal != Signal::SIGSEGV || !announced.is_alive() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+        // Dead in between: that is what was wanted.
+        let _ = kill(Pid::from_raw(pid), signal);
+    }
+    Ok(())
 }
 
 fn percent(text: &str) -> Result<f64, String> {

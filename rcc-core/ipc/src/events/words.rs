@@ -130,7 +130,7 @@ impl Kind {
             } => {
                 let age = board_age_us.map(|age| age as f64 / 1e3);
                 let why = match (age, reason.as_str()) {
-                    (Some(age), "") => format!("its driver wrote nothing for {age:.1} ms"),
+                    (Some(age), "") => format!("no measurement for {age:.1} ms"),
                     (Some(age), reason) => {
                         format!("{reason}, its last measurement is {age:.1} ms old")
                     }
@@ -138,8 +138,7 @@ impl Kind {
                     (None, reason) => reason.to_owned(),
                 };
                 format!(
-                    "device {device} lost: {why}; its ports are null, nets that command it end, the robot's own side or \
-                     the driver brings it to rest"
+                    "device {device} lost: {why}; its ports are null, a net that commands it ends"
                 )
             }
             Kind::DeviceFound { device, state, .. } => {

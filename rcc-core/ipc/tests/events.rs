@@ -1,0 +1,91 @@
+//! The event log with several processes: no line is torn, whoever writes, and a killed one loses its last word at most.
+//! Run by the test program's threads and by second processes of it.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use common::{Peer, TestCell, part, wait_for};
+use rcc_ipc::events::{Event, Kind, Origin, Reader, tell};
+
+const LINES: u64 = 1000;
+const WRITERS: [&str; 4] = ["a", "b", "c", "d"];
+
+/// The second process: writes its lines, or goes on until it is killed.
+#[test]
+fn peer() {
+    let Some((part, cell, label)) = part() else {
+        return;
+    };
+    let lines = if part == "endless" { u64::MAX } else { LINES };
+    for count in 0..lines {
+        // Of different lengths, so that a write that is not whole would show.
+        let why = "x".repeat((count % 400) as usize);
+        tell(&cell, Origin::Driver, &label, Kind::Stopping { why });
+        tell(&cell, Origin::Driver, &label, Kind::Suppressed { count });
+    }
+}
+
+fn counts(events: &[Event]) -> BTreeMap<String, Vec<u64>> {
+    let mut all = BTreeMap::<String, Vec<u64>>::new();
+    for event in events {
+        if let Kind::Suppressed { count } = event.what {
+            all.entry(event.source.label.clone())
+                .or_default()
+                .push(count);
+        }
+    }
+    all
+}
+
+#[test]
+fn a_thousand_lines_of_each_of_four_processes_come_whole_and_in_order() {
+    let place = TestCell::new();
+    let mut reader = Reader::open(&place);
+    let peers = WRITERS.map(|label| Peer::start(&place, "lines", label));
+    let mut events = Vec::new();
+    // The log is moved aside meanwhile; who follows it misses nothing.
+    wait_for(|| {
+        events.extend(reader.poll().unwrap());
+        (counts(&events).values().map(Vec::len).sum::<usize>() == WRITERS.len() * LINES as usize)
+            .then_some(())
+    });
+    assert_eq!(reader.unreadable(), 0);
+    for (label, counts) in counts(&events) {
+        let expected: Vec<u64> = (0..LINES).collect();
+        assert_eq!(counts, expected, "{label}");
+    }
+    drop(peers);
+}
+
+#[test]
+fn killed_writers_hide_no_line_of_others() {
+    let place = TestCell::new();
+    let mut reader = Reader::open(&place);
+    for label in WRITERS {
+        let peer = Peer::start(&place, "endless", label);
+        let mut seen = 0;
+        wait_for(|| {
+            seen += reader.poll().unwrap().len();
+            (seen > 500).then_some(())
+        });
+        peer.kill();
+    }
+    while !reader.poll().unwrap().is_empty() {}
+    tell(
+        &place,
+        Origin::Loader,
+        "loader",
+        Kind::Suppressed { count: 7 },
+    );
+    let events = reader.poll().unwrap();
+    assert_eq!(
+        events.last().map(|event| &event.what),
+        Some(&Kind::Suppressed { count: 7 })
+    );
+    assert!(
+        reader.unreadable() <= WRITERS.len() as u64,
+        "{}",
+        reader.unreadable()
+    );
+}
