@@ -33,7 +33,7 @@ use fault::NAMED;
 use points::Points;
 use report::{BegunLate, Report};
 use server::Server;
-use settings::{ModbusSettings, ServerSettings};
+use settings::{ModbusSettings, SERVERS_MAX, ServerSettings};
 
 /// A round that all servers have been asked for.
 #[derive(Clone, Copy, Debug)]
@@ -266,18 +266,25 @@ impl Modbus {
         if let Some(round) = self.round.filter(|round| round.collect_by > now) {
             until = until.min(round.collect_by);
         }
-        let mut polled: Vec<PollFd<'_>> = Vec::with_capacity(self.connections.len());
-        for connection in &self.connections {
-            if let Some((descriptor, flags)) = connection.events(now) {
-                polled.push(PollFd::new(descriptor, flags));
-            }
-            if let Some(wake) = connection.wake(now) {
-                until = until.min(wake);
-            }
+        for wake in self.connections.iter().filter_map(|one| one.wake(now)) {
+            until = until.min(wake);
         }
         let left = TimeSpec::from_duration(until.saturating_duration_since(now));
         // A signal or a refusal ends the wait early; the loop looks at everything again.
-        let _ = ppoll(&mut polled, Some(left), None);
+        let mut open = self.connections.iter().filter_map(|one| one.events(now));
+        let _ = match open.next() {
+            None => ppoll(&mut [], Some(left), None),
+            Some((descriptor, flags)) => {
+                let mut polled: [PollFd<'_>; SERVERS_MAX] =
+                    std::array::from_fn(|_| PollFd::new(descriptor, flags));
+                let mut count = 1;
+                for ((descriptor, flags), place) in open.zip(&mut polled[1..]) {
+                    *place = PollFd::new(descriptor, flags);
+                    count += 1;
+                }
+                ppoll(&mut polled[..count], Some(left), None)
+            }
+        };
     }
 }
 

@@ -1,0 +1,74 @@
+//! What one server is written besides its outputs: `on_connect`, and signs of life.
+//! Pure; run by the host's thread.
+
+use std::time::Instant;
+
+use super::super::address::{Form, Table};
+use super::super::frame::Request;
+use super::{Purpose, Server};
+
+impl Server {
+    /// The next value of `on_connect`; false behind the last.
+    pub(super) fn assign(&mut self, place: usize, now: Instant) -> bool {
+        let Some(assignment) = self.settings.on_connect.get(place) else {
+            return false;
+        };
+        let (first, words) = (assignment.address.number, assignment.words);
+        let width = usize::from(assignment.address.width());
+        match assignment.address.form {
+            Form::Bit => {
+                let values = &[words[0] != 0];
+                self.ask(
+                    &Request::WriteCoils { first, values },
+                    Purpose::OnConnect,
+                    now,
+                );
+            }
+            _ => {
+                let values = &words[..width];
+                self.ask(
+                    &Request::WriteRegisters { first, values },
+                    Purpose::OnConnect,
+                    now,
+                );
+            }
+        }
+        true
+    }
+
+    /// A sign of life, if it is time for one.
+    pub(super) fn feed(&mut self, now: Instant) -> bool {
+        let Some(watchdog) = self
+            .settings
+            .watchdog
+            .as_ref()
+            .filter(|_| now >= self.sign_due)
+        else {
+            return false;
+        };
+        let first = watchdog.address.number;
+        // Not a burst after a pause.
+        self.sign_due = (self.sign_due + watchdog.every).max(now);
+        self.sign = self.sign.wrapping_add(1);
+        let (on, count) = (self.sign & 1 == 1, self.sign);
+        match watchdog.address.table {
+            Table::Coil => self.ask(
+                &Request::WriteCoils {
+                    first,
+                    values: &[on],
+                },
+                Purpose::Watchdog,
+                now,
+            ),
+            _ => self.ask(
+                &Request::WriteRegisters {
+                    first,
+                    values: &[count],
+                },
+                Purpose::Watchdog,
+                now,
+            ),
+        }
+        true
+    }
+}
