@@ -24,13 +24,21 @@ impl Engine {
         let before = input.present;
         let mut fresh = false;
         input.present = false;
+        let mut forward = true;
         if let Some((_, measurement)) = board {
+            // Within one life of a driver its exchanges are counted upwards.
+            let counted = (self.tables.devices.get(index)).map_or(0, |entry| entry.sequence);
+            forward = known == 0 || measurement.sequence >= counted;
             // A stamp from the future is no better than an old one: nobody could tell when it ages.
             let age_ns = now_ns.abs_diff(measurement.stamp_ns);
-            let online = DeviceState::from_number(measurement.state) != DeviceState::Offline;
             fresh = measurement.magic == MAGIC && age_ns <= self.config.stale_after_ns;
-            input.present = fresh && online;
+            let joints = self
+                .config
+                .models
+                .get(index)
+                .map_or(0, |model| model.joints);
             input.measurement = measurement;
+            input.present = makes_sense(&mut input.measurement, joints) && fresh && forward;
         }
         let (present, measurement) = (input.present, input.measurement);
         let state = if present {
@@ -44,7 +52,10 @@ impl Engine {
         entry.attached = u32::from(board.is_some());
         let driver = board.map_or(entry.incarnation, |(incarnation, _)| incarnation);
         entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
-        entry.sequence = measurement.sequence;
+        // One that went back stays lost until it is where it was, or lives anew.
+        if forward {
+            entry.sequence = measurement.sequence;
+        }
         entry.stamp_ns = measurement.stamp_ns;
         entry.quality_permille = measurement.quality_permille;
         entry.reason = measurement.reason;
@@ -201,6 +212,34 @@ impl Engine {
             }
         }
     }
+}
+
+/// Whether this can come from a driver of a device with so many joints. What a driver writes is only believed as far as
+/// it makes sense: a measured value that is not finite becomes null, a hold set-point must be one.
+fn makes_sense(measurement: &mut Measurement, joints: u32) -> bool {
+    let online = match DeviceState::from_number(measurement.state) {
+        DeviceState::Offline => false,
+        DeviceState::Online => true,
+        DeviceState::Ready | DeviceState::Commanded | DeviceState::Stopping => {
+            measurement.hold.iter().all(|value| value.is_finite())
+        }
+    };
+    for group in [
+        &mut measurement.position[..],
+        &mut measurement.torque,
+        &mut measurement.external_torque,
+        &mut measurement.wrench,
+    ] {
+        if group.iter().any(|value| !value.is_finite()) {
+            group.fill(f64::NAN);
+        }
+    }
+    for value in &mut measurement.analog {
+        if !value.is_finite() {
+            *value = f64::NAN;
+        }
+    }
+    online && measurement.joints == joints
 }
 
 fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {

@@ -1,0 +1,219 @@
+//! A driver that writes anything into its board: what it can do to its own device's net, and that it can do no more.
+//! In virtual time; the engine gets the values as it gets them from a board.
+
+mod common;
+
+use bytemuck::Zeroable;
+use common::{Bench, HOLD, PERIOD_NS, Plan, line_net, model, output_net};
+use rcc_core::message::{
+    CommandState, DeviceState, EndReason, FaultCode, MAGIC, Measurement, SET_POINTS, SetPoint,
+};
+use rcc_core::types::Store;
+
+/// Changes a good measurement.
+type Spoil = fn(&mut Measurement);
+
+/// What no driver in its senses writes.
+const SENSELESS: [(&str, Spoil); 12] = [
+    ("another layout", |m| m.magic ^= 1),
+    ("never written", |m| *m = Measurement::zeroed()),
+    ("all bits set", |m| bytemuck::bytes_of_mut(m).fill(0xff)),
+    ("old", |m| m.stamp_ns -= 51_000_000),
+    ("of the beginning of time", |m| m.stamp_ns = 0),
+    ("of the future", |m| m.stamp_ns += 51_000_000),
+    ("of the end of time", |m| m.stamp_ns = u64::MAX),
+    ("a state that is none", |m| m.state = 99),
+    ("no joints", |m| m.joints = 0),
+    ("too many joints", |m| m.joints = u32::MAX),
+    ("an exchange counted backwards", |m| m.sequence -= 2),
+    ("held nowhere", |m| m.hold[3] = f64::NAN),
+];
+
+fn newest(bench: &Bench, device: usize) -> SetPoint {
+    let image = bench.engine.image(device).expect("a device");
+    *image.at(image.sequence).expect("the newest")
+}
+
+/// One cycle in which the arm's board holds `measurement`.
+fn cycle_with(bench: &mut Bench, measurement: Measurement) {
+    bench.now_ns += PERIOD_NS;
+    bench.engine.latch(0, Some((1, measurement)), bench.now_ns);
+    for (index, other) in bench.others.iter_mut().enumerate() {
+        other.stamp_ns = bench.now_ns;
+        other.sequence += 1;
+        bench
+            .engine
+            .latch(index + 1, Some((2, *other)), bench.now_ns);
+    }
+    bench.engine.cycle(bench.now_ns);
+    bench.engine.account(0, 1000, 0);
+}
+
+fn fresh(bench: &Bench) -> Measurement {
+    let mut measurement = bench.driver.measurement;
+    measurement.stamp_ns = bench.now_ns + PERIOD_NS;
+    measurement.sequence += 1;
+    measurement
+}
+
+#[test]
+fn a_board_that_makes_no_sense_loses_its_device_and_nothing_else() {
+    for (words, spoil) in SENSELESS {
+        let mut io = model();
+        (io.joints, io.arm) = (0, None);
+        let mut bench = Bench::of_cell(vec![model(), io], 5, HOLD);
+        let arm = bench.load(line_net());
+        let mut other = output_net(1);
+        // The same net, on the second device.
+        other.operands[2] = 1;
+        let other = bench.load(other);
+        bench.start(other);
+        bench.start(arm);
+        bench.steps(30);
+        assert_eq!(bench.state(arm), CommandState::Running, "{words}");
+        let mut measurement = fresh(&bench);
+        spoil(&mut measurement);
+        cycle_with(&mut bench, measurement);
+        assert_eq!(
+            bench.engine.tables().devices[0].state,
+            DeviceState::Offline as u32,
+            "{words}"
+        );
+        assert_eq!(bench.reason(arm), EndReason::Fault, "{words}");
+        assert_eq!(
+            bench.entry(arm).fault.code,
+            FaultCode::DeviceLost as u32,
+            "{words}"
+        );
+        assert_eq!(newest(&bench, 0).has_position, 0, "{words}");
+        assert_eq!(bench.state(other), CommandState::Running, "{words}");
+        assert_eq!(newest(&bench, 1).digital_commanded, 0b10, "{words}");
+    }
+}
+
+#[test]
+fn exchanges_counted_backwards_stay_lost_until_the_driver_lives_anew() {
+    let mut bench = Bench::new();
+    bench.steps(10);
+    let mut measurement = fresh(&bench);
+    measurement.sequence = 3;
+    for _ in 0..3 {
+        measurement.stamp_ns = bench.now_ns + PERIOD_NS;
+        measurement.sequence += 1;
+        cycle_with(&mut bench, measurement);
+        assert_eq!(
+            bench.engine.tables().devices[0].state,
+            DeviceState::Offline as u32
+        );
+    }
+    bench.driver.incarnation = 9;
+    bench.driver.measurement.sequence = 0;
+    bench.steps(2);
+    assert_eq!(
+        bench.engine.tables().devices[0].state,
+        DeviceState::Ready as u32
+    );
+}
+
+#[test]
+fn a_measured_value_that_is_not_finite_is_null() {
+    for value in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
+        let mut bench = Bench::new();
+        let mut plan = Plan::new();
+        let no = plan.bool(0);
+        let [fx, fy, fz, tx, ty, tz] = [(); 6].map(|()| plan.reals(&[f64::NAN]));
+        let wrench = plan.reals(&[f64::NAN; 6]);
+        plan.add("ForceTorque", &[fx, fy, fz, tx, ty, tz, wrench, 0]);
+        plan.add("Termination", &[no]);
+        plan.monitor(Store::Real, fz, 1, 1);
+        let id = bench.load(plan.data);
+        bench.start(id);
+        let mut measurement = fresh(&bench);
+        measurement.wrench = [1.0, value, 3.0, 4.0, 5.0, 6.0];
+        bench.records();
+        cycle_with(&mut bench, measurement);
+        let record = bench.records().pop().expect("a record");
+        assert!(record.values[0].is_nan(), "{value}");
+        assert_eq!(bench.state(id), CommandState::Running);
+    }
+}
+
+/// Knuth's MMIX constants; the same bytes in each run of one seed.
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 >> 11
+    }
+}
+
+/// Random bytes, made credible in some of their fields.
+fn random_measurement(chance: &mut Chance, honest: &Measurement) -> Measurement {
+    let mut measurement = Measurement::zeroed();
+    for byte in bytemuck::bytes_of_mut(&mut measurement) {
+        *byte = chance.next() as u8;
+    }
+    let credible = chance.next();
+    if credible & 63 != 0 {
+        (measurement.magic, measurement.stamp_ns) = (MAGIC, honest.stamp_ns);
+        (measurement.joints, measurement.sequence) = (honest.joints, honest.sequence);
+    }
+    measurement.state = honest.state;
+    if credible & 0xf00 == 0 {
+        measurement.state = (chance.next() % 6) as u32;
+    }
+    if credible & 0x7000 != 0 {
+        measurement.hold = honest.hold;
+    } else if credible & 0x8000 != 0 {
+        measurement.hold = measurement
+            .hold
+            .map(|value| (value.to_bits() % 6283) as f64 * 1e-3 - 3.14);
+    }
+    measurement
+}
+
+#[test]
+fn whatever_a_board_holds_no_set_point_leaves_the_limits_and_the_engine_goes_on() {
+    let limits = model().limits;
+    let (mut moved, mut chance) = (0_u32, Chance(20_261_121));
+    for _ in 0..300 {
+        let mut bench = Bench::new();
+        let id = bench.load(line_net());
+        bench.start(id);
+        bench.steps(1 + (chance.next() % 40) as usize);
+        let mut before = newest(&bench, 0);
+        for _ in 0..100 {
+            let mut honest = fresh(&bench);
+            // As if it followed, so that the net goes on while the rest of the board is nonsense.
+            honest.hold = before.position;
+            let measurement = random_measurement(&mut chance, &honest);
+            bench.driver.measurement.sequence = honest.sequence;
+            cycle_with(&mut bench, measurement);
+            let now = newest(&bench, 0);
+            if now.has_position == 1 {
+                moved += 1;
+                for joint in 0..limits.joints {
+                    let value = now.position[joint];
+                    assert!(value.is_finite());
+                    assert!((limits.lower[joint]..=limits.upper[joint]).contains(&value));
+                    if before.has_position == 1 && before.owner == now.owner {
+                        let step = (value - before.position[joint]).abs();
+                        assert!(
+                            step <= limits.velocity_max[joint] * 1e-3 * 1.000_001,
+                            "{step}"
+                        );
+                    }
+                }
+            }
+            before = now;
+        }
+        let image = bench.engine.image(0).expect("the arm");
+        assert_eq!(image.sequence, bench.engine.status().cycle);
+        assert_eq!(image.set_points.len(), SET_POINTS);
+    }
+    assert!(moved > 100, "the test tests nothing: {moved}");
+}
