@@ -19,9 +19,12 @@ use std::time::Instant;
 use executor::TestCell;
 use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
-use rcc_loader::server::door::{HEAD_MAX, HEADERS_MAX, TCP, UNIX};
+use rcc_loader::server::door::{
+    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, Limits, TCP, UNIX,
+};
 use rcc_loader::server::doors::{DoorError, Doors};
-use rcc_loader::server::routes::TEXT_MAX;
+use rcc_loader::server::routes::{self, TEXT_MAX};
+use rcc_loader::server::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
 use served::{LIMIT, Served, answer, ask, exchange};
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
@@ -107,6 +110,71 @@ fn told(served: &Served, words: &str) {
     while !served.log().contains(words) {
         assert!(Instant::now() < limit, "no `{words}` in:\n{}", served.log());
         std::thread::yield_now();
+    }
+}
+
+#[test]
+fn the_limits_in_the_docs_are_those_of_the_code() {
+    let docs = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/security.md");
+    let docs = fs::read_to_string(docs).unwrap();
+    let kib = |bytes: usize| format!("{} KiB", bytes >> 10);
+    let mib = |bytes: usize| format!("{} MiB", bytes >> 20);
+    let seconds = |time: std::time::Duration| format!("{} s", time.as_secs());
+    let door = |limits: Limits| {
+        let Limits {
+            connections,
+            connections_of_peer,
+            rate,
+            burst,
+        } = limits;
+        format!("{connections}; {connections_of_peer} a peer | {rate} a second, {burst} at once")
+    };
+    for row in [
+        format!("| Unix socket | process | {} |", door(UNIX)),
+        format!("| TCP | address | {} |", door(TCP)),
+        format!(
+            "| head of a request | {}, {HEADERS_MAX} lines | {} |",
+            kib(HEAD_MAX),
+            seconds(HEAD_TIME)
+        ),
+        format!(
+            "| body of a request | {} | {} |",
+            mib(TEXT_MAX),
+            seconds(routes::BODY_TIME)
+        ),
+        format!(
+            "| work for a request | {} at a time, {} of them texts | {} |",
+            routes::REQUESTS_MAX,
+            routes::LOADING_MAX,
+            seconds(routes::REQUEST_TIME)
+        ),
+        format!(
+            "| whole connection | one request | {} |",
+            seconds(CONNECTION_TIME)
+        ),
+        format!("| token | {TOKEN_LENGTH_MIN} to {TOKEN_LENGTH_MAX} characters | – |"),
+        format!(
+            "| request to the executor | {} | – |",
+            mib(rcc_ipc::REQUEST_MAX)
+        ),
+        format!(
+            "| answer of the executor | {} | – |",
+            kib(rcc_ipc::RESPONSE_MAX)
+        ),
+        format!(
+            "| clients of the executor | {} | – |",
+            rcc_ipc::request::CLIENTS_MAX
+        ),
+        format!(
+            "| monitors of a stream | {} | – |",
+            rcc_ipc::stream::SUBSCRIBERS_MAX
+        ),
+        format!(
+            "| log lines about one kind of nuisance | 1 | each {} |",
+            seconds(rcc_ipc::seldom::SELDOM)
+        ),
+    ] {
+        assert!(docs.contains(&row), "docs/security.md lacks:\n{row}");
     }
 }
 

@@ -25,13 +25,21 @@ fn records(from: u64, count: u64) -> Vec<Record> {
         .collect()
 }
 
-/// The second process: 20 records each millisecond, for ever.
+/// The second process: 20 records each millisecond, for ever; or a reader that only has the stream open.
 #[test]
 fn peer() {
-    let Some((_, cell, label)) = part() else {
+    let Some((part, cell, label)) = part() else {
         return;
     };
     let session = Session::join(&cell, Role::Driver, &label).unwrap();
+    if let Some(service) = part.strip_prefix("watch ") {
+        let mut reader = session.subscribe::<Record>(service).unwrap();
+        common::wait_for(|| reader.next_batch().unwrap());
+        let _announced = cell.announce(&Announcement::of(&session)).unwrap();
+        loop {
+            std::thread::park();
+        }
+    }
     let mut publisher = session.publisher::<Record>("values").unwrap();
     let announcement = Announcement::of(&session).service("values", publisher.service());
     let _announced = cell.announce(&announcement).unwrap();
@@ -61,6 +69,41 @@ fn a_reader_that_looks_every_10_ms_loses_nothing_of_20_records_a_millisecond() {
     }
     while reader.read_into(&mut got).unwrap() {}
     assert_eq!(got, records(0, 2000 * 20));
+}
+
+/// What a wild write of a reader could reach: the kernel's own list.
+#[test]
+fn a_reader_has_no_board_mapped_and_the_records_only_to_read() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let mut board = session.create_board::<Record>("command").unwrap();
+    let _server = session.serve("control").unwrap();
+    let mut publisher = session.publisher::<Record>("values").unwrap();
+    let peer = Peer::start(&cell, &format!("watch {}", publisher.service()), "watch");
+    common::wait_for(|| {
+        board.write(&records(1, 1)[0]);
+        publisher.publish(&records(1, 1)).unwrap();
+        cell.announced(Role::Driver, "watch").unwrap()
+    });
+    let maps = std::fs::read_to_string(format!("/proc/{}/maps", peer.id())).unwrap();
+    let mut writable: Vec<&str> = Vec::new();
+    for line in maps.lines().filter(|line| line.contains(cell.prefix())) {
+        assert!(!line.contains("blackboard"), "{line}");
+        let kind = line.rsplit('.').next().unwrap();
+        if line.split(' ').nth(1).unwrap().contains('w') {
+            writable.push(kind);
+        }
+    }
+    writable.sort_unstable();
+    writable.dedup();
+    // How iceoryx2 keeps who takes part, the queues between the two, and the counter of nodes. docs/security.md says
+    // what garbage in them does.
+    let known = ["connection", "dynamic", "global_mgmt"];
+    assert!(
+        writable.iter().all(|kind| known.contains(kind)),
+        "{writable:?}"
+    );
+    peer.kill();
 }
 
 #[test]
