@@ -118,7 +118,7 @@ impl Drop for Supervised {
         let _ = self.executor.kill();
         let _ = self.executor.wait();
         // What an executor that was killed leaves in shared memory.
-        if let Ok(Some(cell)) = rcc_ipc::Cell::at("demo", &self.folder.join("demo")).map(Some) {
+        if let Ok(cell) = rcc_ipc::Cell::at("demo", &self.folder.join("demo")) {
             let _ = rcc_ipc::clean::remove_cell(&cell);
         }
         let _ = fs::remove_dir_all(&self.folder);
