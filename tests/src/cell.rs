@@ -76,14 +76,6 @@ impl TestCell {
         self.up.wait().expect("the child is ours");
     }
 
-    /// Waits until `rcc-cli up` has ended by itself.
-    pub fn await_supervisor(&mut self) -> ExitStatus {
-        let up = &mut self.up;
-        await_some("the supervisor to end", || {
-            up.try_wait().expect("the child can be asked")
-        })
-    }
-
     /// Waits until `rcc-cli up` has ended.
     pub fn await_end_of_up(&mut self) -> ExitStatus {
         let Self { place, up } = self;

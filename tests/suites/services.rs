@@ -71,7 +71,7 @@ fn a_driver_that_dies_too_often_has_failed_and_the_rest_goes_on() {
 fn without_its_executor_the_cell_ends() {
     let mut cell = cell("restarts: 0");
     cell.kill(Role::Executor, "exec");
-    let status = cell.await_supervisor();
+    let status = cell.await_end_of_up();
     assert_eq!(status.code(), Some(1));
     await_line(&cell, "  > the cell ends");
     cell.await_dead();
