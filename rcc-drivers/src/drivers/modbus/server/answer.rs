@@ -84,7 +84,7 @@ impl Server {
         }
     }
 
-    fn go_on_at(&mut self, place: usize) {
+    pub(super) fn go_on_at(&mut self, place: usize) {
         match &mut self.step {
             Step::Write(cursor) | Step::Safe { cursor, .. } => *cursor = place,
             _ => {}

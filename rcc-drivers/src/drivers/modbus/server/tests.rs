@@ -381,6 +381,29 @@ fn one_refused_output_keeps_no_other_from_its_value() {
 }
 
 #[test]
+fn an_output_that_is_refused_behind_one_that_has_no_value_is_asked_once() {
+    let rows = [
+        (
+            "keeps",
+            DigitalOutput,
+            "coil 0".into(),
+            Some(OnRelease::Hold),
+            None,
+        ),
+        ("lamp", DigitalOutput, "coil 9".into(), safe(0.0), None),
+    ];
+    let mut bench = Bench::new(json!({}), &rows);
+    bench.device.refuses.push((5, 9, 4));
+    let words = bench.run().unwrap_err().to_string();
+    assert!(
+        words.contains("writing coil 9 (lamp): exception 4"),
+        "{words}"
+    );
+    // Once before `on_connect`, and once after it.
+    assert_eq!(bench.device.asked, [(5, 9), (5, 9)]);
+}
+
+#[test]
 fn a_refused_read_says_which_channels_it_was_for() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
     let mut bench = Bench::new(json!({}), &rows);

@@ -23,6 +23,8 @@ impl Server {
                 self.refused.get_or_insert(fault);
             }
             if let Some(wanted) = self.changed(place) {
+                // What lies before needs no request, and is not what the answer is about.
+                self.go_on_at(place);
                 match self.points.outputs[place].source {
                     Source::Bits { .. } => self.write_bits(place, wanted, now),
                     Source::Coil { .. } => self.write_coils(place, now),
