@@ -309,8 +309,10 @@ pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
             }
         })?;
     // First iceoryx2, which also strikes the dead out of what they shared with the living; then what it left.
+    let failed = |(path, source)| CleanError::File { path, source };
+    let dead = reap::Dead::of(cell).map_err(failed)?;
     let dead_nodes = node.try_cleanup_dead_nodes().cleanups;
-    let reaped = reap::reap(cell).map_err(|(path, source)| CleanError::File { path, source })?;
+    let reaped = reap::reap(cell, &dead).map_err(failed)?;
     Ok(CleanReport {
         half_created,
         dead_nodes,

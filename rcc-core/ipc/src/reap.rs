@@ -18,7 +18,7 @@ const UNFINISHED_AFTER: Duration = Duration::from_secs(1);
 
 /// The number in the names of files and nodes (`UniqueSystemId` of iceoryx2 0.10.0), least significant part first:
 /// seconds and nanoseconds of CLOCK_MONOTONIC when it was made, process id, counter; 32 bits each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Id {
     made_ns: u64,
     pid: u32,
@@ -47,12 +47,47 @@ fn ids_in(name: &str) -> impl Iterator<Item = Id> {
         .filter_map(|part| part.parse().ok().map(Id::from_value))
 }
 
+/// Numbers whose makers were dead at one moment.
+#[derive(Debug)]
+pub(crate) struct Dead(BTreeSet<Id>);
+
+impl Dead {
+    /// Whose files lie in the cell although their makers are dead now. Look before iceoryx2 has its turn: whoever dies
+    /// after that has not been struck out of what it shared with the living, so its node must stay for the next turn. A
+    /// node that is removed too early leaves its place in a living board taken for ever.
+    ///
+    /// # Errors
+    /// A folder cannot be read; with its path.
+    pub(crate) fn of(cell: &Cell) -> Result<Dead, (PathBuf, io::Error)> {
+        let here = |error| (PathBuf::from(crate::room::SHM), error);
+        let mut paths = cell.leftovers().map_err(here)?;
+        paths.extend(files_in(&cell.iox_root().join("nodes"))?);
+        let mut ids: BTreeSet<Id> = paths
+            .iter()
+            .flat_map(|path| ids_in(&name_of(path)).collect::<Vec<_>>())
+            .collect();
+        for path in files_in(&cell.iox_root().join("services"))? {
+            let text = fs::read_to_string(path).unwrap_or_default();
+            ids.extend(service_id(&text).map(Id::from_value));
+        }
+        ids.retain(|id| !id.maker_is_alive());
+        Ok(Dead(ids))
+    }
+
+    fn made(&self, name: &str) -> bool {
+        ids_in(name).any(|id| self.0.contains(&id))
+    }
+}
+
 /// Removes what dead processes left in shared memory and in iceoryx2's folders. Returns how many files went.
 ///
 /// # Errors
 /// A folder cannot be read, or a file cannot be removed; with its path.
-pub(crate) fn reap(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
-    Ok(reap_shared_memory(cell)? + reap_services(cell)? + reap_nodes(cell)? + reap_parcels(cell)?)
+pub(crate) fn reap(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Error)> {
+    Ok(reap_shared_memory(cell, dead)?
+        + reap_services(cell, dead)?
+        + reap_nodes(cell, dead)?
+        + reap_parcels(cell)?)
 }
 
 /// Files of long requests whose sender is dead.
@@ -64,10 +99,10 @@ fn reap_parcels(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
 
 /// Shared memory that a dead process took part in and that nobody has mapped. What a living one still has mapped is
 /// left for it to clean.
-fn reap_shared_memory(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_shared_memory(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
     let here = |error| (PathBuf::from(crate::room::SHM), error);
     let mut dead = cell.shared_memory().map_err(here)?;
-    dead.retain(|path| ids_in(&name_of(path)).any(|id| !id.maker_is_alive()));
+    dead.retain(|path| gone.made(&name_of(path)));
     if dead.is_empty() {
         return Ok(0);
     }
@@ -77,7 +112,7 @@ fn reap_shared_memory(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
 }
 
 /// Descriptions of services whose creator is dead and whose shared memory is gone, or that were never finished.
-fn reap_services(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_services(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
     let shared = cell
         .shared_memory()
         .map_err(|error| (PathBuf::from(crate::room::SHM), error))?;
@@ -90,7 +125,7 @@ fn reap_services(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
         {
             Some(value) => {
                 let digits = value.to_string();
-                !Id::from_value(value).maker_is_alive()
+                gone.0.contains(&Id::from_value(value))
                     && !names.iter().any(|name| name.contains(digits.as_str()))
             }
             None => is_unfinished(path),
@@ -100,11 +135,11 @@ fn reap_services(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
 }
 
 /// Folders and lock files of nodes whose process is dead.
-fn reap_nodes(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_nodes(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
     let nodes = cell.iox_root().join("nodes");
     let mut removed = 0;
     for path in files_in(&nodes)? {
-        if !ids_in(&name_of(&path)).any(|id| !id.maker_is_alive()) {
+        if !gone.made(&name_of(&path)) {
             continue;
         }
         if path.is_dir() {
@@ -226,6 +261,23 @@ mod tests {
             "made before this process began"
         );
         assert!(!Id::from_value(id_of(u32::MAX, monotonic_ns())).maker_is_alive());
+    }
+
+    #[test]
+    fn who_dies_while_iceoryx2_has_its_turn_is_left_for_the_next_one() {
+        let folder = std::env::temp_dir().join(format!("rcc-reap-{}", std::process::id()));
+        let cell = Cell::at("reap", &folder).unwrap();
+        let nodes = cell.iox_root().join("nodes");
+        fs::create_dir_all(&nodes).unwrap();
+        let before = Dead::of(&cell).unwrap();
+        let node = nodes.join(format!("rcc_{}.node", id_of(u32::MAX, monotonic_ns())));
+        fs::write(&node, "").unwrap();
+        assert_eq!(reap(&cell, &before).unwrap(), 0);
+        assert!(node.exists());
+        assert_eq!(reap(&cell, &Dead::of(&cell).unwrap()).unwrap(), 1);
+        assert!(!node.exists());
+        fs::remove_dir_all(cell.iox_root()).unwrap();
+        fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
