@@ -176,33 +176,50 @@ pub enum DriverError {
 }
 
 /// One driver: one device cycle is a [`Driver::receive`] followed by a [`Driver::send`].
+///
+/// [`crate::host::Host`] owns it and calls everything from one thread, which may run with SCHED_FIFO: the first is
+/// `open`, then `receive` again and again; `send` follows each `receive` that brought an exchange, and nothing else;
+/// `release` comes once, near the end. Only `receive` may wait. Nothing panics, whatever the wire says: bytes of a device
+/// are hostile. A driver keeps no set-point of its own, moves nothing by itself, and never decides what an output is when
+/// nobody commands it: all that is the host's. `docs/drivers.md` is the way to one.
 pub trait Driver: Send {
-    /// Prepares everything that can be checked without the device.
+    /// Prepares everything that can be checked without the device: settings, channels, robot, sockets. Called once,
+    /// before the host joins its cell; it waits for nothing.
     ///
     /// # Errors
-    /// What is wrong in the configuration, with the path of the key. A device that does not answer is no error.
+    /// What is wrong in the configuration, with the path of the key and what to give. A device that does not answer is no
+    /// error: it may come later.
     fn open(device: &DeviceConfig) -> Result<Self, DriverError>
     where
         Self: Sized;
 
     /// Waits for the device's next cycle, at most `timeout` (a driver that keeps its own period may end later by what a
-    /// single transaction takes), and fills `inputs` with what it measured.
+    /// single transaction takes), and fills `inputs` with what it measured, in SI units.
+    ///
+    /// A device that sends by itself is the clock; otherwise the driver keeps a period. `timeout` is at most 10 ms: in
+    /// between, the host looks at the executor's board and at whether it is to end. After a stall only the newest cycle
+    /// counts; [`Exchange::ticks`] says how many there were.
     ///
     /// # Errors
-    /// There was no exchange; `inputs` are as before.
+    /// There was no exchange; `inputs` are as before. [`LinkError::Silent`] is a pause, after a while of which the host
+    /// takes the device for lost; [`LinkError::Lost`] is known at once. Either way the host calls again, and the driver
+    /// tries to reach the device again by itself, with a pause that grows where an attempt costs something.
     fn receive(
         &mut self,
         timeout: std::time::Duration,
         inputs: &mut Inputs,
     ) -> Result<Exchange, LinkError>;
 
-    /// Answers the exchange that [`Driver::receive`] has begun.
+    /// Answers the exchange that [`Driver::receive`] has begun, without waiting longer than the wire needs. `outputs` are
+    /// within the configured limits and ranges, in SI units; what is not set is left as the device has it. The same
+    /// values come again in every cycle: what was lost heals with the next one.
     ///
     /// # Errors
     /// The answer did not leave.
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError>;
 
-    /// Asks the device to leave command mode; it is followed by further exchanges. Plain I/O does nothing.
+    /// Asks the device to leave command mode: the arm rests by now. Further exchanges follow for at most a second, until
+    /// one is not commandable. Plain I/O does nothing.
     fn release(&mut self);
 
     /// What its reason numbers mean, if its configuration decides that; otherwise they are those of its row in

@@ -18,3 +18,24 @@ pub use rest::*;
 pub use restart::*;
 
 pub use super::capture::{replays_a_recording, replays_its_capture};
+
+#[test]
+fn every_rule_is_in_the_docs() {
+    let suite = include_str!("../conformance.rs");
+    let docs = include_str!("../../../docs/drivers.md");
+    let table = suite.split("macro_rules! conformance").nth(1);
+    let table = table.and_then(|text| text.split("pub(crate) use").next());
+    let lines = table.expect("the table of rules").lines();
+    let rule = |line: &'static str| line.strip_prefix("            ")?.strip_suffix(',');
+    let names: Vec<&str> = lines
+        .filter_map(rule)
+        .filter(|name| !name.contains('$'))
+        .collect();
+    assert!(names.len() > 30, "{names:?}");
+    for name in names {
+        assert!(
+            docs.contains(&format!("`{name}`")),
+            "docs/drivers.md lacks {name}"
+        );
+    }
+}

@@ -71,7 +71,8 @@ pub struct FriLwr {
     peer: Option<SocketAddr>,
     /// The controller that is answered now.
     controller: Option<SocketAddr>,
-    heard: Instant,
+    /// How long nothing has been heard, in time that was waited for: a stall of ours is no silence.
+    silence: Duration,
     read_timeout: Duration,
     dialog: Dialog,
     counters: Arc<Counters>,
@@ -120,7 +121,7 @@ impl Driver for FriLwr {
             socket,
             peer,
             controller: None,
-            heard: Instant::now(),
+            silence: Duration::ZERO,
             read_timeout,
             dialog,
             counters: Arc::new(Counters::new(listen, peer)),
@@ -129,20 +130,23 @@ impl Driver for FriLwr {
 
     fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
         let deadline = Instant::now() + timeout;
+        let mut looked = false;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Err(self.silent());
+            // What came while we stalled is there: one look in any case.
+            if left.is_zero() && looked {
+                return Err(self.silent(timeout));
             }
-            match self.take(left) {
+            looked = true;
+            match self.take(left.max(Duration::from_micros(1))) {
                 Ok(true) => break,
                 Ok(false) => {}
-                Err(error) if is_pause(&error) => return Err(self.silent()),
+                Err(error) if is_pause(&error) => return Err(self.silent(timeout)),
                 Err(error) => return Err(lost(&error)),
             }
         }
         self.take_what_waits().map_err(|error| lost(&error))?;
-        self.heard = Instant::now();
+        self.silence = Duration::ZERO;
         Ok(self.dialog.exchange(inputs))
     }
 
@@ -224,8 +228,9 @@ impl FriLwr {
         result
     }
 
-    fn silent(&mut self) -> LinkError {
-        if self.heard.elapsed() > FORGET_AFTER {
+    fn silent(&mut self, waited: Duration) -> LinkError {
+        self.silence = self.silence.saturating_add(waited);
+        if self.silence > FORGET_AFTER {
             self.controller = None;
             self.dialog.forget();
             self.counters.forget();

@@ -434,6 +434,50 @@ fn drives_strategy_and_quality_say_why_nothing_may_begin() {
     }
 }
 
+/// A driver in command mode and the socket of its controller.
+fn commanding_over_a_socket() -> (FriLwr, UdpSocket) {
+    let mut driver = FriLwr::open(&lwr()).expect("a good configuration");
+    let controller = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+    for sequence in 1..=5 {
+        assert!(receives(&mut driver, &controller, sequence).is_ok());
+    }
+    (driver, controller)
+}
+
+fn receives(
+    driver: &mut FriLwr,
+    controller: &UdpSocket,
+    sequence: u16,
+) -> Result<Exchange, LinkError> {
+    let address = driver.address().expect("a socket");
+    let bytes = measurement(sequence).encode();
+    controller.send_to(&bytes, address).expect("loopback");
+    driver.receive(Duration::from_secs(10), &mut Inputs::NONE.clone())
+}
+
+#[test]
+fn a_stall_of_ours_is_no_silence_of_the_controller() {
+    let (mut driver, controller) = commanding_over_a_socket();
+    std::thread::sleep(FORGET_AFTER + Duration::from_millis(10));
+    let nothing = driver.receive(Duration::from_millis(1), &mut Inputs::NONE.clone());
+    assert_eq!(nothing, Err(LinkError::Silent));
+    let exchange = receives(&mut driver, &controller, 6).expect("it sends");
+    assert!(
+        exchange.commandable,
+        "it must not mirror in the middle of a motion"
+    );
+}
+
+#[test]
+fn after_a_silence_another_controller_may_come() {
+    let (mut driver, _) = commanding_over_a_socket();
+    let nothing = driver.receive(FORGET_AFTER * 2, &mut Inputs::NONE.clone());
+    assert_eq!(nothing, Err(LinkError::Silent));
+    let other = UdpSocket::bind("127.0.0.1:0").expect("loopback");
+    let exchange = receives(&mut driver, &other, 3).expect("another one");
+    assert!(!exchange.commandable);
+}
+
 #[test]
 fn a_channel_that_is_no_krl_variable_is_refused_by_name() {
     for (address, words) in [

@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, UdpSocket};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use rcc_config::{DeviceConfig, OnRelease};
+use rcc_config::{CellConfig, DeviceConfig, OnRelease};
 use rcc_core::message::ANALOG_MAX;
 use rcc_core::primitive::ChannelKind::{
     self, AnalogInput, AnalogOutput, DigitalInput, DigitalOutput,
@@ -18,6 +19,7 @@ use serde_json::json;
 use super::{LINE_MAX, LineIo, REASONS, crc32, parse, push, seal, unseal};
 use crate::conformance::capture::Capture;
 use crate::conformance::{Peer, Subject, Told, Wire, conformance, device};
+use crate::driver::Driver;
 use crate::host::reason::Reason;
 
 /// The box: what it was told last; output 1 of each type is wired to input 1.
@@ -178,4 +180,25 @@ fn a_line_is_taken_with_its_check_only() {
     for bad in ["", "is", "is x", "is 7 d1", "is 7 a1=NaN", "is 7 a1=x"] {
         assert_eq!(parse(bad), None, "{bad}");
     }
+}
+
+#[test]
+fn the_configuration_in_the_docs_opens() {
+    let docs = include_str!("../../../../docs/drivers.md");
+    let block = docs
+        .split("```yaml")
+        .nth(1)
+        .and_then(|text| text.split("```").next());
+    let lines = block.expect("a configuration").lines();
+    let lines: Vec<&str> = lines
+        .map(|line| line.strip_prefix("   ").unwrap_or(line))
+        .collect();
+    let text = format!(
+        "cell: docs\nperiod: 1 ms\nstale_after: 50 ms\n{}",
+        lines.join("\n")
+    );
+    let cell = CellConfig::parse(&text, "docs", Path::new(""), &BTreeMap::new());
+    let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
+    let opened = LineIo::open(&cell.devices[0]);
+    assert!(opened.is_ok(), "{opened:?}");
 }
