@@ -24,7 +24,7 @@ pub struct Census {
     pub shared_files: u64,
     /// Their bytes.
     pub shared_bytes: u64,
-    /// Files in the cell's runtime folder, logs excepted.
+    /// Files in the cell's runtime folder, logs and drivers' diaries excepted.
     pub runtime_files: u64,
     /// Processes of the cell.
     pub processes: u64,
@@ -95,10 +95,17 @@ impl Census {
     }
 }
 
+/// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, and what each
+/// driver knows about its device, which it writes once a second.
 fn runtime_files(folder: &Path) -> u64 {
+    let by_design = |path: &Path| {
+        let below = path.strip_prefix(folder).unwrap_or(path);
+        below.starts_with("logs")
+            || below.starts_with("drivers")
+            || below.to_string_lossy().starts_with("events.")
+    };
     let files = files_below(folder);
-    let logs = folder.join("logs");
-    files.iter().filter(|path| !path.starts_with(&logs)).count() as u64
+    files.iter().filter(|path| !by_design(path)).count() as u64
 }
 
 fn read(pid: u32, what: &str) -> String {

@@ -65,6 +65,19 @@ primitives:
     )
 }
 
+/// Commands nothing; its logical time is monitored every cycle until CANCEL.
+pub fn clock(name: &str) -> String {
+    format!(
+        "net: {name}
+primitives:
+  cancel: {{type: Cancel}}
+  clock: {{type: Time}}
+  end: {{type: Termination, inputs: {{done: cancel.requested}}}}
+  watch: {{type: Monitor, parameters: {{rate: 1000 Hz}}, inputs: {{value: clock.out}}}}
+"
+    )
+}
+
 /// Commands nothing; a digital input is monitored every cycle until CANCEL.
 pub fn input(name: &str, device: &str, channel: &str) -> String {
     format!(

@@ -8,8 +8,8 @@ use nix::sys::signal::Signal;
 use rcc_ipc::monotonic_ns;
 
 use super::field::{Field, count};
-use crate::await_some;
 use crate::process::Process;
+use crate::{await_some, nets};
 
 /// Starts the loader, and kills it now and then under load.
 pub fn loader(field: &Field<'_>) {
@@ -73,7 +73,7 @@ pub fn big_nets(field: &Field<'_>) {
 /// Runs a small net for a moment, so that the executor publishes records.
 pub fn publish(field: &Field<'_>) {
     let name = format!("publish-{}", monotonic_ns());
-    let id = field.load(&name, &big_net(&name, 1));
+    let id = field.load(&name, &nets::clock(&name));
     field.start(id);
     std::thread::sleep(Duration::from_millis(50));
     field.stop(id, "cancel");

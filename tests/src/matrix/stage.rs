@@ -275,6 +275,20 @@ impl Stage {
         if target == Target::Executor && way != Way::Stop {
             return "at rest".to_owned();
         }
+        if target == Target::Client
+            && phase == Phase::Moving
+            && matches!(way, Way::Stop | Way::Term)
+        {
+            // It unloads its net itself, and tells by its exit code how it ended.
+            let status = await_some("the client to end", || {
+                scene.guests[0].try_wait().expect("the child is ours")
+            });
+            return match status.code() {
+                Some(0) => "finished".to_owned(),
+                Some(130 | 143) | None if way == Way::Term => "canceled".to_owned(),
+                _ => panic!("rcc-cli run: {status}"),
+            };
+        }
         let row = self.cell.await_end(line);
         let reason = row["reason"].as_str().unwrap_or_default().to_owned();
         let planned = if phase == Phase::Cancelling {
@@ -353,6 +367,15 @@ impl Stage {
         self.clear(true);
     }
 
+    /// A net that only has a monitor runs for a moment.
+    fn publish(&mut self) {
+        let id = self.cell.run(&nets::clock("clock"));
+        std::thread::sleep(Duration::from_millis(20));
+        self.cell.done(id, "cancel");
+        self.cell.await_end(id);
+        self.clear(true);
+    }
+
     /// Removes all commands; those that are active are aborted, or waited for.
     fn clear(&mut self, abort: bool) {
         await_some("the commands to be gone", || {
@@ -377,6 +400,8 @@ impl Stage {
 
     fn count_anew(&mut self) {
         self.clean();
+        self.publish();
+        self.clean();
         self.before = self.count();
     }
 
@@ -390,6 +415,10 @@ impl Stage {
         let (executor, before) = self.before;
         let mut grown = Vec::new();
         for _ in 0..30 {
+            // What is dead is struck out; the executor lets go of it with the next record that it publishes; then its
+            // files can go.
+            self.clean();
+            self.publish();
             self.clean();
             let (pid, now) = self.count();
             grown = now.growth(&before);
