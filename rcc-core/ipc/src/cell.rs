@@ -302,22 +302,25 @@ fn make_private_dir(path: &Path) -> Result<(), CellError> {
         path: path.to_owned(),
         source,
     };
-    DirBuilder::new()
-        .recursive(true)
-        .mode(0o700)
-        .create(path)
-        .map_err(failed)?;
     let uid = nix::unistd::getuid().as_raw();
     let not_ours = |owner| CellError::NotOurs {
         path: path.to_owned(),
         owner,
         uid,
     };
-    // A link of somebody else's would lead us wherever he likes.
-    let named = fs::symlink_metadata(path).map_err(failed)?;
-    if named.is_symlink() && named.uid() != uid && named.uid() != 0 {
+    // A link of somebody else's would lead us wherever he likes. First of all, as the kernel may refuse to follow it.
+    if let Ok(named) = fs::symlink_metadata(path)
+        && named.is_symlink()
+        && named.uid() != uid
+        && named.uid() != 0
+    {
         return Err(not_ours(named.uid()));
     }
+    DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(path)
+        .map_err(failed)?;
     let found = fs::metadata(path).map_err(failed)?;
     if found.uid() != uid {
         return Err(not_ours(found.uid()));
