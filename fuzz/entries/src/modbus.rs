@@ -119,9 +119,9 @@ devices:
       lamp_on: {kind: digital input, address: discrete 0}
       coil_on: {kind: digital input, address: coil 7}
       ready:   {kind: digital input, address: input 9 bit 15}
-      speed:  {kind: analog output, address: holding 0, unit: m/s, scale: 1 mm/s, on_release: hold}
-      force:  {kind: analog output, address: holding 2 f32 CDAB, unit: N, on_release: hold}
-      far:    {kind: analog output, address: holding 4 i64, unit: m, on_release: hold}
+      speed:  {kind: analog output, address: holding 0, unit: m/s, scale: 1 mm/s, range: [0 m/s, 60 m/s], on_release: hold}
+      force:  {kind: analog output, address: holding 2 f32 CDAB, unit: N, range: [-1000 N, 1000 N], on_release: hold}
+      far:    {kind: analog output, address: holding 4 i64, unit: m, range: [-5000000 m, 5000000 m], on_release: hold}
       speed_is: {kind: analog input, address: input 0 i16, unit: m/s, scale: 1 mm/s}
       force_is: {kind: analog input, address: input 2 f32 BADC, unit: N}
       count:    {kind: analog input, address: input 4 u64, unit: 1}
