@@ -2,6 +2,9 @@
 //! ports are in no other. Written by the supervisor's thread, read by verbs.
 
 use std::collections::BTreeMap;
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 
 use rcc_config::CellConfig;
@@ -34,7 +37,11 @@ pub fn write(cell: &Cell, prepared: &Prepared) -> Result<(), Failure> {
     let half = path.with_extension("half");
     serde_json::to_vec(&running)
         .map_err(std::io::Error::other)
-        .and_then(|text| std::fs::write(&half, text))
+        .and_then(|text| {
+            let mut options = OpenOptions::new();
+            let options = options.create(true).write(true).truncate(true).mode(0o600);
+            options.open(&half)?.write_all(&text)
+        })
         .and_then(|()| std::fs::rename(&half, &path))
         .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))
 }
