@@ -316,8 +316,9 @@ fn left(cell: &HandCell) -> BTreeMap<String, usize> {
     let mut names = BTreeMap::new();
     for path in files {
         let name = path.display().to_string();
-        // What living drivers know of the last minute: one file each, written when they like.
-        if name.contains("/drivers/") && name.ends_with(".json") {
+        // What living processes write when they like, bounded: a driver's last minute, and the cell's event log.
+        let minute = name.contains("/drivers/") && name.ends_with(".json");
+        if minute || name.contains("/events.") {
             continue;
         }
         let words = name.split_inclusive(|letter: char| !letter.is_ascii_hexdigit());
