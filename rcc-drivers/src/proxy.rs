@@ -27,7 +27,7 @@ pub enum Direction {
 fn lines(rates: Rates, seed: u64) -> [Line; 2] {
     let mut chance = Chance::new(seed);
     [
-        Line::new(rates, chance.next()),
-        Line::new(rates, chance.next()),
+        Line::new(rates, chance.draw()),
+        Line::new(rates, chance.draw()),
     ]
 }

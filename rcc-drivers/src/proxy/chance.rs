@@ -13,7 +13,7 @@ impl Chance {
     }
 
     /// The next 64 bits.
-    pub fn next(&mut self) -> u64 {
+    pub fn draw(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -23,7 +23,7 @@ impl Chance {
 
     /// A number from 0 to below 1.
     pub fn part(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+        (self.draw() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// True with this probability, 0 to 1.
@@ -34,7 +34,7 @@ impl Chance {
     /// A number below `end`; 0 if that is 0.
     pub fn below(&mut self, end: usize) -> usize {
         // The remainder's bias is below 1e-15 for the sizes of packets.
-        (self.next() % end.max(1) as u64) as usize
+        (self.draw() % end.max(1) as u64) as usize
     }
 }
 
@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn gives_the_published_numbers() {
         let mut chance = Chance::new(1_234_567);
-        let drawn = [chance.next(), chance.next(), chance.next()];
+        let drawn = [chance.draw(), chance.draw(), chance.draw()];
         assert_eq!(
             drawn,
             [

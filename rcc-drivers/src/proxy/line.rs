@@ -226,7 +226,7 @@ impl Line {
     fn corrupt(&mut self, bytes: &mut [u8]) {
         if self.chance.happens(WHOLE) {
             for byte in bytes {
-                *byte = self.chance.next() as u8;
+                *byte = self.chance.draw() as u8;
             }
             return;
         }

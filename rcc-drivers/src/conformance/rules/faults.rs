@@ -24,7 +24,7 @@ struct Nets {
 impl Nets {
     fn next<S: Subject>(&mut self, bench: &Bench<S>) -> SetPoint {
         self.cycle += 1;
-        let blink = if self.cycle / BLINK % 2 == 0 {
+        let blink = if (self.cycle / BLINK).is_multiple_of(2) {
             bench.all_on(self.owner)
         } else {
             SetPoint::NONE
