@@ -7,6 +7,7 @@ mod cells;
 mod crash;
 mod crash_others;
 mod doctor;
+mod endurance;
 mod events;
 mod examples;
 mod life;

@@ -10,7 +10,7 @@ use super::field::{Field, count};
 use crate::processes::signal;
 
 /// Dead monitors after which the janitor runs: a stream has room for 16.
-const CLEAN_AFTER: u64 = 4;
+const CLEAN_AFTER: u32 = 4;
 /// Threads that run monitors.
 pub const THREADS: u32 = 3;
 
@@ -59,7 +59,7 @@ pub fn run(field: &Field<'_>, number: u64) {
         }
         signal(tail.id(), Signal::SIGKILL);
         end(field, tail);
-        if came as u64 % CLEAN_AFTER == 0 {
+        if came.is_multiple_of(CLEAN_AFTER) {
             field.clean();
         }
     });

@@ -322,6 +322,8 @@ impl Stage {
             self.cell.await_dead();
             return "at rest".to_owned();
         }
+        // A monitor that was stopped for a while leaves a moment later.
+        self.cell.await_dead();
         self.cell.assert_nothing_left();
         let harmless = !matches!(
             target,
@@ -558,10 +560,12 @@ fn strike(pid: u32, way: Way) -> bool {
         Way::Kill => signal(pid, Signal::SIGKILL),
         Way::Segv => {
             let there = signal(pid, Signal::SIGSEGV);
-            // The runtime of Rust takes the first one for an overflow of the stack if a thread of it touched the guard,
-            // and otherwise gives the signal its usual meaning: a real fault would happen again at once.
-            std::thread::sleep(Duration::from_millis(2));
-            signal(pid, Signal::SIGSEGV);
+            // The runtime of Rust gives the first one its usual meaning, in case that it was no overflow of a stack: a
+            // real fault would happen again at once. Under load some of these are one.
+            for _ in 0..6 {
+                std::thread::sleep(Duration::from_millis(4));
+                signal(pid, Signal::SIGSEGV);
+            }
             there
         }
         Way::Term => signal(pid, Signal::SIGTERM),

@@ -69,6 +69,13 @@ which outlives it. The table is written by a program:
 $ cargo run -p rcc-tests --example crash_matrix -- --write docs/crashes.md
 ```
 
+A longer look at the same is a moving cell under load from all sides, in which drivers, the loader and monitors are killed
+again and again; its table explains each late cycle and counts what a leak would raise:
+
+```console
+$ cargo run -p rcc-tests --example endurance -- --minutes 60 --restarts 2000 --monitors 10000
+```
+
 What every case must show:
 
 - **No motion that nobody asked for.** From the moment the arm rests until the next START no joint is faster than

@@ -1,0 +1,53 @@
+//! A sample of the crash matrix and a short endurance run: the full ones are programs (docs/crashes.md), which call the
+//! same code. Each has a cell of its own.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use rcc_tests::endurance::{self, Options};
+use rcc_tests::journal::Journal;
+use rcc_tests::matrix::{self, Case, Outcome, Phase, Target, Way};
+
+#[test]
+fn a_sample_of_the_crash_matrix_holds() {
+    use {Phase::*, Target::*, Way::*};
+    let sample = [
+        (ArmDriver, Moving, Kill),
+        (ArmDriver, Starting, Kill),
+        (ArmDriver, Cancelling, Stop),
+        (IoDriver, Moving, Segv),
+        (Loader, Loading, Kill),
+        (Monitor, Moving, Stop),
+        (Client, Moving, Kill),
+        (Executor, Moving, Kill),
+        (Executor, Cancelling, Term),
+        (Janitor, Idle, Kill),
+        (Supervisor, Moving, Stop),
+        (Supervisor, Moving, Kill),
+        (Loader, Stopping, Kill),
+    ];
+    let cases = sample.map(|(target, phase, way)| Case { target, phase, way });
+    let outcomes = matrix::run(&cases, 1, |case, outcome| {
+        eprintln!("{case:?}: {outcome:?}")
+    });
+    let broken: Vec<_> = outcomes
+        .iter()
+        .filter(|(_, outcome)| matches!(outcome, Outcome::Broken(_)))
+        .collect();
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn twenty_driver_restarts_and_a_hundred_monitors_make_no_cycle_late_and_leave_nothing() {
+    let options = Options {
+        time: Duration::from_secs(20),
+        seed: 1,
+        restarts: 20,
+        monitors: 100,
+        load: false,
+        warm_up: Duration::from_secs(3),
+        census_every: Duration::from_secs(10),
+    };
+    let report = endurance::run(options, &Arc::new(Journal::default()));
+    assert!(report.holds(), "{report}");
+}
