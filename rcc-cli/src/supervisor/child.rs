@@ -13,6 +13,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_config::cell::SupervisionConfig;
 use rcc_process::ending;
+use rcc_process::signals::PARENT;
 
 use super::launch::{Ready, Spec};
 use super::notices::Notices;
@@ -95,6 +96,8 @@ impl Child {
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
             command.env_remove(name);
         }
+        // One that starts while we die must not outlive us.
+        command.env(PARENT, std::process::id().to_string());
         self.hung = None;
         if self.spec.ready == Ready::Notified {
             let notices = Notices::listen(&self.ear).map_err(|error| named(&self.ear, error))?;

@@ -4,7 +4,7 @@
 use nix::errno::Errno;
 use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{SigSet, Signal, kill};
-use nix::unistd::{getpid, getppid};
+use nix::unistd::{Pid, getpid, getppid};
 
 /// The signals that end a program, blocked in every thread, taken by [`Stop::wait`].
 #[derive(Debug)]
@@ -49,12 +49,19 @@ impl Stop {
     }
 }
 
-/// Asks for SIGTERM at the parent's death, and looks whether it is dead already.
+/// In the environment: the process id of whoever started this program, if it says so.
+pub const PARENT: &str = "RCC_PARENT_PID";
+
+/// Asks for SIGTERM at the parent's death, and looks whether it is dead already: also when it died before this program's
+/// first instruction, if it said who it is ([`PARENT`]).
 ///
 /// # Errors
 /// The system refuses, or the parent is gone already.
 pub fn end_with_parent() -> Result<(), SignalError> {
-    let parent = getppid();
+    let told = std::env::var(PARENT)
+        .ok()
+        .and_then(|text| text.parse().ok());
+    let parent = told.map_or_else(getppid, Pid::from_raw);
     set_pdeathsig(Signal::SIGTERM)?;
     if getppid() != parent {
         return Err(SignalError::Orphan);
