@@ -102,7 +102,7 @@ impl Stage {
         let mut scene = self.begin(case, &mut random);
         let struck = strike(scene.pid, way);
         let mut words = if ends_all {
-            self.await_end_of_cell(case)
+            self.await_end_of_cell(case, &mut scene)
         } else {
             self.await_end_of_motion(case, &mut scene)
         };
@@ -311,18 +311,21 @@ impl Stage {
     }
 
     /// Waits until the cell has ended, or goes on if its supervisor was only stopped for a while.
-    fn await_end_of_cell(&mut self, case: Case) -> String {
+    fn await_end_of_cell(&mut self, case: Case, scene: &mut Scene) -> String {
         let Case { target, phase, way } = case;
         if phase == Phase::Starting && way == Way::Stop {
             self.cell.await_ready();
             return "goes on".to_owned();
         }
         let status = self.cell.await_end_of_up();
+        // A monitor that lives waits for the cell's next life, by design.
+        for guest in &mut scene.guests {
+            end_guest(guest);
+        }
         if target == Target::Supervisor && matches!(way, Way::Kill | Way::Segv) {
             self.cell.await_dead();
             return "at rest".to_owned();
         }
-        // A monitor that was stopped for a while leaves a moment later.
         self.cell.await_dead();
         self.cell.assert_nothing_left();
         let harmless = !matches!(
