@@ -2,6 +2,7 @@
 //! Polled by the monitor's one thread. While no executor lives, this process is not in the cell, so it may be wiped.
 
 use rcc_core::message::MonitorRecord;
+use rcc_ipc::clean::{self, JANITOR_TIMEOUT};
 use rcc_ipc::control::RECORDS;
 use rcc_ipc::{Announcement, Cell, Role, Session, Subscriber};
 
@@ -19,6 +20,9 @@ pub enum StreamError {
     /// The stream cannot be opened or read.
     #[error(transparent)]
     Stream(#[from] rcc_ipc::StreamError),
+    /// Places of dead monitors cannot be freed.
+    #[error("all places of the stream are taken, and the janitor did not help: {0}")]
+    Janitor(#[from] clean::CleanError),
     /// It offers no stream.
     #[error("the executor offers no `{RECORDS}`: are both programs of one build?")]
     NotOffered,
@@ -119,7 +123,13 @@ fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
         Role::Monitor,
         &format!("tail-{}", std::process::id()),
     )?;
-    let records = match session.subscribe(service) {
+    let mut records = session.subscribe(service);
+    if matches!(records, Err(rcc_ipc::StreamError::Full { .. })) {
+        // Monitors have no supervisor: one that was killed keeps its place until somebody cleans up after it.
+        clean::run_janitor(&cell, JANITOR_TIMEOUT)?;
+        records = session.subscribe(service);
+    }
+    let records = match records {
         Ok(records) => records,
         // It died between its announcement and now.
         Err(_) if !announcement.is_alive() => return Ok(None),

@@ -61,6 +61,8 @@ impl Life {
 struct Stat {
     start_time_ticks: u64,
     runs: bool,
+    /// A dead process too has one, its first, until its parent has waited for it.
+    threads: u64,
 }
 
 fn stat_of(pid: u32) -> Option<Stat> {
@@ -68,17 +70,20 @@ fn stat_of(pid: u32) -> Option<Stat> {
     // Field 2, the name in parentheses, may itself hold spaces and parentheses: count from the last one.
     let mut fields = text.rsplit_once(')')?.1.split_ascii_whitespace();
     let state = fields.next()?;
-    let start_time_ticks = fields.nth(18)?.parse().ok()?;
+    let threads = fields.nth(16)?.parse().ok()?;
+    let start_time_ticks = fields.nth(1)?.parse().ok()?;
     Some(Stat {
         start_time_ticks,
         runs: !matches!(state, "Z" | "X" | "x"),
+        threads,
     })
 }
 
 /// The earliest CLOCK_MONOTONIC time, in nanoseconds, at which the process `pid` may have begun; nothing if it is dead.
-/// The kernel counts starts with the time the machine slept and this clock does not, hence the doubt.
+/// The kernel counts starts with the time the machine slept and this clock does not, hence the doubt. A killed process
+/// some of whose threads are still ending is not dead here: it still holds its files and their locks.
 pub(crate) fn started_ns(pid: u32) -> Option<u64> {
-    let stat = stat_of(pid).filter(|stat| stat.runs)?;
+    let stat = stat_of(pid).filter(|stat| stat.runs || stat.threads > 1)?;
     let since_boot_ns = stat
         .start_time_ticks
         .saturating_mul(1_000_000_000 / TICKS_PER_S);

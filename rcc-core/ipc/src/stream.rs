@@ -8,7 +8,7 @@ use bytemuck::Pod;
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy as Backpressure;
 use iceoryx2::port::publisher::Publisher as IoxPublisher;
-use iceoryx2::port::subscriber::Subscriber as IoxSubscriber;
+use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
 use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
@@ -70,6 +70,12 @@ pub enum StreamError {
         want: &'static str,
         /// Its bytes.
         size: usize,
+    },
+    /// Every place is taken, some of them perhaps by dead readers that no janitor has cleaned up after.
+    #[error("stream {service} has its {SUBSCRIBERS_MAX} readers already: end one of them")]
+    Full {
+        /// Full service name.
+        service: String,
     },
     /// Anything else that iceoryx2 says.
     #[error("stream {service}: {cause}")]
@@ -247,6 +253,9 @@ impl Session {
             service: service.to_owned(),
             cause,
         };
+        let full = || StreamError::Full {
+            service: service.to_owned(),
+        };
         let service_name = ServiceName::new(service).map_err(|_| StreamError::BadName {
             name: service.to_owned(),
         })?;
@@ -256,6 +265,7 @@ impl Session {
             .publish_subscribe::<[Shared<T>]>()
             .open()
             .map_err(|error| match error {
+                PublishSubscribeOpenError::ExceedsMaxNumberOfNodes => full(),
                 PublishSubscribeOpenError::DoesNotExist => StreamError::DoesNotExist {
                     service: service.to_owned(),
                 },
@@ -270,7 +280,10 @@ impl Session {
             .subscriber_builder()
             .buffer_size(BATCHES_MAX)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| match error {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => full(),
+                other => failed(Cause::of(other)),
+            })?;
         Ok(Subscriber {
             subscriber,
             service: service.to_owned(),
