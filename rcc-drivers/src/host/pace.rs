@@ -5,6 +5,7 @@
 //! is bounded so that the second term stays within what the first leaves of the acceleration limit.
 
 use rcc_core::message::{Joints, SET_POINTS};
+use rcc_motion::RestLimits;
 
 use super::limits::ArmLimits;
 
@@ -26,6 +27,29 @@ pub struct Motion {
     pub velocity: Joints,
     /// rad/s².
     pub acceleration: Joints,
+}
+
+impl Motion {
+    /// The motion at the end of the `dt_s` (s) that these are mean values over. What is sent keeps the limits, so what
+    /// they cannot be is an error of the estimate, large when periods were lost: the velocity stays below its limit, and
+    /// the acceleration a below what its own end (a²/2J) still adds to it.
+    pub(super) fn at_its_end(&self, dt_s: f64, limits: &RestLimits) -> Motion {
+        let mut end = *self;
+        let rows = end.velocity.iter_mut().zip(&mut end.acceleration);
+        let bounds = limits.velocity_max.iter().zip(&limits.jerk_max);
+        for ((velocity, acceleration), (velocity_max, jerk)) in
+            rows.zip(bounds).take(limits.joints)
+        {
+            *velocity += 0.5 * dt_s * *acceleration;
+            *velocity = velocity.clamp(-velocity_max, *velocity_max);
+            let left = velocity_max - velocity.abs();
+            if *acceleration * *velocity > 0.0 {
+                let most = (2.0 * jerk * left).sqrt();
+                *acceleration = acceleration.clamp(-most, most);
+            }
+        }
+        end
+    }
 }
 
 /// The pace and how it changes.

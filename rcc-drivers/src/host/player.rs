@@ -392,14 +392,11 @@ impl Player {
             motion,
             dt_s,
         } = self.sent;
-        // Both are means, the velocity half a period old.
-        let mut velocity = motion.velocity;
-        for (velocity, acceleration) in velocity.iter_mut().zip(motion.acceleration) {
-            *velocity += 0.5 * dt_s * acceleration;
-        }
-        let rest = Rest::new(self.settings.limits.rest(), self.period_s);
+        let limits = self.settings.limits.rest();
+        let motion = motion.at_its_end(dt_s, &limits);
+        let rest = Rest::new(limits, self.period_s);
         self.rest = rest.ok().and_then(|mut rest| {
-            let begun = rest.begin(&position, &velocity, &motion.acceleration);
+            let begun = rest.begin(&position, &motion.velocity, &motion.acceleration);
             begun.ok().map(|()| rest)
         });
         match self.rest {
