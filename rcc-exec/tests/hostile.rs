@@ -171,7 +171,7 @@ fn random_measurement(chance: &mut Chance, honest: &Measurement) -> Measurement 
     } else if credible & 0x8000 != 0 {
         measurement.hold = measurement
             .hold
-            .map(|value| (value.to_bits() % 6283) as f64 * 1e-3 - 3.14);
+            .map(|value| (value.to_bits() % 6283) as f64 * 1e-3 - std::f64::consts::PI);
     }
     measurement
 }

@@ -222,8 +222,8 @@ fn deaths_of(file: &Path, victim: &Victim) -> Vec<Death> {
         accepted |= name.starts_with("accept");
         let says =
             ["sendto", "sendmsg", "write", "writev"].contains(&name) && call.contains("HTTP/1.1 ");
-        let exchanges = name == "sendto" && call.contains("sin_port")
-            || name == "sendto" && call.contains("MSG_NOSIGNAL");
+        let exchanges =
+            name == "sendto" && (call.contains("sin_port") || call.contains("MSG_NOSIGNAL"));
         if (victim.device.is_none() && accepted && says) || (victim.device.is_some() && exchanges) {
             break;
         }

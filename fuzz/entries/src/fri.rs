@@ -135,11 +135,7 @@ impl Bench {
             12 => self.executor = bool::arbitrary(bytes)?,
             13 => self.corrupt_image(bytes)?,
             14 => self.now_ns += u64::from(u16::arbitrary(bytes)?) * MS / 16,
-            15 => self
-                .station
-                .silence(self.now_ns, Some(105))
-                .then(|| self.judge.forget())
-                .unwrap_or_default(),
+            15 => self.hear_nothing(),
             16 => self.dialog.forget(),
             17 => self.regular = bool::arbitrary(bytes)?,
             18 if u8::arbitrary(bytes)? == 0 => self.station.terminate(),
@@ -161,6 +157,12 @@ impl Bench {
         }
         self.exchange(&datagram);
         Ok(())
+    }
+
+    fn hear_nothing(&mut self) {
+        if self.station.silence(self.now_ns, Some(105)) {
+            self.judge.forget();
+        }
     }
 
     fn corrupt_image(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {

@@ -58,8 +58,8 @@ impl Judge {
     /// # Panics
     /// It is not, or is no number.
     pub fn in_range(&self, asked: &Joints) {
-        for joint in 0..self.limits.joints {
-            let (q, slack) = (asked[joint], self.rounding + 1e-8);
+        let slack = self.rounding + 1e-8;
+        for (joint, &q) in asked.iter().enumerate().take(self.limits.joints) {
             let inside =
                 q >= self.limits.lower[joint] - slack && q <= self.limits.upper[joint] + slack;
             assert!(inside, "joint {joint} at {q} rad is out of its range");

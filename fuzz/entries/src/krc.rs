@@ -85,7 +85,7 @@ fn happen(krc: &mut Krc, answer: &mut CommandDatagram, bytes: &mut Unstructured<
         10 => krc.receive_foreign(),
         11 => say(
             krc,
-            *bytes.choose(&[
+            bytes.choose(&[
                 "\"estop\"",
                 "\"ack\"",
                 "{\"wall\":null}",

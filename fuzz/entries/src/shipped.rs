@@ -26,11 +26,11 @@ pub struct Shipped {
 /// Where the arm of the demo is held, rad.
 pub const HOLD: Joints = [
     0.0,
-    -0.523_598_775_6,
+    -std::f64::consts::FRAC_PI_6,
     0.0,
-    1.570_796_326_8,
+    std::f64::consts::FRAC_PI_2,
     0.0,
-    -1.047_197_551_2,
+    -std::f64::consts::FRAC_PI_3,
     0.0,
     0.0,
 ];

@@ -24,6 +24,10 @@ const MS: u64 = 1_000_000;
 pub const PATIENCE: usize = 8000;
 
 /// What the executor does in one cycle.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one at a time, on the stack of a test"
+)]
 #[derive(Clone, Copy, Debug)]
 pub enum Executor {
     /// Writes this.

@@ -111,8 +111,11 @@ fn text(packets: &[(From, Vec<u8>)]) -> String {
     text
 }
 
+/// What passed and what came of it.
+type Recording = (Vec<(From, Vec<u8>)>, Vec<Inputs>);
+
 /// Bytes and inputs of some exchanges; `None` if one of them failed, as the machine was too busy.
-fn record<S: Subject>() -> Option<(Vec<(From, Vec<u8>)>, Vec<Inputs>)> {
+fn record<S: Subject>() -> Option<Recording> {
     let mut subject = S::start();
     let (between, address) = Between::of(&mut subject, 1);
     drop(between.heard());

@@ -37,8 +37,7 @@ impl Motion {
         let mut end = *self;
         let rows = end.velocity.iter_mut().zip(&mut end.acceleration);
         let bounds = limits.velocity_max.iter().zip(&limits.jerk_max);
-        for ((velocity, acceleration), (velocity_max, jerk)) in
-            rows.zip(bounds).take(limits.joints)
+        for ((velocity, acceleration), (velocity_max, jerk)) in rows.zip(bounds).take(limits.joints)
         {
             *velocity += 0.5 * dt_s * *acceleration;
             *velocity = velocity.clamp(-velocity_max, *velocity_max);

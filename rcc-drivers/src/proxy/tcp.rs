@@ -21,11 +21,14 @@ const STEP: Duration = Duration::from_millis(2);
 /// How long a connection to the target may take.
 const CONNECT_MAX: Duration = Duration::from_secs(1);
 
+/// What passed, in order.
+type Heard = Vec<(Direction, Vec<u8>)>;
+
 #[derive(Debug)]
 struct Shared {
     target: Mutex<SocketAddr>,
     lines: Mutex<[Line; 2]>,
-    heard: Mutex<Option<Vec<(Direction, Vec<u8>)>>>,
+    heard: Mutex<Option<Heard>>,
     stop: AtomicBool,
     /// Counts connections broken on request.
     broken: std::sync::atomic::AtomicU64,
@@ -99,7 +102,7 @@ impl TcpProxy {
     }
 
     /// What came since the last time, as it came, before any fault; kept from the first call on.
-    pub fn heard(&self) -> Vec<(Direction, Vec<u8>)> {
+    pub fn heard(&self) -> Heard {
         lock(&self.shared.heard)
             .replace(Vec::new())
             .unwrap_or_default()

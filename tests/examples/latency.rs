@@ -169,7 +169,7 @@ fn measure(delay: &'static str, seconds: u64) -> io::Result<Figures> {
             "listen: 127.0.0.1:${fri}",
             &format!("listen: 127.0.0.1:{driver_port}"),
         )
-            .replace("delay: 10 ms", &format!("delay: {delay}"))
+        .replace("delay: 10 ms", &format!("delay: {delay}"))
     });
     let watch = cell.watch();
     let id = cell.run(NET);
