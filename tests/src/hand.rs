@@ -82,7 +82,8 @@ impl HandCell {
     /// Starts the driver of a device.
     pub fn start_driver(&mut self, device: &str) -> u32 {
         let mut command = self.ours("rcc-driver");
-        command.args(["--device", device]);
+        // As a supervisor does.
+        command.args(["--device", device, "--priority", "70"]);
         self.spawn(device, command)
     }
 

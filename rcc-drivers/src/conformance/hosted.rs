@@ -195,6 +195,8 @@ pub struct Hosted<S: Subject> {
     pub judge: Judge,
     between: Between,
     steps: u64,
+    /// When the device's last packet left.
+    spoke: Instant,
 }
 
 impl<S: Subject> Hosted<S> {
@@ -213,6 +215,7 @@ impl<S: Subject> Hosted<S> {
             followed: Vec::new(),
             between,
             steps: 0,
+            spoke: Instant::now(),
         };
         hosted.until_ready();
         hosted.followed.clear();
@@ -248,6 +251,12 @@ impl<S: Subject> Hosted<S> {
         }
         self.subject.before();
         self.between.step();
+        // A test that was kept waiting was a device that fell silent: whoever does that is no longer followed, and has
+        // come to rest by itself.
+        let silent = std::mem::replace(&mut self.spoke, Instant::now()).elapsed();
+        if silent > Duration::from_nanos(self.cell.device.command_timeout_ns) / 2 {
+            self.judge.forget();
+        }
         let mut answers = self.between.answers();
         while S::WIRE == Wire::UdpFromDevice
             && answers.is_empty()

@@ -78,6 +78,7 @@ impl Subject for Station {
             bind: any,
             control: any,
             wire: vec![wire("coil:0=discrete:0"), wire("holding:0=input:0")],
+            priority: None,
             parent_death: false,
         };
         let (tell, told) = mpsc::channel();

@@ -71,6 +71,7 @@ impl Station {
                 "coil:0=discrete:0".parse().expect("a wire"),
                 "holding:0=input:0".parse().expect("a wire"),
             ],
+            priority: None,
             parent_death: false,
         };
         let (tell, told) = mpsc::channel();

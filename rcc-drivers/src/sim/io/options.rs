@@ -18,6 +18,9 @@ pub struct Options {
     /// Wires an output back to an input: coil:N=discrete:N or holding:N=input:N, from 0
     #[arg(long, value_name = "OUTPUT=INPUT")]
     pub wire: Vec<Wire>,
+    /// SCHED_FIFO priority of its server, where the system grants it: a real station is punctual
+    #[arg(long, value_name = "1..99", value_parser = clap::value_parser!(u8).range(1..=99))]
+    pub priority: Option<u8>,
     /// Ends when the thread that started it ends
     #[arg(long)]
     pub parent_death: bool,

@@ -4,6 +4,7 @@
 use super::control::{Command, ControlError};
 use super::image::Image;
 use super::options::Options;
+use crate::priority::rise;
 use crate::sim::lines;
 use rcc_process::signals::{SignalError, Stop, request_stop};
 use std::future::Future;
@@ -98,9 +99,13 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
+    let priority = options.priority;
     thread::Builder::new()
         .name("modbus".into())
         .spawn(move || {
+            if let Some(priority) = priority {
+                rise(priority);
+            }
             if let Err(error) = runtime.block_on(serve(listener, station)) {
                 tracing::error!(%error, "the Modbus server has ended");
                 request_stop();
