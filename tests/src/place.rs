@@ -244,11 +244,11 @@ impl Place {
         });
     }
 
-    /// Who is announced.
+    /// Who is announced; waits for somebody who is just being started.
     pub fn announced(&self, role: Role, label: &str) -> Announcement {
-        let announced = self.cell.announced(role, label);
-        let announced = announced.expect("announcements can be read");
-        announced.unwrap_or_else(|| panic!("{role} {label} is not announced\n{}", self.logs()))
+        await_some(&format!("{role} {label} to be announced"), || {
+            self.cell.announced(role, label).ok().flatten()
+        })
     }
 
     /// Kills a process of the cell and returns its incarnation.

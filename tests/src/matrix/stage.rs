@@ -358,6 +358,13 @@ impl Stage {
             return;
         }
         self.cell.await_successor(role, label, scene.incarnation);
+        if case.way != Way::Stop {
+            // Struck while it started, it may still have announced itself before it died.
+            await_some("another process", || {
+                let announced = self.cell.cell().announced(role, label).ok().flatten()?;
+                (announced.pid != scene.pid && announced.is_alive()).then_some(())
+            });
+        }
     }
 
     /// Everything is reachable: a net is loaded, started, monitored, and finishes; the arm is where it began then.
