@@ -14,7 +14,7 @@ use rcc_loader::server::doors::Doors;
 use rcc_loader::server::executor::Executor;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
-use rcc_process::signals::end_with_parent;
+use rcc_process::signals::{end_with_parent, let_through};
 use rcc_process::{CellArguments, Ending, Notifier, Pulse, ending};
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -41,6 +41,7 @@ fn main() -> ExitCode {
 }
 
 fn serve(arguments: &CellArguments) -> Result<(), Ending> {
+    let_through()?;
     if arguments.parent_death {
         end_with_parent()?;
     }

@@ -6,6 +6,11 @@ use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{SigSet, Signal, kill};
 use nix::unistd::{Pid, getpid, getppid};
 
+/// The signals that end a program.
+fn ending() -> SigSet {
+    [Signal::SIGTERM, Signal::SIGINT].into_iter().collect()
+}
+
 /// The signals that end a program, blocked in every thread, taken by [`Stop::wait`].
 #[derive(Debug)]
 pub struct Stop {
@@ -32,7 +37,7 @@ impl Stop {
     /// # Errors
     /// The system refuses, or the parent is gone already.
     pub fn prepare(with_parent: bool) -> Result<Self, SignalError> {
-        let signals: SigSet = [Signal::SIGTERM, Signal::SIGINT].into_iter().collect();
+        let signals = ending();
         signals.thread_block()?;
         if with_parent {
             end_with_parent()?;
@@ -47,6 +52,15 @@ impl Stop {
     pub fn wait(&self) -> Result<Signal, SignalError> {
         Ok(self.signals.wait()?)
     }
+}
+
+/// For a program that handles these signals itself: lets them through in this thread and in those that it starts. A
+/// program inherits what its parent has blocked, and could not be asked to end.
+///
+/// # Errors
+/// The system refuses.
+pub fn let_through() -> Result<(), SignalError> {
+    Ok(ending().thread_unblock()?)
 }
 
 /// In the environment: the process id of whoever started this program, if it says so.
@@ -73,5 +87,21 @@ pub fn end_with_parent() -> Result<(), SignalError> {
 pub fn request_stop() {
     if let Err(error) = kill(getpid(), Signal::SIGTERM) {
         tracing::error!(%error, "the process cannot signal itself");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_parent_has_blocked_is_let_through() -> Result<(), SignalError> {
+        // The mask is the thread's, so no other test sees it.
+        ending().thread_block()?;
+        assert!(SigSet::thread_get_mask()?.contains(Signal::SIGTERM));
+        let_through()?;
+        let mask = SigSet::thread_get_mask()?;
+        assert!(!mask.contains(Signal::SIGTERM) && !mask.contains(Signal::SIGINT));
+        Ok(())
     }
 }
