@@ -76,6 +76,13 @@ again and again; its table explains each late cycle and counts what a leak would
 $ cargo run -p rcc-tests --example endurance -- --minutes 60 --restarts 2000 --monitors 10000
 ```
 
+And before every system call of its start, each driver and the loader are killed with strace, up to their first exchange or
+answer; after each death the next one must start and exchange, the executor must not miss a cycle, and nothing may be left:
+
+```console
+$ RCC_EVERY_SYSCALL=1 cargo test -p rcc-tests --test suites syscalls
+```
+
 What every case must show:
 
 - **No motion that nobody asked for.** From the moment the arm rests until the next START no joint is faster than
