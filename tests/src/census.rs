@@ -33,6 +33,8 @@ pub struct Census {
 /// Growth of resident memory that is no leak: pages of the stacks and of the allocator that are touched for the first
 /// time.
 const RSS_SLACK_KB: u64 = 1024;
+/// Growth of shared memory that is no leak: a process id of one digit more, in the files that name it.
+const BYTES_SLACK: u64 = 1024;
 
 impl Census {
     /// Counts now; `pid` is the process that is looked at.
@@ -71,7 +73,11 @@ impl Census {
 
     /// What is more than in `before`.
     pub fn growth(&self, before: &Census) -> Vec<String> {
-        let slack = |name: &str| if name.contains("kB") { RSS_SLACK_KB } else { 0 };
+        let slack = |name: &str| match name {
+            name if name.contains("kB") => RSS_SLACK_KB,
+            name if name.contains("bytes") => BYTES_SLACK,
+            _ => 0,
+        };
         let pairs = self.rows().into_iter().zip(before.rows());
         pairs
             .filter(|((name, now), (_, then))| *now > *then + slack(name))

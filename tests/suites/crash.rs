@@ -238,6 +238,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
             Some(settled) => await_some(&format!("{settled:?} after kill {round}"), || {
                 let now = Census::of(&cell, executor);
                 if !now.is_within(&settled) {
+                    eprintln!("after kill {round}: {now:?}");
                     // What was left half-made is removed when it is old enough.
                     cell.clean();
                 }
