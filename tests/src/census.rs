@@ -103,7 +103,7 @@ impl Census {
 
 /// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, and what each
 /// driver knows about its device, which it writes once a second.
-fn runtime_files(folder: &Path) -> u64 {
+pub fn runtime_files(folder: &Path) -> u64 {
     let by_design = |path: &Path| {
         let below = path.strip_prefix(folder).unwrap_or(path);
         below.starts_with("logs")

@@ -292,11 +292,10 @@ fn clients_that_hang_or_flood_change_nothing_for_others() {
             let mut stream =
                 std::os::unix::net::UnixStream::connect(&socket).expect("a connection");
             if number % 2 == 0 {
-                std::io::Write::write_all(
-                    &mut stream,
-                    b"POST /commands HTTP/1.1\r\nhost: rcc\r\ncontent-length: 100\r\n\r\nnet:",
-                )
-                .expect("a part of a request");
+                let half =
+                    b"POST /commands HTTP/1.1\r\nhost: rcc\r\ncontent-length: 100\r\n\r\nnet:";
+                // One too many may have been cut off already.
+                let _ = std::io::Write::write_all(&mut stream, half);
             }
             stream
         })

@@ -4,7 +4,8 @@
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::Role;
-use rcc_tests::place::{Watch, files_below};
+use rcc_tests::census::runtime_files;
+use rcc_tests::place::Watch;
 use rcc_tests::processes::{self, Holdings};
 use rcc_tests::records::Records;
 use rcc_tests::reference::{Reference, Stall};
@@ -258,7 +259,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
 #[derive(Clone, Copy, Debug)]
 struct Census {
     shared_memory: usize,
-    files: usize,
+    files: u64,
     processes: usize,
     executor: Holdings,
 }
@@ -271,7 +272,7 @@ impl Census {
                 .leftovers()
                 .expect("/dev/shm can be listed")
                 .len(),
-            files: files_below(cell.cell().runtime_dir()).len(),
+            files: runtime_files(cell.cell().runtime_dir()),
             processes: processes::of_folder(cell.folder()).len(),
             executor: processes::holdings(executor),
         }
