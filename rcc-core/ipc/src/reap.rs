@@ -87,6 +87,7 @@ pub(crate) fn reap(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Erro
     Ok(reap_shared_memory(cell, dead)?
         + reap_services(cell, dead)?
         + reap_nodes(cell, dead)?
+        + reap_configurations(cell)?
         + reap_parcels(cell)?)
 }
 
@@ -152,6 +153,20 @@ fn reap_nodes(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
         }
     }
     Ok(removed)
+}
+
+/// Configurations of janitors that died before they had read them: `janitor-PID.toml`.
+fn reap_configurations(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+    let mut dead = files_in(&cell.iox_root())?;
+    dead.retain(|path| {
+        let name = name_of(path);
+        let pid = name
+            .strip_prefix("janitor-")
+            .and_then(|rest| rest.strip_suffix(".toml"));
+        pid.and_then(|pid| pid.parse().ok())
+            .is_some_and(|pid| started_ns(pid).is_none())
+    });
+    remove_all(dead)
 }
 
 /// The number of a service as its description tells it.
