@@ -4,13 +4,10 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
-use nix::sys::time::TimeSpec;
-use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 use rcc_core::message::{CommandImage, CycleStatus, Tables};
 use rcc_ipc::BoardWriter;
-use rcc_ipc::clock::monotonic_ns;
+use rcc_ipc::clock::{monotonic_ns, sleep_until};
 
 use crate::engine::Engine;
 
@@ -90,18 +87,6 @@ fn write(engine: &Engine, boards: &mut Boards) {
     if engine.tables_due() {
         boards.tables.write(engine.tables());
     }
-}
-
-/// The one sleep. An interruption by a signal is slept through.
-fn sleep_until(deadline_ns: u64) {
-    let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
-    while clock_nanosleep(
-        ClockId::CLOCK_MONOTONIC,
-        ClockNanosleepFlags::TIMER_ABSTIME,
-        &deadline,
-    )
-    .is_err()
-    {}
 }
 
 #[cfg(test)]

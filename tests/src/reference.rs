@@ -5,13 +5,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
 
 use nix::sched::{CpuSet, sched_setaffinity};
-use nix::sys::time::TimeSpec;
-use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 use nix::unistd::Pid;
-use rcc_ipc::monotonic_ns;
+use rcc_ipc::{monotonic_ns, sleep_until};
 
 const PERIOD_NS: u64 = 1_000_000;
 /// A wake-up later than this is a stall: a tenth of the executor's period.
@@ -121,14 +118,7 @@ fn touch(stalls: &mut rtrb::Producer<Stall>) {
 fn watch(stop: &AtomicBool, period_ns: u64, mut tell: impl FnMut(Stall)) {
     let mut deadline_ns = monotonic_ns() + period_ns;
     while !stop.load(Ordering::Acquire) {
-        let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
-        while clock_nanosleep(
-            ClockId::CLOCK_MONOTONIC,
-            ClockNanosleepFlags::TIMER_ABSTIME,
-            &deadline,
-        )
-        .is_err()
-        {}
+        sleep_until(deadline_ns);
         let now_ns = monotonic_ns();
         if now_ns - deadline_ns > STALL_NS {
             tell(Stall {

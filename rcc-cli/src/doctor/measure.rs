@@ -8,10 +8,8 @@ use std::time::Duration;
 
 use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::resource::{UsageWho, getrusage};
-use nix::sys::time::TimeSpec;
-use nix::time::{ClockId, ClockNanosleepFlags, clock_nanosleep};
 use nix::unistd::Pid;
-use rcc_ipc::monotonic_ns;
+use rcc_ipc::{monotonic_ns, sleep_until};
 use serde::Serialize;
 
 use super::histogram::{Bucket, Histogram};
@@ -121,15 +119,7 @@ fn wake_ups(plan: Plan, histogram: &mut Histogram) -> u64 {
     let end_ns = deadline_ns + u64::try_from(plan.length.as_nanos()).unwrap_or(u64::MAX / 2);
     let (mut woken, mut missed) = (0, 0);
     while deadline_ns < end_ns {
-        let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
-        // Interrupted by a signal: slept through, as in the executor.
-        while clock_nanosleep(
-            ClockId::CLOCK_MONOTONIC,
-            ClockNanosleepFlags::TIMER_ABSTIME,
-            &deadline,
-        )
-        .is_err()
-        {}
+        sleep_until(deadline_ns);
         let late_ns = monotonic_ns().saturating_sub(deadline_ns);
         woken += 1;
         if woken > WARM_UP {

@@ -1,7 +1,10 @@
-//! The one clock of a cell: CLOCK_MONOTONIC in nanoseconds, equal in every process of the machine.
-//! Run by any thread, real-time ones included (vDSO, no system call on the usual machines).
+//! The one clock of a cell, CLOCK_MONOTONIC in nanoseconds, equal in every process of the machine, and the sleep by it.
+//! Run by any thread, real-time ones included (reading it: vDSO, no system call on the usual machines).
 
-use nix::time::{ClockId, clock_gettime};
+use std::time::Duration;
+
+use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
 
 /// Nanoseconds of CLOCK_MONOTONIC (since boot, without time asleep); the same for all processes of the machine.
 ///
@@ -17,6 +20,19 @@ pub fn monotonic_ns() -> u64 {
         }
         Err(_) => 0,
     }
+}
+
+/// Sleeps until a time of [`monotonic_ns`]: the executor's one sleep, and that of whoever measures what it would meet. An
+/// interruption by a signal is slept through.
+pub fn sleep_until(deadline_ns: u64) {
+    let deadline = TimeSpec::from_duration(Duration::from_nanos(deadline_ns));
+    while clock_nanosleep(
+        ClockId::CLOCK_MONOTONIC,
+        ClockNanosleepFlags::TIMER_ABSTIME,
+        &deadline,
+    )
+    .is_err()
+    {}
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ pub mod wire;
 pub use announce::{AnnounceError, Announced, Announcement};
 pub use board::{BoardError, BoardReader, BoardWriter};
 pub use cell::{Cell, CellError};
-pub use clock::monotonic_ns;
+pub use clock::{monotonic_ns, sleep_until};
 pub use life::Life;
 pub use request::{
     AnswerError, CallError, Client, PollError, REQUEST_MAX, RESPONSE_MAX, Request, RequestError,
