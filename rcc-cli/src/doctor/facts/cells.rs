@@ -12,6 +12,7 @@ use rcc_loader::server::api::ExecutorView;
 use rcc_loader::server::api::StatusView;
 
 use crate::client::Client;
+use crate::doctor::processes;
 
 /// A loader that does not answer within this is said not to answer.
 const ANSWER: Duration = Duration::from_millis(500);
@@ -178,26 +179,11 @@ fn is_young(found: &fs::Metadata) -> bool {
 /// Prefixes that occur in the maps, open files or folders of processes that we may look into.
 fn in_use() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    for entry in fs::read_dir("/proc").into_iter().flatten().flatten() {
-        let process = entry.path();
-        if !entry
-            .file_name()
-            .as_encoded_bytes()
-            .iter()
-            .all(u8::is_ascii_digit)
-        {
-            continue;
-        }
+    for process in processes::all() {
         let maps = fs::read_to_string(process.join("maps")).unwrap_or_default();
         found.extend(maps.lines().filter_map(prefix_in));
-        for file in fs::read_dir(process.join("fd"))
-            .into_iter()
-            .flatten()
-            .flatten()
-        {
-            let target = fs::read_link(file.path()).unwrap_or_default();
-            found.extend(target.to_str().and_then(prefix_in));
-        }
+        let files = processes::open_files(&process);
+        found.extend(files.filter_map(|file| prefix_in(file.to_str()?)));
     }
     found
 }

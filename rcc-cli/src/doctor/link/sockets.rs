@@ -7,6 +7,8 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 
+use crate::doctor::processes;
+
 /// An address of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Interface {
@@ -66,31 +68,11 @@ pub fn holder(address: SocketAddr) -> Option<String> {
     let table = fs::read_to_string("/proc/net/udp").ok()?;
     let inode = inode_of(&table, address)?;
     let socket = format!("socket:[{inode}]");
-    for entry in fs::read_dir("/proc").ok()?.flatten() {
-        let process = entry.path();
-        // Not `self` and `thread-self`.
-        if !entry
-            .file_name()
-            .as_encoded_bytes()
-            .iter()
-            .all(u8::is_ascii_digit)
-        {
-            continue;
-        }
-        for file in fs::read_dir(process.join("fd"))
-            .into_iter()
-            .flatten()
-            .flatten()
-        {
-            if fs::read_link(file.path()).is_ok_and(|target| target.as_os_str() == socket.as_str())
-            {
-                let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
-                return Some(format!(
-                    "{} (pid {})",
-                    name.trim(),
-                    entry.file_name().display()
-                ));
-            }
+    for process in processes::all() {
+        if processes::open_files(&process).any(|file| file.as_os_str() == socket.as_str()) {
+            let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
+            let pid = process.file_name().unwrap_or_default();
+            return Some(format!("{} (pid {})", name.trim(), pid.display()));
         }
     }
     Some("a process of another user".to_owned())
