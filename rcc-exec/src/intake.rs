@@ -14,8 +14,8 @@ use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
-use crate::net::Net;
-use crate::queue::{Order, Outcome};
+use rcc_engine::net::Net;
+use rcc_engine::queue::{Order, Outcome};
 
 /// How often announcements of drivers are looked at.
 const WATCH_EVERY: Duration = Duration::from_millis(50);

@@ -12,7 +12,7 @@ use rcc_ipc::{Cell, Publisher};
 use rtrb::Consumer;
 use tracing::{info, warn};
 
-use crate::queue::Event;
+use rcc_engine::queue::Event;
 
 /// How often the rings are emptied.
 pub const PUMP_EVERY: Duration = Duration::from_millis(2);

@@ -9,7 +9,7 @@ use rcc_core::message::{CommandImage, CycleStatus, Tables};
 use rcc_ipc::BoardWriter;
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
 
-use crate::engine::Engine;
+use rcc_engine::engine::Engine;
 
 /// After this time a net that was asked to stop is aborted.
 const STOP_MAX_NS: u64 = 5_000_000_000;

@@ -40,6 +40,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-motion", &["rcc-core"]),
     ("rcc-config", &["rcc-core"]),
     ("rcc-ipc", &["rcc-core"]),
+    ("rcc-engine", &["rcc-core", "rcc-motion", "rcc-ipc"]),
     ("rcc-process", &["rcc-core", "rcc-config"]),
     (
         "rcc-loader",
@@ -55,9 +56,9 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-exec",
         &[
             "rcc-core",
-            "rcc-motion",
             "rcc-config",
             "rcc-ipc",
+            "rcc-engine",
             "rcc-process",
         ],
     ),
@@ -82,6 +83,8 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-ipc",
             "rcc-process",
             "rcc-loader",
+            // `replay` and `simulate` run the same cycle in virtual time.
+            "rcc-engine",
         ],
     ),
 ];

@@ -8,7 +8,7 @@ use rcc_core::message::{
 };
 use rcc_drivers::host::limits::ArmLimits;
 use rcc_drivers::host::player::{Player, PlayerSettings, Tick};
-use rcc_exec::queue::Order;
+use rcc_engine::queue::Order;
 
 use crate::engine::Bench;
 use crate::judge::Judge;

@@ -2,7 +2,7 @@
 //! refused; what is one is carried out and commands nothing outside of the limits. Run by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
-use rcc_exec::queue::Order;
+use rcc_engine::queue::Order;
 use rcc_ipc::control::{Answer, Call};
 use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;

@@ -6,9 +6,9 @@ use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, FaultCode, JOINTS_MAX, Joints, MAGIC, Measurement,
     SetPoint,
 };
-use rcc_exec::engine::{Engine, EngineConfig};
-use rcc_exec::net::Net;
-use rcc_exec::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::engine::{Engine, EngineConfig};
+use rcc_engine::net::Net;
+use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 
 use crate::judge::Judge;

@@ -2,7 +2,7 @@
 //! the executor accepts and runs. Run by the thread of the target.
 
 use rcc_config::diagnostic::{Faults, Severity};
-use rcc_exec::queue::Order;
+use rcc_engine::queue::Order;
 use rcc_ipc::control::Refusal;
 
 use crate::engine::Bench;

@@ -6,7 +6,7 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::DeviceState;
 use rcc_core::plan::{Delay, MonitorPoint, Run};
 use rcc_core::types::Store;
-use rcc_exec::queue::Order;
+use rcc_engine::queue::Order;
 use rcc_ipc::control::PlanData;
 
 use crate::engine::Bench;

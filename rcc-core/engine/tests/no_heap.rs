@@ -9,7 +9,7 @@ use std::path::Path;
 use common::{Bench, HOLD, Plan, endless_net, line_net, output_net};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
-use rcc_exec::queue::Order;
+use rcc_engine::queue::Order;
 use rcc_ipc::control::Answer;
 
 /// Counts the heap operations of a thread.
@@ -147,7 +147,7 @@ const DEMO_START: [f64; 8] = {
 
 /// Loads every net of `configs/nets` into a cell of its own, and gives it to `live`.
 fn with_example_nets(live: impl Fn(&str, &mut Bench, u64)) {
-    let configs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../configs"));
+    let configs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs"));
     let config = CellConfig::load_offline(&configs.join("cells/demo.yaml")).unwrap();
     let files = std::fs::read_dir(configs.join("nets")).unwrap();
     let mut count = 0;

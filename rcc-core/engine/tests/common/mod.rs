@@ -11,9 +11,9 @@ use rcc_core::message::{
 use rcc_core::plan::{MonitorPoint, Run};
 use rcc_core::primitives;
 use rcc_core::types::Store;
-use rcc_exec::engine::{Engine, EngineConfig};
-use rcc_exec::net::Net;
-use rcc_exec::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::engine::{Engine, EngineConfig};
+use rcc_engine::net::Net;
+use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 
 pub const PERIOD_NS: u64 = 1_000_000;

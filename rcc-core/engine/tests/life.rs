@@ -5,7 +5,7 @@ mod common;
 use common::{Bench, HOLD, endless_net, line_net, motion_net, output_net};
 use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
 use rcc_core::plan::Resource;
-use rcc_exec::queue::Order;
+use rcc_engine::queue::Order;
 use rcc_ipc::control::{Answer, Refusal};
 
 fn refused(answer: Answer) -> Refusal {

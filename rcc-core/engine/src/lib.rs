@@ -1,0 +1,9 @@
+//! The work of the real-time thread, without clock, boards' names and sleep: nets, the command table, devices and guard.
+//!
+//! The executor runs it on its SCHED_FIFO thread; tests, replay and simulation run the same code in virtual time, where
+//! a cycle is a step.
+#![forbid(unsafe_code)]
+
+pub mod engine;
+pub mod net;
+pub mod queue;
