@@ -20,6 +20,38 @@ pub const WORK_MAX: u64 = 1 << 24;
 pub const CLOCKS_MAX: u32 = 64;
 /// Most monitors of a net.
 pub const MONITORS_MAX: usize = 256;
+/// Most cycles from one evaluation of a net to the next: a second of the shortest period.
+pub const EVERY_MAX: u32 = 10_000;
+
+/// In which of the executor's cycles a net is evaluated: those with `cycle % every == phase`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Rate {
+    /// Cycles from one evaluation to the next, 1 to [`EVERY_MAX`]; 1 for a net that commands joints.
+    pub every: u32,
+    /// Less than `every`.
+    pub phase: u32,
+}
+
+impl Rate {
+    /// The executor's own rate.
+    pub const EVERY_CYCLE: Rate = Rate { every: 1, phase: 0 };
+
+    /// True if a net of this rate is evaluated in this cycle of the executor.
+    pub fn is_due(&self, cycle: u64) -> bool {
+        let rest = cycle.checked_rem(u64::from(self.every)).unwrap_or(0);
+        self.every <= 1 || rest == u64::from(self.phase)
+    }
+
+    fn is_good(&self) -> bool {
+        (1..=EVERY_MAX).contains(&self.every) && self.phase < self.every
+    }
+}
+
+impl Default for Rate {
+    fn default() -> Rate {
+        Rate::EVERY_CYCLE
+    }
+}
 
 /// Consecutive primitives that share one kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,6 +113,8 @@ pub struct Plan<'a> {
     pub monitors: &'a [MonitorPoint],
     /// Number of path clocks.
     pub clocks: u32,
+    /// In which cycles it is evaluated.
+    pub rate: Rate,
     /// The net goes on with null when a device that it commands is lost.
     pub survives_device_loss: bool,
 }
@@ -235,6 +269,13 @@ pub enum PlanError {
     },
     /// A path clock is used twice or not at all.
     Clocks,
+    /// The rate is none, or too low.
+    BadRate,
+    /// A net that commands joints is not evaluated in every cycle.
+    SlowArm {
+        /// Device index.
+        device: u32,
+    },
     /// An initial `Bool` is none of 0, 1, 2.
     BadBool {
         /// Index of the slot.
@@ -267,8 +308,16 @@ impl<'a> Plan<'a> {
         if let Some(slot) = self.bools.iter().position(|value| *value > 2) {
             return Err(PlanError::BadBool { slot: slot as u32 });
         }
+        if !self.rate.is_good() {
+            return Err(PlanError::BadRate);
+        }
         let copied = self.check_copies()?;
         let checked = self.check_runs(models)?;
+        let arms = checked.resources.arms;
+        if arms != 0 && self.rate.every > 1 {
+            let device = arms.trailing_zeros();
+            return Err(PlanError::SlowArm { device });
+        }
         if copied.saturating_add(checked.work) > WORK_MAX {
             return Err(PlanError::TooLarge);
         }

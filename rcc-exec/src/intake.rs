@@ -181,7 +181,7 @@ impl Intake {
                     &self.models,
                     self.configuration,
                     &holds,
-                    self.period_ns as f64 * 1e-9,
+                    self.period_ns as f64 / 1e9,
                 ) {
                     Ok(net) => Order::Install { ticket, id, net },
                     Err(refusal) => {

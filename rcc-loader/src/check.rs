@@ -40,6 +40,7 @@ const CHECKS: &[Check] = &[
     loops::loops_can_lose_null,
     limits::there_is_one_termination,
     limits::resources_are_commanded_once,
+    limits::arms_are_commanded_in_every_cycle,
     limits::monitors_are_possible,
     limits::counts_are_within_limits,
     limits::what_moves_can_be_cancelled,

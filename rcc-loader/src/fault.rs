@@ -69,6 +69,10 @@ rules! {
         "connect a value in the unit that is wanted, or convert it with Multiply or Divide by a constant that has a unit";
     RATE_TOO_HIGH = "RCC1305", "A rate is faster than the cycle.",
         "choose a rate up to the cycle's";
+    NOT_A_MULTIPLE = "RCC1306", "The period or phase of a net is no whole number of the cell's cycles.",
+        "choose a multiple of the cell's period";
+    SLOW_ARM = "RCC1307", "A net that commands joints is not evaluated in every cycle.",
+        "take `period`, `rate` and `phase` out of the net";
     NOT_CONNECTED = "RCC1401", "An input that must be connected is not.",
         "connect it: `inputs: {NAME: primitive.output}`, or give it a constant";
     NOT_READ = "RCC1402", "An output is neither read nor discarded.",

@@ -83,6 +83,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         delays,
         monitors,
         clocks,
+        rate: net.graph.rate,
         survives_device_loss: net.graph.net.survives_device_loss,
     };
     Ok(Lowered { plan, slots })
@@ -290,7 +291,7 @@ impl<'a> Lowering<'a> {
                 slot: slot.slot,
                 width: slot.width,
                 // The check refuses rates that are none.
-                every: every(item, self.net.graph.cell).unwrap_or(1),
+                every: every(item, self.net.graph).unwrap_or(1),
             })
         };
         points.filter_map(point).collect()

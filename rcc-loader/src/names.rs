@@ -75,7 +75,7 @@ pub struct MonitorNames {
     pub unit: Option<String>,
     /// How often a second.
     pub rate_hz: f64,
-    /// Every how many cycles.
+    /// Every how many evaluations of the net.
     pub every: u32,
 }
 
@@ -130,7 +130,7 @@ fn monitor_names(
 ) -> MonitorNames {
     let names = port_names(net, number, port, slot);
     let source = item.inputs.first().and_then(|feed| source(net, feed));
-    let every = every(item, net.graph.cell).unwrap_or(1);
+    let every = every(item, net.graph).unwrap_or(1);
     MonitorNames {
         primitive: item.id().to_string(),
         source: source.unwrap_or_else(|| format!("{}.{}", item.id(), port.name)),
@@ -139,7 +139,7 @@ fn monitor_names(
         width: names.width,
         type_name: names.type_name,
         unit: names.unit,
-        rate_hz: net.graph.cell.cycle_hz() / f64::from(every),
+        rate_hz: net.graph.evaluations_hz() / f64::from(every),
         every,
     }
 }

@@ -8,12 +8,14 @@ use std::collections::HashMap;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
+use rcc_core::plan::Rate;
 use rcc_core::primitive::{Entry, Literal as Default, Parameter, Port, Spec};
 use rcc_core::primitives;
 use rcc_core::unit::Unit;
 
 use crate::devices::DeviceTable;
 use crate::fault;
+use crate::rate;
 use crate::syntax::literal::{Literal, Shape};
 use crate::syntax::reference::Reference;
 use crate::syntax::{Net, Primitive, Source};
@@ -25,6 +27,8 @@ pub struct Graph<'a> {
     pub net: &'a Net,
     /// The cell.
     pub cell: &'a DeviceTable,
+    /// In which cycles it is evaluated.
+    pub rate: Rate,
     /// Primitives of known type, in the order of the file.
     pub items: Vec<Item<'a>>,
     /// Outputs that are discarded, with the place.
@@ -118,6 +122,12 @@ impl Item<'_> {
 }
 
 impl Graph<'_> {
+    /// Evaluations per second.
+    #[must_use]
+    pub fn evaluations_hz(&self) -> f64 {
+        self.cell.cycle_hz() / f64::from(self.rate.every)
+    }
+
     /// `id.port` of an output.
     #[must_use]
     pub fn output_name(&self, output: Output) -> String {
@@ -133,6 +143,7 @@ impl Graph<'_> {
 
 /// Looks every name of a net up.
 pub fn resolve<'a>(net: &'a Net, cell: &'a DeviceTable, faults: &mut Vec<Diagnostic>) -> Graph<'a> {
+    let rate = rate::of(&net.timing, cell, faults);
     let mut resolver = Resolver {
         net,
         cell,
@@ -155,6 +166,7 @@ pub fn resolve<'a>(net: &'a Net, cell: &'a DeviceTable, faults: &mut Vec<Diagnos
     Graph {
         net,
         cell,
+        rate,
         items,
         discarded,
         read_in_vain: resolver.read_in_vain,

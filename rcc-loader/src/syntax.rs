@@ -23,10 +23,23 @@ pub struct Net {
     pub description: String,
     /// `on_device_loss: null`: the net goes on with null when a device that it commands is lost.
     pub survives_device_loss: bool,
+    /// When it is evaluated.
+    pub timing: Timing,
     /// Primitives in the order of the file.
     pub primitives: Vec<Primitive>,
     /// Outputs that nobody reads.
     pub discard: Vec<Reference>,
+}
+
+/// When a net is evaluated, as written; without any of it in every cycle.
+#[derive(Clone, Debug, Default)]
+pub struct Timing {
+    /// `period: 5 ms`.
+    pub period: Option<Literal>,
+    /// `rate: 200 Hz`: the same in other words.
+    pub rate: Option<Literal>,
+    /// `phase: 2 ms`: how long after the beginning of the period.
+    pub phase: Option<Literal>,
 }
 
 /// One primitive.
@@ -70,6 +83,9 @@ const NET_KEYS: &[&str] = &[
     "net",
     "description",
     "on_device_loss",
+    "period",
+    "rate",
+    "phase",
     "primitives",
     "discard",
 ];
@@ -113,9 +129,19 @@ pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
         name,
         description,
         survives_device_loss,
+        timing: read_timing(root, faults),
         primitives: read_primitives(root, faults),
         discard: read_discard(root, faults),
     })
+}
+
+fn read_timing(root: &Node, faults: &mut Vec<Diagnostic>) -> Timing {
+    let mut read = |key| root.get(key).map(|node| literal::read(node, faults));
+    Timing {
+        period: read("period"),
+        rate: read("rate"),
+        phase: read("phase"),
+    }
 }
 
 /// A fault of shape: `what` is not `wanted`.

@@ -6,6 +6,7 @@
 
 mod devices;
 mod life;
+mod rates;
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
@@ -67,7 +68,7 @@ struct Engagement {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Pending {
     Nothing,
-    /// The first evaluation decides about START.
+    /// The first evaluation, in the net's next cycle, decides about START.
     Start {
         ticket: u64,
     },
@@ -127,7 +128,7 @@ impl Engine {
             }
         };
         Engine {
-            dt_s: config.period_ns as f64 * 1e-9,
+            dt_s: config.period_ns as f64 / 1e9,
             ends,
             inputs: vec![absent; config.models.len()],
             devices: config.models.iter().take(DEVICES_MAX).map(device).collect(),

@@ -6,7 +6,7 @@ use rcc_core::cycle::cycle;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::PathLimits;
-use rcc_core::plan::{Checked, MonitorPoint, Resources};
+use rcc_core::plan::{Checked, MonitorPoint, Rate, Resources};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{PlanData, Refusal};
@@ -43,8 +43,8 @@ pub enum Evaluation {
 }
 
 impl Net {
-    /// Checks the plan, computes its start values from the devices' hold set-points and makes its memory.
-    /// Not for the real-time thread.
+    /// Checks the plan, computes its start values from the devices' hold set-points and makes its memory. `dt_s` is the
+    /// executor's period. Not for the real-time thread.
     ///
     /// # Errors
     /// The plan does not check, or its start values cannot be computed.
@@ -59,7 +59,8 @@ impl Net {
             .plan()
             .check(models, configuration)
             .map_err(Refusal::Plan)?;
-        let clocks = prepare(&mut data, models, holds, dt_s).map_err(Refusal::Prepare)?;
+        let step_s = step_s(dt_s, data.rate);
+        let clocks = prepare(&mut data, models, holds, step_s).map_err(Refusal::Prepare)?;
         Ok(Box::new(Net {
             reals: data.reals.clone().into(),
             bools: data.bools.clone().into(),
@@ -90,6 +91,11 @@ impl Net {
         self.data.survives_device_loss
     }
 
+    /// In which cycles it is evaluated.
+    pub fn rate(&self) -> Rate {
+        self.data.rate
+    }
+
     /// What the last evaluation commands, by device.
     pub fn outputs(&self) -> &[DeviceOutput] {
         &self.outputs
@@ -106,7 +112,8 @@ impl Net {
         self.outputs.fill(DeviceOutput::NONE);
     }
 
-    /// Evaluates one cycle. Its commands are in [`Net::outputs`] and count only if it does not end in a fault.
+    /// Evaluates one cycle; `dt_s` is the executor's period, of which the net's own is a multiple. Its commands are in
+    /// [`Net::outputs`] and count only if it does not end in a fault.
     pub fn evaluate(
         &mut self,
         models: &[DeviceModel],
@@ -122,7 +129,7 @@ impl Net {
             devices,
             outputs: &mut self.outputs,
             clocks: &mut self.clocks,
-            dt_s,
+            dt_s: step_s(dt_s, self.data.rate),
             cycle: self.cycles,
             cancel_requested: self.cancel_requested,
             terminated: false,
@@ -185,6 +192,15 @@ impl Net {
                 .for_each(|(place, value)| *place = f64::from_bits(value.cast_unsigned())),
         }
         width
+    }
+}
+
+/// Logical time from one evaluation of a net to the next, s: the number nearest to the whole nanoseconds that it has, so
+/// that 10 steps of a net at 100 Hz are the same time as 100 of one at 1 kHz.
+fn step_s(dt_s: f64, rate: Rate) -> f64 {
+    match rate.every {
+        0 | 1 => dt_s,
+        every => (dt_s * 1e9).round() * f64::from(every) / 1e9,
     }
 }
 

@@ -2,7 +2,7 @@
 //! Plain data; used by the executor's intake thread and by the loader, never by the real-time thread.
 
 use rcc_core::frame::PrepareFault;
-use rcc_core::plan::{Delay, MonitorPoint, Plan, PlanError, Resource, Run};
+use rcc_core::plan::{Delay, MonitorPoint, Plan, PlanError, Rate, Resource, Run};
 use serde::{Deserialize, Serialize};
 
 /// Name of the executor's request service in its announcement.
@@ -45,6 +45,8 @@ pub struct PlanData {
     pub monitors: Vec<MonitorPoint>,
     /// Number of path clocks.
     pub clocks: u32,
+    /// In which cycles it is evaluated.
+    pub rate: Rate,
     /// The net goes on with null when a device that it commands is lost.
     pub survives_device_loss: bool,
 }
@@ -64,6 +66,7 @@ impl PlanData {
             delays: &self.delays,
             monitors: &self.monitors,
             clocks: self.clocks,
+            rate: self.rate,
             survives_device_loss: self.survives_device_loss,
         }
     }

@@ -10,9 +10,8 @@ use rcc_core::primitive::{ChannelKind, Literal as Default, ParameterKind, Role};
 use rcc_core::unit::Unit;
 
 use super::Typed;
-use crate::devices::DeviceTable;
 use crate::fault;
-use crate::resolve::{Feed, Item};
+use crate::resolve::{Feed, Graph, Item};
 
 /// A rate that is this much faster than the cycle, relative to it, is the cycle's.
 const RATE_TOLERANCE: f64 = 1e-9;
@@ -104,12 +103,12 @@ fn rate_of(item: &Item<'_>) -> Option<f64> {
     }
 }
 
-/// Every how many cycles a primitive with a rate is due: the nearest rate that divides the cycle's, at most the given
+/// Every how many evaluations a primitive with a rate is due: the nearest rate that divides the net's, at most the given
 /// one. `None`: the rate is no number of the right unit or too low.
 #[must_use]
-pub fn every(item: &Item<'_>, cell: &DeviceTable) -> Option<u32> {
+pub fn every(item: &Item<'_>, graph: &Graph<'_>) -> Option<u32> {
     let rate = rate_of(item)?;
-    let cycles = (cell.cycle_hz() / rate * (1.0 - RATE_TOLERANCE)).ceil();
+    let cycles = (graph.evaluations_hz() / rate * (1.0 - RATE_TOLERANCE)).ceil();
     // In range by the comparison; a NaN is not.
     (cycles <= f64::from(u32::MAX)).then_some((cycles as u32).max(1))
 }
@@ -159,11 +158,16 @@ fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic
     let Some((_, Some(literal))) = rates.next() else {
         return;
     };
-    let cycle_hz = net.graph.cell.cycle_hz();
+    let cycle_hz = net.graph.evaluations_hz();
     let mut error = |code, message: String, help: String| {
         faults.push(Diagnostic::error(code, literal.span, message).help(help));
     };
     let id = item.id();
+    let has = if net.graph.rate.every > 1 {
+        "the net has"
+    } else {
+        "the cell has"
+    };
     let Some(rate) = literal.number() else {
         let message = format!("type mismatch: `{id}.rate` is a number, this is {literal}");
         return error(fault::TYPE_MISMATCH, message, "write `100 Hz`".to_string());
@@ -178,14 +182,14 @@ fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic
     }
     if rate > cycle_hz * (1.0 + RATE_TOLERANCE) {
         let message =
-            format!("`{id}` is to be shown {rate} times a second, the cell has {cycle_hz} cycles");
+            format!("`{id}` is to be shown {rate} times a second, {has} {cycle_hz} cycles");
         return error(
             fault::RATE_TOO_HIGH,
             message,
             format!("use {cycle_hz} Hz or less"),
         );
     }
-    let Some(every) = every(item, net.graph.cell).filter(|_| rate > 0.0) else {
+    let Some(every) = every(item, net.graph).filter(|_| rate > 0.0) else {
         if rate > 0.0 {
             let message = format!(
                 "`{id}` is to be shown every {} s: that is too rarely",
@@ -223,6 +227,23 @@ pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                     .help("divide it into several nets"),
             );
         }
+    }
+}
+
+/// A net that commands joints is evaluated in every cycle: drivers play one set-point a cycle, and a slower stream would
+/// be a staircase.
+pub fn arms_are_commanded_in_every_cycle(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let every = net.graph.rate.every;
+    if let (Some(item), true) = (of_role(net, Role::CommandsArm).next(), every > 1) {
+        let id = item.id();
+        let message =
+            format!("`{id}` commands joints, and the net is evaluated only every {every} cycles");
+        let fault = Diagnostic::error(fault::SLOW_ARM, item.primitive.id.span, message);
+        faults.push(
+            fault
+                .label("an arm gets one set-point a cycle; fewer would be a staircase")
+                .help("take `period`, `rate` and `phase` out, and put what may be slower into a net of its own"),
+        );
     }
 }
 

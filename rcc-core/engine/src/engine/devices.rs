@@ -242,7 +242,7 @@ fn makes_sense(measurement: &mut Measurement, joints: u32) -> bool {
     online && measurement.joints == joints
 }
 
-fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
+pub(super) fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
     if one.has_position {
         all.has_position = true;
         all.position = one.position;

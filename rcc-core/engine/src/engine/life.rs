@@ -129,7 +129,7 @@ impl Engine {
     }
 
     /// Each arm rests and each other device answers.
-    fn check_devices(&self, row: usize) -> Result<(), Refusal> {
+    pub(super) fn check_devices(&self, row: usize) -> Result<(), Refusal> {
         let Some(claims) = self.claims(row) else {
             return Err(Refusal::UnknownCommand);
         };
@@ -164,6 +164,9 @@ impl Engine {
     }
 
     fn abort(&mut self, id: u64) -> Result<(), Refusal> {
+        if self.abort_before_first_cycle(id) {
+            return Ok(());
+        }
         let row = self.row_in(id, CommandState::is_active)?;
         self.end(row, EndReason::Aborted, FaultRecord::NONE);
         Ok(())
@@ -238,23 +241,31 @@ impl Engine {
         let active = super::is_active(entry.state);
         match pending {
             Pending::Settle { since_cycle } => self.settle(row, since_cycle),
-            Pending::Start { ticket } => self.first_cycle(row, ticket, now_ns),
-            Pending::Nothing if active => self.next_cycle(row, now_ns),
+            Pending::Start { ticket } if self.is_due(row) => self.first_cycle(row, ticket, now_ns),
+            Pending::Start { ticket } => self.await_first_cycle(row, ticket),
+            Pending::Nothing if active && self.is_due(row) => self.next_cycle(row, now_ns),
+            Pending::Nothing if active => self.between_cycles(row),
             Pending::Nothing => {}
         }
     }
 
+    fn survives_device_loss(&self, row: usize) -> bool {
+        let net = self.nets.get(row).and_then(Option::as_ref);
+        net.is_some_and(|net| net.survives_device_loss())
+    }
+
+    /// Why the net in `row` cannot go on: a device that it commands is lost, and it does not handle that itself.
+    pub(super) fn loss(&self, row: usize) -> Option<FaultRecord> {
+        let lost = self.lost_device(row)?;
+        (!self.survives_device_loss(row)).then(|| FaultRecord {
+            device: lost as u32,
+            ..self.fault(FaultCode::DeviceLost)
+        })
+    }
+
     fn next_cycle(&mut self, row: usize, now_ns: u64) {
-        let survives = self
-            .nets
-            .get(row)
-            .and_then(Option::as_ref)
-            .is_some_and(|net| net.survives_device_loss());
-        if let (Some(device), false) = (self.lost_device(row), survives) {
-            let fault = FaultRecord {
-                device: device as u32,
-                ..self.fault(FaultCode::DeviceLost)
-            };
+        let survives = self.survives_device_loss(row);
+        if let Some(fault) = self.loss(row) {
             return self.end(row, EndReason::Fault, fault);
         }
         match self.evaluate(row) {
@@ -278,6 +289,10 @@ impl Engine {
     /// not, nothing of this cycle is written and the command is as ready as before.
     fn first_cycle(&mut self, row: usize, ticket: u64, now_ns: u64) {
         self.pending[row] = Pending::Nothing;
+        if let Some(refusal) = self.lost_while_waiting(row) {
+            let answer = Answer::Refused(refusal);
+            return self.give_back(Outcome::Answer { ticket, answer });
+        }
         let cycle = self.status.cycle;
         let refusal = match self.evaluate(row) {
             Evaluation::Fault(code) => {
@@ -428,7 +443,7 @@ impl Engine {
 
     /// Terminates a row, whatever it was doing. Its outputs of this cycle, if any were passed on, stay written; from
     /// the next cycle on nothing is commanded.
-    fn end(&mut self, row: usize, reason: EndReason, fault: FaultRecord) {
+    pub(super) fn end(&mut self, row: usize, reason: EndReason, fault: FaultRecord) {
         self.pending[row] = Pending::Nothing;
         self.disengage(row);
         let cycle = self.status.cycle;

@@ -8,7 +8,7 @@ use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
 };
-use rcc_core::plan::{MonitorPoint, Run};
+use rcc_core::plan::{MonitorPoint, Rate, Run};
 use rcc_core::primitives;
 use rcc_core::types::Store;
 use rcc_engine::engine::{Engine, EngineConfig};
@@ -89,6 +89,7 @@ pub struct Bench {
     pub ends: HelperEnds,
     pub driver: Driver,
     pub now_ns: u64,
+    pub period_ns: u64,
     pub models: Vec<DeviceModel>,
     /// What the devices after the arm measure; they are plain I/O.
     pub others: Vec<Measurement>,
@@ -105,13 +106,27 @@ impl Bench {
         Bench::of_cell(vec![model], 5, HOLD)
     }
 
+    /// As `new`, with another period.
+    pub fn at_period(period_ns: u64) -> Bench {
+        Bench::of_cell_at(vec![model()], 5, HOLD, period_ns)
+    }
+
     /// The devices of a cell, the arm first; it is held at `hold`.
     pub fn of_cell(models: Vec<DeviceModel>, configuration: u64, hold: Joints) -> Bench {
+        Bench::of_cell_at(models, configuration, hold, PERIOD_NS)
+    }
+
+    fn of_cell_at(
+        models: Vec<DeviceModel>,
+        configuration: u64,
+        hold: Joints,
+        period_ns: u64,
+    ) -> Bench {
         let (rt, ends) = rings();
         let config = EngineConfig {
             incarnation: 7,
-            period_ns: PERIOD_NS,
-            stale_after_ns: 50_000_000,
+            period_ns,
+            stale_after_ns: (3 * period_ns).max(50_000_000),
             late_in_a_row_max: 3,
             models: models.clone(),
         };
@@ -134,6 +149,7 @@ impl Bench {
             ends,
             driver,
             now_ns: 1_000_000_000,
+            period_ns,
             models,
             others,
             configuration,
@@ -145,7 +161,7 @@ impl Bench {
 
     /// One cycle: the driver exchanges, then the executor.
     pub fn step(&mut self) {
-        self.now_ns += PERIOD_NS;
+        self.now_ns += self.period_ns;
         if self.engine.status().cycle > 0 {
             self.driver.exchange(&self.engine, self.now_ns);
         }
@@ -170,11 +186,17 @@ impl Bench {
         (0..count).for_each(|_| self.step());
     }
 
-    /// Gives an order, runs one cycle and returns the answer.
-    pub fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Answer {
+    /// Gives an order without waiting for its answer; returns its ticket.
+    pub fn order(&mut self, order: impl FnOnce(u64) -> Order) -> u64 {
         let ticket = self.next_ticket;
         self.next_ticket += 1;
         self.ends.orders.push(order(ticket)).expect("room");
+        ticket
+    }
+
+    /// Gives an order, runs one cycle and returns the answer.
+    pub fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Answer {
+        let ticket = self.order(order);
         self.step();
         self.answer(ticket).expect("an answer in the same cycle")
     }
@@ -193,7 +215,8 @@ impl Bench {
     pub fn build(&self, plan: PlanData) -> Result<Box<Net>, Refusal> {
         let mut holds = vec![Some(self.driver.measurement.hold)];
         holds.resize(self.models.len(), None);
-        Net::build(plan, &self.models, self.configuration, &holds, 1e-3)
+        let dt_s = self.period_ns as f64 / 1e9;
+        Net::build(plan, &self.models, self.configuration, &holds, dt_s)
     }
 
     /// Reserves a row and makes the plan ready in it.
@@ -302,6 +325,20 @@ pub fn output_net(channel: u32) -> PlanData {
     plan.add("DigitalOutput", &[on, 0, channel]);
     plan.add("Termination", &[requested]);
     plan.monitor(Store::Bool, requested, 1, 1);
+    plan.data
+}
+
+/// Shows its logical time in each evaluation and writes it to analog output 0, until CANCEL.
+pub fn time_net(rate: Rate) -> PlanData {
+    let mut plan = Plan::new();
+    let requested = plan.bool(2);
+    let time = plan.reals(&[f64::NAN]);
+    plan.add("Cancel", &[requested]);
+    plan.add("Time", &[time]);
+    plan.add("AnalogOutput", &[time, 0, 0]);
+    plan.add("Termination", &[requested]);
+    plan.monitor(Store::Real, time, 1, 1);
+    plan.data.rate = rate;
     plan.data
 }
 

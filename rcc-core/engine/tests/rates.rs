@@ -1,0 +1,286 @@
+//! Nets that are evaluated every so many cycles, and base periods from 125 µs to 20 ms, in virtual time.
+
+mod common;
+
+use common::{Bench, line_net, output_net, time_net};
+use rcc_core::message::{CommandState, DeviceState, EndReason, SetPoint};
+use rcc_core::plan::{PlanError, Rate};
+use rcc_engine::queue::Order;
+use rcc_ipc::control::{Answer, Refusal};
+
+const FIFTH: Rate = Rate { every: 5, phase: 2 };
+
+fn cycle(bench: &Bench) -> u64 {
+    bench.engine.status().cycle
+}
+
+fn newest(bench: &Bench) -> SetPoint {
+    let image = bench.engine.image(0).unwrap();
+    *image.at(image.sequence).unwrap()
+}
+
+/// Steps until the next cycle is one in which `FIFTH` is not due, and the one after it neither.
+fn between(bench: &mut Bench) {
+    while (cycle(bench) + 1) % 5 != 3 {
+        bench.step();
+    }
+}
+
+/// Starts a net of the rate `FIFTH` and returns it with the cycle of its first evaluation.
+fn started(bench: &mut Bench) -> (u64, u64) {
+    let id = bench.load(time_net(FIFTH));
+    let ticket = bench.order(|ticket| Order::Start { ticket, id });
+    for _ in 0..5 {
+        bench.step();
+        if let Some(answer) = bench.answer(ticket) {
+            let cycle = cycle(bench);
+            assert_eq!(answer, Answer::Done { cycle });
+            return (id, cycle);
+        }
+    }
+    panic!("START was not answered within a period of the net");
+}
+
+#[test]
+fn a_net_is_evaluated_in_its_cycles_and_its_time_is_exact() {
+    let mut bench = Bench::new();
+    let (id, first) = started(&mut bench);
+    assert_eq!(first % 5, 2, "START takes effect in the net's next cycle");
+    assert_eq!(bench.entry(id).started_cycle, first);
+    bench.steps(5 * 700);
+    let records = bench.records();
+    assert_eq!(records.len(), 701);
+    for (record, evaluation) in records.iter().zip(0u64..) {
+        assert_eq!(record.cycle, first + 5 * evaluation);
+        assert_eq!(
+            record.values[0],
+            evaluation as f64 * 5e-3,
+            "in the net's {evaluation}th"
+        );
+    }
+    assert_eq!(bench.entry(id).cycles, 701);
+}
+
+#[test]
+fn between_two_evaluations_outputs_stay_commanded() {
+    let mut bench = Bench::new();
+    let (_, first) = started(&mut bench);
+    for _ in 0..50 {
+        let evaluations = (cycle(&bench) - first) / 5;
+        assert_eq!(newest(&bench).analog[0], evaluations as f64 * 5e-3);
+        bench.step();
+    }
+}
+
+#[test]
+fn monitors_are_due_by_evaluations() {
+    let mut bench = Bench::new();
+    let mut plan = time_net(FIFTH);
+    plan.monitors[0].every = 3;
+    let id = bench.load(plan);
+    bench.order(|ticket| Order::Start { ticket, id });
+    bench.steps(5 * 9);
+    let cycles: Vec<u64> = bench.records().iter().map(|record| record.cycle).collect();
+    assert_eq!(cycles.len(), 3);
+    assert!(
+        cycles.windows(2).all(|pair| pair[1] - pair[0] == 15),
+        "{cycles:?}"
+    );
+}
+
+#[test]
+fn what_a_slow_net_claims_is_taken_from_start_on() {
+    let mut bench = Bench::new();
+    let id = bench.load(time_net(FIFTH));
+    let other = bench.load(time_net(Rate::EVERY_CYCLE));
+    between(&mut bench);
+    bench.order(|ticket| Order::Start { ticket, id });
+    let answer = bench.start(other);
+    let busy = matches!(answer, Answer::Refused(Refusal::Busy { holder, .. }) if holder == id);
+    assert!(busy, "{answer:?}");
+    assert_eq!(
+        bench.state(id),
+        CommandState::Ready,
+        "its first cycle has not come"
+    );
+}
+
+#[test]
+fn cancel_is_seen_by_the_next_evaluation_and_abort_takes_effect_at_once() {
+    let mut bench = Bench::new();
+    let (id, _) = started(&mut bench);
+    between(&mut bench);
+    let asked = cycle(&bench);
+    bench.ask(|ticket| Order::Cancel { ticket, id });
+    assert_eq!(bench.state(id), CommandState::Canceling);
+    assert_eq!(bench.until_terminated(id, 5), EndReason::Canceled);
+    assert_eq!(bench.entry(id).ended_cycle, asked + 5);
+    let (id, _) = started(&mut bench);
+    between(&mut bench);
+    bench.ask(|ticket| Order::Abort { ticket, id });
+    assert_eq!(bench.reason(id), EndReason::Aborted);
+    assert!(
+        newest(&bench).analog[0].is_nan(),
+        "nothing is commanded any more"
+    );
+}
+
+#[test]
+fn abort_before_the_first_cycle_means_that_there_is_none() {
+    let mut bench = Bench::new();
+    let id = bench.load(time_net(FIFTH));
+    between(&mut bench);
+    let start = bench.order(|ticket| Order::Start { ticket, id });
+    bench.step();
+    let abort = bench.order(|ticket| Order::Abort { ticket, id });
+    bench.step();
+    let refused = Refusal::WrongState {
+        state: CommandState::Terminated as u32,
+    };
+    assert_eq!(bench.answer(start), Some(Answer::Refused(refused)));
+    assert!(matches!(bench.answer(abort), Some(Answer::Done { .. })));
+    bench.steps(10);
+    assert_eq!(
+        (bench.reason(id), bench.entry(id).cycles),
+        (EndReason::Aborted, 0)
+    );
+}
+
+#[test]
+fn an_executor_that_stops_does_not_wait_for_a_first_cycle() {
+    let mut bench = Bench::new();
+    let id = bench.load(time_net(FIFTH));
+    between(&mut bench);
+    let start = bench.order(|ticket| Order::Start { ticket, id });
+    bench.step();
+    bench.engine.begin_stop();
+    bench.step();
+    assert_eq!(
+        bench.answer(start),
+        Some(Answer::Refused(Refusal::Stopping))
+    );
+    assert!(bench.engine.is_idle());
+}
+
+#[test]
+fn a_device_that_is_lost_between_two_evaluations_ends_the_net_at_once() {
+    let mut bench = Bench::new();
+    let (id, _) = started(&mut bench);
+    between(&mut bench);
+    bench.driver.measurement.state = DeviceState::Offline as u32;
+    bench.step();
+    assert_eq!(bench.reason(id), EndReason::Fault);
+    assert_eq!(bench.entry(id).ended_cycle, cycle(&bench));
+    assert!(newest(&bench).analog[0].is_nan());
+}
+
+#[test]
+fn a_device_that_is_lost_before_the_first_cycle_refuses_the_start() {
+    let mut bench = Bench::new();
+    let id = bench.load(time_net(FIFTH));
+    between(&mut bench);
+    let start = bench.order(|ticket| Order::Start { ticket, id });
+    bench.step();
+    bench.driver.measurement.state = DeviceState::Offline as u32;
+    bench.steps(5);
+    let answer = bench.answer(start);
+    let not_ready = Some(Answer::Refused(Refusal::DeviceNotReady {
+        device: 0,
+        state: DeviceState::Offline as u32,
+        reason: 0,
+    }));
+    assert_eq!(answer, not_ready);
+    assert_eq!(bench.state(id), CommandState::Ready);
+}
+
+#[test]
+fn nets_of_several_rates_run_beside_each_other() {
+    let mut bench = Bench::new();
+    let (slow, first) = started(&mut bench);
+    let fast = bench.load(output_net(1));
+    bench.start(fast);
+    let begun = cycle(&bench);
+    bench.steps(1000);
+    assert_eq!(bench.entry(fast).cycles, 1001);
+    assert_eq!(bench.entry(slow).cycles, (begun + 1000 - first) / 5 + 1);
+    let both = newest(&bench);
+    assert_eq!(both.digital_commanded, 0b10);
+    assert!(!both.analog[0].is_nan());
+}
+
+#[test]
+fn a_plan_with_a_rate_that_is_none_is_refused() {
+    let bench = Bench::new();
+    for (every, phase) in [(0, 0), (5, 5), (10_001, 0)] {
+        let refused = bench.build(time_net(Rate { every, phase })).err();
+        assert_eq!(
+            refused,
+            Some(Refusal::Plan(PlanError::BadRate)),
+            "{every} {phase}"
+        );
+    }
+    let mut line = line_net();
+    line.rate = Rate { every: 2, phase: 0 };
+    let refused = bench.build(line).err();
+    assert_eq!(
+        refused,
+        Some(Refusal::Plan(PlanError::SlowArm { device: 0 }))
+    );
+}
+
+/// A line of 0.1 m with these limits takes about 0.81 s.
+#[test]
+fn a_line_takes_the_same_logical_time_at_every_base_period() {
+    let seconds = [125_000, 250_000, 500_000, 1_000_000, 5_000_000, 20_000_000].map(|period_ns| {
+        let mut bench = Bench::at_period(period_ns);
+        let id = bench.load(line_net());
+        assert!(matches!(bench.start(id), Answer::Done { .. }));
+        let most = 3_000_000_000 / period_ns;
+        assert_eq!(
+            bench.until_terminated(id, most as usize),
+            EndReason::Finished
+        );
+        let image = bench.engine.image(0).unwrap();
+        assert_eq!(
+            image.at(image.sequence).unwrap().logical_ns,
+            image.sequence * period_ns
+        );
+        bench.entry(id).cycles as f64 * period_ns as f64 * 1e-9
+    });
+    for (index, taken) in seconds.iter().enumerate() {
+        assert!((taken - seconds[3]).abs() <= 0.021, "{index}: {seconds:?}");
+    }
+}
+
+#[test]
+fn time_is_exact_at_every_base_period() {
+    for period_ns in [125_000, 20_000_000] {
+        let mut bench = Bench::at_period(period_ns);
+        let id = bench.load(time_net(Rate::EVERY_CYCLE));
+        bench.start(id);
+        bench.steps(8000);
+        let last = bench.records().last().copied().unwrap();
+        assert_eq!(
+            last.values[0],
+            8000.0 * period_ns as f64 / 1e9,
+            "{period_ns}"
+        );
+    }
+}
+
+#[test]
+fn a_silent_device_is_lost_after_the_same_time_at_every_base_period() {
+    for period_ns in [125_000, 1_000_000, 20_000_000] {
+        let mut bench = Bench::at_period(period_ns);
+        let id = bench.load(output_net(1));
+        bench.start(id);
+        bench.driver.alive = false;
+        let (begun_ns, stale_ns) = (bench.now_ns, (3 * period_ns).max(50_000_000));
+        assert_eq!(bench.until_terminated(id, 1000), EndReason::Fault);
+        let after_ns = bench.now_ns - begun_ns;
+        assert!(
+            (stale_ns..=stale_ns + 2 * period_ns).contains(&after_ns),
+            "{period_ns}: {after_ns}"
+        );
+    }
+}

@@ -1,0 +1,180 @@
+//! How often a net is evaluated: `period` or `rate`, and `phase`, as whole cycles of the cell.
+//! The loader's threads.
+
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_core::plan::{EVERY_MAX, Rate};
+use rcc_core::unit::Unit;
+
+use crate::devices::DeviceTable;
+use crate::fault;
+use crate::syntax::Timing;
+use crate::syntax::literal::Literal;
+
+/// Longest period of a net, s: START is answered in its first evaluation.
+const PERIOD_MAX_S: f64 = 1.0;
+/// A number of cycles that is this near to a whole one, relative to it, is meant to be one.
+const TOLERANCE: f64 = 1e-9;
+
+/// The rate of a net; with a fault, that of the cell.
+pub fn of(timing: &Timing, cell: &DeviceTable, faults: &mut Vec<Diagnostic>) -> Rate {
+    match read(timing, cell) {
+        Ok(rate) => rate,
+        // Reported where it was read.
+        Err(None) => Rate::EVERY_CYCLE,
+        Err(Some(fault)) => {
+            faults.push(*fault);
+            Rate::EVERY_CYCLE
+        }
+    }
+}
+
+/// Why there is no rate; `None`: that is reported already.
+type Refused = Option<Box<Diagnostic>>;
+
+fn read(timing: &Timing, cell: &DeviceTable) -> Result<Rate, Refused> {
+    let base_s = cell.period_ns.max(1) as f64 / 1e9;
+    let every = match (&timing.period, &timing.rate) {
+        (None, None) => 1,
+        (Some(_), Some(rate)) => {
+            let message = "`period` and `rate` say the same thing";
+            return Err(refuse(
+                fault::WRONG_SHAPE,
+                rate.span,
+                message,
+                "keep one of the two",
+            ));
+        }
+        (Some(period), None) => {
+            let cycles = number(period, "period", Unit::SECOND, "5 ms")? / base_s;
+            every(cycles, period.span, base_s, &|cycles| time(cycles * base_s))?
+        }
+        (None, Some(rate)) => {
+            let hz = number(rate, "rate", Unit::HERTZ, "200 Hz")?;
+            let shown = |cycles: f64| format!("{} Hz", short(1.0 / (cycles * base_s)));
+            every(1.0 / (hz * base_s), rate.span, base_s, &shown)?
+        }
+    };
+    let phase = match &timing.phase {
+        None => 0,
+        Some(literal) => phase(literal, every, base_s)?,
+    };
+    Ok(Rate { every, phase })
+}
+
+fn every(
+    cycles: f64,
+    span: Span,
+    base_s: f64,
+    shown: &dyn Fn(f64) -> String,
+) -> Result<u32, Refused> {
+    let most = f64::from(EVERY_MAX)
+        .min(PERIOD_MAX_S / base_s * (1.0 + TOLERANCE))
+        .floor();
+    // So that a NaN is refused as well.
+    let in_range = cycles >= 1.0 - TOLERANCE && cycles <= most + TOLERANCE;
+    if !in_range {
+        let message = format!("the net would be evaluated every {}", time(cycles * base_s));
+        let help = format!(
+            "choose from {} (every cycle) to {}",
+            shown(1.0),
+            shown(most)
+        );
+        return Err(refuse(fault::OUT_OF_RANGE, span, message, help));
+    }
+    match whole(cycles) {
+        Some(every) => Ok(every.max(1)),
+        None => {
+            let [less, more] = [cycles.floor().max(1.0), cycles.ceil().min(most)];
+            let message = format!(
+                "the net's period of {} is no multiple of the cell's, {}",
+                time(cycles * base_s),
+                time(base_s)
+            );
+            let help = format!("the nearest are {} and {}", shown(less), shown(more));
+            Err(refuse(fault::NOT_A_MULTIPLE, span, message, help))
+        }
+    }
+}
+
+fn phase(literal: &Literal, every: u32, base_s: f64) -> Result<u32, Refused> {
+    let cycles = number_or_zero(literal, "phase", Unit::SECOND, "2 ms")? / base_s;
+    let last = f64::from(every - 1);
+    let in_range = (-TOLERANCE..=last + TOLERANCE).contains(&cycles);
+    if !in_range {
+        let message = format!(
+            "the phase of {} is not within the net's period",
+            time(cycles * base_s)
+        );
+        let help = match every {
+            1 => "take it out: this net is evaluated in every cycle".to_owned(),
+            _ => format!("choose from 0 ms to {}", time(last * base_s)),
+        };
+        return Err(refuse(fault::OUT_OF_RANGE, literal.span, message, help));
+    }
+    whole(cycles).ok_or_else(|| {
+        let message = format!(
+            "the phase of {} is between two cycles",
+            time(cycles * base_s)
+        );
+        let [less, more] = [cycles.floor(), cycles.ceil()].map(|cycles| time(cycles * base_s));
+        let help = format!("the nearest are {less} and {more}");
+        refuse(fault::NOT_A_MULTIPLE, literal.span, message, help)
+    })
+}
+
+/// The whole number that is meant.
+fn whole(cycles: f64) -> Option<u32> {
+    let nearest = cycles.round();
+    // In range: both callers have looked.
+    ((cycles - nearest).abs() <= TOLERANCE * nearest.max(1.0)).then_some(nearest as u32)
+}
+
+fn number(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64, Refused> {
+    let value = number_or_zero(literal, key, unit, example)?;
+    if value > 0.0 {
+        return Ok(value);
+    }
+    let message = format!("`{key}` must be more than 0");
+    Err(refuse(
+        fault::OUT_OF_RANGE,
+        literal.span,
+        message,
+        format!("write `{key}: {example}`"),
+    ))
+}
+
+fn number_or_zero(literal: &Literal, key: &str, unit: Unit, example: &str) -> Result<f64, Refused> {
+    if literal.is_refused() {
+        return Err(None);
+    }
+    let help = format!("write `{key}: {example}`");
+    let Some(value) = literal.number() else {
+        let message = format!("type mismatch: `{key}` is a number with a unit, this is {literal}");
+        return Err(refuse(fault::TYPE_MISMATCH, literal.span, message, help));
+    };
+    if let Some((have, _)) = literal.units().into_iter().find(|(have, _)| *have != unit) {
+        let message = format!("unit mismatch: `{key}` is in {unit}, this is in {have}");
+        return Err(refuse(fault::UNIT_MISMATCH, literal.span, message, help));
+    }
+    Ok(value)
+}
+
+fn refuse(
+    code: &'static str,
+    span: Span,
+    message: impl Into<String>,
+    help: impl Into<String>,
+) -> Refused {
+    Some(Box::new(Diagnostic::error(code, span, message).help(help)))
+}
+
+/// A time in ms, as people write it.
+fn time(seconds: f64) -> String {
+    format!("{} ms", short(seconds * 1e3))
+}
+
+/// At most 6 places, without needless zeros.
+fn short(value: f64) -> String {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
