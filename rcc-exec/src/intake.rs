@@ -174,6 +174,7 @@ impl Intake {
             Call::Cancel { id } => Order::Cancel { ticket, id },
             Call::Abort { id } => Order::Abort { ticket, id },
             Call::Unload { id } => Order::Unload { ticket, id },
+            Call::Record => Order::Record { ticket },
             Call::Install { id, plan } => {
                 let holds = self.holds();
                 match Net::build(

@@ -222,6 +222,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         Refusal::Prepare(PrepareFault::AmbiguousRotation),
         Refusal::Overloaded,
         Refusal::Stopping,
+        Refusal::NoRecorder,
     ];
     for refusal in refusals {
         let error = namer.refusal(8, refusal);

@@ -221,6 +221,7 @@ impl Said {
             Call::Start { id } | Call::Cancel { id } => (id, CommandState::Running),
             Call::Abort { id } => (id, CommandState::Terminated),
             Call::Unload { id } => (id, CommandState::None),
+            Call::Record => return Answer::Done { cycle: 8 },
         };
         if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == *id) {
             row.state = state as u32;

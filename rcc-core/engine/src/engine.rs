@@ -21,6 +21,7 @@ use rcc_ipc::BoardReader;
 
 use crate::net::Nets;
 use crate::queue::{Event, Outcome, RtEnds};
+use crate::record::{Reason, Recorder};
 
 /// Orders taken in one cycle.
 pub const ORDERS_PER_CYCLE: usize = 8;
@@ -97,6 +98,7 @@ pub struct Engine {
     next_record: u64,
     late_in_a_row: u32,
     stopping: bool,
+    recorder: Option<Box<Recorder>>,
 }
 
 impl Engine {
@@ -143,7 +145,22 @@ impl Engine {
             next_record: 1,
             late_in_a_row: 0,
             stopping: false,
+            recorder: None,
             config,
+        }
+    }
+
+    /// Records everything that replay needs.
+    #[must_use]
+    pub fn recorded_by(mut self, recorder: Recorder) -> Engine {
+        self.recorder = Some(Box::new(recorder));
+        self
+    }
+
+    /// Hands over what was frozen and waits for its time, before the engine ends.
+    pub fn end_recording(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.hand_over();
         }
     }
 
@@ -193,6 +210,9 @@ impl Engine {
         self.status.cycle += 1;
         self.status.stamp_ns = now_ns;
         self.tables_changed = false;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.begin(self.status.cycle, now_ns, &self.inputs);
+        }
         for device in &mut self.devices {
             device.output = DeviceOutput::NONE;
         }
@@ -210,6 +230,9 @@ impl Engine {
         status.exec_last_ns = exec_ns;
         status.exec_max_ns = status.exec_max_ns.max(exec_ns);
         status.worst_wake_ns = status.worst_wake_ns.max(wake_ns);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.end(wake_ns, exec_ns, skipped_periods);
+        }
         if skipped_periods == 0 {
             self.late_in_a_row = 0;
             return;
@@ -229,6 +252,9 @@ impl Engine {
         self.late_in_a_row += 1;
         if self.late_in_a_row == self.config.late_in_a_row_max {
             self.late_in_a_row = 0;
+            if let Some(recorder) = &mut self.recorder {
+                recorder.trigger(Reason::Late);
+            }
             self.end_most_expensive();
         }
     }

@@ -7,3 +7,4 @@
 pub mod engine;
 pub mod net;
 pub mod queue;
+pub mod record;

@@ -1,21 +1,26 @@
 //! One loaded net with its arena: built by the intake thread, evaluated by the real-time thread.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use rcc_core::cycle::cycle;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::PathLimits;
-use rcc_core::plan::{Checked, MonitorPoint, Rate, Resources};
+use rcc_core::plan::{Checked, MonitorPoint, PlanError, Rate, Resources};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{PlanData, Refusal};
-use rcc_motion::{Clocks, PathClock};
+use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
+
+use crate::record::entry::Snapshot;
 
 /// A net that can be run. All memory it needs is in it.
 #[derive(Debug)]
 pub struct Net {
-    data: PlanData,
+    // Shared with who writes incident files; the last one of them is never dropped by the real-time thread, which
+    // gives the whole net back.
+    data: Arc<PlanData>,
     checked: Checked,
     reals: Box<[f64]>,
     bools: Box<[u8]>,
@@ -29,6 +34,15 @@ pub struct Net {
     #[cfg(test)]
     /// The next evaluation panics.
     pub panics: bool,
+}
+
+/// What a net begins from, after its start values were computed.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// The plan, with start values.
+    pub data: Arc<PlanData>,
+    /// Its path clocks, at rest at 0.
+    pub clocks: Clocks,
 }
 
 /// What one evaluation came to.
@@ -61,11 +75,32 @@ impl Net {
             .map_err(Refusal::Plan)?;
         let step_s = step_s(dt_s, data.rate);
         let clocks = prepare(&mut data, models, holds, step_s).map_err(Refusal::Prepare)?;
-        Ok(Box::new(Net {
+        Ok(Net::made(Arc::new(data), checked, clocks, models.len()))
+    }
+
+    /// A net from what [`Net::origin`] gave: checked again, its start values as they were. Not for the real-time thread.
+    ///
+    /// # Errors
+    /// The plan does not check, or has another number of clocks.
+    pub fn rebuild(
+        origin: &Origin,
+        models: &[DeviceModel],
+        configuration: u64,
+    ) -> Result<Box<Net>, PlanError> {
+        let checked = origin.data.plan().check(models, configuration)?;
+        if origin.clocks.0.len() != origin.data.clocks as usize {
+            return Err(PlanError::Clocks);
+        }
+        let (data, clocks) = (Arc::clone(&origin.data), origin.clocks.clone());
+        Ok(Net::made(data, checked, clocks, models.len()))
+    }
+
+    fn made(data: Arc<PlanData>, checked: Checked, clocks: Clocks, devices: usize) -> Box<Net> {
+        Box::new(Net {
             reals: data.reals.clone().into(),
             bools: data.bools.clone().into(),
             ints: data.ints.clone().into(),
-            outputs: vec![DeviceOutput::NONE; models.len()].into(),
+            outputs: vec![DeviceOutput::NONE; devices].into(),
             clocks,
             checked,
             data,
@@ -73,7 +108,55 @@ impl Net {
             cancel_requested: false,
             #[cfg(test)]
             panics: false,
-        }))
+        })
+    }
+
+    /// What the net begins from. Copies the clocks: not for the real-time thread.
+    pub fn origin(&self) -> Origin {
+        let mut clocks = self.clocks.clone();
+        clocks.reset();
+        Origin {
+            data: Arc::clone(&self.data),
+            clocks,
+        }
+    }
+
+    /// All slots: reals, bools, ints.
+    pub fn arenas(&self) -> (&[f64], &[u8], &[i64]) {
+        (&self.reals, &self.bools, &self.ints)
+    }
+
+    /// Its path clocks.
+    pub fn clocks(&self) -> &[PathClock] {
+        &self.clocks.0
+    }
+
+    /// Goes on from a state that was recorded; `None`, and nothing changes, if it is that of another net.
+    pub fn restore(&mut self, state: &Snapshot<'_>) -> Option<()> {
+        let (clocks, rest) = state.clocks.as_chunks::<CLOCK_WORDS>();
+        let fits = state.reals.len() == self.reals.len()
+            && state.ints.len() == self.ints.len()
+            && state.bools.len() == self.bools.len().div_ceil(8)
+            && clocks.len() == self.clocks.0.len()
+            && rest.is_empty();
+        if !fits {
+            return None;
+        }
+        for (place, word) in self.reals.iter_mut().zip(state.reals) {
+            *place = f64::from_bits(*word);
+        }
+        for (place, word) in self.ints.iter_mut().zip(state.ints) {
+            *place = word.cast_signed();
+        }
+        let bytes = state.bools.iter().flat_map(|word| word.to_le_bytes());
+        for (place, byte) in self.bools.iter_mut().zip(bytes) {
+            *place = byte;
+        }
+        for (place, words) in self.clocks.0.iter_mut().zip(clocks) {
+            *place = PathClock::from_words(words);
+        }
+        (self.cycles, self.cancel_requested) = (state.cycles, state.cancel);
+        Some(())
     }
 
     /// What the net claims.

@@ -35,6 +35,8 @@ pub enum Order {
     Abort { ticket: u64, id: u64 },
     /// Frees the row of a command that is not active.
     Unload { ticket: u64, id: u64 },
+    /// Freezes the flight recorder.
+    Record { ticket: u64 },
     /// A driver announced itself; its board replaces the device's last one.
     Attach {
         device: usize,

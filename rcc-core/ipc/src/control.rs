@@ -109,6 +109,8 @@ pub enum Call {
         /// Command id.
         id: u64,
     },
+    /// Writes the flight recorder's last seconds to a file.
+    Record,
 }
 
 /// The executor's answer.
@@ -186,4 +188,6 @@ pub enum Refusal {
     Overloaded,
     /// The executor is stopping.
     Stopping,
+    /// The cell's configuration switches the flight recorder off.
+    NoRecorder,
 }

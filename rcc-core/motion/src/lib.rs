@@ -10,5 +10,5 @@ mod path_clock;
 mod profile;
 mod rest;
 
-pub use path_clock::{Clocks, PathClock, PathLimitsError, stop_time};
+pub use path_clock::{CLOCK_WORDS, Clocks, PathClock, PathLimitsError, stop_time};
 pub use rest::{Rest, RestFault, RestLimits, RestLimitsError};

@@ -7,6 +7,10 @@ use thiserror::Error;
 
 use crate::profile::{PHASES_MAX, Profile, State, Stop};
 
+mod words;
+
+pub use words::CLOCK_WORDS;
+
 /// Where a²/j is more than this many times v, the planner fails now and then (measured: one in 10⁴ of random states, all
 /// of them there), and no real machine has such limits: its acceleration could never be reached.
 const SHAPE_MAX: f64 = 1000.0;

@@ -94,6 +94,9 @@ struct Phase {
     jerk: f64,
 }
 
+/// Numbers that a [`Profile`] consists of.
+pub(crate) const PROFILE_WORDS: usize = PHASES_MAX * 5 + 2;
+
 /// A motion to rest in phases of constant jerk.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Profile {
@@ -121,6 +124,47 @@ impl Profile {
         }
         profile.duration_s = begin_s;
         profile.end_position = state.position;
+        profile
+    }
+
+    /// The motion as numbers: five a phase, then duration and end.
+    pub(crate) fn numbers(&self) -> [f64; PROFILE_WORDS] {
+        let mut numbers = [0.0; PROFILE_WORDS];
+        let (groups, rest) = numbers.as_chunks_mut::<5>();
+        for (group, phase) in groups.iter_mut().zip(&self.phases) {
+            let State {
+                position,
+                velocity,
+                acceleration,
+            } = phase.start;
+            *group = [phase.begin_s, position, velocity, acceleration, phase.jerk];
+        }
+        if let [duration_s, end] = rest {
+            (*duration_s, *end) = (self.duration_s, self.end_position);
+        }
+        numbers
+    }
+
+    /// The motion that gave these [`Profile::numbers`].
+    pub(crate) fn from_numbers(numbers: &[f64; PROFILE_WORDS]) -> Self {
+        let mut profile = Self::default();
+        let (groups, rest) = numbers.as_chunks::<5>();
+        for (phase, group) in profile.phases.iter_mut().zip(groups) {
+            let [begin_s, position, velocity, acceleration, jerk] = *group;
+            let start = State {
+                position,
+                velocity,
+                acceleration,
+            };
+            *phase = Phase {
+                begin_s,
+                start,
+                jerk,
+            };
+        }
+        if let [duration_s, end] = rest {
+            (profile.duration_s, profile.end_position) = (*duration_s, *end);
+        }
         profile
     }
 

@@ -58,6 +58,7 @@ codes! {
     OVERLOADED = "RCC3015", 503, CONFLICT, "No room for it now.";
     STOPPING = "RCC3016", 503, UNREACHABLE, "The executor is stopping.";
     LOADER_DIED = "RCC3017", 409, FAILED, "The loader died while it loaded the command.";
+    NO_RECORDER = "RCC3030", 409, CONFLICT, "The flight recorder is switched off.";
     NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
     EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";
     OTHER_BUILD = "RCC4003", 502, UNREACHABLE, "Loader and executor are of different builds.";

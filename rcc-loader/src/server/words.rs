@@ -130,6 +130,11 @@ impl Namer<'_> {
                 "the executor is stopping".into(),
                 "start the cell again: `rcc-cli up FILE`".into(),
             ),
+            Refusal::NoRecorder => (
+                codes::NO_RECORDER,
+                "this cell records nothing: its configuration says `recorder: {memory: 0 MB}`".into(),
+                "give the recorder memory there (64 MB by default) and start the cell again".into(),
+            ),
         };
         ApiError::new(code, message, help)
     }

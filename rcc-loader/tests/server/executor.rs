@@ -184,6 +184,7 @@ impl State {
                 }
                 None => Answer::Refused(Refusal::UnknownCommand),
             },
+            Call::Record => Answer::Refused(Refusal::NoRecorder),
         };
         self.board.write(&self.tables);
         answer

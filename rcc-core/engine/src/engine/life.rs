@@ -10,9 +10,13 @@ use rcc_ipc::control::{Answer, Refusal};
 use super::{Engine, Pending, SETTLE_MAX_NS};
 use crate::net::{Evaluation, Net, record};
 use crate::queue::{Event, Order, Outcome};
+use crate::record::{Evaluated, Reason};
 
 impl Engine {
     pub(super) fn obey(&mut self, order: Order) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.order(&order);
+        }
         let (ticket, result) = match order {
             Order::Reserve { ticket } => (ticket, self.reserve().map(Some)),
             Order::Install { ticket, id, net } => (ticket, self.install(id, net).map(|()| None)),
@@ -25,6 +29,7 @@ impl Engine {
             Order::Cancel { ticket, id } => (ticket, self.cancel(id).map(|()| None)),
             Order::Abort { ticket, id } => (ticket, self.abort(id).map(|()| None)),
             Order::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
+            Order::Record { ticket } => (ticket, self.freeze().map(|()| None)),
             Order::Attach {
                 device,
                 incarnation,
@@ -42,6 +47,13 @@ impl Engine {
             Err(refusal) => Answer::Refused(refusal),
         };
         self.give_back(Outcome::Answer { ticket, answer });
+    }
+
+    /// An incident on request.
+    fn freeze(&mut self) -> Result<(), Refusal> {
+        let recorder = self.recorder.as_mut().ok_or(Refusal::NoRecorder)?;
+        recorder.trigger(Reason::Request);
+        Ok(())
     }
 
     fn reserve(&mut self) -> Result<u64, Refusal> {
@@ -356,6 +368,7 @@ impl Engine {
         let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) else {
             return Evaluation::Fault(FaultCode::Panic);
         };
+        let (begins, cancel) = (net.cycles == 0, net.cancel_requested);
         // The vDSO's clock, twice a net: no system call.
         let begun_ns = monotonic_ns();
         let evaluation = net.evaluate(&self.config.models, &self.inputs, self.dt_s);
@@ -364,6 +377,17 @@ impl Engine {
             entry.cycles = net.cycles;
             entry.exec_last_ns = exec_ns;
             entry.exec_max_ns = entry.exec_max_ns.max(exec_ns);
+            if let Some(recorder) = &mut self.recorder {
+                recorder.net(Evaluated {
+                    row,
+                    id: entry.id,
+                    net,
+                    evaluation,
+                    begins,
+                    cancel,
+                    dt_s: self.dt_s,
+                });
+            }
         }
         evaluation
     }
@@ -470,6 +494,9 @@ impl Engine {
             reason: entry.reason,
             fault: entry.fault,
         };
+        if let Some(recorder) = &mut self.recorder {
+            recorder.state(entry.id, entry.state, entry.reason, &entry.fault);
+        }
         self.tables_changed = true;
         self.log(event);
     }

@@ -1,0 +1,376 @@
+//! The flight recorder: always on, it keeps the last seconds of everything that replay needs. Owned by the real-time
+//! thread, which writes words into memory that was made before; a full ring is handed to a helper thread and another one
+//! taken, so that a file is written while the recording goes on.
+//!
+//! Cost: two copies of a few words a cycle, one of about 70 words for each device that measured something new, one of
+//! five for each net and the hash of its slots; at most one snapshot of a net a cycle, each net about once a second.
+
+pub mod entry;
+pub mod hash;
+pub mod ring;
+
+use rcc_core::frame::DeviceInput;
+use rcc_core::message::{COMMANDS_MAX, CommandState, DEVICES_MAX, EndReason, FaultRecord};
+use rcc_motion::CLOCK_WORDS;
+use rtrb::{Consumer, Producer};
+
+use crate::net::{Evaluation, Net};
+use crate::queue::Order;
+use entry::{BEGINS, CANCEL, MEASUREMENT_WORDS, OrderKind, Tag, head, outcome_number};
+use ring::Ring;
+
+/// So long the recording goes on after what freezes it, ns.
+pub const POST_TRIGGER_NS: u64 = 200_000_000;
+/// Faults within this time after an incident wait, and come into one file, ns: no storm of faults fills the disk.
+pub const HOLD_OFF_NS: u64 = 5_000_000_000;
+/// Each net gets a snapshot about so often, ns.
+const SNAPSHOT_EVERY_NS: u64 = 1_000_000_000;
+
+/// What the recorder is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecorderConfig {
+    /// The most that is kept, ns.
+    pub span_ns: u64,
+    /// Memory of both rings together, bytes.
+    pub memory: usize,
+    /// Base period of the engine.
+    pub period_ns: u64,
+}
+
+/// Why a recording was frozen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reason {
+    /// A net ended by a fault.
+    Fault {
+        /// Its id.
+        id: u64,
+        /// What happened.
+        fault: FaultRecord,
+    },
+    /// Too many late cycles in a row.
+    Late,
+    /// Somebody asked for it.
+    Request,
+}
+
+/// What froze a recording, and when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trigger {
+    /// Why.
+    pub reason: Reason,
+    /// In which cycle.
+    pub cycle: u64,
+    /// CLOCK_MONOTONIC of that cycle.
+    pub stamp_ns: u64,
+    /// Further reasons that came before the recording was handed over.
+    pub others: u64,
+}
+
+/// A recording that is over.
+#[derive(Debug)]
+pub struct Recording {
+    /// What was recorded.
+    pub ring: Box<Ring>,
+    /// Why it ended.
+    pub trigger: Trigger,
+}
+
+/// The helper's ends: recordings come, and their rings go back.
+#[derive(Debug)]
+pub struct RecorderHelper {
+    /// Recordings that are over.
+    pub recordings: Consumer<Recording>,
+    /// Rings that were written to disk.
+    pub spare: Producer<Box<Ring>>,
+}
+
+#[derive(Debug)]
+struct Pending {
+    trigger: Trigger,
+    due_cycle: u64,
+}
+
+/// What is known to stand in the ring about a device.
+#[derive(Clone, Copy, Debug)]
+struct Written {
+    present: bool,
+    words: [u64; MEASUREMENT_WORDS],
+    /// In this cycle it was written already.
+    fresh: bool,
+}
+
+/// The real-time thread's part of the flight recorder.
+#[derive(Debug)]
+pub struct Recorder {
+    ring: Box<Ring>,
+    spare: Option<Box<Ring>>,
+    recordings: Producer<Recording>,
+    spares: Consumer<Box<Ring>>,
+    devices: Box<[Written]>,
+    /// Bit r: the net in row r is due for a snapshot.
+    due: u64,
+    snapshot_step: u64,
+    snapshot_words_max: usize,
+    post_cycles: u64,
+    hold_off_cycles: u64,
+    earliest_cycle: u64,
+    cycle: u64,
+    woke_ns: u64,
+    /// A snapshot was made in this cycle.
+    busy: bool,
+    /// All devices are written in the next cycle: a new ring knows nothing.
+    blank: bool,
+    pending: Option<Pending>,
+}
+
+impl Recorder {
+    /// Makes all memory. Not for the real-time thread.
+    pub fn new(config: RecorderConfig, devices: usize) -> (Recorder, RecorderHelper) {
+        let period_ns = config.period_ns.max(1);
+        let cycles = usize::try_from(config.span_ns / period_ns).unwrap_or(usize::MAX);
+        let words = config.memory / 2 / size_of::<u64>();
+        let (recording_in, recordings) = rtrb::RingBuffer::new(2);
+        let (spare, spares) = rtrb::RingBuffer::new(2);
+        let ring = Ring::new(words, cycles);
+        let recorder = Recorder {
+            snapshot_words_max: ring.capacity() / 4,
+            spare: Some(Ring::new(words, cycles)),
+            ring,
+            recordings: recording_in,
+            spares,
+            devices: vec![
+                Written {
+                    present: false,
+                    words: [0; MEASUREMENT_WORDS],
+                    fresh: false,
+                };
+                devices.min(DEVICES_MAX)
+            ]
+            .into(),
+            due: 0,
+            snapshot_step: (SNAPSHOT_EVERY_NS / period_ns / COMMANDS_MAX as u64).max(1),
+            post_cycles: POST_TRIGGER_NS.div_ceil(period_ns),
+            hold_off_cycles: HOLD_OFF_NS / period_ns,
+            earliest_cycle: 0,
+            cycle: 0,
+            woke_ns: 0,
+            busy: false,
+            blank: true,
+            pending: None,
+        };
+        (recorder, RecorderHelper { recordings, spare })
+    }
+
+    /// A cycle begins; `inputs` are what its nets will see.
+    pub fn begin(&mut self, cycle: u64, woke_ns: u64, inputs: &[DeviceInput]) {
+        (self.cycle, self.woke_ns, self.busy) = (cycle, woke_ns, false);
+        self.ring.begin_cycle();
+        self.ring.push(&[head(Tag::Cycle, 0, 0, 2), cycle, woke_ns]);
+        if cycle.checked_rem(self.snapshot_step) == Some(0) {
+            let row = cycle.checked_div(self.snapshot_step).unwrap_or(0) % COMMANDS_MAX as u64;
+            self.due |= 1 << row;
+        }
+        let all = std::mem::take(&mut self.blank);
+        for (index, (device, input)) in self.devices.iter_mut().zip(inputs).enumerate() {
+            let words = bytemuck::cast_ref(&input.measurement);
+            let same =
+                device.present == input.present && (!input.present || device.words == *words);
+            device.fresh = !same || all;
+            if device.fresh {
+                (device.present, device.words) = (input.present, *words);
+                push_input(&mut self.ring, index, device);
+            }
+        }
+    }
+
+    /// Writes what is not yet written in this cycle: from here on a net can be replayed.
+    fn inputs_again(&mut self) {
+        for (index, device) in self.devices.iter_mut().enumerate() {
+            if !device.fresh {
+                device.fresh = true;
+                push_input(&mut self.ring, index, device);
+            }
+        }
+    }
+
+    /// An order is obeyed or refused in this cycle.
+    pub fn order(&mut self, order: &Order) {
+        let (kind, id) = kind_of(order);
+        self.ring.push(&[head(Tag::Order, kind as u8, 0, 1), id]);
+    }
+
+    /// A command changed its state; a fault freezes the recording.
+    pub fn state(&mut self, id: u64, state: u32, reason: u32, fault: &FaultRecord) {
+        const WORDS: usize = size_of::<FaultRecord>() / 8;
+        let words: &[u64; WORDS] = bytemuck::cast_ref(fault);
+        let states = u64::from(state) | u64::from(reason) << 32;
+        self.ring
+            .push(&[head(Tag::State, 0, 0, 2 + WORDS), id, states]);
+        self.ring.push(words);
+        if state == CommandState::Terminated as u32 && reason == EndReason::Fault as u32 {
+            self.trigger(Reason::Fault { id, fault: *fault });
+        }
+    }
+
+    /// A net was evaluated: `begins` from its initial state, with `cancel` as it saw it.
+    pub fn net(&mut self, evaluated: Evaluated<'_>) {
+        let Evaluated {
+            row,
+            id,
+            net,
+            evaluation,
+            begins,
+            cancel,
+            dt_s,
+        } = evaluated;
+        let bit = 1u64.checked_shl(row as u32).unwrap_or(0);
+        if begins {
+            self.inputs_again();
+            self.due &= !bit;
+        }
+        let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
+        let outcome = outcome_number(evaluation);
+        let (reals, bools, ints) = net.arenas();
+        self.ring.push(&[
+            head(Tag::Net, outcome, flags, 4),
+            id,
+            net.cycles,
+            dt_s.to_bits(),
+            hash::hash(reals, bools, ints),
+        ]);
+        if self.due & bit != 0 && !self.busy && evaluation == Evaluation::Running {
+            self.due &= !bit;
+            self.busy = true;
+            self.snapshot(id, net, flags & CANCEL);
+        }
+    }
+
+    fn snapshot(&mut self, id: u64, net: &Net, flags: u16) {
+        let (reals, bools, ints) = net.arenas();
+        let packed = bools.len().div_ceil(8);
+        let words = 5 + reals.len() + ints.len() + packed + net.clocks().len() * CLOCK_WORDS;
+        if words > self.snapshot_words_max {
+            let head = head(Tag::TooLarge, 0, 0, 2);
+            self.ring.push(&[head, id, words as u64]);
+            return;
+        }
+        self.inputs_again();
+        let lengths = [reals.len() as u64, ints.len() as u64, packed as u64];
+        let [reals_len, ints_len, bools_len] = lengths;
+        let head = head(Tag::Snapshot, 0, flags, words);
+        self.ring
+            .push(&[head, id, net.cycles, reals_len, ints_len, bools_len]);
+        self.ring.push(bytemuck::cast_slice(reals));
+        self.ring.push(bytemuck::cast_slice(ints));
+        for bytes in bools.chunks(8) {
+            self.ring.push(&[hash::packed(bytes)]);
+        }
+        for clock in net.clocks() {
+            self.ring.push(&clock.words());
+        }
+    }
+
+    /// Freezes the recording, soon.
+    pub fn trigger(&mut self, reason: Reason) {
+        let after = self.cycle + self.post_cycles;
+        let due_cycle = match reason {
+            Reason::Request => after,
+            _ => after.max(self.earliest_cycle),
+        };
+        if let Some(pending) = &mut self.pending {
+            pending.trigger.others += 1;
+            pending.due_cycle = pending.due_cycle.min(due_cycle);
+            return;
+        }
+        let trigger = Trigger {
+            reason,
+            cycle: self.cycle,
+            stamp_ns: self.woke_ns,
+            others: 0,
+        };
+        self.pending = Some(Pending { trigger, due_cycle });
+    }
+
+    /// The cycle is over: how it went, and if a frozen recording is due, the other ring takes its place.
+    pub fn end(&mut self, wake_ns: u64, exec_ns: u64, skipped: u64) {
+        let head = head(Tag::Times, 0, 0, 3);
+        self.ring.push(&[head, wake_ns, exec_ns, skipped]);
+        if self.spare.is_none() {
+            self.spare = self.spares.pop().ok();
+        }
+        if self
+            .pending
+            .as_ref()
+            .is_some_and(|pending| self.cycle >= pending.due_cycle)
+        {
+            self.hand_over();
+        }
+    }
+
+    /// Hands over what is frozen, if there is anything and a ring to go on with; else it waits for one.
+    pub fn hand_over(&mut self) {
+        // All that is needed, before anything is moved: what does not fit could only be freed here.
+        if self.recordings.is_full() || self.spare.is_none() {
+            return;
+        }
+        let Some(pending) = self.pending.take() else {
+            return;
+        };
+        let Some(spare) = self.spare.take() else {
+            return;
+        };
+        let ring = std::mem::replace(&mut self.ring, spare);
+        let trigger = pending.trigger;
+        let full = self.recordings.push(Recording { ring, trigger });
+        if let Err(rtrb::PushError::Full(recording)) = full {
+            // Unreachable: there was room.
+            self.spare = Some(recording.ring);
+        }
+        self.earliest_cycle = self.cycle + self.hold_off_cycles;
+        (self.due, self.blank) = (u64::MAX, true);
+    }
+}
+
+/// What is recorded of an evaluation.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluated<'a> {
+    /// Row of the command table.
+    pub row: usize,
+    /// Id of the command.
+    pub id: u64,
+    /// The net, after it.
+    pub net: &'a Net,
+    /// What came of it.
+    pub evaluation: Evaluation,
+    /// It was the first one from the initial state.
+    pub begins: bool,
+    /// CANCEL was requested before it.
+    pub cancel: bool,
+    /// The engine's period, s.
+    pub dt_s: f64,
+}
+
+fn push_input(ring: &mut Ring, index: usize, device: &Written) {
+    let index = index as u8;
+    if device.present {
+        ring.push(&[head(Tag::Input, index, 0, MEASUREMENT_WORDS)]);
+        ring.push(&device.words);
+    } else {
+        ring.push(&[head(Tag::Input, index, 0, 0)]);
+    }
+}
+
+fn kind_of(order: &Order) -> (OrderKind, u64) {
+    match order {
+        Order::Install { id, .. } => (OrderKind::Install, *id),
+        Order::Reject { id, .. } => (OrderKind::Reject, *id),
+        Order::Start { id, .. } => (OrderKind::Start, *id),
+        Order::Cancel { id, .. } => (OrderKind::Cancel, *id),
+        Order::Abort { id, .. } => (OrderKind::Abort, *id),
+        Order::Unload { id, .. } => (OrderKind::Unload, *id),
+        Order::Attach { device, .. } => (OrderKind::Attach, *device as u64),
+        Order::Detach { device, .. } => (OrderKind::Detach, *device as u64),
+        Order::Record { .. } => (OrderKind::Record, 0),
+        _ => (OrderKind::Other, 0),
+    }
+}

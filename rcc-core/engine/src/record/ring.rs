@@ -1,0 +1,165 @@
+//! A ring of words that keeps the newest records: all memory is made before, what is old is overwritten. Written by the
+//! real-time thread, read by the thread that writes incident files once it has been handed over.
+
+/// Most words of a ring: 2 GB.
+pub const WORDS_MAX: usize = 1 << 28;
+/// Fewer would not hold a cycle.
+pub const WORDS_MIN: usize = 1 << 12;
+
+/// Records of the last cycles.
+#[derive(Debug)]
+pub struct Ring {
+    words: Box<[u64]>,
+    /// Where the next word goes.
+    place: usize,
+    /// Words written since the ring was cleared.
+    written: u64,
+    /// By cycle, modulo its length: `written` when it began.
+    starts: Box<[u64]>,
+    /// Cycles begun since the ring was cleared.
+    cycles: u64,
+}
+
+impl Ring {
+    /// A ring of so many words that remembers at most so many cycles; both are brought into what is possible. Touches
+    /// all of its memory. Not for the real-time thread.
+    pub fn new(words: usize, cycles: usize) -> Box<Ring> {
+        // All ones, so that the system gives the pages now and not when they are first written.
+        Box::new(Ring {
+            words: vec![u64::MAX; words.clamp(WORDS_MIN, WORDS_MAX)].into(),
+            place: 0,
+            written: 0,
+            starts: vec![u64::MAX; cycles.clamp(1, WORDS_MAX)].into(),
+            cycles: 0,
+        })
+    }
+
+    /// Words that it can hold.
+    pub fn capacity(&self) -> usize {
+        self.words.len()
+    }
+
+    /// Forgets everything; the memory stays.
+    pub fn clear(&mut self) {
+        (self.place, self.written, self.cycles) = (0, 0, 0);
+    }
+
+    /// From here on the records belong to the next cycle.
+    pub fn begin_cycle(&mut self) {
+        let count = self.starts.len() as u64;
+        let index = self.cycles.checked_rem(count).unwrap_or(0) as usize;
+        if let Some(start) = self.starts.get_mut(index) {
+            *start = self.written;
+        }
+        self.cycles += 1;
+    }
+
+    /// Appends words; the oldest ones go. More than the ring can hold are not written, and `false` is returned.
+    #[inline]
+    pub fn push(&mut self, words: &[u64]) -> bool {
+        let room = self.words.len() - self.place;
+        if words.len() < room {
+            if let Some(place) = self.words.get_mut(self.place..self.place + words.len()) {
+                place.copy_from_slice(words);
+            }
+            self.place += words.len();
+        } else if words.len() > self.words.len() {
+            return false;
+        } else {
+            let (first, second) = words.split_at(room);
+            if let Some(place) = self.words.get_mut(self.place..) {
+                place.copy_from_slice(first);
+            }
+            if let Some(place) = self.words.get_mut(..second.len()) {
+                place.copy_from_slice(second);
+            }
+            self.place = second.len();
+        }
+        self.written += words.len() as u64;
+        true
+    }
+
+    /// The records of the oldest cycle that is whole and of all after it, in order, in two pieces.
+    pub fn newest(&self) -> [&[u64]; 2] {
+        let remembered = self.cycles.min(self.starts.len() as u64);
+        let first = (self.cycles - remembered..self.cycles)
+            .map(|cycle| self.starts[(cycle % self.starts.len() as u64) as usize])
+            .find(|start| self.written - start <= self.words.len() as u64);
+        let Some(start) = first else {
+            return [&[], &[]];
+        };
+        let length = (self.written - start) as usize;
+        match self.place.checked_sub(length) {
+            Some(from) => [&self.words[from..self.place], &[]],
+            None => [
+                &self.words[self.words.len() - (length - self.place)..],
+                &self.words[..self.place],
+            ],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(ring: &Ring) -> Vec<u64> {
+        ring.newest().concat()
+    }
+
+    #[test]
+    fn an_overfull_ring_keeps_the_newest_whole_cycles() {
+        let mut ring = Ring::new(WORDS_MIN, 10_000);
+        let mut next = 0;
+        for cycle in 0..5000 {
+            ring.begin_cycle();
+            for _ in 0..=cycle % 13 {
+                assert!(ring.push(&[next]));
+                next += 1;
+            }
+            let kept = all(&ring);
+            assert_eq!(kept.last(), Some(&(next - 1)));
+            assert!(kept.windows(2).all(|pair| pair[1] == pair[0] + 1));
+            assert!(
+                next < WORDS_MIN as u64 || kept.len() + 13 > WORDS_MIN,
+                "{}",
+                kept.len()
+            );
+        }
+    }
+
+    #[test]
+    fn it_remembers_at_most_so_many_cycles() {
+        let mut ring = Ring::new(WORDS_MIN, 3);
+        for cycle in 0..10 {
+            ring.begin_cycle();
+            ring.push(&[cycle, cycle]);
+        }
+        assert_eq!(all(&ring), [7, 7, 8, 8, 9, 9]);
+    }
+
+    #[test]
+    fn long_records_wrap_and_too_long_ones_are_refused() {
+        let mut ring = Ring::new(WORDS_MIN, 100);
+        let long: Vec<u64> = (0..3000).collect();
+        for _ in 0..5 {
+            ring.begin_cycle();
+            assert!(ring.push(&long));
+            assert_eq!(all(&ring), long);
+        }
+        assert!(!ring.push(&vec![0; WORDS_MIN + 1]));
+        assert_eq!(all(&ring), long);
+    }
+
+    #[test]
+    fn a_cleared_ring_is_empty() {
+        let mut ring = Ring::new(WORDS_MIN, 100);
+        ring.begin_cycle();
+        ring.push(&[1]);
+        ring.clear();
+        assert!(all(&ring).is_empty());
+        ring.begin_cycle();
+        ring.push(&[2]);
+        assert_eq!(all(&ring), [2]);
+    }
+}
