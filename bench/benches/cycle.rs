@@ -1,8 +1,8 @@
 //! What a cycle costs: chains of simple primitives, and the executor's whole cycle with a motion.
-//! `cargo bench -p rcc-engine --bench cycle`. Only ratios within one run carry over to other machines.
+//! `cargo bench -p rcc-bench --bench cycle`. Only ratios within one run carry over to other machines.
 #![allow(missing_docs)] // criterion makes an undocumented function.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../../rcc-core/engine/tests/common/mod.rs"]
 mod common;
 
 use common::{Bench, Plan, endless_net, line_net};

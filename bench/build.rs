@@ -1,0 +1,48 @@
+//! With the feature `straight-line`: turns the graphs of `graphs/` into plain Rust, which `src/straight.rs` includes.
+//! Run by cargo before the package is compiled.
+
+#[path = "build/straight.rs"]
+mod straight;
+
+use std::error::Error;
+use std::fmt::Write;
+use std::path::Path;
+use std::{env, fs};
+
+/// Programs of these mixes exist without null too: nothing in them ever becomes null.
+const NEVER_NULL: [&str; 2] = ["scalar", "mat"];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=build");
+    println!("cargo:rerun-if-changed=graphs");
+    if env::var_os("CARGO_FEATURE_STRAIGHT_LINE").is_none() {
+        return Ok(());
+    }
+    let (mut code, mut table) = (String::new(), String::new());
+    for mix in ["scalar", "mat", "full"] {
+        for nodes in [50, 500, 2000, 10_000] {
+            let name = format!("{mix}_{nodes}");
+            let graph = serde_json::from_str(&fs::read_to_string(format!("graphs/{name}.json"))?)?;
+            let variants: &[&str] = if NEVER_NULL.contains(&mix) {
+                &["plain", "null"]
+            } else {
+                &["null"]
+            };
+            for variant in variants {
+                straight::write(&mut code, &graph, &name, variant)?;
+                writeln!(
+                    table,
+                    "    Straight {{ graph: \"{name}\", null: {}, make: || Box::new({name}_{variant}::State::new()) }},",
+                    *variant == "null"
+                )?;
+            }
+        }
+    }
+    writeln!(
+        code,
+        "/// Every program.\npub const ALL: &[Straight] = &[\n{table}];"
+    )?;
+    fs::write(Path::new(&env::var("OUT_DIR")?).join("straight.rs"), code)?;
+    Ok(())
+}

@@ -1,0 +1,317 @@
+//! A net of one kernel of the catalogue, many times over, made from the primitive's spec alone: what is added to the
+//! catalogue is measured without an edit here. Run by the benchmarks.
+
+use bytemuck::Zeroable;
+use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::SrsArm;
+use rcc_core::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, Joints, Measurement};
+use rcc_core::plan::{CLOCKS_MAX, Run};
+use rcc_core::primitive::{ChannelKind, Literal, ParameterKind, PortType, Role, Spec};
+use rcc_core::primitives::{self, CATALOGUE, Entry};
+use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
+use rcc_engine::net::Net;
+use rcc_ipc::control::{PlanData, Refusal};
+
+/// Primitives in one run; fewer where a resource is unique.
+pub const RUN: u32 = 256;
+/// Joints of the devices.
+const JOINTS: u32 = 7;
+/// Where the arms are.
+const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+const PERIOD_S: f64 = 1e-3;
+
+/// One kernel of the catalogue.
+#[derive(Clone, Copy)]
+pub struct Row {
+    /// Its primitive.
+    pub entry: &'static Entry,
+    /// Its number in plans.
+    pub number: u16,
+    /// The arena of its polymorphic ports.
+    pub store: Option<Store>,
+}
+
+impl Row {
+    /// Name of the primitive, with the arena if it has kernels for several.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let name = self.entry.spec.name;
+        match (self.entry.kernels.len(), self.store) {
+            (2.., Some(store)) => format!("{name} ({store:?})"),
+            _ => name.to_owned(),
+        }
+    }
+}
+
+/// Every kernel, in the order of the catalogue.
+pub fn rows() -> impl Iterator<Item = Row> {
+    CATALOGUE.iter().enumerate().flat_map(|(index, entry)| {
+        let kernels = entry.kernels.iter().enumerate();
+        kernels.map(move |(kernel, it)| Row {
+            entry,
+            number: primitives::kernel_number(index, kernel),
+            store: it.store,
+        })
+    })
+}
+
+/// The devices that the nets of this module use: arms with as many channels as there can be.
+#[must_use]
+pub fn models() -> Vec<DeviceModel> {
+    let limits = JointLimits {
+        lower: [-2.9; 8],
+        upper: [2.9; 8],
+        velocity_max: [2.0; 8],
+        acceleration_max: [20.0; 8],
+        joints: JOINTS as usize,
+    };
+    let model = DeviceModel {
+        joints: JOINTS,
+        arm: Some(ARM),
+        limits,
+        first_tolerance_rad: 1e-3,
+        channels: [
+            DIGITAL_MAX as u32,
+            DIGITAL_MAX as u32,
+            ANALOG_MAX as u32,
+            ANALOG_MAX as u32,
+        ],
+    };
+    vec![model; DEVICES_MAX]
+}
+
+/// What they measure: present, at rest at their hold set-point.
+#[must_use]
+pub fn devices() -> Vec<DeviceInput> {
+    let mut measurement = Measurement::zeroed();
+    measurement.joints = JOINTS;
+    measurement.hold = HOLD;
+    measurement.position = HOLD;
+    measurement.analog = [0.5; ANALOG_MAX];
+    vec![
+        DeviceInput {
+            present: true,
+            measurement
+        };
+        DEVICES_MAX
+    ]
+}
+
+/// The lengths of an LWR 4+.
+const ARM: SrsArm = SrsArm {
+    shoulder_height: 0.3105,
+    upper_arm: 0.4,
+    forearm: 0.39,
+    wrist_to_flange: 0.078,
+    signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
+};
+
+/// How many of a primitive fit into one net.
+#[must_use]
+pub fn count(spec: &Spec) -> u32 {
+    match spec.role {
+        Role::Termination => 1,
+        Role::CommandsArm => DEVICES_MAX as u32,
+        Role::Motion => CLOCKS_MAX.min(RUN),
+        _ => RUN,
+    }
+}
+
+/// A net of `count` primitives of a kernel, and a `Termination` that never ends it. No input is null, unless by default.
+///
+/// # Errors
+/// What the executor has against it.
+pub fn net(row: &Row, count: u32) -> Result<Box<Net>, Refusal> {
+    let mut filling = Filling {
+        data: PlanData {
+            catalogue: primitives::fingerprint(),
+            ..PlanData::default()
+        },
+        number: 0,
+    };
+    for number in 0..count {
+        filling.number = number;
+        filling.group(&row.entry.spec, row.store);
+    }
+    let mut data = filling.data;
+    let mut push = |kernel, first: usize, end: usize| {
+        if end > first {
+            data.runs.push(Run {
+                kernel,
+                first: first as u32,
+                operands: (end - first) as u32,
+            });
+        }
+    };
+    let end = data.operands.len();
+    push(row.number, 0, end);
+    if row.entry.spec.role != Role::Termination || count == 0 {
+        let (termination, _) = primitives::find("Termination").unwrap_or((0, CATALOGUE[0]));
+        push(primitives::kernel_number(termination, 0), end, end + 1);
+        data.bools.push(0);
+        data.operands.push(data.bools.len() as u32 - 1);
+    }
+    let holds = vec![Some(HOLD); DEVICES_MAX];
+    Net::build(data, &models(), 0, &holds, PERIOD_S)
+}
+
+/// Lays operands and slots out, primitive by primitive.
+struct Filling {
+    data: PlanData,
+    number: u32,
+}
+
+impl Filling {
+    /// The operands of one primitive, in the order of [`Spec::operands`].
+    fn group(&mut self, spec: &Spec, store: Option<Store>) {
+        for port in spec.inputs {
+            let operand = self.value(port.ty, store, port.default);
+            self.data.operands.push(operand);
+        }
+        for port in spec.outputs {
+            let operand = self.value(port.ty, store, Some(Literal::Null));
+            self.data.operands.push(operand);
+        }
+        for parameter in spec.parameters {
+            let operand = match parameter.kind {
+                ParameterKind::Value(ty, _) => self.value(ty, store, parameter.default),
+                ParameterKind::Arm | ParameterKind::Device => self.number % DEVICES_MAX as u32,
+                ParameterKind::Channel(kind) => self.number / DEVICES_MAX as u32 % channels(kind),
+                ParameterKind::Rate => continue,
+            };
+            self.data.operands.push(operand);
+        }
+        let state = spec.state;
+        for (store, count) in [
+            (Store::Real, state.reals),
+            (Store::Bool, state.bools),
+            (Store::Int, state.ints),
+        ] {
+            if count > 0 {
+                let start = if store == Store::Int {
+                    Literal::Int(0)
+                } else {
+                    Literal::Null
+                };
+                let operand = self.slot(store, count, Some(start));
+                self.data.operands.push(operand);
+            }
+        }
+        if spec.role == Role::Motion {
+            self.data.operands.push(self.data.clocks);
+            self.data.clocks += 1;
+        }
+        if spec.is_polymorphic() {
+            let joints = |ports: &[rcc_core::primitive::Port]| {
+                ports.iter().any(|port| port.ty == PortType::Joints)
+            };
+            let wide = joints(spec.inputs) || joints(spec.outputs);
+            self.data.operands.push(if wide { JOINTS } else { 1 });
+        }
+    }
+
+    fn value(&mut self, ty: PortType, store: Option<Store>, default: Option<Literal>) -> u32 {
+        match ty {
+            PortType::Is(ty) if default.is_none() && ty.store() == Some(Store::Real) => {
+                self.composite(ty)
+            }
+            PortType::Is(ty) => self.slot(ty.store().unwrap_or(Store::Real), ty.width(), default),
+            PortType::Joints if default.is_none() => self.reals(&HOLD[..JOINTS as usize]),
+            PortType::Joints => self.slot(Store::Real, JOINTS, default),
+            _ => self.slot(store.unwrap_or(Store::Real), 1, default),
+        }
+    }
+
+    /// A value that makes sense for its type.
+    fn composite(&mut self, ty: Type) -> u32 {
+        let joints: [f64; 7] = [0, 1, 2, 3, 4, 5, 6].map(|joint: usize| HOLD[joint] * 0.9);
+        match ty {
+            Type::Real => self.slot(Store::Real, 1, None),
+            Type::Pose => self.reals(&ARM.forward(&joints).to_slots()),
+            Type::Rotation => self.reals(&[0.0, 0.0, 0.0, 1.0]),
+            Type::Matrix(rows, columns) => {
+                let places =
+                    (0..rows).flat_map(|row| (0..columns).map(move |column| row == column));
+                let identity: Vec<f64> = places
+                    .map(|diagonal| f64::from(u8::from(diagonal)))
+                    .collect();
+                self.reals(&identity)
+            }
+            ty => self.slot(Store::Real, ty.width(), None),
+        }
+    }
+
+    fn reals(&mut self, values: &[f64]) -> u32 {
+        self.data.reals.extend(values);
+        (self.data.reals.len() - values.len()) as u32
+    }
+
+    /// New slots with a default value, or with a number that differs from primitive to primitive.
+    fn slot(&mut self, store: Store, width: u32, default: Option<Literal>) -> u32 {
+        let data = &mut self.data;
+        let end = match store {
+            Store::Real => {
+                let value = match default {
+                    Some(Literal::Real(value)) => value,
+                    Some(_) => NULL_REAL,
+                    None => 0.5 + f64::from(self.number) / 1024.0,
+                };
+                data.reals.resize(data.reals.len() + width as usize, value);
+                data.reals.len()
+            }
+            Store::Bool => {
+                let value = match default {
+                    Some(Literal::Bool(value)) => u8::from(value),
+                    Some(_) => NULL_BOOL,
+                    None => u8::from(self.number.wrapping_mul(0x9e37_79b9) >> 31 == 1),
+                };
+                data.bools.resize(data.bools.len() + width as usize, value);
+                data.bools.len()
+            }
+            Store::Int => {
+                let value = match default {
+                    Some(Literal::Int(value)) => value,
+                    Some(_) => NULL_INT,
+                    None => i64::from(self.number),
+                };
+                data.ints.resize(data.ints.len() + width as usize, value);
+                data.ints.len()
+            }
+        };
+        end as u32 - width
+    }
+}
+
+fn channels(kind: ChannelKind) -> u32 {
+    match kind {
+        ChannelKind::DigitalInput | ChannelKind::DigitalOutput => DIGITAL_MAX as u32,
+        ChannelKind::AnalogInput | ChannelKind::AnalogOutput => ANALOG_MAX as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_engine::net::Evaluation;
+
+    #[test]
+    fn every_kernel_of_the_catalogue_can_be_measured() {
+        for row in rows() {
+            let net = net(&row, count(&row.entry.spec));
+            let mut net = net.unwrap_or_else(|refusal| panic!("{}: {refusal:?}", row.name()));
+            let evaluation = net.evaluate(&models(), &devices(), PERIOD_S);
+            let ends = row.entry.spec.role == Role::Termination;
+            let want = if ends {
+                Evaluation::Terminated
+            } else {
+                Evaluation::Running
+            };
+            assert!(
+                evaluation == want || evaluation == Evaluation::Running,
+                "{}",
+                row.name()
+            );
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! What the cycle is measured with: the benchmark graphs (`graphs/`), nets of one kernel of the catalogue, and the graphs
+//! as straight-line Rust. Run by `cargo bench -p rcc-bench` and by the programs in `examples/`; nothing here is real-time.
+//!
+//! `cargo bench -p rcc-bench --features straight-line` measures against straight-line code in the same run;
+//! `bench/hal` and `bench/wakeup` measure against LinuxCNC HAL and cyclictest.
+
+pub mod catalogue;
+#[cfg(feature = "straight-line")]
+pub mod straight;
