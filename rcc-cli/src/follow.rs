@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded};
+use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, Named, Switch, Switched};
 use rcc_loader::server::codes::{self, exit};
 
 use crate::client::{Client, segment};
@@ -101,6 +101,26 @@ pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure>
         &format!("/commands/{}/{what}", segment(name)),
         String::new(),
     )
+}
+
+/// START of some commands after stopping others, between the same two cycles.
+///
+/// # Errors
+/// Not reachable, or refused: then nothing has changed.
+pub fn switch(client: &Client, stop: &[String], start: &[String]) -> Result<Switched, Failure> {
+    let named = |names: &[String]| names.iter().cloned().map(Named::Name).collect();
+    let switch = Switch {
+        stop: named(stop),
+        start: named(start),
+    };
+    let body = serde_json::to_string(&switch).map_err(|error| {
+        Failure::new(
+            codes::BAD_REQUEST,
+            error.to_string(),
+            "write the names as UTF-8",
+        )
+    })?;
+    client.post("/switch", body)
 }
 
 /// `net#id`.

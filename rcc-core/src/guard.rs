@@ -14,6 +14,9 @@ const ROUNDING_MAX: f64 = 1e-3;
 /// A step that would need more than this many times the velocity limit is a jump, not a motion that is too fast.
 const JUMP_RATIO: f64 = 10.0;
 
+/// Slower than this part of its velocity limits an arm counts as resting.
+pub const SLOW: f64 = 1e-3;
+
 /// What a robot's configuration allows; elements beyond `joints` are not looked at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLimits {
@@ -228,6 +231,39 @@ impl Guard {
         history.dt_s = Some(dt_s);
         self.history = Some(history);
         Ok(())
+    }
+
+    /// The first set-point after a gap, while the device still plays the set-points before it: it must match the last one
+    /// that was accepted, where the device will rest (see [`Guard::rests`]). The history begins here.
+    ///
+    /// # Errors
+    /// As [`Guard::first`]; without a set-point before it, it is a jump.
+    pub fn resume(&mut self, position: &[f64]) -> Result<(), Violation> {
+        match self.history {
+            Some(last) => self.first(position, &last.position),
+            None => Err(Violation {
+                kind: ViolationKind::Jump,
+                joint: 0,
+                value: element(position, 0),
+                limit: self.first_tolerance,
+            }),
+        }
+    }
+
+    /// The last accepted set-points are so slow that a device may just be left at the last one: slower than this part of
+    /// the velocity limits, and than one period of the acceleration limits.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        let Some(history) = self.history else {
+            return true;
+        };
+        let Some(dt_s) = history.dt_s else {
+            return true;
+        };
+        self.joints().zip(history.velocity).all(|(joint, velocity)| {
+            libm::fabs(velocity)
+                <= libm::fmin(SLOW * joint.velocity_max, joint.acceleration_max * dt_s)
+        })
     }
 
     fn joints(&self) -> impl Iterator<Item = Joint> + use<> {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
-use rcc_ipc::control::{Answer, Call, MEASUREMENT, Refusal};
+use rcc_ipc::control::{Answer, Call, MEASUREMENT, Refusal, SWITCH_MAX};
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
@@ -171,6 +171,18 @@ impl Intake {
             Call::Reserve => Order::Reserve { ticket },
             Call::Reject { id } => Order::Reject { ticket, id },
             Call::Start { id } => Order::Start { ticket, id },
+            Call::Switch { stop, start } => match (named(&stop), named(&start)) {
+                (Some(stop), Some(start)) => Order::Switch {
+                    ticket,
+                    stop,
+                    start,
+                },
+                _ => {
+                    let max = SWITCH_MAX as u32;
+                    let refusal = Refusal::SwitchTooLarge { max };
+                    return reply(request, &Answer::Refused(refusal));
+                }
+            },
             Call::Cancel { id } => Order::Cancel { ticket, id },
             Call::Abort { id } => Order::Abort { ticket, id },
             Call::Unload { id } => Order::Unload { ticket, id },
@@ -303,6 +315,13 @@ impl Intake {
             }
         }
     }
+}
+
+/// The ids in a list of fixed length, if they fit; 0 names none.
+fn named(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
+    let mut list = [0; SWITCH_MAX];
+    list.get_mut(..ids.len())?.copy_from_slice(ids);
+    Some(list)
 }
 
 fn reply(request: Request, answer: &Answer) {

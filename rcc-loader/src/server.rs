@@ -9,6 +9,7 @@ pub mod door;
 pub mod doors;
 pub mod error;
 pub mod executor;
+mod handover;
 mod head;
 pub mod routes;
 pub mod service;

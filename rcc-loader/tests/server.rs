@@ -15,6 +15,7 @@ use rcc_core::frame::PrepareFault;
 use rcc_core::message::CommandState;
 use rcc_core::plan::Resource;
 use rcc_ipc::control::{Call, Refusal};
+use rcc_loader::server::api::{Done, Named, Switch};
 use rcc_loader::server::codes;
 use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::{CommandFile, Store};
@@ -104,6 +105,112 @@ fn a_restarted_loader_rejects_what_a_dead_one_was_loading_and_keeps_names() {
         matches!(calls.as_slice(), [Call::Reject { id: 5 }]),
         "{calls:?}"
     );
+}
+
+#[test]
+fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
+    let test = TestCell::new("handover");
+    let rows = [
+        (3, CommandState::Running),
+        (4, CommandState::Ready),
+        (5, CommandState::Ready),
+    ];
+    let executor = FakeExecutor::start(&test.cell, &rows, None);
+    let store = Store::of(&test.cell, executor.incarnation);
+    for (id, net) in [(3, "line"), (4, "line"), (5, "lamp")] {
+        let file = CommandFile {
+            id,
+            net: net.to_owned(),
+            ..CommandFile::default()
+        };
+        store.write(&file).expect("written");
+    }
+    let service = service(&test.cell);
+    let line = || Named::Name("line".to_owned());
+    let switched = service.switch(&Switch {
+        stop: vec![line()],
+        start: vec![line(), Named::Id(5)],
+    });
+    let switched = switched.expect("done");
+    let ids = |rows: &[Done]| rows.iter().map(|done| done.id).collect::<Vec<_>>();
+    assert_eq!(
+        (
+            switched.cycle,
+            ids(&switched.stopped),
+            ids(&switched.started)
+        ),
+        (8, vec![3], vec![4, 5])
+    );
+    let last = executor.seen.lock().expect("seen").calls.last().cloned();
+    assert!(
+        matches!(&last, Some(Call::Switch { stop, start }) if *stop == [3] && *start == [4, 5]),
+        "{last:?}"
+    );
+    let nothing = service
+        .switch(&Switch::default())
+        .expect_err("nothing named");
+    assert_eq!(nothing.code, codes::BAD_REQUEST);
+    let nine = Switch {
+        stop: vec![line(); 9],
+        start: Vec::new(),
+    };
+    assert_eq!(
+        service.switch(&nine).expect_err("too many").code,
+        codes::NAMED_TWICE
+    );
+    let unknown = Switch {
+        stop: vec![line()],
+        start: vec![Named::Name("nobody".to_owned())],
+    };
+    assert_eq!(
+        service.switch(&unknown).expect_err("unknown").code,
+        codes::UNKNOWN_COMMAND
+    );
+}
+
+#[test]
+fn a_hand_over_is_asked_for_with_start_or_alone() {
+    let test = TestCell::new("switch");
+    let rows = [
+        (1, CommandState::Running),
+        (2, CommandState::Ready),
+        (3, CommandState::Ready),
+        (4, CommandState::Ready),
+    ];
+    let executor = FakeExecutor::start(&test.cell, &rows, None);
+    let _served = Served::start(&test.cell);
+    let asked = |head: &str, body: &str| ask(&test.cell, head, body.as_bytes());
+    let (status, body) = asked("POST /commands/2/start", r#"{"after_stopping": [1]}"#);
+    assert_eq!(
+        (status, &body["id"], &body["cycle"]),
+        (200, &2.into(), &8.into())
+    );
+    let (status, body) = asked("POST /switch", r##"{"stop": ["#2"], "start": ["3"]}"##);
+    assert_eq!(
+        (status, &body["started"][0]["id"]),
+        (200, &3.into()),
+        "{body}"
+    );
+    assert_eq!(asked("POST /commands/4/start", "{}").0, 200);
+    for (head, body) in [
+        ("POST /commands/2/start", r#"{"after": [1]}"#),
+        ("POST /switch", "stop: [1]"),
+        ("POST /switch", "{}"),
+    ] {
+        let (status, answer) = asked(head, body);
+        assert_eq!(
+            (status, &answer["code"]),
+            (400, &"RCC4011".into()),
+            "{answer}"
+        );
+    }
+    let calls = &executor.seen.lock().expect("seen").calls;
+    let switch = |stop: u64, start: u64| Call::Switch {
+        stop: vec![stop],
+        start: vec![start],
+    };
+    let wanted = [switch(1, 2), switch(2, 3), Call::Start { id: 4 }];
+    assert_eq!(format!("{calls:?}"), format!("{wanted:?}"));
 }
 
 #[test]
@@ -200,8 +307,21 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         device: 0,
         channel: 0,
     };
+    let continuation = |violation| Refusal::Continuation {
+        device: 0,
+        joint: 2,
+        value: 0.2,
+        limit: 0.002,
+        violation,
+    };
     let refusals = [
         Refusal::NotUnderstood,
+        Refusal::SwitchTooLarge { max: 8 },
+        Refusal::NamedTwice,
+        Refusal::NeverTogether,
+        Refusal::LetsGo { device: 0 },
+        continuation(4),
+        continuation(5),
         Refusal::TableFull,
         Refusal::UnknownCommand,
         Refusal::WrongState { state: 4 },
@@ -270,7 +390,12 @@ fn without_an_executor_every_address_says_so_and_the_catalogue_is_there() {
         "GET /devices",
         "GET /status",
     ] {
-        let (status, body) = ask(&cell, head, b"net: x");
+        let text: &[u8] = if head == "POST /commands" {
+            b"net: x"
+        } else {
+            b""
+        };
+        let (status, body) = ask(&cell, head, text);
         assert_eq!((status, &body["code"]), (503, &"RCC4001".into()), "{head}");
     }
     let (status, catalogue) = ask(&cell, "GET /primitives", b"");

@@ -3,7 +3,7 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_engine::queue::Order;
-use rcc_ipc::control::{Answer, Call};
+use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
 use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;
 
@@ -57,6 +57,10 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
             .choose(&[
                 Call::Cancel { id },
                 Call::Abort { id },
+                Call::Switch {
+                    stop: vec![id],
+                    start: vec![id + 1],
+                },
                 Call::Unload { id },
                 Call::Reject { id },
             ])?
@@ -82,6 +86,21 @@ fn obey(bench: &mut Bench, call: Call) {
         Call::Reserve => bench.ask(|ticket| Order::Reserve { ticket }),
         Call::Reject { id } => bench.ask(|ticket| Order::Reject { ticket, id }),
         Call::Start { id } => bench.ask(|ticket| Order::Start { ticket, id }),
+        Call::Switch { stop, start } => {
+            let named = |ids: &[u64]| {
+                let mut list = [0; SWITCH_MAX];
+                list.iter_mut()
+                    .zip(ids)
+                    .for_each(|(place, id)| *place = *id);
+                list
+            };
+            let (stop, start) = (named(&stop), named(&start));
+            bench.ask(|ticket| Order::Switch {
+                ticket,
+                stop,
+                start,
+            })
+        }
         Call::Cancel { id } => bench.ask(|ticket| Order::Cancel { ticket, id }),
         Call::Abort { id } => bench.ask(|ticket| Order::Abort { ticket, id }),
         Call::Unload { id } => bench.ask(|ticket| Order::Unload { ticket, id }),

@@ -7,6 +7,7 @@
 mod devices;
 mod life;
 mod rates;
+mod switch;
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
@@ -20,8 +21,9 @@ use rcc_core::plan::Resources;
 use rcc_ipc::BoardReader;
 
 use crate::net::Nets;
-use crate::queue::{Event, Outcome, RtEnds};
+use crate::queue::{Event, Order, Outcome, RtEnds};
 use crate::record::{Reason, Recorder};
+use switch::Switch;
 
 /// Orders taken in one cycle.
 pub const ORDERS_PER_CYCLE: usize = 8;
@@ -51,6 +53,8 @@ struct Device {
     guard: Guard,
     /// The command that holds the arm and commands it now, and the number of that engagement.
     engagement: Option<Engagement>,
+    /// Guard and engagement as they were before a hand-over was tried.
+    kept: (Guard, Option<Engagement>),
     /// Set-point of this cycle.
     output: DeviceOutput,
     image: Box<CommandImage>,
@@ -63,6 +67,8 @@ struct Engagement {
     number: u64,
     since_cycle: u64,
     followed: bool,
+    /// The driver follows this engagement, and not one before it, when it has played this logical time, ns.
+    follows_from_ns: u64,
 }
 
 /// A row that was started or terminated and waits for something.
@@ -90,6 +96,8 @@ pub struct Engine {
     boards: Vec<Option<(u64, Box<BoardReader<Measurement>>)>>,
     nets: Box<Nets>,
     pending: [Pending; COMMANDS_MAX],
+    /// A hand-over that is tried before the rows are evaluated, as soon as all that begin are due.
+    switch: Option<Switch>,
     status: CycleStatus,
     tables: Box<Tables>,
     tables_changed: bool,
@@ -123,6 +131,7 @@ impl Engine {
             image.set_points = [SetPoint::NONE; SET_POINTS];
             let guard = Guard::new(model.limits, model.first_tolerance_rad);
             Device {
+                kept: (guard.clone(), None),
                 guard,
                 engagement: None,
                 output: DeviceOutput::NONE,
@@ -137,6 +146,7 @@ impl Engine {
             boards: config.models.iter().map(|_| None).collect(),
             nets: Box::new([const { None }; COMMANDS_MAX]),
             pending: [Pending::Nothing; COMMANDS_MAX],
+            switch: None,
             status,
             tables,
             tables_changed: true,
@@ -217,7 +227,8 @@ impl Engine {
             device.output = DeviceOutput::NONE;
         }
         self.take_orders();
-        for row in 0..COMMANDS_MAX {
+        let begun = self.run_switch(now_ns);
+        for row in (0..COMMANDS_MAX).filter(|row| begun >> row & 1 == 0) {
             self.run_row(row, now_ns);
         }
         self.write_images(now_ns);
@@ -266,6 +277,8 @@ impl Engine {
                 return;
             }
             match self.ends.orders.pop() {
+                // What comes behind a hand-over is obeyed after it was tried.
+                Ok(order @ Order::Switch { .. }) => return self.obey(order),
                 Ok(order) => self.obey(order),
                 Err(_) => return,
             }

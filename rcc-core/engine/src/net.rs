@@ -222,7 +222,7 @@ impl Net {
         #[cfg(test)]
         let panics = self.panics;
         // A panic here would be a bug of ours; it ends this net and no other. Nothing of a net is used again after a
-        // panic, so that it need not be unwind safe.
+        // panic before `reset` has written all of it anew, so that it need not be unwind safe.
         let completed = catch_unwind(AssertUnwindSafe(|| {
             #[cfg(test)]
             assert!(!panics, "asked for by a test");
@@ -354,13 +354,13 @@ fn prepare(
 pub type Nets = [Option<Box<Net>>; COMMANDS_MAX];
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use rcc_core::plan::Run;
 
     use super::*;
 
     /// A net of one `Termination` that never ends.
-    fn net() -> Box<Net> {
+    pub(crate) fn endless() -> Box<Net> {
         let (termination, _) = primitives::find("Termination").unwrap();
         let run = Run {
             kernel: primitives::kernel_number(termination, 0),
@@ -380,7 +380,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_a_primitive_is_a_fault_of_its_net() {
-        let mut net = net();
+        let mut net = endless();
         assert_eq!(net.evaluate(&[], &[], 1e-3), Evaluation::Running);
         net.panics = true;
         assert_eq!(

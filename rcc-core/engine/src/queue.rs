@@ -3,7 +3,7 @@
 
 use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
 use rcc_ipc::BoardReader;
-use rcc_ipc::control::Answer;
+use rcc_ipc::control::{Answer, SWITCH_MAX};
 use rtrb::{Consumer, Producer};
 
 use crate::net::Net;
@@ -29,6 +29,12 @@ pub enum Order {
     Reject { ticket: u64, id: u64 },
     /// START.
     Start { ticket: u64, id: u64 },
+    /// Hand-over: stops and starts commands between the same two cycles, or changes nothing; 0 names none.
+    Switch {
+        ticket: u64,
+        stop: [u64; SWITCH_MAX],
+        start: [u64; SWITCH_MAX],
+    },
     /// CANCEL.
     Cancel { ticket: u64, id: u64 },
     /// ABORT.

@@ -16,6 +16,9 @@ pub const RECORDS: &str = "records";
 /// Name of a driver's board with [`rcc_core::message::Measurement`].
 pub const MEASUREMENT: &str = "measurement";
 
+/// Most commands that one [`Call::Switch`] stops, and most that it starts.
+pub const SWITCH_MAX: usize = 8;
+
 /// Name of the executor's board with the [`rcc_core::message::CommandImage`] of a device.
 #[must_use]
 pub fn command_board(device: &str) -> String {
@@ -94,6 +97,13 @@ pub enum Call {
         /// Command id.
         id: u64,
     },
+    /// Hand-over: stops some commands and starts others between the same two cycles, or changes nothing.
+    Switch {
+        /// Ids of active commands, at most [`SWITCH_MAX`]; each ends `aborted` (one whose motion is over: `finished`).
+        stop: Vec<u64>,
+        /// Ids of ready commands, at most [`SWITCH_MAX`].
+        start: Vec<u64>,
+    },
     /// CANCEL.
     Cancel {
         /// Command id.
@@ -128,6 +138,13 @@ pub enum Answer {
     },
     /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
     Refused(Refusal),
+    /// A hand-over is refused because of one of its commands; nothing changed.
+    RefusedFor {
+        /// Command id.
+        id: u64,
+        /// Why.
+        refusal: Refusal,
+    },
 }
 
 /// Why the executor refused.
@@ -174,6 +191,33 @@ pub enum Refusal {
         limit: f64,
         /// [`rcc_core::guard::ViolationKind`] as a number.
         violation: u32,
+    },
+    /// A hand-over names more commands than this to stop or to start.
+    SwitchTooLarge {
+        /// [`SWITCH_MAX`].
+        max: u32,
+    },
+    /// A hand-over names the command twice.
+    NamedTwice,
+    /// A hand-over starts nets of several rates that are not evaluated in a common cycle within a second.
+    NeverTogether,
+    /// The first set-point does not continue the motion of what a hand-over stops (`rcc_core::guard`).
+    Continuation {
+        /// Device index.
+        device: u32,
+        /// Joint, counted from 1.
+        joint: u32,
+        /// What was asked for: rad, rad/s or rad/s².
+        value: f64,
+        /// What is allowed.
+        limit: f64,
+        /// [`rcc_core::guard::ViolationKind`] as a number.
+        violation: u32,
+    },
+    /// A hand-over would let go of an arm: the command claims it but has no set-point for it in its first cycle.
+    LetsGo {
+        /// Device index.
+        device: u32,
     },
     /// The first cycle of the net ended with a fault ([`rcc_core::message::FaultCode`] as a number).
     FirstCycle {

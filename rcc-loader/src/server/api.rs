@@ -76,6 +76,48 @@ pub struct Done {
     pub cycle: u64,
 }
 
+/// A command as a request names it: its id, the net's name, or `name#id`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum Named {
+    /// An id.
+    Id(u64),
+    /// A name (of several nets of that name the newest that it suits), `name#id`, or an id as text.
+    Name(String),
+}
+
+/// What START may ask for besides.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// Commands that end between the same two cycles; if the net cannot take over from them, nothing changes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub after_stopping: Vec<Named>,
+}
+
+/// A hand-over: all of it between the same two cycles, or nothing.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Switch {
+    /// Active commands that end, at most 8.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stop: Vec<Named>,
+    /// Ready commands that begin, at most 8.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub start: Vec<Named>,
+}
+
+/// Answer to a hand-over.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Switched {
+    /// Executor cycle in which the started ones were evaluated first; the stopped ones' last was the one before.
+    pub cycle: u64,
+    /// What ended, as it was named.
+    pub stopped: Vec<Done>,
+    /// What began, as it was named.
+    pub started: Vec<Done>,
+}
+
 /// A command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct CommandView {

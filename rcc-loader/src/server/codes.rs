@@ -58,6 +58,10 @@ codes! {
     OVERLOADED = "RCC3015", 503, CONFLICT, "No room for it now.";
     STOPPING = "RCC3016", 503, UNREACHABLE, "The executor is stopping.";
     LOADER_DIED = "RCC3017", 409, FAILED, "The loader died while it loaded the command.";
+    DISCONTINUOUS = "RCC3018", 409, CONFLICT, "The first set-point does not continue the motion.";
+    LETS_GO = "RCC3019", 409, CONFLICT, "A hand-over would let go of an arm.";
+    NAMED_TWICE = "RCC3020", 400, USAGE, "A hand-over names a command twice, or too many.";
+    NOT_TOGETHER = "RCC3021", 409, CONFLICT, "Nets of a hand-over are never evaluated in a common cycle.";
     NO_RECORDER = "RCC3030", 409, CONFLICT, "The flight recorder is switched off.";
     NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
     EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";

@@ -18,6 +18,7 @@ use utoipa::OpenApi;
 use super::api;
 use super::api::{
     CommandDetail, CommandView, DeviceView, Done, ErrorBody, Loaded, PrimitiveView, StatusView,
+    Switched,
 };
 use super::catalogue;
 use super::codes;
@@ -53,7 +54,7 @@ struct Shared {
         description = "Robot Control Core: load a net as a command, start it, cancel it, look at it."
     ),
     paths(
-        load, list, detail, start, cancel, abort, unload, devices, primitives, status
+        load, list, detail, start, switch, cancel, abort, unload, devices, primitives, status
     ),
     components(schemas(ErrorBody, api::Finding, api::Place))
 )]
@@ -79,6 +80,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/commands", post(load).get(list))
         .route("/commands/{name}", get(detail).delete(unload))
         .route("/commands/{name}/start", post(start))
+        .route("/switch", post(switch))
         .route("/commands/{name}/cancel", post(cancel))
         .route("/commands/{name}/abort", post(abort))
         .route("/devices", get(devices))
@@ -246,14 +248,54 @@ async fn operate(shared: Shared, name: String, what: Operation) -> Result<Json<D
         .map(Json)
 }
 
-/// START: evaluated from the next cycle on.
+/// START: evaluated from the next cycle on. With `after_stopping` those commands end between the same two cycles, and
+/// an arm that they command goes on with the first set-point of this one; if that cannot be, nothing changes.
 #[utoipa::path(post, path = "/commands/{name}/start", params(("name" = String, Path, description = "id or name")),
-    responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+    request_body(content = Option<api::Start>, description = "may be left out"),
+    responses((status = 200, body = Done), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
+        (status = 409, body = ErrorBody)))]
 async fn start(
     State(shared): State<Shared>,
     Path(name): Path<String>,
+    body: Bytes,
 ) -> Result<Json<Done>, ApiError> {
-    operate(shared, name, Operation::Start).await
+    let api::Start { after_stopping } = match body.is_empty() {
+        true => api::Start::default(),
+        false => json(&body)?,
+    };
+    if after_stopping.is_empty() {
+        return operate(shared, name, Operation::Start).await;
+    }
+    let switch = api::Switch {
+        stop: after_stopping,
+        start: vec![api::Named::Name(name)],
+    };
+    blocking(shared, move |service| service.start_after(&switch))
+        .await
+        .map(Json)
+}
+
+/// Hand-over: some commands end and others begin between the same two cycles, or nothing changes. An arm goes on without
+/// a gap: the first set-point must continue from the last one.
+#[utoipa::path(post, path = "/switch", request_body(content = api::Switch),
+    responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
+        (status = 409, body = ErrorBody)))]
+async fn switch(State(shared): State<Shared>, body: Bytes) -> Result<Json<Switched>, ApiError> {
+    let switch: api::Switch = json(&body)?;
+    blocking(shared, move |service| service.switch(&switch))
+        .await
+        .map(Json)
+}
+
+/// A body of JSON.
+fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
+    serde_json::from_slice(body).map_err(|error| {
+        ApiError::new(
+            codes::BAD_REQUEST,
+            format!("the body is not understood: {error}"),
+            "`GET /openapi.json` shows what it may be",
+        )
+    })
 }
 
 /// CANCEL: the net's `Cancel` says true from the next cycle on.
@@ -341,6 +383,7 @@ mod tests {
             "/devices",
             "/primitives",
             "/status",
+            "/switch",
         ];
         assert_eq!(paths.as_deref(), Some(&expected.map(String::from)[..]));
         Ok(())

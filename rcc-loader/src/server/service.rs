@@ -47,7 +47,7 @@ pub enum Operation {
 
 impl Operation {
     /// True for the states in which the operation can do something.
-    fn suits(self, state: CommandState) -> bool {
+    pub(super) fn suits(self, state: CommandState) -> bool {
         match self {
             Operation::Start => state == CommandState::Ready,
             Operation::Cancel | Operation::Abort => state.is_active(),
@@ -183,7 +183,7 @@ impl Service {
             Answer::Refused(refusal) => {
                 Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
             }
-            Answer::Done { .. } => Err(unexpected()),
+            Answer::Done { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
         }
     }
 
@@ -269,6 +269,7 @@ impl Service {
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
         let refused = match handed_over {
+            Ok(Answer::RefusedFor { .. }) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
             Ok(Answer::Refused(refusal)) => {
                 self.with_namer(Some(&store), |namer| namer.refusal(id, refusal))
@@ -331,13 +332,13 @@ impl Service {
             Answer::Refused(refusal) => {
                 Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
             }
-            Answer::Reserved { .. } => Err(unexpected()),
+            Answer::Reserved { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
         }
     }
 
     /// `7`, `line` and `line#7` name a command. Of several of one name it is the newest in a state that suits, else the
     /// newest.
-    fn resolve(
+    pub(super) fn resolve(
         &self,
         attached: &Attached,
         store: &Store,
@@ -437,7 +438,7 @@ pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Ve
     compile::compile(text, file, config)
 }
 
-fn unexpected() -> ApiError {
+pub(super) fn unexpected() -> ApiError {
     ApiError::new(
         codes::OTHER_BUILD,
         "the executor gave an answer to another question",

@@ -110,6 +110,37 @@ impl Namer<'_> {
                 limit,
                 violation,
             } => first_set_point(&net, &self.violation(device, joint, value, limit, violation)),
+            Refusal::SwitchTooLarge { max } => (
+                codes::NAMED_TWICE,
+                format!("a hand-over stops at most {max} commands and starts at most {max}"),
+                "hand over in several steps".into(),
+            ),
+            Refusal::NamedTwice => (
+                codes::NAMED_TWICE,
+                format!("{net} is named twice"),
+                "name each command once, to stop it or to start it".into(),
+            ),
+            Refusal::NeverTogether => (
+                codes::NOT_TOGETHER,
+                format!("{net} and what is started with it are not evaluated in a common cycle within a second"),
+                "give the nets the same rate and phase, or start them one after the other".into(),
+            ),
+            Refusal::Continuation {
+                device,
+                joint,
+                value,
+                limit,
+                violation,
+            } => self.discontinuous(&net, device, joint, value, limit, violation),
+            Refusal::LetsGo { device } => (
+                codes::LETS_GO,
+                format!(
+                    "{net} has no set-point for {} in its first cycle, so that the arm would be let go",
+                    self.device_name(device)
+                ),
+                "let the net command the arm from its first cycle on, or stop the other one first and start when the arm rests"
+                    .into(),
+            ),
             Refusal::FirstCycle { code } => (
                 codes::FIRST_CYCLE,
                 format!(
@@ -178,6 +209,33 @@ impl Namer<'_> {
             codes::DEVICE_NOT_READY,
             format!("{net} needs {name}, which is {}{because}", state.name()),
             help,
+        )
+    }
+
+    fn discontinuous(
+        &self,
+        net: &str,
+        device: u32,
+        joint: u32,
+        value: f64,
+        limit: f64,
+        violation: u32,
+    ) -> (Code, String, String) {
+        let broken = match ViolationKind::from_number(violation) {
+            Some(ViolationKind::Jump) => format!(
+                "{} joint {}: the first set-point is {} away from the last one (allowed {})",
+                self.device_name(device),
+                self.joint_name(device, joint),
+                angle(value, ""),
+                angle(limit, "")
+            ),
+            _ => self.violation(device, joint, value, limit, violation),
+        };
+        (
+            codes::DISCONTINUOUS,
+            format!("{net} cannot take over: {broken}"),
+            "begin with the position and the velocity that are commanded now, or hand over while the arm is commanded to rest"
+                .to_owned(),
         )
     }
 

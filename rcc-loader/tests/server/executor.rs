@@ -175,6 +175,15 @@ impl State {
             }
             Call::Reject { id } => self.set(id, CommandState::Rejected),
             Call::Start { id } => self.set(id, CommandState::Running),
+            Call::Switch { stop, start } => {
+                for id in stop {
+                    self.set(id, CommandState::Terminated);
+                }
+                for id in start {
+                    self.set(id, CommandState::Running);
+                }
+                Answer::Done { cycle: 8 }
+            }
             Call::Cancel { .. } => Answer::Refused(Refusal::NotCancelable),
             Call::Abort { id } => self.set(id, CommandState::Terminated),
             Call::Unload { id } => match self.row(id) {

@@ -164,6 +164,7 @@ impl Engine {
                 number,
                 since_cycle: cycle,
                 followed: false,
+                follows_from_ns: 0,
             });
             return Ok(());
         };
@@ -177,7 +178,8 @@ impl Engine {
         if !follows {
             return Err(fault_at(FaultCode::DeviceLost, index, cycle));
         }
-        engagement.followed |= state == DeviceState::Commanded;
+        engagement.followed |= state == DeviceState::Commanded
+            && input.measurement.played_ns >= engagement.follows_from_ns;
         let next = device.guard.check(&output.position, self.dt_s);
         next.map_err(|violation| fault_of(FaultCode::Limit, index, cycle, violation))
     }

@@ -26,6 +26,12 @@ impl Engine {
                 Ok(()) => return,
                 Err(refusal) => (ticket, Err(refusal)),
             },
+            // Answered when it was tried.
+            Order::Switch {
+                ticket,
+                stop,
+                start,
+            } => return self.take_switch(ticket, stop, start),
             Order::Cancel { ticket, id } => (ticket, self.cancel(id).map(|()| None)),
             Order::Abort { ticket, id } => (ticket, self.abort(id).map(|()| None)),
             Order::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
@@ -113,20 +119,22 @@ impl Engine {
                 state: CommandState::Ready as u32,
             });
         }
-        self.check_free(row)?;
-        self.check_devices(row)?;
+        self.check_free(row, 0, 0)?;
+        self.check_devices(row, 0)?;
         self.pending[row] = Pending::Start { ticket };
         Ok(())
     }
 
-    /// No other active command holds what this one claims.
-    fn check_free(&self, row: usize) -> Result<(), Refusal> {
+    /// No other active command holds what this one claims, but for those that leave (bit r: row r); those that arrive
+    /// with it hold theirs already.
+    pub(super) fn check_free(&self, row: usize, leave: u64, arrive: u64) -> Result<(), Refusal> {
         let Some(claims) = self.claims(row) else {
             return Err(Refusal::UnknownCommand);
         };
         for (other, entry) in self.tables.commands.iter().enumerate() {
             let state = CommandState::from_number(entry.state);
-            let holds = state.is_active() || self.pending.get(other) != Some(&Pending::Nothing);
+            let active = state.is_active() || self.pending.get(other) != Some(&Pending::Nothing);
+            let holds = active && leave >> other & 1 == 0 || arrive >> other & 1 == 1;
             if other == row || !holds {
                 continue;
             }
@@ -140,8 +148,8 @@ impl Engine {
         Ok(())
     }
 
-    /// Each arm rests and each other device answers.
-    pub(super) fn check_devices(&self, row: usize) -> Result<(), Refusal> {
+    /// Each arm rests, or is handed over by one that leaves (bit r: row r), and each other device answers.
+    pub(super) fn check_devices(&self, row: usize, leave: u64) -> Result<(), Refusal> {
         let Some(claims) = self.claims(row) else {
             return Err(Refusal::UnknownCommand);
         };
@@ -150,6 +158,7 @@ impl Engine {
             let arm = claims.arms >> index & 1 == 1;
             let ready = if arm {
                 state == DeviceState::Ready
+                    || state == DeviceState::Commanded && self.leaves_arm(index, leave)
             } else {
                 state != DeviceState::Offline
             };
@@ -314,25 +323,12 @@ impl Engine {
             }
             evaluation => match self.pass_commands(row) {
                 Ok(()) => {
-                    if let Some(entry) = self.tables.commands.get_mut(row) {
-                        entry.started_cycle = cycle;
-                    }
-                    self.set_state(row, CommandState::Running);
-                    self.show(row, now_ns);
-                    if evaluation == Evaluation::Terminated {
-                        self.terminate(row);
-                    }
+                    self.begun(row, evaluation, now_ns);
                     None
                 }
                 Err(fault) => {
                     self.disengage(row);
-                    if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
-                        net.reset();
-                    }
-                    if let Some(entry) = self.tables.commands.get_mut(row) {
-                        // As if it had not been evaluated.
-                        (entry.cycles, entry.exec_last_ns, entry.exec_max_ns) = (0, 0, 0);
-                    }
+                    self.unbegun(row);
                     Some(self.refusal_of(fault))
                 }
             },
@@ -341,7 +337,29 @@ impl Engine {
         self.give_back(Outcome::Answer { ticket, answer });
     }
 
-    fn refusal_of(&self, fault: FaultRecord) -> Refusal {
+    /// The first cycle of a row counts.
+    pub(super) fn begun(&mut self, row: usize, evaluation: Evaluation, now_ns: u64) {
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            entry.started_cycle = self.status.cycle;
+        }
+        self.set_state(row, CommandState::Running);
+        self.show(row, now_ns);
+        if evaluation == Evaluation::Terminated {
+            self.terminate(row);
+        }
+    }
+
+    /// The row is as ready as if it had not been evaluated.
+    pub(super) fn unbegun(&mut self, row: usize) {
+        if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
+            net.reset();
+        }
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            (entry.cycles, entry.exec_last_ns, entry.exec_max_ns) = (0, 0, 0);
+        }
+    }
+
+    pub(super) fn refusal_of(&self, fault: FaultRecord) -> Refusal {
         if fault.code == FaultCode::DeviceLost as u32 {
             let index = fault.device as usize;
             let state = self.device_state(index) as u32;
@@ -364,7 +382,7 @@ impl Engine {
         }
     }
 
-    fn evaluate(&mut self, row: usize) -> Evaluation {
+    pub(super) fn evaluate(&mut self, row: usize) -> Evaluation {
         let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) else {
             return Evaluation::Fault(FaultCode::Panic);
         };
@@ -451,7 +469,7 @@ impl Engine {
         }
     }
 
-    fn finish(&mut self, row: usize) {
+    pub(super) fn finish(&mut self, row: usize) {
         let canceled = self
             .nets
             .get(row)
@@ -502,7 +520,11 @@ impl Engine {
     }
 
     /// The row of a command, if it is in a state that allows what is asked.
-    fn row_in(&self, id: u64, allowed: impl Fn(CommandState) -> bool) -> Result<usize, Refusal> {
+    pub(super) fn row_in(
+        &self,
+        id: u64,
+        allowed: impl Fn(CommandState) -> bool,
+    ) -> Result<usize, Refusal> {
         let rows = self.tables.commands.iter().enumerate();
         let (row, entry) = rows
             .filter(|_| id != 0)

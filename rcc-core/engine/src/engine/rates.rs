@@ -52,7 +52,7 @@ impl Engine {
         if self.rate(row).every <= 1 {
             return None;
         }
-        self.check_devices(row).err()
+        self.check_devices(row, 0).err()
     }
 
     /// ABORT of a command whose START waits for the net's first cycle: it is never evaluated, and START is refused.

@@ -7,6 +7,7 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
+    SetPoint,
 };
 use rcc_core::plan::{MonitorPoint, Rate, Run};
 use rcc_core::primitives;
@@ -14,7 +15,7 @@ use rcc_core::types::Store;
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
-use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_ipc::control::{Answer, PlanData, Refusal, SWITCH_MAX};
 
 pub const PERIOD_NS: u64 = 1_000_000;
 pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
@@ -69,6 +70,7 @@ impl Driver {
             self.waited = 0;
             m.state = DeviceState::Commanded as u32;
             m.settled_ns = 0;
+            m.played_ns = newest.logical_ns;
             m.hold = newest.position;
             m.position = newest.position;
         } else if m.state == DeviceState::Commanded as u32 {
@@ -234,6 +236,22 @@ impl Bench {
         self.ask(|ticket| Order::Start { ticket, id })
     }
 
+    /// Asks for a hand-over and runs one cycle.
+    pub fn switch(&mut self, stop: &[u64], start: &[u64]) -> Answer {
+        let (stop, start) = (named(stop), named(start));
+        self.ask(|ticket| Order::Switch {
+            ticket,
+            stop,
+            start,
+        })
+    }
+
+    /// What device 0 was told in the newest cycle.
+    pub fn told(&self) -> SetPoint {
+        let image = self.engine.image(0).expect("device 0");
+        *image.at(image.sequence).expect("the newest set-point")
+    }
+
     pub fn entry(&self, id: u64) -> CommandEntry {
         *self
             .engine
@@ -266,6 +284,13 @@ impl Bench {
     pub fn records(&mut self) -> Vec<MonitorRecord> {
         std::iter::from_fn(|| self.ends.records.pop().ok()).collect()
     }
+}
+
+/// Ids in a list of fixed length.
+pub fn named(ids: &[u64]) -> [u64; SWITCH_MAX] {
+    let mut list = [0; SWITCH_MAX];
+    list[..ids.len()].copy_from_slice(ids);
+    list
 }
 
 /// Collects primitives into a plan; slots are given by hand.
@@ -394,5 +419,20 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     plan.add("Termination", &[done]);
     plan.monitor(Store::Real, distance, 1, 1);
     plan.data.clocks = 1;
+    plan.data
+}
+
+/// Commands joint 1 to `from` + `velocity`·t (rad, rad/s) and the others to where the arm is held; never ends.
+pub fn drift_net(from: f64, velocity: f64) -> PlanData {
+    let mut plan = Plan::new();
+    let no = plan.bool(0);
+    let [from, velocity, time, way] =
+        [from, velocity, f64::NAN, f64::NAN].map(|value| plan.reals(&[value]));
+    let joints = plan.reals(&HOLD[..7]);
+    plan.add("Time", &[time]);
+    plan.add("Multiply", &[time, velocity, way]);
+    plan.add("Add", &[from, way, joints]);
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("Termination", &[no]);
     plan.data
 }

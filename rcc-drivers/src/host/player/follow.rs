@@ -1,16 +1,13 @@
 //! One step of the pointer along the set-points, and the position that is sent for it.
 //! Pure; run by the host's thread while a net is followed.
 
-use rcc_core::guard::Violation;
+use rcc_core::guard::{SLOW, Violation};
 use rcc_core::message::{ANALOG_MAX, Joints, SetPoint};
 
 use super::super::pace::Motion;
 use super::super::reason;
 use super::super::track::TRACK_LENGTH;
 use super::{Player, Tick};
-
-/// An arm that moves slower than this part of its velocity limits may just be left where it is.
-const SLOW: f64 = 1e-3;
 
 /// Why the set-points end.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,94 @@
+//! Hand-over by name: some commands end and others begin between the same two cycles, or nothing changes.
+//! Run by blocking threads of the server.
+
+use rcc_core::message::CommandState;
+use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
+
+use super::api::{Done, Named, Switch, Switched};
+use super::codes;
+use super::error::ApiError;
+use super::executor::Attached;
+use super::service::{Operation, Service, unexpected};
+use super::store::Store;
+
+impl Service {
+    /// Stops and starts.
+    ///
+    /// # Errors
+    /// There is no executor, a name means nothing, or the executor refuses: then nothing has changed.
+    pub fn switch(&self, switch: &Switch) -> Result<Switched, ApiError> {
+        let (attached, store) = self.attach()?;
+        if switch.stop.is_empty() && switch.start.is_empty() {
+            return Err(ApiError::new(
+                codes::BAD_REQUEST,
+                "nothing is named to stop or to start",
+                "{\"stop\": [\"a\"], \"start\": [\"b\"]}",
+            ));
+        }
+        let stop = self.named(&attached, &store, &switch.stop, |state| state.is_active())?;
+        let start = self.named(&attached, &store, &switch.start, |state| {
+            Operation::Start.suits(state)
+        })?;
+        let call = Call::Switch {
+            stop: stop.clone(),
+            start: start.clone(),
+        };
+        let refused = |id, refusal| {
+            let mut error: ApiError =
+                self.with_namer(Some(&store), |namer| namer.refusal(id, refusal));
+            error
+                .message
+                .push_str("; nothing is stopped and nothing is started");
+            error
+        };
+        match self.executor.call(&call)? {
+            Answer::Done { cycle } => {
+                let done = |ids: &[u64]| {
+                    ids.iter()
+                        .map(|id| Done {
+                            id: *id,
+                            net: store.read(*id).map(|file| file.net).unwrap_or_default(),
+                            cycle,
+                        })
+                        .collect()
+                };
+                Ok(Switched {
+                    cycle,
+                    stopped: done(&stop),
+                    started: done(&start),
+                })
+            }
+            Answer::Refused(refusal) => Err(refused(0, refusal)),
+            Answer::RefusedFor { id, refusal } => Err(refused(id, refusal)),
+            Answer::Reserved { .. } => Err(unexpected()),
+        }
+    }
+
+    /// START of one command in place of others.
+    ///
+    /// # Errors
+    /// As [`Service::switch`].
+    pub fn start_after(&self, switch: &Switch) -> Result<Done, ApiError> {
+        let mut switched = self.switch(switch)?;
+        switched.started.pop().ok_or_else(unexpected)
+    }
+
+    fn named(
+        &self,
+        attached: &Attached,
+        store: &Store,
+        names: &[Named],
+        suits: impl Fn(CommandState) -> bool,
+    ) -> Result<Vec<u64>, ApiError> {
+        if names.len() > SWITCH_MAX {
+            let max = SWITCH_MAX as u32;
+            let refusal = rcc_ipc::control::Refusal::SwitchTooLarge { max };
+            return Err(self.with_namer(None, |namer| namer.refusal(0, refusal)));
+        }
+        let ids = names.iter().map(|name| match name {
+            Named::Id(id) => Ok(*id),
+            Named::Name(name) => self.resolve(attached, store, name, &suits),
+        });
+        ids.collect()
+    }
+}
