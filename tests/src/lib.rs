@@ -5,6 +5,7 @@ pub mod cell;
 pub mod census;
 pub mod endurance;
 pub mod hand;
+pub mod handover;
 pub mod journal;
 pub mod lateness;
 pub mod matrix;

@@ -10,6 +10,7 @@ mod doctor;
 mod endurance;
 mod events;
 mod examples;
+mod handover;
 mod life;
 mod plans;
 mod readme;
