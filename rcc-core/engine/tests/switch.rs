@@ -5,7 +5,7 @@ mod common;
 use common::{Bench, HOLD, Plan, drift_net, endless_net, line_net, named, output_net};
 use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandImage, CommandState, DeviceState, EndReason};
-use rcc_core::plan::Resource;
+use rcc_core::plan::{Rate, Resource};
 use rcc_engine::queue::Order;
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 
@@ -411,4 +411,82 @@ fn hundreds_of_hand_overs_in_consecutive_cycles_keep_one_stream() {
         bench.ask(|ticket| Order::Unload { ticket, id: old });
         old = new;
     }
+}
+
+/// Commands an output in every `every`-th cycle.
+fn slow(channel: u32, every: u32, phase: u32) -> PlanData {
+    PlanData {
+        rate: Rate { every, phase },
+        ..endless_net(channel)
+    }
+}
+
+/// Asks for a hand-over and runs cycles until it is answered.
+fn switch_in_time(bench: &mut Bench, stop: &[u64], start: &[u64]) -> Answer {
+    let (stop, start) = (named(stop), named(start));
+    let ticket = bench.order(|ticket| Order::Switch {
+        ticket,
+        stop,
+        start,
+    });
+    for _ in 0..1100 {
+        bench.step();
+        if let Some(answer) = bench.answer(ticket) {
+            return answer;
+        }
+    }
+    panic!("no answer")
+}
+
+#[test]
+fn slower_nets_take_over_in_the_next_cycle_in_which_all_of_them_are_due() {
+    let (mut bench, old) = running(endless_net(1));
+    let new = [slow(1, 10, 3), slow(2, 15, 8), slow(3, 1, 0)].map(|plan| bench.load(plan));
+    let answer = switch_in_time(&mut bench, &[old], &new);
+    let cycle = bench.engine.status().cycle;
+    assert_eq!((cycle_of(answer), cycle % 30), (cycle, 23));
+    assert!(new.iter().all(|id| bench.entry(*id).started_cycle == cycle));
+    assert_eq!(bench.entry(old).ended_cycle, cycle - 1);
+    assert_eq!(bench.told().digital_commanded, 0b1110);
+    bench.step();
+    assert_eq!(bench.told().digital_commanded, 0b1110);
+}
+
+#[test]
+fn nets_that_are_never_due_together_do_not_take_over() {
+    let (mut bench, old) = running(endless_net(1));
+    let new = [slow(1, 10, 3), slow(2, 10, 4)].map(|plan| bench.load(plan));
+    let (id, refusal) = refused_for(switch_in_time(&mut bench, &[old], &new));
+    assert!(new.contains(&id));
+    assert_eq!(refusal, Refusal::NeverTogether);
+    assert_eq!(bench.state(old), CommandState::Running);
+}
+
+#[test]
+fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
+    let (mut bench, old) = running(endless_net(1));
+    let new = bench.load(slow(1, 200, 0));
+    let other = bench.load(endless_net(2));
+    let (stop, start) = (named(&[old]), named(&[new]));
+    let ticket = bench.order(|ticket| Order::Switch {
+        ticket,
+        stop,
+        start,
+    });
+    bench.step();
+    assert_eq!(
+        bench.switch(&[old], &[other]),
+        Answer::Refused(Refusal::Overloaded)
+    );
+    bench.order(|ticket| Order::Abort { ticket, id: old });
+    bench.step();
+    let state = CommandState::Terminated as u32;
+    assert_eq!(
+        bench.answer(ticket),
+        Some(Answer::RefusedFor {
+            id: old,
+            refusal: Refusal::WrongState { state }
+        })
+    );
+    assert_eq!(bench.state(new), CommandState::Ready);
 }
