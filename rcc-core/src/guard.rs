@@ -260,10 +260,12 @@ impl Guard {
         let Some(dt_s) = history.dt_s else {
             return true;
         };
-        self.joints().zip(history.velocity).all(|(joint, velocity)| {
-            libm::fabs(velocity)
-                <= libm::fmin(SLOW * joint.velocity_max, joint.acceleration_max * dt_s)
-        })
+        self.joints()
+            .zip(history.velocity)
+            .all(|(joint, velocity)| {
+                libm::fabs(velocity)
+                    <= libm::fmin(SLOW * joint.velocity_max, joint.acceleration_max * dt_s)
+            })
     }
 
     fn joints(&self) -> impl Iterator<Item = Joint> + use<> {
