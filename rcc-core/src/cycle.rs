@@ -2,7 +2,7 @@
 //! tests (virtual time: a cycle is a step) and in the benchmarks.
 
 use crate::frame::Frame;
-use crate::plan::{Delay, Plan};
+use crate::plan::{Delay, Plan, Run};
 use crate::primitives;
 use crate::types::Store;
 
@@ -10,13 +10,42 @@ use crate::types::Store;
 ///
 /// Touches only `frame`; no clock, no chance, so the same plan and inputs give the same bits.
 pub fn cycle(plan: &Plan<'_>, frame: &mut Frame<'_>) {
-    for run in plan.runs {
+    run_all(plan, frame, plan.runs);
+    move_on(plan, frame);
+}
+
+/// As [`cycle`], and says how long the run `timed` took: the time between two looks at `clock`, ns. The values are the
+/// same. 0 if there is no such run.
+pub fn cycle_timed(
+    plan: &Plan<'_>,
+    frame: &mut Frame<'_>,
+    timed: usize,
+    clock: fn() -> u64,
+) -> u64 {
+    let (before, rest) = plan.runs.split_at(timed.min(plan.runs.len()));
+    run_all(plan, frame, before);
+    let mut ns = 0;
+    if let Some((timed, after)) = rest.split_first() {
+        let begun_ns = clock();
+        run_all(plan, frame, core::slice::from_ref(timed));
+        ns = clock().saturating_sub(begun_ns);
+        run_all(plan, frame, after);
+    }
+    move_on(plan, frame);
+    ns
+}
+
+fn run_all(plan: &Plan<'_>, frame: &mut Frame<'_>, runs: &[Run]) {
+    for run in runs {
         if let (Some((_, kernel)), Some(operands)) =
             (primitives::kernel(run.kernel), plan.operands_of(run))
         {
             (kernel.run)(frame, operands);
         }
     }
+}
+
+fn move_on(plan: &Plan<'_>, frame: &mut Frame<'_>) {
     for delay in plan.delays {
         carry_over(frame, delay);
     }

@@ -21,6 +21,7 @@ extern crate std;
 pub mod cycle;
 pub mod frame;
 pub mod guard;
+pub mod histogram;
 pub mod kinematics;
 pub mod message;
 pub mod path;
@@ -28,6 +29,7 @@ pub mod plan;
 pub mod pose;
 pub mod primitive;
 pub mod primitives;
+pub mod timing;
 pub mod types;
 pub mod unit;
 

@@ -5,6 +5,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::timing::LateCycle;
+
 /// Most joints of a device.
 pub const JOINTS_MAX: usize = 8;
 /// Most digital channels of a device, each way.
@@ -20,7 +22,7 @@ pub const COMMANDS_MAX: usize = 64;
 /// Widest value a monitor can carry.
 pub const MONITOR_WIDTH_MAX: usize = 16;
 /// Marks a record of this layout; change it with the layout.
-pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v001");
+pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v002");
 
 /// A joint vector; elements past the device's joints are 0.
 pub type Joints = [f64; JOINTS_MAX];
@@ -372,6 +374,10 @@ pub struct CommandEntry {
     pub exec_last_ns: u64,
     /// Longest evaluation, ns.
     pub exec_max_ns: u64,
+    /// All evaluations together, ns.
+    pub exec_sum_ns: u64,
+    /// What one evaluation is expected to take on this machine, ns; 0 = not known.
+    pub expected_ns: u64,
     /// 1 = it has a `Cancel` primitive.
     pub can_cancel: u64,
 }
@@ -414,18 +420,22 @@ pub struct CycleStatus {
     pub stamp_ns: u64,
     /// Base period.
     pub period_ns: u64,
-    /// Cycles that woke or ended after the next deadline.
+    /// Cycles that woke or ended after the next deadline, since the start.
     pub late: u64,
-    /// First late cycle since the start, 0 = none (latched).
-    pub first_late_cycle: u64,
-    /// Last late cycle, 0 = none (latched).
-    pub last_late_cycle: u64,
-    /// Worst wake-up after the deadline.
+    /// Of them those that were acknowledged.
+    pub late_acknowledged: u64,
+    /// First late cycle since the last acknowledgement (latched).
+    pub first_late: LateCycle,
+    /// Last late cycle since the last acknowledgement (latched).
+    pub last_late: LateCycle,
+    /// Worst wake-up after the deadline since the last acknowledgement.
     pub worst_wake_ns: u64,
     /// Time the last cycle computed.
     pub exec_last_ns: u64,
-    /// Longest a cycle computed.
+    /// Longest a cycle computed since the last acknowledgement.
     pub exec_max_ns: u64,
+    /// What nets may need together in one cycle, ns; 0 = no limit.
+    pub budget_ns: u64,
     /// Periods that were skipped because of late cycles.
     pub skipped_periods: u64,
     /// Records that did not fit the ring to the pump.

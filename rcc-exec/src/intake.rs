@@ -187,6 +187,7 @@ impl Intake {
             Call::Abort { id } => Order::Abort { ticket, id },
             Call::Unload { id } => Order::Unload { ticket, id },
             Call::Record => Order::Record { ticket },
+            Call::Acknowledge => Order::Acknowledge { ticket },
             Call::Install { id, plan } => {
                 let holds = self.holds();
                 match Net::build(

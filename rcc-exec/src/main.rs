@@ -17,7 +17,7 @@ use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
-use rcc_ipc::control::{CONTROL, RECORDS, STATUS, TABLES, command_board};
+use rcc_ipc::control::{CONTROL, RECORDS, STATUS, TABLES, TIMING, command_board};
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{Announcement, BoardError, Cell, Role, Session};
 use rcc_process::{CellArguments, Ending, Notifier, Pulse, Stop, ending};
@@ -54,6 +54,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         .service(CONTROL, server.service())
         .service(STATUS, boards.status.service())
         .service(TABLES, boards.tables.service())
+        .service(TIMING, boards.timing.service())
         .service(RECORDS, publisher.service());
     let announcement = config.devices.iter().zip(&boards.commands).fold(
         announcement,
@@ -137,7 +138,7 @@ fn pulse(status: &CycleStatus, grants: &Grants) -> Pulse {
         status: format!(
             "{hertz:.0} Hz, {nets}, {} late cycles (last {}), longest cycle {:.1} µs; {grade}",
             status.late,
-            status.last_late_cycle,
+            status.last_late.cycle,
             status.exec_max_ns as f64 * 1e-3
         ),
     }
@@ -151,6 +152,7 @@ fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardEr
     Ok(Boards {
         status: session.create_board(STATUS)?,
         tables: session.create_board(TABLES)?,
+        timing: session.create_board(TIMING)?,
         commands: commands.collect::<Result<_, _>>()?,
     })
 }

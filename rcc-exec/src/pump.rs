@@ -7,6 +7,7 @@ use rcc_core::guard::{Violation, ViolationKind};
 use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, FaultRecord, MonitorRecord,
 };
+use rcc_core::timing::{LateCause, LateCycle};
 use rcc_ipc::events::{self, Fault, Kind, Recorder};
 use rcc_ipc::{Cell, Publisher};
 use rtrb::Consumer;
@@ -37,7 +38,29 @@ struct Late {
     first_cycle: u64,
     worst_wake_ns: u64,
     worst_exec_ns: u64,
+    computed_long: u64,
+    /// The command that computed longest in a cycle that computed long, and how long.
+    dearest: Option<(u64, u64)>,
     said_at: Option<Instant>,
+}
+
+impl Late {
+    fn take_in(&mut self, late: &LateCycle) {
+        if self.count == 0 {
+            self.first_cycle = late.cycle;
+        }
+        self.count += 1;
+        self.worst_wake_ns = self.worst_wake_ns.max(late.wake_ns);
+        self.worst_exec_ns = self.worst_exec_ns.max(late.exec_ns);
+        if LateCause::from_number(late.cause) != LateCause::ComputedLong {
+            return;
+        }
+        self.computed_long += 1;
+        let dearer = self.dearest.is_none_or(|(_, ns)| ns < late.command_ns);
+        if late.command != 0 && dearer {
+            self.dearest = Some((late.command, late.command_ns));
+        }
+    }
 }
 
 impl Pump {
@@ -84,19 +107,10 @@ impl Pump {
 
     fn tell(&mut self, event: Event) {
         match event {
-            Event::Late {
-                cycle,
-                wake_ns,
-                exec_ns,
-            } => {
-                if self.late.count == 0 {
-                    self.late.first_cycle = cycle;
-                }
-                self.late.count += 1;
-                self.late.worst_wake_ns = self.late.worst_wake_ns.max(wake_ns);
-                self.late.worst_exec_ns = self.late.worst_exec_ns.max(exec_ns);
-            }
-            Event::Command { cycle, .. } | Event::Device { cycle, .. } => {
+            Event::Late(late) => self.late.take_in(&late),
+            Event::Command { cycle, .. }
+            | Event::Device { cycle, .. }
+            | Event::Acknowledged { cycle, .. } => {
                 if let Some(what) = self.kind(&event) {
                     self.record(Some(cycle), what);
                 }
@@ -122,7 +136,8 @@ impl Pump {
     /// An event of the real-time thread with names instead of numbers.
     fn kind(&self, event: &Event) -> Option<Kind> {
         Some(match *event {
-            Event::Late { .. } => return None,
+            Event::Late(_) => return None,
+            Event::Acknowledged { late, .. } => Kind::Acknowledged { late },
             // The loader tells it, with the net's name.
             Event::Command { state, .. } if state == CommandState::Loading as u32 => return None,
             Event::Command {
@@ -218,6 +233,8 @@ impl Pump {
             first_cycle,
             worst_wake_ns,
             worst_exec_ns,
+            computed_long,
+            dearest,
             ..
         } = self.late;
         let what = Kind::Late {
@@ -225,6 +242,9 @@ impl Pump {
             first_cycle,
             worst_wake_us: worst_wake_ns as f64 * 1e-3,
             worst_exec_us: worst_exec_ns as f64 * 1e-3,
+            computed_long: Some(computed_long),
+            command: dearest.map(|(command, _)| command),
+            command_us: dearest.map(|(_, ns)| ns as f64 * 1e-3),
         };
         self.record(Some(first_cycle), what);
         self.late = Late {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rcc_core::message::{CommandImage, CycleStatus, Tables};
+use rcc_core::timing::Timing;
 use rcc_ipc::BoardWriter;
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
 
@@ -21,6 +22,8 @@ pub struct Boards {
     pub status: BoardWriter<CycleStatus>,
     /// Command and device tables.
     pub tables: BoardWriter<Tables>,
+    /// Histograms and what primitives cost.
+    pub timing: BoardWriter<Timing>,
     /// Commands, by device.
     pub commands: Vec<BoardWriter<CommandImage>>,
 }
@@ -86,6 +89,9 @@ fn write(engine: &Engine, boards: &mut Boards) {
     boards.status.write(engine.status());
     if engine.tables_due() {
         boards.tables.write(engine.tables());
+    }
+    if engine.timing_due() {
+        boards.timing.write(engine.timing());
     }
 }
 

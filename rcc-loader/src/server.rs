@@ -16,5 +16,6 @@ pub mod service;
 mod show;
 pub mod socket;
 pub mod store;
+mod timing;
 pub mod token;
 pub mod words;

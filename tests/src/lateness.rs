@@ -205,7 +205,7 @@ fn watch(
         if now.cycle > newest.cycle {
             if now.late > newest.late {
                 let told = Late {
-                    cycle: now.last_late_cycle,
+                    cycle: now.last_late.cycle,
                     count: now.late - newest.late,
                     from_ns: before.stamp_ns,
                     to_ns: now.stamp_ns,

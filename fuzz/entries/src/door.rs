@@ -63,6 +63,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
                 },
                 Call::Unload { id },
                 Call::Reject { id },
+                Call::Acknowledge,
             ])?
             .clone(),
         _ => {
@@ -105,6 +106,7 @@ fn obey(bench: &mut Bench, call: Call) {
         Call::Abort { id } => bench.ask(|ticket| Order::Abort { ticket, id }),
         Call::Unload { id } => bench.ask(|ticket| Order::Unload { ticket, id }),
         Call::Record => bench.ask(|ticket| Order::Record { ticket }),
+        Call::Acknowledge => bench.ask(|ticket| Order::Acknowledge { ticket }),
         Call::Install { id, plan } => match bench.build(plan) {
             Ok(net) => bench.ask(|ticket| Order::Install { ticket, id, net }),
             Err(refusal) => {

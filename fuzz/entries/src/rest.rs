@@ -15,7 +15,8 @@ use axum::body::{Body, to_bytes};
 use axum::http::{Request, StatusCode};
 use bytemuck::{Zeroable, bytes_of_mut};
 use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
-use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES};
+use rcc_core::timing::Timing;
+use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES, TIMING};
 use rcc_ipc::{Announcement, BoardWriter, Cell, Role, Server, Session, wire};
 use rcc_loader::server::codes;
 use rcc_loader::server::executor::Executor;
@@ -36,6 +37,7 @@ const TEND_EVERY: u32 = 5_000;
 struct Said {
     tables: Box<Tables>,
     status: CycleStatus,
+    timing: Box<Timing>,
     /// Instead of good answers.
     answers: VecDeque<Vec<u8>>,
     /// The boards do not show this yet.
@@ -133,14 +135,17 @@ fn set_up() -> Stage {
     let server = good(session.serve(CONTROL));
     let status = good(session.create_board::<CycleStatus>(STATUS));
     let tables = good(session.create_board::<Tables>(TABLES));
+    let timing = good(session.create_board::<Timing>(TIMING));
     let announcement = Announcement::of(&session)
         .service(CONTROL, server.service())
         .service(STATUS, status.service())
-        .service(TABLES, tables.service());
+        .service(TABLES, tables.service())
+        .service(TIMING, timing.service());
     let announced = good(cell.announce(&announcement));
     let said = Arc::new(Mutex::new(Said {
         tables: bytemuck::zeroed_box(),
         status: CycleStatus::zeroed(),
+        timing: bytemuck::zeroed_box(),
         answers: VecDeque::new(),
         changed: true,
         next_id: 0,
@@ -148,7 +153,7 @@ fn set_up() -> Stage {
     }));
     let to_say = Arc::clone(&said);
     let executor = std::thread::spawn(move || {
-        play(&server, (status, tables), &to_say);
+        play(&server, (status, tables, timing), &to_say);
         drop((announced, server, session));
     });
     let loader = good(Session::join(&cell, Role::Loader, "loader"));
@@ -173,10 +178,14 @@ fn set_up() -> Stage {
 /// The executor.
 fn play(
     server: &Server,
-    boards: (BoardWriter<CycleStatus>, BoardWriter<Tables>),
+    boards: (
+        BoardWriter<CycleStatus>,
+        BoardWriter<Tables>,
+        BoardWriter<Timing>,
+    ),
     said: &Mutex<Said>,
 ) {
-    let (mut status, mut tables) = boards;
+    let (mut status, mut tables, mut timing) = boards;
     loop {
         let mut now = locked(said);
         if now.over {
@@ -185,6 +194,7 @@ fn play(
         if std::mem::take(&mut now.changed) {
             status.write(&now.status);
             tables.write(&now.tables);
+            timing.write(&now.timing);
         }
         match server.poll() {
             Ok(Some(request)) => {
@@ -223,6 +233,7 @@ impl Said {
             Call::Abort { id } => (id, CommandState::Terminated),
             Call::Unload { id } => (id, CommandState::None),
             Call::Record => return Answer::Done { cycle: 8 },
+            Call::Acknowledge => return Answer::Done { cycle: 8 },
         };
         if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == *id) {
             row.state = state as u32;
@@ -286,16 +297,18 @@ fn prepare(said: &mut Said) {
 
 fn scribble(said: &mut Said, bytes: &mut Unstructured<'_>) -> Result<()> {
     for _ in 0..bytes.int_in_range(0..=4)? {
-        let into = bytes.int_in_range(0..=2)?;
+        let into = bytes.int_in_range(0..=3)?;
         let Said {
             tables,
             status,
+            timing,
             answers,
             ..
         } = said;
         let record = match into {
             0 => bytes_of_mut(&mut **tables),
             1 => bytes_of_mut(status),
+            2 => bytes_of_mut(&mut **timing),
             _ => {
                 let length = bytes.int_in_range(0..=40)?;
                 answers.push_back(bytes.bytes(length.min(bytes.len()))?.to_vec());
@@ -326,7 +339,9 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
         "/start?x=1",
     ];
     let method = *bytes.choose(&METHODS)?;
-    let address = match bytes.int_in_range(0..=7)? {
+    let address = match bytes.int_in_range(0..=9)? {
+        8 => "/timing".to_owned(),
+        9 => "/status/acknowledge".to_owned(),
         0 => "/devices".to_owned(),
         1 => "/status".to_owned(),
         2 => "/commands".to_owned(),

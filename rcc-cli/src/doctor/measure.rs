@@ -9,10 +9,11 @@ use std::time::Duration;
 use nix::sched::{CpuSet, sched_setaffinity};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::unistd::Pid;
+use rcc_core::histogram::Histogram;
 use rcc_ipc::{monotonic_ns, sleep_until};
 use serde::Serialize;
 
-use super::histogram::{Bucket, Histogram};
+use super::histogram::{Bucket, buckets, drawing};
 use super::trial::become_fifo;
 
 /// The first wake-ups touch memory for the first time and are not counted.
@@ -107,8 +108,8 @@ fn run(plan: Plan) -> io::Result<Measured> {
         max_ns: histogram.max(),
         missed,
         preempted: preempted().saturating_sub(before),
-        histogram: histogram.buckets(),
-        drawing: histogram.drawing(),
+        drawing: drawing(buckets(&histogram)),
+        histogram: buckets(&histogram),
     })
 }
 

@@ -1,6 +1,7 @@
-//! `status`: the executor's health, the RT grade it really obtained, and the processes of the cell.
+//! `status`: the executor's health, its late cycles until they are acknowledged, the RT grade it really obtained, and
+//! the processes of the cell.
 
-use rcc_loader::server::api::StatusView;
+use rcc_loader::server::api::{Acknowledged, ExecutorView, LateView, StatusView};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -8,17 +9,33 @@ use crate::doctor::record::Record;
 use crate::failure::Failure;
 use crate::table::{self, grouped, time};
 
-/// Nothing more to say.
+/// What to do besides looking.
 #[derive(clap::Args, Debug)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Acknowledge late cycles: what is latched, worst values and histograms begin anew.
+    #[arg(long)]
+    acknowledge: bool,
+}
 
 /// Does it.
 ///
 /// # Errors
 /// Not reachable.
-pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let client = context.client()?;
+    if arguments.acknowledge {
+        let done: Acknowledged = client.post("/status/acknowledge", String::new())?;
+        context.print(&done, |done| {
+            format!(
+                "{} late cycles acknowledged at cycle {}",
+                grouped(done.late),
+                grouped(done.cycle)
+            )
+        });
+        return Ok(());
+    }
     let status = Status {
-        cell: context.client()?.get("/status")?,
+        cell: client.get("/status")?,
         measured: Record::last(),
     };
     context.print(&status, |status| {
@@ -37,28 +54,20 @@ struct Status {
 
 fn human(status: &StatusView, measured: Option<&Record>) -> String {
     let executor = &status.executor;
-    let late = if executor.late == 0 {
-        "no late cycle".to_owned()
-    } else {
-        format!(
-            "{} late cycles, first {}, last {}, {} periods skipped",
-            grouped(executor.late),
-            grouped(executor.first_late_cycle),
-            grouped(executor.last_late_cycle),
-            grouped(executor.skipped_periods)
-        )
-    };
     let head = format!(
-        "cell {}  {}\nexecutor  cycle {}  period {}  {late}\n          execution last {}, longest {}; worst wake-up {} \
-         after its time; {} nets running\n{}\nmachine   {}\n",
+        "cell {}  {}\nexecutor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up {} \
+         after its time; {} nets running{}\n{}\nmachine   {}\n",
         status.cell,
         status.config,
         grouped(executor.cycle),
         time(executor.period_ns),
+        late(executor),
+        latched(executor),
         time(executor.exec_last_ns),
         time(executor.exec_max_ns),
         time(executor.worst_wake_ns),
         executor.running,
+        budget(executor),
         executor.grade,
         measured.map_or_else(
             || "not graded yet: rcc-cli doctor".to_owned(),
@@ -75,4 +84,62 @@ fn human(status: &StatusView, measured: Option<&Record>) -> String {
         ]);
     }
     format!("{head}\n{}", table::text(&rows))
+}
+
+/// How many were late, and of them how many nobody has acknowledged.
+fn late(executor: &ExecutorView) -> String {
+    let new = executor.late.saturating_sub(executor.late_acknowledged);
+    match (executor.late, new) {
+        (0, _) => "no late cycle".to_owned(),
+        (all, 0) => format!("no late cycle since the last acknowledgement ({} before)", grouped(all)),
+        (all, new) => format!(
+            "{} late cycles{}, {} periods skipped",
+            grouped(new),
+            if all == new {
+                String::new()
+            } else {
+                format!(" since the last acknowledgement ({} in all)", grouped(all))
+            },
+            grouped(executor.skipped_periods)
+        ),
+    }
+}
+
+/// The first and the last late cycle, a line each.
+fn latched(executor: &ExecutorView) -> String {
+    let line = |(which, late): (&str, &LateView)| {
+        format!("          {which} late: {}\n", late_words(late))
+    };
+    let first = executor.first_late.as_ref().map(|late| ("first", late));
+    let last = executor.last_late.as_ref().map(|late| ("last", late));
+    let last = last.filter(|(_, last)| first.is_none_or(|(_, first)| first.cycle != last.cycle));
+    let hint = first.map(|_| "          (kept until `rcc-cli status --acknowledge`)\n".to_owned());
+    first.into_iter().chain(last).map(line).chain(hint).collect()
+}
+
+/// A late cycle in words.
+pub(super) fn late_words(late: &LateView) -> String {
+    let net = late.net.as_ref().map_or_else(String::new, |net| {
+        format!(", most of it {net} ({})", time(late.net_ns))
+    });
+    let net = if late.cause == "computed long" { net } else { String::new() };
+    format!(
+        "cycle {} {}: woke {} after its time, computed {}{net}",
+        grouped(late.cycle),
+        late.cause,
+        time(late.wake_ns),
+        time(late.exec_ns)
+    )
+}
+
+/// What nets need of what they may need.
+fn budget(executor: &ExecutorView) -> String {
+    if executor.budget_ns == 0 {
+        return String::new();
+    }
+    format!(
+        ", expected to need {} of {} a cycle",
+        time(executor.committed_ns),
+        time(executor.budget_ns)
+    )
 }

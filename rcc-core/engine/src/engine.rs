@@ -8,6 +8,7 @@ mod devices;
 mod life;
 mod rates;
 mod switch;
+mod timing;
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
@@ -22,8 +23,9 @@ use rcc_ipc::BoardReader;
 
 use crate::net::Nets;
 use crate::queue::{Event, Order, Outcome, RtEnds};
-use crate::record::{Reason, Recorder};
+use crate::record::Recorder;
 use switch::Switch;
+use timing::Timekeeper;
 
 /// Orders taken in one cycle.
 pub const ORDERS_PER_CYCLE: usize = 8;
@@ -104,7 +106,7 @@ pub struct Engine {
     next_id: u64,
     next_engagement: u64,
     next_record: u64,
-    late_in_a_row: u32,
+    time: Timekeeper,
     stopping: bool,
     recorder: Option<Box<Recorder>>,
 }
@@ -153,7 +155,7 @@ impl Engine {
             next_id: 1,
             next_engagement: 1,
             next_record: 1,
-            late_in_a_row: 0,
+            time: Timekeeper::new(config.period_ns),
             stopping: false,
             recorder: None,
             config,
@@ -223,6 +225,7 @@ impl Engine {
         if let Some(recorder) = &mut self.recorder {
             recorder.begin(self.status.cycle, now_ns, &self.inputs);
         }
+        self.time.begin(now_ns);
         for device in &mut self.devices {
             device.output = DeviceOutput::NONE;
         }
@@ -231,43 +234,9 @@ impl Engine {
         for row in (0..COMMANDS_MAX).filter(|row| begun >> row & 1 == 0) {
             self.run_row(row, now_ns);
         }
+        self.move_on_sampling();
         self.write_images(now_ns);
         self.write_tables();
-    }
-
-    /// After the cycle: how long it took, and whether it was late (woke or ended after the next deadline).
-    pub fn account(&mut self, wake_ns: u64, exec_ns: u64, skipped_periods: u64) {
-        let status = &mut self.status;
-        status.exec_last_ns = exec_ns;
-        status.exec_max_ns = status.exec_max_ns.max(exec_ns);
-        status.worst_wake_ns = status.worst_wake_ns.max(wake_ns);
-        if let Some(recorder) = &mut self.recorder {
-            recorder.end(wake_ns, exec_ns, skipped_periods);
-        }
-        if skipped_periods == 0 {
-            self.late_in_a_row = 0;
-            return;
-        }
-        status.late += 1;
-        status.skipped_periods += skipped_periods;
-        status.last_late_cycle = status.cycle;
-        if status.first_late_cycle == 0 {
-            status.first_late_cycle = status.cycle;
-        }
-        let cycle = status.cycle;
-        self.log(Event::Late {
-            cycle,
-            wake_ns,
-            exec_ns,
-        });
-        self.late_in_a_row += 1;
-        if self.late_in_a_row == self.config.late_in_a_row_max {
-            self.late_in_a_row = 0;
-            if let Some(recorder) = &mut self.recorder {
-                recorder.trigger(Reason::Late);
-            }
-            self.end_most_expensive();
-        }
     }
 
     fn take_orders(&mut self) {

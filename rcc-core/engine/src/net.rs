@@ -3,11 +3,11 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use rcc_core::cycle::cycle;
+use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::PathLimits;
-use rcc_core::plan::{Checked, MonitorPoint, PlanError, Rate, Resources};
+use rcc_core::plan::{Checked, MonitorPoint, Plan, PlanError, Rate, Resources, Run};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{PlanData, Refusal};
@@ -27,6 +27,10 @@ pub struct Net {
     ints: Box<[i64]>,
     clocks: Clocks,
     outputs: Box<[DeviceOutput]>,
+    /// Primitives in each run.
+    run_lengths: Box<[u32]>,
+    /// What one evaluation is expected to take on this machine, ns; 0 = not known.
+    pub expected_ns: u64,
     /// Cycles evaluated since START.
     pub cycles: u64,
     /// CANCEL was requested.
@@ -54,6 +58,17 @@ pub enum Evaluation {
     Terminated,
     /// The net cannot go on.
     Fault(FaultCode),
+}
+
+/// What one run of equal primitives took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunTime {
+    /// Number of the kernel.
+    pub kernel: u16,
+    /// Primitives in the run.
+    pub primitives: u32,
+    /// Time, ns, with one look at the clock.
+    pub ns: u64,
 }
 
 impl Net {
@@ -101,6 +116,8 @@ impl Net {
             bools: data.bools.clone().into(),
             ints: data.ints.clone().into(),
             outputs: vec![DeviceOutput::NONE; devices].into(),
+            run_lengths: data.runs.iter().map(primitives_in).collect(),
+            expected_ns: 0,
             clocks,
             checked,
             data,
@@ -202,6 +219,42 @@ impl Net {
         models: &[DeviceModel],
         devices: &[DeviceInput],
         dt_s: f64,
+    ) -> Evaluation {
+        self.evaluate_with(models, devices, dt_s, cycle)
+    }
+
+    /// As [`Net::evaluate`], and says what the run `timed` took by `clock`.
+    pub fn evaluate_timed(
+        &mut self,
+        models: &[DeviceModel],
+        devices: &[DeviceInput],
+        dt_s: f64,
+        (timed, clock): (usize, fn() -> u64),
+    ) -> (Evaluation, Option<RunTime>) {
+        let mut ns = 0;
+        let evaluation = self.evaluate_with(models, devices, dt_s, |plan, frame| {
+            ns = cycle_timed(plan, frame, timed, clock);
+        });
+        let run = self.data.runs.get(timed).zip(self.run_lengths.get(timed));
+        let time = run.map(|(run, primitives)| RunTime {
+            kernel: run.kernel,
+            primitives: *primitives,
+            ns,
+        });
+        (evaluation, time)
+    }
+
+    /// Number of runs of equal primitives.
+    pub fn runs(&self) -> usize {
+        self.data.runs.len()
+    }
+
+    fn evaluate_with(
+        &mut self,
+        models: &[DeviceModel],
+        devices: &[DeviceInput],
+        dt_s: f64,
+        cycle: impl FnOnce(&Plan<'_>, &mut Frame<'_>),
     ) -> Evaluation {
         self.outputs.fill(DeviceOutput::NONE);
         let mut frame = Frame {
@@ -350,13 +403,19 @@ fn prepare(
     Ok(Clocks(clocks.collect::<Result<_, _>>()?))
 }
 
+/// Number of primitives in a run.
+fn primitives_in(run: &Run) -> u32 {
+    let group = primitives::kernel(run.kernel).map_or(1, |(entry, kernel)| {
+        entry.spec.operands(kernel.store).count()
+    });
+    run.operands / (group.max(1) as u32)
+}
+
 /// Rows for nets, as many as there are commands.
 pub type Nets = [Option<Box<Net>>; COMMANDS_MAX];
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use rcc_core::plan::Run;
-
     use super::*;
 
     /// A net of one `Termination` that never ends.

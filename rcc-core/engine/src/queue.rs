@@ -2,6 +2,7 @@
 //! Whatever is handed to the real-time thread comes back and is freed elsewhere.
 
 use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
+use rcc_core::timing::LateCycle;
 use rcc_ipc::BoardReader;
 use rcc_ipc::control::{Answer, SWITCH_MAX};
 use rtrb::{Consumer, Producer};
@@ -43,6 +44,8 @@ pub enum Order {
     Unload { ticket: u64, id: u64 },
     /// Freezes the flight recorder.
     Record { ticket: u64 },
+    /// Late cycles are acknowledged: what is latched begins anew.
+    Acknowledge { ticket: u64 },
     /// A driver announced itself; its board replaces the device's last one.
     Attach {
         device: usize,
@@ -90,12 +93,10 @@ pub enum Event {
         driver: u64,
         attached: bool,
     },
-    /// A cycle was late: how long after its deadline it woke, and how long it computed.
-    Late {
-        cycle: u64,
-        wake_ns: u64,
-        exec_ns: u64,
-    },
+    /// A cycle was late.
+    Late(LateCycle),
+    /// So many late cycles were acknowledged.
+    Acknowledged { cycle: u64, late: u64 },
 }
 
 /// The real-time thread's ends of all rings.

@@ -398,13 +398,13 @@ fn too_many_late_cycles_in_a_row_end_the_most_expensive_net() {
         CommandState::Running,
         "the row was interrupted"
     );
-    (0..3).for_each(|_| bench.engine.account(2_000_000, 1000, 2));
+    (0..3).for_each(|_| bench.engine.account(1000, 2_000_000, 2));
     assert_eq!(bench.reason(id), EndReason::Fault);
     assert_eq!(bench.entry(id).fault.code, FaultCode::Overrun as u32);
     let status = bench.engine.status();
     assert_eq!((status.late, status.skipped_periods), (4, 7));
     assert!(
-        status.first_late_cycle > 0 && status.last_late_cycle > status.first_late_cycle,
+        status.first_late.cycle > 0 && status.last_late.cycle > status.first_late.cycle,
         "latched"
     );
 }

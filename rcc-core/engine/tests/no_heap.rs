@@ -115,8 +115,9 @@ fn refusals_and_faults_make_none() {
     obey(&mut bench, |ticket| Order::Start { ticket, id: line }, 100);
     bench.driver.alive = false;
     obey(&mut bench, |ticket| Order::Cancel { ticket, id: 999 }, 100);
+    obey(&mut bench, |ticket| Order::Acknowledge { ticket }, 100);
     assert_eq!(bench.reason(line), EndReason::Fault);
-    let late = operations(|| (0..10).for_each(|_| bench.engine.account(5_000_000, 1, 5)));
+    let late = operations(|| (0..10).for_each(|_| bench.engine.account(1, 5_000_000, 5)));
     assert_eq!(late, 0);
     assert_eq!(bench.reason(holder), EndReason::Fault);
 }
@@ -206,7 +207,7 @@ fn no_example_net_makes_any_to_its_end_or_through_a_fault() {
         obey(bench, |ticket| Order::Start { ticket, id }, 3);
         bench.driver.measurement.hold = DEMO_START;
         obey(bench, |ticket| Order::Start { ticket, id }, 100);
-        let late = operations(|| (0..10).for_each(|_| bench.engine.account(5_000_000, 1, 5)));
+        let late = operations(|| (0..10).for_each(|_| bench.engine.account(1, 5_000_000, 5)));
         assert_eq!(late, 0, "{name}");
         obey(bench, |ticket| Order::Abort { ticket, id }, 100);
         assert_eq!(bench.state(id), CommandState::Terminated, "{name}");

@@ -11,6 +11,8 @@ pub const CONTROL: &str = "control";
 pub const STATUS: &str = "status";
 /// Name of the board with [`rcc_core::message::Tables`].
 pub const TABLES: &str = "tables";
+/// Name of the board with [`rcc_core::timing::Timing`].
+pub const TIMING: &str = "timing";
 /// Name of the stream of [`rcc_core::message::MonitorRecord`].
 pub const RECORDS: &str = "records";
 /// Name of a driver's board with [`rcc_core::message::Measurement`].
@@ -121,6 +123,8 @@ pub enum Call {
     },
     /// Writes the flight recorder's last seconds to a file.
     Record,
+    /// Late cycles are acknowledged: what is latched begins anew.
+    Acknowledge,
 }
 
 /// The executor's answer.

@@ -148,6 +148,12 @@ pub struct CommandView {
     pub exec_last_ns: u64,
     /// Longest evaluation, ns.
     pub exec_max_ns: u64,
+    /// Mean of all evaluations, ns.
+    #[serde(default)]
+    pub exec_mean_ns: u64,
+    /// What one evaluation is expected to take on this machine, ns; 0 = not known.
+    #[serde(default)]
+    pub expected_ns: u64,
     /// Number of primitives.
     #[serde(default)]
     pub primitives: u32,
@@ -251,6 +257,101 @@ pub struct StatusView {
     pub processes: Vec<ProcessView>,
 }
 
+/// A late cycle.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct LateView {
+    /// Its number.
+    pub cycle: u64,
+    /// `woken late` or `computed long`: which was the greater part of the lateness.
+    pub cause: String,
+    /// How long after its deadline it woke.
+    pub wake_ns: u64,
+    /// How long it computed.
+    pub exec_ns: u64,
+    /// Periods that it skipped.
+    pub skipped_periods: u64,
+    /// The net that computed longest in it, if one ran.
+    #[serde(default)]
+    pub net: Option<String>,
+    /// How long that took.
+    pub net_ns: u64,
+}
+
+/// The answer to an acknowledgement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Acknowledged {
+    /// Executor cycle from which on everything is counted anew.
+    pub cycle: u64,
+    /// Late cycles that were acknowledged.
+    pub late: u64,
+}
+
+/// Times since the last acknowledgement or the start, and what primitives cost.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TimingView {
+    /// Cycle at which this was written.
+    pub cycle: u64,
+    /// Cycle of the last acknowledgement, 0 = there was none.
+    pub acknowledged_cycle: u64,
+    /// Base period.
+    pub period_ns: u64,
+    /// Wake-up after the deadline.
+    pub wake: HistogramView,
+    /// From the wake-up until everything is written.
+    pub exec: HistogramView,
+    /// From one wake-up to the next.
+    pub length: HistogramView,
+    /// Types of primitives that ran, the dearest first.
+    pub primitives: Vec<PrimitiveTimeView>,
+}
+
+/// A distribution of times.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct HistogramView {
+    /// How many.
+    pub count: u64,
+    /// The shortest.
+    pub min_ns: u64,
+    /// The mean.
+    pub mean_ns: u64,
+    /// Half of them are at most this long, to 6 %.
+    pub p50_ns: u64,
+    /// 99 % are at most this long, to 6 %.
+    pub p99_ns: u64,
+    /// 99.9 % are at most this long, to 6 %.
+    pub p999_ns: u64,
+    /// The longest.
+    pub max_ns: u64,
+    /// The occupied buckets.
+    pub buckets: Vec<BucketView>,
+}
+
+/// Times up to a bound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct BucketView {
+    /// Upper bound, inclusive.
+    pub to_ns: u64,
+    /// How many lie between the bound before and this one.
+    pub count: u64,
+}
+
+/// What the primitives of a type cost, by samples: the sums of several types are in the ratio of what they cost
+/// altogether.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PrimitiveTimeView {
+    /// The type.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Runs of equal primitives that were timed.
+    pub runs: u64,
+    /// Primitives in them.
+    pub primitives: u64,
+    /// Their time together.
+    pub sum_ns: u64,
+    /// The longest run.
+    pub max_ns: u64,
+}
+
 /// The executor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ExecutorView {
@@ -264,16 +365,27 @@ pub struct ExecutorView {
     pub period_ns: u64,
     /// Late cycles since its start.
     pub late: u64,
-    /// First late cycle, 0 = none.
-    pub first_late_cycle: u64,
-    /// Last late cycle, 0 = none.
-    pub last_late_cycle: u64,
-    /// Worst wake-up after the deadline.
+    /// Of them those that somebody acknowledged.
+    #[serde(default)]
+    pub late_acknowledged: u64,
+    /// First late cycle since the last acknowledgement.
+    #[serde(default)]
+    pub first_late: Option<LateView>,
+    /// Last late cycle since the last acknowledgement.
+    #[serde(default)]
+    pub last_late: Option<LateView>,
+    /// Worst wake-up after the deadline since the last acknowledgement.
     pub worst_wake_ns: u64,
     /// Time that the last cycle computed.
     pub exec_last_ns: u64,
-    /// Longest that a cycle computed.
+    /// Longest that a cycle computed since the last acknowledgement.
     pub exec_max_ns: u64,
+    /// What nets may need together in one cycle; 0 = no limit.
+    #[serde(default)]
+    pub budget_ns: u64,
+    /// What the nets that run now are expected to need together in one cycle.
+    #[serde(default)]
+    pub committed_ns: u64,
     /// Periods skipped because of late cycles.
     pub skipped_periods: u64,
     /// Monitor records lost before they left the executor.

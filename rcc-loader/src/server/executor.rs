@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
-use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES};
+use rcc_core::timing::Timing;
+use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES, TIMING};
 use rcc_ipc::{Announcement, BoardReader, Cell, Client, Role, Session, wire};
 
 use super::codes;
@@ -24,12 +25,18 @@ pub struct Attached {
     client: Mutex<Client>,
     status: Mutex<BoardReader<CycleStatus>>,
     tables: Mutex<BoardReader<Tables>>,
+    timing: Mutex<BoardReader<Timing>>,
 }
 
 impl Attached {
     /// The executor's counters.
     pub fn status(&self) -> CycleStatus {
         locked(&self.status).read()
+    }
+
+    /// Histograms and what primitives cost; boxed, as they are large. All zero before they are first written.
+    pub fn timing(&self) -> Box<Timing> {
+        Box::new(locked(&self.timing).read())
     }
 
     /// The executor's tables; boxed, as they are large. Empty before the first cycle.
@@ -163,10 +170,12 @@ impl Executor {
         let client = self.session.client(service(CONTROL)?);
         let status = self.session.open_board(service(STATUS)?);
         let tables = self.session.open_board(service(TABLES)?);
+        let timing = self.session.open_board(service(TIMING)?);
         Ok(Attached {
             client: Mutex::new(client.map_err(|error| failed(&error))?),
             status: Mutex::new(status.map_err(|error| failed(&error))?),
             tables: Mutex::new(tables.map_err(|error| failed(&error))?),
+            timing: Mutex::new(timing.map_err(|error| failed(&error))?),
             announcement,
         })
     }

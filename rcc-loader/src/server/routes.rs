@@ -17,8 +17,8 @@ use utoipa::OpenApi;
 
 use super::api;
 use super::api::{
-    CommandDetail, CommandView, DeviceView, Done, ErrorBody, Loaded, PrimitiveView, StatusView,
-    Switched,
+    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Loaded, PrimitiveView,
+    StatusView, Switched, TimingView,
 };
 use super::catalogue;
 use super::codes;
@@ -54,7 +54,19 @@ struct Shared {
         description = "Robot Control Core: load a net as a command, start it, cancel it, look at it."
     ),
     paths(
-        load, list, detail, start, switch, cancel, abort, unload, devices, primitives, status
+        load,
+        list,
+        detail,
+        start,
+        switch,
+        cancel,
+        abort,
+        unload,
+        devices,
+        primitives,
+        status,
+        timing,
+        acknowledge
     ),
     components(schemas(ErrorBody, api::Finding, api::Place))
 )]
@@ -86,6 +98,8 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/devices", get(devices))
         .route("/primitives", get(primitives))
         .route("/status", get(status))
+        .route("/status/acknowledge", post(acknowledge))
+        .route("/timing", get(timing))
         .route("/openapi.json", get(openapi))
         .fallback(no_route)
         .method_not_allowed_fallback(no_route)
@@ -348,6 +362,20 @@ async fn status(State(shared): State<Shared>) -> Result<Json<StatusView>, ApiErr
     blocking(shared, Service::status).await.map(Json)
 }
 
+/// Late cycles are acknowledged: what is latched, worst values and histograms begin anew.
+#[utoipa::path(post, path = "/status/acknowledge",
+    responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody)))]
+async fn acknowledge(State(shared): State<Shared>) -> Result<Json<Acknowledged>, ApiError> {
+    blocking(shared, Service::acknowledge).await.map(Json)
+}
+
+/// Histograms of the cycle, and what primitives cost.
+#[utoipa::path(get, path = "/timing",
+    responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
+async fn timing(State(shared): State<Shared>) -> Result<Json<TimingView>, ApiError> {
+    blocking(shared, Service::timing).await.map(Json)
+}
+
 async fn openapi() -> Result<Response, ApiError> {
     let text = document()
         .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))?;
@@ -383,7 +411,9 @@ mod tests {
             "/devices",
             "/primitives",
             "/status",
+            "/status/acknowledge",
             "/switch",
+            "/timing",
         ];
         assert_eq!(paths.as_deref(), Some(&expected.map(String::from)[..]));
         Ok(())

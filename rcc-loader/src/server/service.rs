@@ -396,6 +396,8 @@ impl Service {
             ended_cycle: row.ended_cycle,
             exec_last_ns: row.exec_last_ns,
             exec_max_ns: row.exec_max_ns,
+            exec_mean_ns: row.exec_sum_ns.checked_div(row.cycles).unwrap_or(0),
+            expected_ns: row.expected_ns,
             primitives: file.primitives,
             uses: file.uses.clone(),
             loaded_at: file.loaded_at,

@@ -10,6 +10,8 @@ use super::api::{ChannelView, DeviceView, ExecutorView, ProcessView, StatusView}
 use super::error::ApiError;
 use super::executor::Attached;
 use super::service::Service;
+use super::store::Store;
+use super::timing::committed_ns;
 
 /// Bits of `CycleStatus::grants`, with what they grant.
 const GRANTS: [(u32, &str); 3] = [(1, "SCHED_FIFO"), (2, "memory locked"), (4, "own core")];
@@ -61,15 +63,47 @@ impl Service {
     /// # Errors
     /// There is no executor.
     pub fn status(&self) -> Result<StatusView, ApiError> {
-        let (attached, _) = self.attach()?;
+        let (attached, store) = self.attach()?;
         let cell = self.executor.cell();
         let processes = cell.announced_all().unwrap_or_default();
         Ok(StatusView {
             cell: cell.name().to_owned(),
             config: self.config.source.display().to_string(),
-            executor: executor(&attached),
+            executor: self.executor_view(&attached, &store),
             processes: processes.iter().map(process).collect(),
         })
+    }
+
+    fn executor_view(&self, attached: &Attached, store: &Store) -> ExecutorView {
+        let status = attached.status();
+        let announcement = &attached.announcement;
+        let granted = |bit: u32| status.grants & bit != 0;
+        ExecutorView {
+            pid: announcement.pid,
+            incarnation: format!("{:016x}", announcement.incarnation),
+            cycle: status.cycle,
+            period_ns: status.period_ns,
+            late: status.late,
+            late_acknowledged: status.late_acknowledged,
+            first_late: self.late(store, &status.first_late),
+            last_late: self.late(store, &status.last_late),
+            worst_wake_ns: status.worst_wake_ns,
+            exec_last_ns: status.exec_last_ns,
+            exec_max_ns: status.exec_max_ns,
+            budget_ns: status.budget_ns,
+            committed_ns: committed_ns(&attached.tables()),
+            skipped_periods: status.skipped_periods,
+            dropped_records: status.dropped_records,
+            running: status.running,
+            fifo: granted(1),
+            locked: granted(2),
+            pinned: granted(4),
+            grade: if status.magic == MAGIC {
+                grade(status.grants, &announcement.note)
+            } else {
+                "RT: not yet running".to_owned()
+            },
+        }
     }
 
     /// A driver's words for a reason number; empty for 0.
@@ -99,35 +133,6 @@ fn reason_in(note: &str, reason: u32) -> Option<&str> {
         let (number, words) = line.split_once(' ')?;
         (number.trim().parse() == Ok(reason)).then(|| words.trim())
     })
-}
-
-fn executor(attached: &Attached) -> ExecutorView {
-    let status = attached.status();
-    let announcement = &attached.announcement;
-    let granted = |bit: u32| status.grants & bit != 0;
-    ExecutorView {
-        pid: announcement.pid,
-        incarnation: format!("{:016x}", announcement.incarnation),
-        cycle: status.cycle,
-        period_ns: status.period_ns,
-        late: status.late,
-        first_late_cycle: status.first_late_cycle,
-        last_late_cycle: status.last_late_cycle,
-        worst_wake_ns: status.worst_wake_ns,
-        exec_last_ns: status.exec_last_ns,
-        exec_max_ns: status.exec_max_ns,
-        skipped_periods: status.skipped_periods,
-        dropped_records: status.dropped_records,
-        running: status.running,
-        fifo: granted(1),
-        locked: granted(2),
-        pinned: granted(4),
-        grade: if status.magic == MAGIC {
-            grade(status.grants, &announcement.note)
-        } else {
-            "RT: not yet running".to_owned()
-        },
-    }
 }
 
 /// What was really obtained, in words. A core of its own is a plus, not a condition.

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
-use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES};
+use rcc_core::timing::Timing;
+use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES, TIMING};
 use rcc_ipc::{Announced, Announcement, BoardWriter, Cell, Role, Server, Session, wire};
 
 /// A cell in a folder of its own, removed at the end of its test.
@@ -75,6 +76,7 @@ impl FakeExecutor {
         let server = session.serve(CONTROL).expect("serve");
         let mut status = session.create_board::<CycleStatus>(STATUS).expect("status");
         let board = session.create_board::<Tables>(TABLES).expect("tables");
+        let timing = session.create_board::<Timing>(TIMING).expect("timing");
         status.write(&CycleStatus {
             magic: MAGIC,
             cycle: 7,
@@ -86,7 +88,8 @@ impl FakeExecutor {
                 &Announcement::of(&session)
                     .service(CONTROL, server.service())
                     .service(STATUS, status.service())
-                    .service(TABLES, board.service()),
+                    .service(TABLES, board.service())
+                    .service(TIMING, timing.service()),
             )
             .expect("announce");
         let mut tables = Box::new(Tables::zeroed());
@@ -112,7 +115,13 @@ impl FakeExecutor {
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
             serve(&server, &mut state, &stopped);
-            drop((announced as Announced, status, state, server, session));
+            drop((
+                announced as Announced,
+                (status, timing),
+                state,
+                server,
+                session,
+            ));
         });
         FakeExecutor {
             incarnation,
@@ -194,6 +203,7 @@ impl State {
                 None => Answer::Refused(Refusal::UnknownCommand),
             },
             Call::Record => Answer::Refused(Refusal::NoRecorder),
+            Call::Acknowledge => Answer::Done { cycle: 8 },
         };
         self.board.write(&self.tables);
         answer

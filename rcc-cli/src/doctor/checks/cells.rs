@@ -50,7 +50,7 @@ fn one(cell: &CellFacts) -> Vec<Finding> {
                 "cell {name} runs: cycle {}, {} late (last {}), worst wake-up {}",
                 grouped(executor.cycle),
                 grouped(executor.late),
-                grouped(executor.last_late_cycle),
+                grouped(executor.last_late.as_ref().map_or(0, |late| late.cycle)),
                 time(executor.worst_wake_ns)
             );
             found.push(Finding::note(what).cause(executor.grade.clone()));

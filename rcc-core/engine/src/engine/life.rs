@@ -4,7 +4,6 @@ use bytemuck::Zeroable;
 use rcc_core::message::{
     COMMANDS_MAX, CommandEntry, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
 };
-use rcc_ipc::clock::monotonic_ns;
 use rcc_ipc::control::{Answer, Refusal};
 
 use super::{Engine, Pending, SETTLE_MAX_NS};
@@ -36,6 +35,10 @@ impl Engine {
             Order::Abort { ticket, id } => (ticket, self.abort(id).map(|()| None)),
             Order::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
             Order::Record { ticket } => (ticket, self.freeze().map(|()| None)),
+            Order::Acknowledge { ticket } => {
+                self.acknowledge();
+                (ticket, Ok(None))
+            }
             Order::Attach {
                 device,
                 incarnation,
@@ -237,22 +240,6 @@ impl Engine {
         }
     }
 
-    /// Ends the net that took longest in its last cycle: too many cycles were late.
-    pub(super) fn end_most_expensive(&mut self) {
-        let active = self
-            .tables
-            .commands
-            .iter()
-            .enumerate()
-            .filter(|(_, entry)| super::is_active(entry.state));
-        let most = active
-            .max_by_key(|(_, entry)| entry.exec_last_ns)
-            .map(|(row, _)| row);
-        if let Some(row) = most {
-            self.end(row, EndReason::Fault, self.fault(FaultCode::Overrun));
-        }
-    }
-
     /// One cycle of one row of the command table.
     pub(super) fn run_row(&mut self, row: usize, now_ns: u64) {
         let (Some(entry), Some(&pending)) = (self.tables.commands.get(row), self.pending.get(row))
@@ -355,7 +342,8 @@ impl Engine {
             net.reset();
         }
         if let Some(entry) = self.tables.commands.get_mut(row) {
-            (entry.cycles, entry.exec_last_ns, entry.exec_max_ns) = (0, 0, 0);
+            (entry.cycles, entry.exec_sum_ns) = (0, 0);
+            (entry.exec_last_ns, entry.exec_max_ns) = (0, 0);
         }
     }
 
@@ -387,14 +375,14 @@ impl Engine {
             return Evaluation::Fault(FaultCode::Panic);
         };
         let (begins, cancel) = (net.cycles == 0, net.cancel_requested);
-        // The vDSO's clock, twice a net: no system call.
-        let begun_ns = monotonic_ns();
-        let evaluation = net.evaluate(&self.config.models, &self.inputs, self.dt_s);
-        let exec_ns = monotonic_ns() - begun_ns;
+        let (models, inputs) = (&self.config.models, &self.inputs);
+        let (evaluation, exec_ns) = self.time.evaluate(row, net, models, inputs, self.dt_s);
         if let Some(entry) = self.tables.commands.get_mut(row) {
             entry.cycles = net.cycles;
             entry.exec_last_ns = exec_ns;
             entry.exec_max_ns = entry.exec_max_ns.max(exec_ns);
+            entry.exec_sum_ns += exec_ns;
+            self.time.remember(entry.id, exec_ns);
             if let Some(recorder) = &mut self.recorder {
                 recorder.net(Evaluated {
                     row,

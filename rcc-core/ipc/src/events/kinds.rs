@@ -149,6 +149,17 @@ kinds! {
         worst_wake_us: f64,
         /// Longest evaluation, µs.
         worst_exec_us: f64,
+        /// How many of them because they computed long; the others were woken late.
+        computed_long: Option<u64>,
+        /// The command that computed longest in one of these.
+        command: Option<u64>,
+        /// How long that was, µs.
+        command_us: Option<f64>,
+    }
+    /// Somebody acknowledged late cycles: what is latched begins anew.
+    Acknowledged = "acknowledged", "executor", Info {
+        /// How many.
+        late: u64,
     }
     /// A text was compiled and its plan goes to the executor; this names the command.
     Loaded = "loaded", "loader", Info {

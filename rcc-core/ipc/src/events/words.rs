@@ -60,9 +60,41 @@ impl Event {
                 let net = named(*command);
                 format!("{net} rejected: {code} {words}{more}; correct the text and load it again")
             }
+            Kind::Late { .. } => late_words(&self.what, &named).unwrap_or_default(),
             other => other.plain(),
         }
     }
+}
+
+fn late_words(late: &Kind, named: &dyn Fn(u64) -> String) -> Option<String> {
+    let Kind::Late {
+        count,
+        first_cycle,
+        worst_wake_us,
+        worst_exec_us,
+        computed_long,
+        command,
+        command_us,
+    } = late
+    else {
+        return None;
+    };
+    let cause = match (computed_long, command) {
+        (None, _) => String::new(),
+        (Some(0), _) => "; all were woken late".to_owned(),
+        (Some(long), None) => format!("; {long} computed long, without a net"),
+        (Some(long), Some(command)) => format!(
+            "; {long} computed long, most of it {} ({:.3} ms)",
+            named(*command),
+            command_us.unwrap_or(0.0) / 1e3
+        ),
+    };
+    Some(format!(
+        "{count} late cycles, the first is {first_cycle}: woke up to {:.3} ms after its time, computed up to {:.3} ms\
+         {cause}",
+        worst_wake_us / 1e3,
+        worst_exec_us / 1e3
+    ))
 }
 
 impl Kind {
@@ -74,17 +106,9 @@ impl Kind {
             Kind::Suppressed { count } => {
                 format!("{count} more events were not written: too many at once")
             }
-            Kind::Late {
-                count,
-                first_cycle,
-                worst_wake_us,
-                worst_exec_us,
-            } => format!(
-                "{count} late cycles, the first is {first_cycle}: woke up to {:.3} ms after its time, computed up to \
-                 {:.3} ms",
-                worst_wake_us / 1e3,
-                worst_exec_us / 1e3
-            ),
+            Kind::Acknowledged { late } => {
+                format!("{late} late cycles are acknowledged: what is latched begins anew")
+            }
             Kind::ExecutorFound { pid, .. } => format!("works with the executor (pid {pid})"),
             Kind::ExecutorLost { pid, .. } => format!(
                 "the executor (pid {pid}) is gone, and with it every command: load your nets again when it is back"

@@ -1,0 +1,252 @@
+//! Time in the engine: histograms, late cycles with cause and culprit, and what primitives cost. Real-time thread.
+//!
+//! The clock is read twice a net, and twice for the one run of primitives that is timed in a cycle: no system call.
+
+use bytemuck::Zeroable;
+use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::histogram::Histogram;
+use rcc_core::message::{COMMANDS_MAX, EndReason, FaultCode, MAGIC};
+use rcc_core::primitives::{self, KERNELS_MAX};
+use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime, Timing};
+use rcc_ipc::clock::monotonic_ns;
+
+use super::{Engine, is_active};
+use crate::net::{Evaluation, Net, RunTime};
+use crate::queue::Event;
+use crate::record::Reason;
+
+/// The timing board is written so often.
+const TIMING_EVERY_NS: u64 = 100_000_000;
+/// Looks at the clock for the cost of one.
+const CLOCK_LOOKS: usize = 1000;
+
+/// What the engine knows about time.
+#[derive(Debug)]
+pub(super) struct Timekeeper {
+    timing: Box<Timing>,
+    clock: fn() -> u64,
+    /// What one look at the clock costs.
+    look_ns: u64,
+    woke_ns: u64,
+    /// The row of the command table whose net is timed next.
+    next_row: usize,
+    /// Which of a net's runs is next, by row.
+    next_runs: [usize; COMMANDS_MAX],
+    sampled: bool,
+    /// The command that computed longest in this cycle, and how long.
+    dearest: (u64, u64),
+    /// Late cycles since the last one in time that were late because of what they computed.
+    late_in_a_row: u32,
+    every: u64,
+    due: bool,
+}
+
+impl Timekeeper {
+    pub(super) fn new(period_ns: u64) -> Timekeeper {
+        let mut timing: Box<Timing> = bytemuck::zeroed_box();
+        timing.magic = MAGIC;
+        timing.catalogue = primitives::fingerprint();
+        Timekeeper {
+            timing,
+            clock: monotonic_ns,
+            look_ns: cost_of_a_look(monotonic_ns),
+            woke_ns: 0,
+            next_row: 0,
+            next_runs: [0; COMMANDS_MAX],
+            sampled: false,
+            dearest: (0, 0),
+            late_in_a_row: 0,
+            every: TIMING_EVERY_NS.checked_div(period_ns).unwrap_or(1).max(1),
+            due: false,
+        }
+    }
+
+    /// A cycle woke.
+    pub(super) fn begin(&mut self, now_ns: u64) {
+        if self.woke_ns != 0 {
+            self.timing.length.add(now_ns.saturating_sub(self.woke_ns));
+        }
+        self.woke_ns = now_ns;
+        self.dearest = (0, 0);
+        self.due = false;
+    }
+
+    /// Evaluates the net in `row`, and says how long that took; if it is its turn, one of its runs is timed, too.
+    pub(super) fn evaluate(
+        &mut self,
+        row: usize,
+        net: &mut Net,
+        models: &[DeviceModel],
+        inputs: &[DeviceInput],
+        dt_s: f64,
+    ) -> (Evaluation, u64) {
+        let turn = row == self.next_row && !self.sampled;
+        let run = self.next_runs.get(row).copied().unwrap_or(0);
+        let begun_ns = (self.clock)();
+        let (evaluation, time) = if turn {
+            net.evaluate_timed(models, inputs, dt_s, (run, self.clock))
+        } else {
+            (net.evaluate(models, inputs, dt_s), None)
+        };
+        let exec_ns = (self.clock)().saturating_sub(begun_ns);
+        if turn {
+            self.sampled = true;
+            if let Some(time) = time {
+                self.take_in(time);
+            }
+            let last = run + 1 >= net.runs();
+            if let Some(next) = self.next_runs.get_mut(row) {
+                *next = if last { 0 } else { run + 1 };
+            }
+            self.next_row += usize::from(last);
+        }
+        (evaluation, exec_ns)
+    }
+
+    fn take_in(&mut self, time: RunTime) {
+        let place = usize::from(time.kernel) / KERNELS_MAX;
+        if let Some(row) = self.timing.primitives.get_mut(place) {
+            let ns = time.ns.saturating_sub(self.look_ns);
+            row.runs += 1;
+            row.primitives += u64::from(time.primitives);
+            row.sum_ns += ns;
+            row.max_ns = row.max_ns.max(ns);
+        }
+    }
+
+    /// A command computed so long in this cycle.
+    pub(super) fn remember(&mut self, id: u64, exec_ns: u64) {
+        if exec_ns >= self.dearest.1 {
+            self.dearest = (id, exec_ns);
+        }
+    }
+}
+
+impl Engine {
+    /// The same engine with another clock for what nets take, in ns; it must be fit for the real-time thread.
+    #[must_use]
+    pub fn with_clock(mut self, clock: fn() -> u64) -> Engine {
+        self.time.clock = clock;
+        self.time.look_ns = 0;
+        self
+    }
+
+    /// Histograms and what primitives cost.
+    pub fn timing(&self) -> &Timing {
+        &self.time.timing
+    }
+
+    /// True if the timing should be written in this cycle.
+    pub fn timing_due(&self) -> bool {
+        self.time.due
+    }
+
+    /// After the nets: the turn of being timed goes on to a net that is active.
+    pub(super) fn move_on_sampling(&mut self) {
+        let cycle = self.status.cycle;
+        self.time.due |= cycle.is_multiple_of(self.time.every);
+        if self.time.due {
+            self.time.timing.cycle = cycle;
+        }
+        // A net that was not due has its turn when the others had theirs: what runs seldom is timed seldom.
+        let sampled = std::mem::take(&mut self.time.sampled);
+        let first = (self.time.next_row + usize::from(!sampled)) % COMMANDS_MAX;
+        let mut rows = (first..COMMANDS_MAX).chain(0..first);
+        let active = |row: &usize| {
+            let entry = self.tables.commands.get(*row);
+            entry.is_some_and(|entry| is_active(entry.state))
+        };
+        self.time.next_row = rows.find(active).unwrap_or(0);
+    }
+
+    /// After the cycle: how long after its deadline it woke, how long it took, and how many periods it skipped; any
+    /// makes it a late one.
+    pub fn account(&mut self, wake_ns: u64, exec_ns: u64, skipped_periods: u64) {
+        let status = &mut self.status;
+        status.exec_last_ns = exec_ns;
+        status.exec_max_ns = status.exec_max_ns.max(exec_ns);
+        status.worst_wake_ns = status.worst_wake_ns.max(wake_ns);
+        self.time.timing.wake.add(wake_ns);
+        self.time.timing.exec.add(exec_ns);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.end(wake_ns, exec_ns, skipped_periods);
+        }
+        if skipped_periods == 0 {
+            self.time.late_in_a_row = 0;
+            return;
+        }
+        let (command, command_ns) = self.time.dearest;
+        let cause = LateCause::of(wake_ns, exec_ns);
+        let late = LateCycle {
+            cycle: status.cycle,
+            wake_ns,
+            exec_ns,
+            skipped_periods,
+            command,
+            command_ns,
+            cause: cause as u32,
+            reserved: 0,
+        };
+        status.late += 1;
+        status.skipped_periods += skipped_periods;
+        status.last_late = late;
+        if status.first_late.cycle == 0 {
+            status.first_late = late;
+        }
+        self.log(Event::Late(late));
+        // That it was woken late is no net's fault: such a cycle neither counts nor ends the row.
+        if cause == LateCause::ComputedLong {
+            self.time.late_in_a_row += 1;
+            if self.time.late_in_a_row == self.config.late_in_a_row_max {
+                self.time.late_in_a_row = 0;
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.trigger(Reason::Late);
+                }
+                self.end_most_expensive();
+            }
+        }
+    }
+
+    /// Late cycles are acknowledged: latches, worst values and histograms begin anew.
+    pub(super) fn acknowledge(&mut self) {
+        let status = &mut self.status;
+        let late = status.late - status.late_acknowledged;
+        status.late_acknowledged = status.late;
+        (status.first_late, status.last_late) = (LateCycle::NONE, LateCycle::NONE);
+        (status.worst_wake_ns, status.exec_max_ns) = (0, 0);
+        let cycle = status.cycle;
+        let timing = &mut *self.time.timing;
+        for histogram in [&mut timing.wake, &mut timing.exec, &mut timing.length] {
+            *histogram = Histogram::zeroed();
+        }
+        timing.primitives.fill(PrimitiveTime::zeroed());
+        timing.acknowledged_cycle = cycle;
+        self.time.due = true;
+        self.log(Event::Acknowledged { cycle, late });
+    }
+
+    /// Ends the net that took longest in its last cycle: too many cycles were late because of what nets compute.
+    fn end_most_expensive(&mut self) {
+        let active = self
+            .tables
+            .commands
+            .iter()
+            .enumerate()
+            .filter(|(_, entry)| is_active(entry.state));
+        let most = active
+            .max_by_key(|(_, entry)| entry.exec_last_ns)
+            .map(|(row, _)| row);
+        if let Some(row) = most {
+            self.end(row, EndReason::Fault, self.fault(FaultCode::Overrun));
+        }
+    }
+}
+
+/// The shortest of many: what is between two looks at the clock if nothing is between them.
+fn cost_of_a_look(clock: fn() -> u64) -> u64 {
+    let differences = (0..CLOCK_LOOKS).map(|_| {
+        let before_ns = clock();
+        clock().saturating_sub(before_ns)
+    });
+    differences.min().unwrap_or(0)
+}

@@ -1,0 +1,111 @@
+//! Time as it is told: late cycles with their nets, histograms, and what primitives cost.
+//! Read from boards by blocking threads of the server; only the acknowledgement asks the executor.
+
+use rcc_core::histogram::Histogram;
+use rcc_core::message::CommandState;
+use rcc_core::primitives::{self, CATALOGUE};
+use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime};
+use rcc_ipc::control::{Answer, Call};
+
+use super::api::{
+    Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView,
+};
+use super::error::ApiError;
+use super::executor::{Attached, Snapshot};
+use super::service::{Service, unexpected};
+use super::store::Store;
+
+impl Service {
+    /// Histograms and what primitives cost.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn timing(&self) -> Result<TimingView, ApiError> {
+        let (attached, _) = self.attach()?;
+        Ok(view(&attached))
+    }
+
+    /// Late cycles are acknowledged: what is latched, worst values and histograms begin anew.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn acknowledge(&self) -> Result<Acknowledged, ApiError> {
+        let (attached, store) = self.attach()?;
+        let status = attached.status();
+        let late = status.late.saturating_sub(status.late_acknowledged);
+        match self.executor.call(&Call::Acknowledge)? {
+            Answer::Done { cycle } => Ok(Acknowledged { cycle, late }),
+            Answer::Refused(refusal) | Answer::RefusedFor { refusal, .. } => {
+                Err(self.with_namer(Some(&store), |namer| namer.refusal(0, refusal)))
+            }
+            Answer::Reserved { .. } => Err(unexpected()),
+        }
+    }
+
+    /// A late cycle with the name of its net; `None` if there was none.
+    pub(super) fn late(&self, store: &Store, late: &LateCycle) -> Option<LateView> {
+        let net = |id| self.with_namer(Some(store), |namer| (namer.net)(id));
+        (late.cycle != 0).then(|| LateView {
+            cycle: late.cycle,
+            cause: LateCause::from_number(late.cause).name().to_owned(),
+            wake_ns: late.wake_ns,
+            exec_ns: late.exec_ns,
+            skipped_periods: late.skipped_periods,
+            net: (late.command != 0).then(|| net(late.command)),
+            net_ns: late.command_ns,
+        })
+    }
+}
+
+/// What the active nets are expected to need together in one cycle.
+pub(super) fn committed_ns(snapshot: &Snapshot) -> u64 {
+    let rows = snapshot.commands.iter();
+    rows.filter(|row| CommandState::from_number(row.state).is_active())
+        .fold(0, |sum: u64, row| sum.saturating_add(row.expected_ns))
+}
+
+fn view(attached: &Attached) -> TimingView {
+    let timing = attached.timing();
+    let mut types: Vec<PrimitiveTimeView> = CATALOGUE
+        .iter()
+        .zip(&timing.primitives)
+        .filter(|(_, row)| row.runs > 0 && timing.catalogue == primitives::fingerprint())
+        .map(|(entry, row)| primitive(entry.spec.name, row))
+        .collect();
+    types.sort_by_key(|row| std::cmp::Reverse(row.sum_ns));
+    TimingView {
+        cycle: timing.cycle,
+        acknowledged_cycle: timing.acknowledged_cycle,
+        period_ns: attached.status().period_ns,
+        wake: histogram(&timing.wake),
+        exec: histogram(&timing.exec),
+        length: histogram(&timing.length),
+        primitives: types,
+    }
+}
+
+fn primitive(name: &str, row: &PrimitiveTime) -> PrimitiveTimeView {
+    PrimitiveTimeView {
+        ty: name.to_owned(),
+        runs: row.runs,
+        primitives: row.primitives,
+        sum_ns: row.sum_ns,
+        max_ns: row.max_ns,
+    }
+}
+
+fn histogram(times: &Histogram) -> HistogramView {
+    HistogramView {
+        count: times.count(),
+        min_ns: times.min(),
+        mean_ns: times.mean(),
+        p50_ns: times.quantile(500),
+        p99_ns: times.quantile(990),
+        p999_ns: times.quantile(999),
+        max_ns: times.max(),
+        buckets: times
+            .buckets()
+            .map(|(to_ns, count)| BucketView { to_ns, count })
+            .collect(),
+    }
+}
