@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::DeviceModel;
 use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
-use crate::primitive::{ChannelKind, Operand, Role, Width};
+use crate::primitive::{ChannelKind, Kernel, Operand, Role, Width};
 use crate::primitives;
 use crate::types::Store;
 
@@ -356,7 +356,7 @@ impl<'a> Plan<'a> {
         for (run, index) in self.runs.iter().zip(0u32..) {
             let (entry, kernel) =
                 primitives::kernel(run.kernel).ok_or(PlanError::UnknownKernel { run: index })?;
-            let group = entry.spec.operands(kernel.store).count();
+            let group = entry.spec.operands(kernel).count();
             let operands = self
                 .operands_of(run)
                 .ok_or(PlanError::BadRun { run: index })?;
@@ -366,7 +366,7 @@ impl<'a> Plan<'a> {
             for (group, number) in operands.chunks_exact(group).zip(0u32..) {
                 let first = run.first + number * group.len() as u32;
                 seen.primitives += 1;
-                self.check_group(entry, kernel.store, group, first, models, &mut seen)?;
+                self.check_group(entry, kernel, group, first, models, &mut seen)?;
             }
         }
         if seen.terminations != 1 {
@@ -388,23 +388,22 @@ impl<'a> Plan<'a> {
     fn check_group(
         &self,
         entry: &primitives::Entry,
-        store: Option<Store>,
+        kernel: &Kernel,
         group: &[u32],
         first: u32,
         models: &[DeviceModel],
         seen: &mut Seen,
     ) -> Result<(), PlanError> {
-        let width = group.last().copied().unwrap_or(0);
-        let each = if entry.spec.is_polymorphic() {
-            width
-        } else {
-            1
+        let has_width = entry.spec.has_width(kernel);
+        let width = match group.last() {
+            Some(width) if has_width => *width,
+            _ => 1,
         };
         seen.work = seen
             .work
-            .saturating_add(u64::from(each.max(1)) * group.len() as u64);
+            .saturating_add(u64::from(width.max(1)) * group.len() as u64);
         let mut device = None;
-        for ((operand, &value), index) in entry.spec.operands(store).zip(group).zip(first..) {
+        for ((operand, &value), index) in entry.spec.operands(kernel).zip(group).zip(first..) {
             let bad = PlanError::BadOperand { operand: index };
             let good = match operand {
                 Operand::Slot {
@@ -441,13 +440,7 @@ impl<'a> Plan<'a> {
                 return Err(bad);
             }
         }
-        seen.account(
-            entry.spec.role,
-            device,
-            width,
-            entry.spec.is_polymorphic(),
-            first,
-        )
+        seen.account(entry.spec.role, device, has_width.then_some(width), first)
     }
 
     /// The operands of a run.
@@ -523,13 +516,13 @@ impl Seen {
         &mut self,
         role: Role,
         device: Option<(u32, &DeviceModel)>,
-        width: u32,
-        polymorphic: bool,
+        width: Option<u32>,
         first: u32,
     ) -> Result<(), PlanError> {
         // Joint ports are as wide as the device has joints; nothing else ties width and device.
-        let joints = device.map_or(width, |(_, model)| model.joints);
-        if polymorphic && device.is_some() && (joints != width || width as usize > JOINTS_MAX) {
+        if let (Some(width), Some((_, model))) = (width, device)
+            && (model.joints != width || width as usize > JOINTS_MAX)
+        {
             return Err(PlanError::BadOperand { operand: first });
         }
         match role {

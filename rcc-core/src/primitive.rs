@@ -16,8 +16,22 @@ pub enum PortType {
     Any,
     /// `Bool`, `Int` or `Real`; the same for all `Scalar` ports of one primitive.
     Scalar,
+    /// `Int` or `Real`; the same for all `Number` ports of one primitive.
+    Number,
     /// `Real[n]` with n the number of joints of the primitive's device.
     Joints,
+}
+
+impl PortType {
+    /// True if links and literals decide the type.
+    pub const fn is_open(self) -> bool {
+        matches!(self, PortType::Any | PortType::Scalar | PortType::Number)
+    }
+
+    /// True if values of more than one width can be at the port.
+    pub const fn is_wide(self) -> bool {
+        matches!(self, PortType::Any | PortType::Joints)
+    }
 }
 
 /// The unit of a port in a spec. `Var(i)` stands for any unit, the same wherever it occurs.
@@ -31,6 +45,8 @@ pub enum UnitRule {
     Product(u8, u8),
     /// The quotient of two variables.
     Quotient(u8, u8),
+    /// The square root of a variable: a unit whose powers are odd has none.
+    Root(u8),
     /// A variable per second.
     PerSecond(u8),
     /// The unit that the cell's configuration gives to the channel.
@@ -87,6 +103,16 @@ impl Port {
         Port::new(name, PortType::Is(Type::Real), unit, doc)
     }
 
+    /// An `Int` port.
+    pub const fn int(name: &'static str, doc: &'static str) -> Port {
+        Port::new(name, PortType::Is(Type::Int), UnitRule::Typed, doc)
+    }
+
+    /// A port for numbers, `Int` or `Real`, of one unit with all others of the variable.
+    pub const fn number(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
+        Port::new(name, PortType::Number, unit, doc)
+    }
+
     /// A `Bool` port.
     pub const fn bool(name: &'static str, doc: &'static str) -> Port {
         Port::new(name, PortType::Is(Type::Bool), UnitRule::Typed, doc)
@@ -132,6 +158,9 @@ pub enum ChannelKind {
 pub enum ParameterKind {
     /// A value; it gets a constant slot, as if it were an input nobody connected.
     Value(PortType, UnitRule),
+    /// The start value of the primitive's state in the arena of this type; it may be null. No operand: it is in the
+    /// initial arena and costs the cycle nothing.
+    Start(Type, UnitRule),
     /// The name of a device that has an arm.
     Arm,
     /// The name of any device.
@@ -140,6 +169,17 @@ pub enum ParameterKind {
     Channel(ChannelKind),
     /// How often per second; becomes a whole number of cycles.
     Rate,
+}
+
+impl ParameterKind {
+    /// Type and unit of a parameter that is a value.
+    pub const fn value(self) -> Option<(PortType, UnitRule)> {
+        match self {
+            ParameterKind::Value(ty, unit) => Some((ty, unit)),
+            ParameterKind::Start(ty, unit) => Some((PortType::Is(ty), unit)),
+            _ => None,
+        }
+    }
 }
 
 /// A parameter of a primitive, set once when the net is loaded.
@@ -157,6 +197,8 @@ pub struct Parameter {
     pub above: Option<f64>,
     /// A `Real` must not be less than this.
     pub at_least: Option<f64>,
+    /// A `Real` must not be greater than this.
+    pub at_most: Option<f64>,
 }
 
 impl Parameter {
@@ -169,6 +211,7 @@ impl Parameter {
             default: None,
             above: None,
             at_least: None,
+            at_most: None,
         }
     }
 
@@ -222,10 +265,18 @@ impl Parameter {
             ..self
         }
     }
+
+    /// It must not be greater than `bound`.
+    pub const fn at_most(self, bound: f64) -> Parameter {
+        Parameter {
+            at_most: Some(bound),
+            ..self
+        }
+    }
 }
 
 /// What a primitive remembers from cycle to cycle; each kind is one contiguous block in the arena.
-/// Reals start as null (NaN), Bools as null, Ints as 0, unless `prepare` sets them.
+/// Reals start as null (NaN), Bools as null, Ints as 0, unless `prepare` or a [`ParameterKind::Start`] sets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct State {
     /// Number of `f64`.
@@ -322,28 +373,32 @@ impl Spec {
         role: Role::Plain,
     };
 
-    /// True if the primitive works on values of several types or widths; its operands then end with
-    /// the width.
-    pub fn is_polymorphic(&self) -> bool {
-        let wide = |ty: PortType| !matches!(ty, PortType::Is(_));
-        self.inputs
+    /// True if the primitive works on values of several widths; the operands of a kernel that is not
+    /// for single values then end with the width.
+    pub fn is_wide(&self) -> bool {
+        let ports = self.inputs.iter().chain(self.outputs).map(|port| port.ty);
+        let values = self
+            .parameters
             .iter()
-            .chain(self.outputs)
-            .any(|port| wide(port.ty))
-            || self
-                .parameters
-                .iter()
-                .any(|p| matches!(p.kind, ParameterKind::Value(ty, _) if wide(ty)))
+            .filter_map(|parameter| Some(parameter.kind.value()?.0));
+        ports.chain(values).any(PortType::is_wide)
     }
 
     /// The operands of a kernel of this primitive, in order: inputs, outputs, parameters, state
     /// (reals, bools, ints), path clock, width. This order is the contract between loader, check and
     /// kernels.
-    pub fn operands(&self, store: Option<Store>) -> impl Iterator<Item = Operand> + use<'_> {
+    pub fn operands(&self, kernel: &Kernel) -> impl Iterator<Item = Operand> + use<'_> {
+        let (store, has_width) = (kernel.store, self.has_width(kernel));
+        let width = if has_width {
+            Width::Operand
+        } else {
+            Width::Fixed(1)
+        };
         let port = move |ty: PortType, written: bool| match ty {
             PortType::Is(ty) => Operand::slot(ty.store(), Width::Fixed(ty.width()), written),
-            PortType::Any | PortType::Scalar => Operand::slot(store, Width::Operand, written),
-            PortType::Joints => Operand::slot(Some(Store::Real), Width::Operand, written),
+            PortType::Any => Operand::slot(store, width, written),
+            PortType::Scalar | PortType::Number => Operand::slot(store, Width::Fixed(1), written),
+            PortType::Joints => Operand::slot(Some(Store::Real), width, written),
         };
         let state = [
             (Store::Real, self.state.reals),
@@ -357,7 +412,7 @@ impl Spec {
             ParameterKind::Arm => Some(Operand::Arm),
             ParameterKind::Device => Some(Operand::Device),
             ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),
-            ParameterKind::Rate => None,
+            ParameterKind::Start(..) | ParameterKind::Rate => None,
         });
         let state = state.into_iter().filter(|(_, count)| *count > 0);
         let state = state.map(|(store, count)| Operand::Slot {
@@ -366,13 +421,18 @@ impl Spec {
             written: true,
         });
         let clock = (self.role == Role::Motion).then_some(Operand::Clock);
-        let width = self.is_polymorphic().then_some(Operand::Width);
+        let width = has_width.then_some(Operand::Width);
         inputs
             .chain(outputs)
             .chain(parameters)
             .chain(state)
             .chain(clock)
             .chain(width)
+    }
+
+    /// True if the operands of this kernel end with the width.
+    pub fn has_width(&self, kernel: &Kernel) -> bool {
+        self.is_wide() && !kernel.single
     }
 
     /// Finds an input and its place.
@@ -438,22 +498,38 @@ impl Operand {
 /// The executable form of a primitive for one arena.
 #[derive(Clone, Copy)]
 pub struct Kernel {
-    /// The arena of its polymorphic ports; `None` if it has none.
+    /// The arena of its open ports; `None` if it has none.
     pub store: Option<Store>,
+    /// Only for values of one element; its operands have no width.
+    pub single: bool,
     /// Runs all primitives of a run: `operands` is a whole number of operand groups.
     pub run: fn(&mut Frame<'_>, operands: &[u32]),
 }
 
 impl Kernel {
-    /// The kernel of a primitive without polymorphic ports.
+    /// The kernel of a primitive without open ports.
     pub const fn new(run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
-        Kernel { store: None, run }
+        Kernel {
+            store: None,
+            single: false,
+            run,
+        }
     }
 
     /// The kernel for one arena.
     pub const fn of(store: Store, run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
         Kernel {
             store: Some(store),
+            single: false,
+            run,
+        }
+    }
+
+    /// The kernel for single values of one arena, of a primitive that also takes wide ones.
+    pub const fn single(store: Store, run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
+        Kernel {
+            store: Some(store),
+            single: true,
             run,
         }
     }
@@ -467,7 +543,7 @@ pub type Prepare = fn(&mut Preparation<'_>, operands: &[u32]) -> Result<(), Prep
 pub struct Entry {
     /// For people and the loader.
     pub spec: Spec,
-    /// For the cycle; at most 4.
+    /// For the cycle; at most 8. The first one that fits is taken, so that those for single values come first.
     pub kernels: &'static [Kernel],
     /// Start values that depend on the devices.
     pub prepare: Option<Prepare>,
@@ -490,17 +566,14 @@ impl Entry {
             ..self
         }
     }
-}
 
-/// Calls `step` for each group of `N` operands: one dispatch for a whole run of equal primitives.
-#[inline(always)]
-pub fn each<const N: usize>(
-    frame: &mut Frame<'_>,
-    operands: &[u32],
-    step: impl Fn(&mut Frame<'_>, [u32; N]),
-) {
-    let (groups, _) = operands.as_chunks::<N>();
-    for group in groups {
-        step(frame, *group);
+    /// Index of the kernel for an arena (of its open ports, `None` if it has none) and a width.
+    pub fn kernel_for(&self, store: Option<Store>, width: u32) -> Option<usize> {
+        let fits = |kernel: &Kernel| kernel.store == store && (!kernel.single || width == 1);
+        self.kernels.iter().position(fits)
     }
 }
+
+mod step;
+
+pub use step::{compare_int, compare_real, each, each_int, each_real};

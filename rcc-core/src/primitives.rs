@@ -8,8 +8,10 @@ mod add;
 mod analog_input;
 mod analog_output;
 mod and;
+mod bit_and;
 mod cancel;
 mod constant;
+mod counter;
 mod digital_input;
 mod digital_output;
 mod divide;
@@ -22,13 +24,16 @@ mod is_null;
 mod joint_position_command;
 mod joint_state;
 mod less;
+mod limit;
 mod linear_motion;
+mod low_pass;
 mod max;
 mod min;
 mod monitor;
 mod multiply;
 mod negate;
 mod not;
+mod null_if;
 mod or;
 mod or_else;
 mod pose_compose;
@@ -36,9 +41,15 @@ mod pose_invert;
 mod rate_limit;
 mod rising_edge;
 mod select;
+mod square_root;
 mod subtract;
 mod termination;
 mod time;
+mod to_real;
+mod transform_compose;
+mod transform_from_position;
+mod transform_invert;
+mod xor;
 
 /// Every primitive, sorted by name.
 pub const CATALOGUE: &[&Entry] = &[
@@ -47,8 +58,10 @@ pub const CATALOGUE: &[&Entry] = &[
     &analog_input::ENTRY,
     &analog_output::ENTRY,
     &and::ENTRY,
+    &bit_and::ENTRY,
     &cancel::ENTRY,
     &constant::ENTRY,
+    &counter::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
     &divide::ENTRY,
@@ -61,13 +74,16 @@ pub const CATALOGUE: &[&Entry] = &[
     &joint_position_command::ENTRY,
     &joint_state::ENTRY,
     &less::ENTRY,
+    &limit::ENTRY,
     &linear_motion::ENTRY,
+    &low_pass::ENTRY,
     &max::ENTRY,
     &min::ENTRY,
     &monitor::ENTRY,
     &multiply::ENTRY,
     &negate::ENTRY,
     &not::ENTRY,
+    &null_if::ENTRY,
     &or::ENTRY,
     &or_else::ENTRY,
     &pose_compose::ENTRY,
@@ -75,21 +91,26 @@ pub const CATALOGUE: &[&Entry] = &[
     &rate_limit::ENTRY,
     &rising_edge::ENTRY,
     &select::ENTRY,
+    &square_root::ENTRY,
     &subtract::ENTRY,
     &termination::ENTRY,
     &time::ENTRY,
+    &to_real::ENTRY,
+    &transform_compose::ENTRY,
+    &transform_from_position::ENTRY,
+    &transform_invert::ENTRY,
+    &xor::ENTRY,
 ];
 
 /// Most kernels of one primitive.
-pub const KERNELS_MAX: usize = 4;
+pub const KERNELS_MAX: usize = 8;
 
 /// Finds a primitive by name.
 pub fn find(name: &str) -> Option<(usize, &'static Entry)> {
-    CATALOGUE
-        .iter()
-        .enumerate()
-        .find(|(_, entry)| entry.spec.name == name)
-        .map(|(index, entry)| (index, *entry))
+    let index = CATALOGUE
+        .binary_search_by_key(&name, |entry| entry.spec.name)
+        .ok()?;
+    Some((index, CATALOGUE.get(index)?))
 }
 
 /// The number of kernel `kernel` of row `entry` in plans.
@@ -129,7 +150,7 @@ pub fn fingerprint() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::primitive::{NullRule, PROPAGATES, ParameterKind, PortType, Role};
+    use crate::primitive::{NullRule, PROPAGATES, ParameterKind, Role};
 
     #[test]
     fn the_catalogue_is_sorted_and_free_of_duplicates() {
@@ -201,7 +222,7 @@ mod tests {
                 .inputs
                 .iter()
                 .chain(spec.outputs)
-                .any(|p| matches!(p.ty, PortType::Any | PortType::Scalar));
+                .any(|p| p.ty.is_open());
             if any && !without {
                 assert!(
                     entry.kernels.iter().all(|kernel| kernel.store.is_some()),

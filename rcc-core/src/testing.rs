@@ -100,15 +100,15 @@ impl Bench {
     /// For a polymorphic primitive.
     pub fn wide(name: &str, store: Option<Store>, width: u32) -> Bench {
         let (_, entry) = primitives::find(name).expect("a primitive of the catalogue");
-        let kernel = entry
-            .kernels
-            .iter()
-            .find(|kernel| kernel.store == store || kernel.store.is_none());
+        let index = [store, None, Some(Store::Real)]
+            .into_iter()
+            .find_map(|store| entry.kernel_for(store, width));
+        let kernel = &entry.kernels[index.expect("a kernel for this arena")];
         let spec = &entry.spec;
         let parameters = spec
             .parameters
             .iter()
-            .filter(|p| p.kind != ParameterKind::Rate)
+            .filter(|p| !matches!(p.kind, ParameterKind::Rate | ParameterKind::Start(..)))
             .map(|p| p.name);
         let inputs = spec.inputs.iter().map(|p| p.name);
         let names = inputs
@@ -120,7 +120,7 @@ impl Bench {
             .collect();
         let (mut reals, mut bools, mut ints) = (vec![], vec![], vec![]);
         let mut operands = vec![];
-        for operand in spec.operands(store) {
+        for operand in spec.operands(kernel) {
             let Operand::Slot {
                 store, width: w, ..
             } = operand
@@ -150,7 +150,7 @@ impl Bench {
         measurement.joints = 7;
         Bench {
             entry,
-            kernel: kernel.expect("a kernel for this arena"),
+            kernel,
             reals,
             bools,
             ints,
@@ -204,6 +204,18 @@ impl Bench {
     pub fn set_int(&mut self, name: &str, value: i64) -> &mut Bench {
         let slot = self.slot(name);
         self.ints[slot] = value;
+        self
+    }
+
+    /// Sets the state in the arena of `Real`, as a `Start` parameter does; the last slot of that arena.
+    pub fn start_real(&mut self, value: f64) -> &mut Bench {
+        *self.reals.last_mut().expect("a state") = value;
+        self
+    }
+
+    /// The same for `Bool`.
+    pub fn start_bool(&mut self, value: bool) -> &mut Bench {
+        *self.bools.last_mut().expect("a state") = u8::from(value);
         self
     }
 
@@ -314,6 +326,19 @@ pub fn check_binary(name: &str, rows: &[[f64; 3]]) {
                 .is_nan(),
             "{name}({a}, {b})"
         );
+    }
+}
+
+/// Checks an `Int, Int → Int` primitive against rows `[a, b, out]`, and that null propagates.
+pub fn check_int(name: &str, rows: &[[i64; 3]]) {
+    let mut bench = Bench::wide(name, Some(Store::Int), 1);
+    for [a, b, out] in rows.iter().copied() {
+        let got = bench.set_int("a", a).set_int("b", b).step().int("out");
+        assert_eq!(got, out, "{name}({a}, {b})");
+    }
+    for (a, b) in [(NULL_INT, 1), (1, NULL_INT), (-1, NULL_INT), (NULL_INT, 0)] {
+        let got = bench.set_int("a", a).set_int("b", b).step().int("out");
+        assert_eq!(got, NULL_INT, "{name}({a}, {b})");
     }
 }
 

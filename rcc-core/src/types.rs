@@ -33,7 +33,8 @@ pub enum Type {
     Bools(u16),
     /// `Int[n]`.
     Ints(u16),
-    /// `Real[r,c]`, row-major.
+    /// `Real[r,c]`, row-major. `Real[4,4]` is a homogeneous transform: its unit is that of its position, elements 3, 7
+    /// and 11; the others have none.
     Matrix(u8, u8),
 }
 
@@ -60,6 +61,9 @@ pub const TEXT_MAX: usize = 64;
 pub const ELEMENTS_MAX: u16 = 1024;
 
 impl Type {
+    /// A frame seen from another one as a homogeneous 4×4 matrix, row-major: x_outer = R · x_inner + position.
+    pub const TRANSFORM: Type = Type::Matrix(4, 4);
+
     /// The arena that holds values of this type; `None` for `Text`, which never reaches the cycle.
     pub const fn store(self) -> Option<Store> {
         match self {
@@ -84,10 +88,18 @@ impl Type {
         }
     }
 
+    /// False for an element that has no unit whatever the unit of its port is.
+    pub const fn element_has_unit(self, index: u32) -> bool {
+        match self {
+            Type::TRANSFORM => index % 4 == 3 && index < 12,
+            _ => true,
+        }
+    }
+
     /// The type of `port[i]`, for types that have elements of one kind.
     pub const fn element(self) -> Option<Type> {
         match self {
-            Type::Reals(_) => Some(Type::Real),
+            Type::Reals(_) | Type::Matrix(..) => Some(Type::Real),
             Type::Bools(_) => Some(Type::Bool),
             Type::Ints(_) => Some(Type::Int),
             _ => None,

@@ -59,6 +59,15 @@ impl Unit {
         self.combine(other, -1)
     }
 
+    /// The unit whose square this is; `None` if a power is odd.
+    pub const fn root(self) -> Option<Unit> {
+        let [a, b, c, d, e, f] = self.exponents;
+        if (a | b | c | d | e | f) & 1 != 0 {
+            return None;
+        }
+        Some(unit(a / 2, b / 2, c / 2, d / 2, e / 2, f / 2))
+    }
+
     const fn combine(self, other: Unit, sign: i8) -> Unit {
         let [a, b, c, d, e, f] = self.exponents;
         let [u, v, w, x, y, z] = other.exponents;
@@ -217,6 +226,15 @@ mod tests {
         let (unit, factor) = Unit::parse("deg/s").unwrap();
         assert_eq!(unit, Unit::RADIAN_PER_SECOND);
         assert!((factor - PI / 180.0).abs() < 1e-17);
+    }
+
+    #[test]
+    fn only_even_powers_have_a_root() {
+        let area = Unit::METRE.times(Unit::METRE);
+        assert_eq!(area.root(), Some(Unit::METRE));
+        assert_eq!(Unit::ONE.per(area).root(), Some(Unit::ONE.per(Unit::METRE)));
+        assert_eq!(Unit::METRE.root(), None);
+        assert_eq!(Unit::ONE.root(), Some(Unit::ONE));
     }
 
     #[test]

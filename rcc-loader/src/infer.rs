@@ -3,7 +3,7 @@
 
 mod constraint;
 
-use rcc_core::primitive::{ParameterKind, Port, PortType, UnitRule};
+use rcc_core::primitive::{Port, PortType, UnitRule};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
@@ -58,6 +58,24 @@ impl Inferred {
         self.port_type(graph, output.item, port.ty)
     }
 
+    /// The unit of what a link carries: that of the output, but for elements that have none.
+    #[must_use]
+    pub fn wire_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> Option<Unit> {
+        if self.has_unit(graph, wire) {
+            self.output_unit(graph, wire.from)
+        } else {
+            Some(Unit::ONE)
+        }
+    }
+
+    /// False if a link carries an element that has no unit, whatever that of the output is.
+    fn has_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> bool {
+        match (wire.index, self.output_type(graph, wire.from)) {
+            (Some(index), Some(ty)) => ty.element_has_unit(index),
+            _ => true,
+        }
+    }
+
     /// The unit of an output.
     #[must_use]
     pub fn output_unit(&self, graph: &Graph<'_>, output: Output) -> Option<Unit> {
@@ -89,7 +107,7 @@ fn port_of(graph: &Graph<'_>, output: Output) -> Option<&'static Port> {
 fn type_term(item: &Item<'_>, graph: &Graph<'_>, number: usize, ty: PortType) -> Term<Type> {
     match ty {
         PortType::Is(ty) => Term::Fixed(ty),
-        PortType::Any | PortType::Scalar => Term::Open(number),
+        PortType::Any | PortType::Scalar | PortType::Number => Term::Open(number),
         PortType::Joints => {
             let device = item.device.and_then(|index| graph.cell.devices.get(index));
             device.map_or(Term::None, |device| {
@@ -135,9 +153,9 @@ pub fn literals<'g>(item: &'g Item<'_>) -> impl Iterator<Item = (&'g Literal, Po
         _ => None,
     });
     let parameters = item.parameters.iter().zip(item.spec().parameters);
-    let parameters = parameters.filter_map(|(literal, parameter)| match parameter.kind {
-        ParameterKind::Value(ty, unit) => Some(((*literal)?, ty, unit)),
-        _ => None,
+    let parameters = parameters.filter_map(|(literal, parameter)| {
+        let (ty, unit) = parameter.kind.value()?;
+        Some(((*literal)?, ty, unit))
     });
     inputs.chain(parameters)
 }
@@ -154,6 +172,12 @@ fn wires<'g>(graph: &'g Graph<'_>) -> impl Iterator<Item = (usize, &'static Port
 
 fn infer_types(graph: &Graph<'_>) -> Vec<Option<Type>> {
     let mut solver = Solver::new(graph.items.len());
+    for (number, item) in graph.items.iter().enumerate() {
+        let mut ports = item.spec().inputs.iter().chain(item.spec().outputs);
+        if ports.any(|port| port.ty == PortType::Number) {
+            solver.allow(number, |ty| matches!(ty, Type::Int | Type::Real));
+        }
+    }
     for (number, port, wire) in wires(graph) {
         let Some((source, from)) = graph
             .items
@@ -188,9 +212,8 @@ fn infer_types(graph: &Graph<'_>) -> Vec<Option<Type>> {
     }
     solver.solve();
     for (number, item) in graph.items.iter().enumerate() {
-        let is_open = |ty: PortType| matches!(ty, PortType::Any | PortType::Scalar);
         let usual = literals(item)
-            .filter(|(_, ty, _)| is_open(*ty))
+            .filter(|(_, ty, _)| ty.is_open())
             .find_map(|(literal, ..)| literal.usual_type());
         if let Some(usual) = usual {
             solver.decide(number, usual);
@@ -220,7 +243,12 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
                 continue;
             };
             let sink = term(number, port.unit);
-            solver.add(Constraint::Equal(term(wire.from.item, from.unit), sink));
+            let source = if inferred.has_unit(graph, wire) {
+                term(wire.from.item, from.unit)
+            } else {
+                Term::Fixed(Unit::ONE)
+            };
+            solver.add(Constraint::Equal(source, sink));
             for (unit, _) in wire.initial.map(Literal::units).unwrap_or_default() {
                 solver.add(Constraint::Equal(Term::Fixed(unit), sink));
             }
@@ -239,6 +267,7 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
                 UnitRule::PerSecond(a) => {
                     Constraint::Product(result, Term::Fixed(Unit::SECOND), open(a))
                 }
+                UnitRule::Root(a) => Constraint::Product(result, result, open(a)),
                 _ => continue,
             });
         }
@@ -257,16 +286,13 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
     let parameters = spec
         .parameters
         .iter()
-        .filter_map(|parameter| match parameter.kind {
-            ParameterKind::Value(_, unit) => Some(unit),
-            _ => None,
-        });
+        .filter_map(|parameter| Some(parameter.kind.value()?.1));
     let rules: Vec<UnitRule> = ports.chain(parameters).collect();
     let derived = rules.iter().flat_map(|rule| match *rule {
         UnitRule::Product(a, b) | UnitRule::Quotient(a, b) => {
             vec![UnitRule::Var(a), UnitRule::Var(b)]
         }
-        UnitRule::PerSecond(a) => vec![UnitRule::Var(a)],
+        UnitRule::PerSecond(a) | UnitRule::Root(a) => vec![UnitRule::Var(a)],
         _ => Vec::new(),
     });
     let plain = rules
@@ -276,7 +302,10 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
     let others = rules.iter().copied().filter(|rule| {
         matches!(
             rule,
-            UnitRule::Product(..) | UnitRule::Quotient(..) | UnitRule::PerSecond(_)
+            UnitRule::Product(..)
+                | UnitRule::Quotient(..)
+                | UnitRule::PerSecond(_)
+                | UnitRule::Root(_)
         )
     });
     let mut cells = Cells::new();

@@ -14,3 +14,4 @@ pub mod server;
 pub mod syntax;
 
 pub use compile::{Compiled, compile, compile_for};
+pub use rcc_config::diagnostic::Faults;

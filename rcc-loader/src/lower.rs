@@ -2,10 +2,13 @@
 //! order of `Spec::operands`. The same text gives the same bytes: no hash order, no clock. The loader's threads.
 
 mod arena;
+mod delays;
 mod schedule;
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::plan::{Delay, MonitorPoint, OPERANDS_MAX, Run, SLOTS_MAX};
+use rcc_core::plan::{MonitorPoint, OPERANDS_MAX, Run, SLOTS_MAX};
 use rcc_core::primitive::{Literal as Default, ParameterKind, Port, Role, State};
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
@@ -15,7 +18,8 @@ use crate::check::{Typed, every};
 use crate::fault;
 use crate::resolve::{Feed, Item, Output, Wire};
 use crate::syntax::literal::{Literal, Shape, Stored};
-use arena::Arena;
+use arena::{Arena, Bits};
+use delays::{Copies, CopyKey};
 use rcc_config::diagnostic::Span;
 use schedule::Batch;
 
@@ -58,7 +62,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         net,
         arena: Arena::default(),
         slots: vec![ItemSlots::default(); net.graph.items.len()],
-        delays: Vec::new(),
+        copies: BTreeMap::new(),
         clocks: 0,
     };
     lowering.place(&schedule);
@@ -67,7 +71,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     let Lowering {
         arena,
         slots,
-        delays,
+        copies,
         clocks,
         ..
     } = lowering;
@@ -80,7 +84,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         ints: arena.ints,
         runs,
         operands,
-        delays,
+        delays: delays::ranges(&copies),
         monitors,
         clocks,
         rate: net.graph.rate,
@@ -104,11 +108,40 @@ fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {
     ))
 }
 
+/// A default of the catalogue as if it had been written.
+fn literal(value: Default) -> Literal {
+    let shape = match value {
+        Default::Real(value) => Shape::Real(value, None),
+        Default::Int(value) => Shape::Int(value),
+        Default::Bool(value) => Shape::Bool(value),
+        Default::Null => Shape::Null,
+    };
+    Literal {
+        shape,
+        span: Span::default(),
+    }
+}
+
+/// The start value of an item's state in one arena, if it has a parameter for it.
+fn start_value(item: &Item<'_>, store: Store) -> Option<Stored> {
+    let mut rows = item.spec().parameters.iter().zip(&item.parameters);
+    rows.find_map(|(parameter, given)| {
+        let ParameterKind::Start(ty, _) = parameter.kind else {
+            return None;
+        };
+        let stored = match (given, parameter.default) {
+            (Some(given), _) => given.stored(ty),
+            (None, default) => literal(default?).stored(ty),
+        };
+        stored.filter(|_| ty.store() == Some(store))
+    })
+}
+
 struct Lowering<'a> {
     net: Typed<'a>,
     arena: Arena,
     slots: Vec<ItemSlots>,
-    delays: Vec<Delay>,
+    copies: Copies,
     clocks: u32,
 }
 
@@ -134,8 +167,48 @@ impl<'a> Lowering<'a> {
                 self.place_outputs(number);
             }
         }
+        self.place_copies();
         for number in 0..self.net.graph.items.len() {
             self.place_inputs(number);
+        }
+    }
+
+    /// Room for the values that delayed links carry: one for all links with the same source and first value, in the
+    /// order of the sources, so that neighbours can be copied together.
+    fn place_copies(&mut self) {
+        let items = self.net.graph.items.iter().enumerate();
+        let keys = items.flat_map(|(number, item)| {
+            item.wires()
+                .filter(|(_, wire)| wire.delayed)
+                .filter_map(move |(port, wire)| Some((number, item.spec().inputs.get(port)?, wire)))
+        });
+        let keys: BTreeSet<CopyKey> = keys
+            .map(|(number, port, wire)| self.copy_key(wire, self.port_type(number, port)))
+            .collect();
+        for key in keys {
+            let copy = self.arena.variable(&key.initial.stored());
+            self.copies.insert(key, copy);
+        }
+    }
+
+    fn copy_key(&self, wire: &Wire<'_>, ty: Type) -> CopyKey {
+        let source = self.source(wire, ty);
+        let initial = wire.initial.and_then(|initial| initial.stored(ty));
+        CopyKey {
+            store: source.store as u8,
+            from: source.slot,
+            initial: Bits::of(&initial.unwrap_or(Stored::null(ty))),
+        }
+    }
+
+    /// Where the output or the element is that a link begins at.
+    fn source(&self, wire: &Wire<'_>, ty: Type) -> Slot {
+        let Output { item, port } = wire.from;
+        let output = self.slots[item].outputs[port];
+        Slot {
+            slot: output.slot + wire.index.unwrap_or(0),
+            width: ty.width(),
+            ..output
         }
     }
 
@@ -144,7 +217,7 @@ impl<'a> Lowering<'a> {
         for batch in schedule {
             let first = operands.len() as u32;
             for number in &batch.items {
-                self.operands(*number, &mut operands);
+                self.operands(*number, batch.kernel, &mut operands);
             }
             runs.push(Run {
                 kernel: batch.kernel,
@@ -191,44 +264,22 @@ impl<'a> Lowering<'a> {
     }
 
     fn default(&mut self, value: Default, ty: Type) -> Slot {
-        let shape = match value {
-            Default::Real(value) => Shape::Real(value, None),
-            Default::Int(value) => Shape::Int(value),
-            Default::Bool(value) => Shape::Bool(value),
-            Default::Null => Shape::Null,
-        };
-        let literal = Literal {
-            shape,
-            span: Span::default(),
-        };
-        self.constant(Some(&literal), ty)
+        self.constant(Some(&literal(value)), ty)
     }
 
     /// Where a link's value is: the output, one of its elements, or the copy of the cycle before.
     fn wire(&mut self, wire: &Wire<'_>, ty: Type) -> Slot {
-        let Output { item, port } = wire.from;
-        let output = self.slots[item].outputs[port];
-        let source = Slot {
-            slot: output.slot + wire.index.unwrap_or(0),
-            width: ty.width(),
-            ..output
-        };
+        let source = self.source(wire, ty);
         if !wire.delayed {
             return source;
         }
-        let initial = wire.initial.and_then(|initial| initial.stored(ty));
-        let copy = self.arena.variable(&initial.unwrap_or(Stored::null(ty)));
-        self.delays.push(Delay {
-            store: source.store,
-            from: source.slot,
-            to: copy.slot,
-            width: source.width,
-        });
-        copy
+        // Every delayed link has its copy.
+        let copy = self.copies.get(&self.copy_key(wire, ty));
+        copy.copied().unwrap_or(source)
     }
 
     /// Inputs, outputs, parameters, state, clock, width: the order of `Spec::operands`.
-    fn operands(&mut self, number: usize, operands: &mut Vec<u32>) {
+    fn operands(&mut self, number: usize, kernel: u16, operands: &mut Vec<u32>) {
         let item = self.item(number);
         let spec = item.spec();
         let slots = &self.slots[number];
@@ -256,9 +307,24 @@ impl<'a> Lowering<'a> {
                 ParameterKind::Channel(_) => {
                     operands.push(item.channel.map_or(u32::MAX, |(channel, _)| channel));
                 }
-                ParameterKind::Rate => {}
+                ParameterKind::Start(..) | ParameterKind::Rate => {}
             }
         }
+        self.place_state(item, operands);
+        if spec.role == Role::Motion {
+            operands.push(self.clocks);
+            self.clocks += 1;
+        }
+        if primitives::kernel(kernel).is_some_and(|(_, kernel)| spec.has_width(kernel)) {
+            let mut ports = spec.inputs.iter().chain(spec.outputs);
+            let open = ports.find(|port| port.ty.is_wide());
+            operands.push(open.map_or(0, |port| self.port_type(number, port).width()));
+        }
+    }
+
+    /// Slots for what a primitive remembers, with its start values.
+    fn place_state(&mut self, item: &Item<'_>, operands: &mut Vec<u32>) {
+        let spec = item.spec();
         let State { reals, bools, ints } = spec.state;
         for (count, null) in [
             (reals, Stored::null(Type::Real)),
@@ -267,17 +333,10 @@ impl<'a> Lowering<'a> {
             (ints, Stored::Ints(vec![0])),
         ] {
             if count > 0 {
-                operands.push(self.arena.repeated(&null, count));
+                let start = start_value(item, null.store());
+                let start = start.unwrap_or(null);
+                operands.push(self.arena.repeated(&start, count));
             }
-        }
-        if spec.role == Role::Motion {
-            operands.push(self.clocks);
-            self.clocks += 1;
-        }
-        if spec.is_polymorphic() {
-            let mut ports = spec.inputs.iter().chain(spec.outputs);
-            let open = ports.find(|port| !matches!(port.ty, rcc_core::primitive::PortType::Is(_)));
-            operands.push(open.map_or(0, |port| self.port_type(number, port).width()));
         }
     }
 

@@ -78,10 +78,15 @@ fn port_row(port: &PortView) -> [String; 5] {
 }
 
 fn parameter_row(parameter: &ParameterView) -> [String; 5] {
-    let bound = match (parameter.above, parameter.at_least) {
-        (Some(bound), _) => format!(" (more than {bound})"),
-        (None, Some(bound)) => format!(" (at least {bound})"),
-        (None, None) => String::new(),
+    let bounds = [
+        parameter.above.map(|bound| format!("more than {bound}")),
+        parameter.at_least.map(|bound| format!("at least {bound}")),
+        parameter.at_most.map(|bound| format!("at most {bound}")),
+    ];
+    let bounds: Vec<String> = bounds.into_iter().flatten().collect();
+    let bound = match bounds.is_empty() {
+        true => String::new(),
+        false => format!(" ({})", bounds.join(", ")),
     };
     let default = parameter.default.clone().unwrap_or_default();
     [

@@ -385,7 +385,7 @@ fn prepare(
         let Some(prepare) = entry.prepare else {
             continue;
         };
-        let group = entry.spec.operands(kernel.store).count().max(1);
+        let group = entry.spec.operands(kernel).count().max(1);
         let operands = &data.operands[run.first as usize..][..run.operands as usize];
         for operands in operands.chunks_exact(group) {
             let mut preparation = Preparation {

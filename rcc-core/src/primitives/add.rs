@@ -1,32 +1,35 @@
-//! `Add`: out = a + b, rounded once.
+//! `Add`: out = a + b, rounded once; an Int that overflows has no meaningful result and is null.
 
-use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each_int, each_real};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Add",
         summary: "The sum of two numbers of the same unit.",
+        null: "a null input gives null, and so does a whole number out of range",
         inputs: &[
-            Port::real("a", UnitRule::Var(0), "first operand"),
-            Port::real("b", UnitRule::Var(0), "second operand"),
+            Port::number("a", UnitRule::Var(0), "first operand"),
+            Port::number("b", UnitRule::Var(0), "second operand"),
         ],
-        outputs: &[Port::real("out", UnitRule::Var(0), "result")],
+        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each_real(frame, operands, |a, b| a + b);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each_int(frame, operands, i64::overflowing_add);
+        }),
+    ],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let (a, b) = (frame.real(a), frame.real(b));
-    frame.set_real(out, a + b);
-}
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check_binary;
+    use crate::testing::{check_binary, check_int};
+    use crate::types::NULL_INT;
 
     #[test]
     fn worked_values_and_null() {
@@ -36,6 +39,16 @@ mod tests {
                 [1.0, 2.0, 3.0],
                 [0.1, 0.2, 0.30000000000000004],
                 [f64::INFINITY, f64::NEG_INFINITY, f64::NAN],
+            ],
+        );
+        check_int(
+            "Add",
+            &[
+                [1, 2, 3],
+                [i64::MAX, -1, i64::MAX - 1],
+                [i64::MAX, 1, NULL_INT],
+                [-i64::MAX, -1, NULL_INT],
+                [-i64::MAX, -2, NULL_INT],
             ],
         );
     }

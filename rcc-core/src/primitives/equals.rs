@@ -41,10 +41,10 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [a, b, out, tolerance, _width]: [u32; 5]) {
+fn step_real(frame: &mut Frame<'_>, [a, b, out, tolerance]: [u32; 4]) {
     let (a, b) = (frame.real(a), frame.real(b));
     // Equal infinities differ by NaN, hence the first comparison.
-    let result = u8::from(a == b || (a - b).abs() <= frame.real(tolerance));
+    let result = u8::from((a == b) | ((a - b).abs() <= frame.real(tolerance)));
     frame.set_bool(
         out,
         if a.is_nan() | b.is_nan() {
@@ -56,7 +56,7 @@ fn step_real(frame: &mut Frame<'_>, [a, b, out, tolerance, _width]: [u32; 5]) {
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [a, b, out, _tolerance, _width]: [u32; 5]) {
+fn step_bool(frame: &mut Frame<'_>, [a, b, out, _tolerance]: [u32; 4]) {
     let (a, b) = (frame.bool(a), frame.bool(b));
     frame.set_bool(
         out,
@@ -69,9 +69,9 @@ fn step_bool(frame: &mut Frame<'_>, [a, b, out, _tolerance, _width]: [u32; 5]) {
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [a, b, out, _tolerance, _width]: [u32; 5]) {
+fn step_int(frame: &mut Frame<'_>, [a, b, out, _tolerance]: [u32; 4]) {
     let (a, b) = (frame.int(a), frame.int(b));
-    let null = a == NULL_INT || b == NULL_INT;
+    let null = (a == NULL_INT) | (b == NULL_INT);
     frame.set_bool(out, if null { NULL_BOOL } else { u8::from(a == b) });
 }
 

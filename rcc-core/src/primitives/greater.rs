@@ -1,8 +1,7 @@
 //! `Greater`: out = a > b, for two numbers of the same unit; null if either is null.
 
-use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
-use crate::types::NULL_BOOL;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, compare_int, compare_real};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -10,52 +9,56 @@ pub const ENTRY: Entry = Entry::new(
         name: "Greater",
         summary: "True while the first number is greater than the second.",
         inputs: &[
-            Port::real("a", UnitRule::Var(0), "first operand"),
-            Port::real("b", UnitRule::Var(0), "second operand"),
+            Port::number("a", UnitRule::Var(0), "first operand"),
+            Port::number("b", UnitRule::Var(0), "second operand"),
         ],
         outputs: &[Port::bool("out", "a > b")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            compare_real(frame, operands, |a, b| a > b);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            compare_int(frame, operands, |a, b| a > b);
+        }),
+    ],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let (a, b) = (frame.real(a), frame.real(b));
-    let result = u8::from(a > b);
-    frame.set_bool(
-        out,
-        if a.is_nan() | b.is_nan() {
-            NULL_BOOL
-        } else {
-            result
-        },
-    );
-}
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::testing::Bench;
+    use crate::types::NULL_INT;
 
     #[test]
     fn compares_and_propagates_null() {
-        let mut bench = Bench::new("Greater");
+        let mut bench = Bench::wide("Greater", Some(Store::Real), 1);
         for (a, b) in [
             (1.0, 2.0),
             (2.0, 1.0),
             (1.0, 1.0),
             (f64::NEG_INFINITY, f64::INFINITY),
         ] {
-            assert_eq!(
-                bench.set_real("a", a).set_real("b", b).step().bool("out"),
-                Some(a > b)
-            );
+            bench.set_real("a", a).set_real("b", b).step();
+            assert_eq!(bench.bool("out"), Some(a > b));
         }
         for (a, b) in [(f64::NAN, 1.0), (1.0, f64::NAN)] {
-            assert_eq!(
-                bench.set_real("a", a).set_real("b", b).step().bool("out"),
-                None
-            );
+            bench.set_real("a", a).set_real("b", b).step();
+            assert_eq!(bench.bool("out"), None);
+        }
+    }
+
+    #[test]
+    fn whole_numbers_are_compared_exactly() {
+        let mut bench = Bench::wide("Greater", Some(Store::Int), 1);
+        for (a, b) in [(1, 2), (2, 1), (1, 1), (i64::MAX, i64::MAX - 1)] {
+            bench.set_int("a", a).set_int("b", b).step();
+            assert_eq!(bench.bool("out"), Some(a > b));
+        }
+        for (a, b) in [(NULL_INT, 1), (1, NULL_INT)] {
+            bench.set_int("a", a).set_int("b", b).step();
+            assert_eq!(bench.bool("out"), None);
         }
     }
 }

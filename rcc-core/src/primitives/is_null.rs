@@ -23,32 +23,59 @@ pub const ENTRY: Entry = Entry::new(
         ..Spec::PLAIN
     },
     &[
+        Kernel::single(Store::Real, |frame, operands| {
+            each(frame, operands, step_real);
+        }),
         Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real)
+            each(frame, operands, wide_real);
+        }),
+        Kernel::single(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool);
         }),
         Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool)
+            each(frame, operands, wide_bool);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
+            each(frame, operands, step_int);
         }),
         Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int)
+            each(frame, operands, wide_int);
         }),
     ],
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    let value = frame.real((input + width).saturating_sub(1));
+fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.real(input);
     frame.set_bool(out, u8::from(value.is_nan()));
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    let value = frame.bool((input + width).saturating_sub(1));
+fn step_bool(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.bool(input);
     frame.set_bool(out, u8::from(value & NULL_BOOL != 0));
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
+fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.int(input);
+    frame.set_bool(out, u8::from(value == NULL_INT));
+}
+
+#[inline]
+fn wide_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
+    let value = frame.real((input + width).saturating_sub(1));
+    frame.set_bool(out, u8::from(value.is_nan()));
+}
+
+#[inline]
+fn wide_bool(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
+    let value = frame.bool((input + width).saturating_sub(1));
+    frame.set_bool(out, u8::from(value & NULL_BOOL != 0));
+}
+
+#[inline]
+fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
     let value = frame.int((input + width).saturating_sub(1));
     frame.set_bool(out, u8::from(value == NULL_INT));
 }

@@ -1,7 +1,7 @@
 //! `Max`: out = the larger of a and b; null if either is null.
 
-use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each_int, each_real};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -9,24 +9,29 @@ pub const ENTRY: Entry = Entry::new(
         name: "Max",
         summary: "The larger of two numbers of the same unit.",
         inputs: &[
-            Port::real("a", UnitRule::Var(0), "first operand"),
-            Port::real("b", UnitRule::Var(0), "second operand"),
+            Port::number("a", UnitRule::Var(0), "first operand"),
+            Port::number("b", UnitRule::Var(0), "second operand"),
         ],
-        outputs: &[Port::real("out", UnitRule::Var(0), "result")],
+        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each_real(
+                frame,
+                operands,
+                |a, b| if a.is_nan() | (a > b) { a } else { b },
+            );
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each_int(frame, operands, |a, b| (a.max(b), false));
+        }),
+    ],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let (a, b) = (frame.real(a), frame.real(b));
-    frame.set_real(out, if a.is_nan() || a > b { a } else { b });
-}
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check_binary;
+    use crate::testing::{check_binary, check_int};
 
     #[test]
     fn worked_values_and_null() {
@@ -38,5 +43,6 @@ mod tests {
                 [f64::INFINITY, 0.0, f64::INFINITY],
             ],
         );
+        check_int("Max", &[[1, 2, 2], [2, -1, 2]]);
     }
 }

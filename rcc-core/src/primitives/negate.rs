@@ -2,35 +2,56 @@
 
 use crate::frame::Frame;
 use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Negate",
         summary: "A number with its sign turned.",
-        inputs: &[Port::real("in", UnitRule::Var(0), "operand")],
-        outputs: &[Port::real("out", UnitRule::Var(0), "result")],
+        inputs: &[Port::number("in", UnitRule::Var(0), "operand")],
+        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, step_real);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, step_int);
+        }),
+    ],
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
     let value = frame.real(input);
     frame.set_real(out, -value);
 }
 
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.int(input);
+    // Null, `i64::MIN`, is its own negative.
+    frame.set_int(out, value.wrapping_neg());
+}
+
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::testing::Bench;
+    use crate::types::NULL_INT;
 
     #[test]
     fn worked_values_and_null() {
-        let mut bench = Bench::new("Negate");
+        let mut bench = Bench::wide("Negate", Some(Store::Real), 1);
         for (input, out) in [(1.5, -1.5), (-2.0, 2.0), (f64::INFINITY, f64::NEG_INFINITY)] {
             assert_eq!(bench.set_real("in", input).step().real("out"), out);
         }
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
+        let mut bench = Bench::wide("Negate", Some(Store::Int), 1);
+        for (input, out) in [(3, -3), (-3, 3), (NULL_INT, NULL_INT)] {
+            assert_eq!(bench.set_int("in", input).step().int("out"), out);
+        }
     }
 }

@@ -29,20 +29,47 @@ pub const ENTRY: Entry = Entry::new(
         ..Spec::PLAIN
     },
     &[
+        Kernel::single(Store::Real, |frame, operands| {
+            each(frame, operands, step_real);
+        }),
         Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real)
+            each(frame, operands, wide_real);
+        }),
+        Kernel::single(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool);
         }),
         Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool)
+            each(frame, operands, wide_bool);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
+            each(frame, operands, step_int);
         }),
         Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int)
+            each(frame, operands, wide_int);
         }),
     ],
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
+fn step_real(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) {
+    let (value, other) = (frame.real(input), frame.real(other));
+    frame.set_real(out, if value.is_nan() { other } else { value });
+}
+
+#[inline(always)]
+fn step_bool(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) {
+    let (value, other) = (frame.bool(input), frame.bool(other));
+    frame.set_bool(out, if value & NULL_BOOL != 0 { other } else { value });
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) {
+    let (value, other) = (frame.int(input), frame.int(other));
+    frame.set_int(out, if value == NULL_INT { other } else { value });
+}
+
+#[inline]
+fn wide_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
     let null = frame.real((input + width).saturating_sub(1)).is_nan();
     let source = if null { other } else { input };
     for i in 0..width {
@@ -51,8 +78,8 @@ fn step_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
     }
 }
 
-#[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
+#[inline]
+fn wide_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
     let null = frame.bool((input + width).saturating_sub(1)) & NULL_BOOL != 0;
     let source = if null { other } else { input };
     for i in 0..width {
@@ -61,8 +88,8 @@ fn step_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
     }
 }
 
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
+#[inline]
+fn wide_int(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
     let null = frame.int((input + width).saturating_sub(1)) == NULL_INT;
     let source = if null { other } else { input };
     for i in 0..width {

@@ -1,11 +1,13 @@
 //! `RisingEdge`: true in the cycle in which its input becomes true after it was false.
 //!
-//! The first cycle has no cycle before it and gives no edge. A null input gives null and is forgotten:
+//! The first cycle has no cycle before it and gives no edge, unless `initial` says what was before. A null input gives null and is forgotten:
 //! the edge is judged against the last value that was known.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, State, each};
-use crate::types::NULL_BOOL;
+use crate::primitive::{
+    Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
+};
+use crate::types::{NULL_BOOL, Type};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -15,6 +17,12 @@ pub const ENTRY: Entry = Entry::new(
         null: "a null input gives null; the last known value stays remembered",
         inputs: &[Port::bool("in", "signal to watch")],
         outputs: &[Port::bool("out", "true in the cycle of the change")],
+        parameters: &[Parameter::new(
+            "initial",
+            ParameterKind::Start(Type::Bool, UnitRule::Typed),
+            "value before the first cycle; null: the first known value gives no edge",
+        )
+        .default(Literal::Null)],
         state: State {
             bools: 1,
             ..State::NONE
@@ -33,7 +41,7 @@ fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) {
         if null {
             NULL_BOOL
         } else {
-            u8::from(now == 1 && before == 0)
+            u8::from((now == 1) & (before == 0))
         },
     );
     frame.set_bool(last, if null { before } else { now });
@@ -60,5 +68,12 @@ mod tests {
         ] {
             assert_eq!(bench.set_bool("in", input).step().bool("out"), out);
         }
+    }
+    #[test]
+    fn an_initial_value_is_what_was_before_the_first_cycle() {
+        let mut bench = Bench::new("RisingEdge");
+        bench.start_bool(false).set_bool("in", Some(true));
+        assert_eq!(bench.step().bool("out"), Some(true));
+        assert_eq!(bench.step().bool("out"), Some(false));
     }
 }

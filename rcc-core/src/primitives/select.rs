@@ -37,20 +37,53 @@ pub const ENTRY: Entry = Entry::new(
         ..Spec::PLAIN
     },
     &[
+        Kernel::single(Store::Real, |frame, operands| {
+            each(frame, operands, step_real);
+        }),
         Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real)
+            each(frame, operands, wide_real);
+        }),
+        Kernel::single(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool);
         }),
         Kernel::of(Store::Bool, |frame, operands| {
-            each(frame, operands, step_bool)
+            each(frame, operands, wide_bool);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
+            each(frame, operands, step_int);
         }),
         Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int)
+            each(frame, operands, wide_int);
         }),
     ],
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
+fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) {
+    let (condition, yes, no) = (frame.bool(condition), frame.real(yes), frame.real(no));
+    let chosen = if condition == 1 { yes } else { no };
+    let null = condition & NULL_BOOL != 0;
+    frame.set_real(out, if null { NULL_REAL } else { chosen });
+}
+
+#[inline(always)]
+fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) {
+    let (condition, yes, no) = (frame.bool(condition), frame.bool(yes), frame.bool(no));
+    let chosen = if condition == 1 { yes } else { no };
+    let null = condition & NULL_BOOL != 0;
+    frame.set_bool(out, if null { NULL_BOOL } else { chosen });
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) {
+    let (condition, yes, no) = (frame.bool(condition), frame.int(yes), frame.int(no));
+    let chosen = if condition == 1 { yes } else { no };
+    let null = condition & NULL_BOOL != 0;
+    frame.set_int(out, if null { NULL_INT } else { chosen });
+}
+
+#[inline]
+fn wide_real(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
     let condition = frame.bool(condition);
     let source = if condition == 1 { yes } else { no };
     for i in 0..width {
@@ -66,8 +99,8 @@ fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) 
     }
 }
 
-#[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
+#[inline]
+fn wide_bool(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
     let condition = frame.bool(condition);
     let source = if condition == 1 { yes } else { no };
     for i in 0..width {
@@ -83,8 +116,8 @@ fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) 
     }
 }
 
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
+#[inline]
+fn wide_int(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
     let condition = frame.bool(condition);
     let source = if condition == 1 { yes } else { no };
     for i in 0..width {
@@ -135,7 +168,27 @@ mod tests {
     }
 
     #[test]
-    fn works_for_bool_and_int() {
+    fn arrays_are_chosen_whole() {
+        let mut bench = Bench::wide("Select", Some(Store::Bool), 2);
+        bench
+            .set_bool("condition", Some(false))
+            .set_bool("no", Some(true));
+        assert_eq!(bench.step().bool("out"), Some(true));
+        let mut bench = Bench::wide("Select", Some(Store::Int), 2);
+        bench.set_bool("condition", Some(true)).set_int("yes", 7);
+        assert_eq!(bench.step().int("out"), 7);
+    }
+
+    #[test]
+    fn works_for_single_values() {
+        let mut bench = Bench::wide("Select", Some(Store::Real), 1);
+        bench.set_real("yes", 1.0).set_bool("condition", Some(true));
+        assert_eq!(bench.step().real("out"), 1.0);
+        for condition in [Some(false), None] {
+            let out = bench.set_bool("condition", condition).step().real("out");
+            assert!(out.is_nan(), "{condition:?}");
+        }
+
         let mut bench = Bench::wide("Select", Some(Store::Bool), 1);
         bench
             .set_bool("yes", Some(true))

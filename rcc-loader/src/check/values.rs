@@ -55,7 +55,7 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 faults.push(other_type(net, wire, &input, have, want));
                 continue;
             }
-            let source = net.inferred.output_unit(net.graph, wire.from);
+            let source = net.inferred.wire_unit(net.graph, wire);
             let sink = net.inferred.port_unit(net.graph, number, port.unit);
             if let (Some(have), Some(want)) = (source, sink)
                 && have != want
@@ -98,7 +98,7 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
         }
         for (literal, parameter) in item.parameters.iter().zip(item.spec().parameters) {
-            if let (Some(literal), ParameterKind::Value(ty, unit)) = (literal, parameter.kind) {
+            if let (Some(literal), Some((ty, unit))) = (literal, parameter.kind.value()) {
                 place(literal, parameter.name, ty, unit);
             }
         }
@@ -154,22 +154,25 @@ pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
     for (number, item) in net.graph.items.iter().enumerate() {
         let spec = item.spec();
         let mut ports = spec.inputs.iter().chain(spec.outputs);
-        let Some(port) = ports.find(|port| matches!(port.ty, PortType::Any | PortType::Scalar))
-        else {
+        let Some(port) = ports.find(|port| port.ty.is_open()) else {
             continue;
         };
         let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
             continue;
         };
-        let scalar = matches!(ty, Type::Bool | Type::Int | Type::Real);
-        let mut kernels = item.entry.kernels.iter();
-        let runs =
-            item.entry.kernels.is_empty() || kernels.any(|kernel| kernel.store == ty.store());
-        if (port.ty == PortType::Scalar && !scalar) || !runs {
-            let message = format!(
-                "type mismatch: {} takes single numbers or truth values, not a {ty}",
-                spec.name
-            );
+        let fits = match port.ty {
+            PortType::Number => matches!(ty, Type::Int | Type::Real),
+            PortType::Scalar => matches!(ty, Type::Bool | Type::Int | Type::Real),
+            _ => true,
+        };
+        let kernels = item.entry.kernels;
+        let runs = kernels.is_empty() || kernels.iter().any(|kernel| kernel.store == ty.store());
+        if !fits || !runs {
+            let wanted = match port.ty {
+                PortType::Number => "single numbers",
+                _ => "single numbers or truth values",
+            };
+            let message = format!("type mismatch: {} takes {wanted}, not a {ty}", spec.name);
             let place = item
                 .primitive
                 .inputs
@@ -192,15 +195,24 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
         let parameters = spec
             .parameters
             .iter()
-            .filter_map(|parameter| match parameter.kind {
-                ParameterKind::Value(_, unit) => Some((parameter.name, unit)),
-                _ => None,
-            });
+            .filter_map(|parameter| Some((parameter.name, parameter.kind.value()?.1)));
         for (name, rule) in ports.chain(parameters) {
             let want = match rule {
                 UnitRule::Product(a, b) => var(a).zip(var(b)).map(|(a, b)| a.times(b)),
                 UnitRule::Quotient(a, b) => var(a).zip(var(b)).map(|(a, b)| a.per(b)),
                 UnitRule::PerSecond(a) => var(a).map(|a| a.per(Unit::SECOND)),
+                UnitRule::Root(a) => match var(a).map(|square| (square, square.root())) {
+                    Some((square, None)) => {
+                        let message = format!(
+                            "unit mismatch: `{}.{name}` has no unit: it would be the square root of {square}",
+                            item.id()
+                        );
+                        let span = item.primitive.id.span;
+                        faults.push(Diagnostic::error(fault::UNIT_MISMATCH, span, message));
+                        None
+                    }
+                    root => root.and_then(|(_, root)| root),
+                },
                 _ => None,
             };
             if let (Some(have), Some(want)) = (unit(rule), want)
@@ -227,16 +239,18 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let Some(literal) = literal else { continue };
             let null = literal.shape == Shape::Null;
             let may_be_null = matches!(parameter.default, Some(rcc_core::primitive::Literal::Null))
-                || matches!(parameter.kind, ParameterKind::Value(PortType::Any, _));
+                || matches!(
+                    parameter.kind,
+                    ParameterKind::Value(PortType::Any, _) | ParameterKind::Start(..)
+                );
             let message = if null && !may_be_null {
                 "cannot be null".to_string()
             } else if let Some(wanted) = wanted_range(parameter, literal.number()) {
                 let unit = match parameter.kind {
-                    ParameterKind::Value(_, rule) => {
-                        net.inferred.port_unit(net.graph, number, rule)
-                    }
                     ParameterKind::Rate => Some(Unit::HERTZ),
-                    _ => None,
+                    kind => kind
+                        .value()
+                        .and_then(|(_, rule)| net.inferred.port_unit(net.graph, number, rule)),
                 };
                 let unit = unit
                     .filter(|unit| *unit != Unit::ONE)
@@ -259,6 +273,9 @@ fn wanted_range(parameter: &Parameter, value: Option<f64>) -> Option<String> {
     match (parameter.above, parameter.at_least) {
         (Some(bound), _) if value <= bound => Some(format!("greater than {bound}")),
         (_, Some(bound)) if value < bound => Some(format!("at least {bound}")),
-        _ => None,
+        _ => parameter
+            .at_most
+            .filter(|bound| value > *bound)
+            .map(|bound| format!("at most {bound}")),
     }
 }

@@ -27,6 +27,8 @@ pub trait Domain: Copy + PartialEq {
     fn times(self, other: Self) -> Self;
     /// The quotient.
     fn per(self, other: Self) -> Self;
+    /// What times itself is this; `None` if there is no such thing.
+    fn root(self) -> Option<Self>;
 }
 
 impl Domain for Type {
@@ -40,6 +42,10 @@ impl Domain for Type {
 
     fn per(self, _: Type) -> Type {
         self
+    }
+
+    fn root(self) -> Option<Type> {
+        Some(self)
     }
 }
 
@@ -55,6 +61,10 @@ impl Domain for Unit {
     fn per(self, other: Unit) -> Unit {
         Unit::per(self, other)
     }
+
+    fn root(self) -> Option<Unit> {
+        Unit::root(self)
+    }
 }
 
 /// Variables and constraints.
@@ -67,6 +77,8 @@ pub struct Solver<T> {
     users: Vec<Vec<usize>>,
     queue: VecDeque<usize>,
     backwards: bool,
+    /// By variable: what it can be.
+    allowed: Vec<fn(T) -> bool>,
 }
 
 impl<T: Domain> Solver<T> {
@@ -78,6 +90,14 @@ impl<T: Domain> Solver<T> {
             users: vec![Vec::new(); variables],
             queue: VecDeque::new(),
             backwards: false,
+            allowed: vec![|_| true; variables],
+        }
+    }
+
+    /// Restricts a variable: what does not fit is not carried to it, so that the fault is found at the link.
+    pub fn allow(&mut self, variable: usize, allowed: fn(T) -> bool) {
+        if let Some(place) = self.allowed.get_mut(variable) {
+            *place = allowed;
         }
     }
 
@@ -142,6 +162,11 @@ impl<T: Domain> Solver<T> {
                 (Some(a), Some(b), None) => self.set(c, a.times(b)),
                 (Some(a), None, Some(c)) if self.backwards => self.set(b, c.per(a)),
                 (None, Some(b), Some(c)) => self.set(a, c.per(b)),
+                (None, None, Some(c)) if a == b => {
+                    if let Some(root) = c.root() {
+                        self.set(a, root);
+                    }
+                }
                 _ => {}
             },
         }
@@ -157,6 +182,10 @@ impl<T: Domain> Solver<T> {
 
     fn set(&mut self, term: Term<T>, value: T) {
         if let Term::Open(variable) = term
+            && self
+                .allowed
+                .get(variable)
+                .is_some_and(|allowed| allowed(value))
             && let Some(place @ None) = self.values.get_mut(variable)
         {
             *place = Some(value);

@@ -1,7 +1,7 @@
 //! The arenas of a plan while they grow: variables one after the other, equal constants once.
 //! The loader's threads.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use rcc_core::types::Store;
 
@@ -17,8 +17,57 @@ pub struct Arena {
     pub bools: Vec<u8>,
     /// `Int`.
     pub ints: Vec<i64>,
-    /// Constants by their bits.
-    constants: BTreeMap<(u8, Vec<u64>), Slot>,
+    constants: HashMap<Bits, Slot>,
+}
+
+/// A value by its bits: those that are equal here are the same in a cycle.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Bits {
+    /// One number.
+    Real(u64),
+    /// One truth value.
+    Bool(u8),
+    /// One whole number.
+    Int(i64),
+    /// A composite or an array of numbers.
+    Reals(Vec<u64>),
+    /// An array of truth values.
+    Bools(Vec<u8>),
+    /// An array of whole numbers.
+    Ints(Vec<i64>),
+}
+
+impl Bits {
+    /// Of a value.
+    pub fn of(value: &Stored) -> Bits {
+        match value {
+            Stored::Reals(values) => match values[..] {
+                [value] => Bits::Real(value.to_bits()),
+                _ => Bits::Reals(values.iter().map(|value| value.to_bits()).collect()),
+            },
+            Stored::Bools(values) => match values[..] {
+                [value] => Bits::Bool(value),
+                _ => Bits::Bools(values.clone()),
+            },
+            Stored::Ints(values) => match values[..] {
+                [value] => Bits::Int(value),
+                _ => Bits::Ints(values.clone()),
+            },
+        }
+    }
+
+    /// The value.
+    pub fn stored(&self) -> Stored {
+        let real = |bits: &u64| f64::from_bits(*bits);
+        match self {
+            Bits::Real(bits) => Stored::Reals(vec![real(bits)]),
+            Bits::Bool(value) => Stored::Bools(vec![*value]),
+            Bits::Int(value) => Stored::Ints(vec![*value]),
+            Bits::Reals(bits) => Stored::Reals(bits.iter().map(real).collect()),
+            Bits::Bools(values) => Stored::Bools(values.clone()),
+            Bits::Ints(values) => Stored::Ints(values.clone()),
+        }
+    }
 }
 
 impl Arena {
@@ -38,14 +87,7 @@ impl Arena {
 
     /// Slots that nobody writes; equal constants share them.
     pub fn constant(&mut self, value: &Stored) -> Slot {
-        let key = match value {
-            Stored::Reals(values) => (0, values.iter().map(|value| value.to_bits()).collect()),
-            Stored::Bools(values) => (1, values.iter().map(|value| u64::from(*value)).collect()),
-            Stored::Ints(values) => (
-                2,
-                values.iter().map(|value| value.cast_unsigned()).collect(),
-            ),
-        };
+        let key = Bits::of(value);
         if let Some(slot) = self.constants.get(&key) {
             return *slot;
         }

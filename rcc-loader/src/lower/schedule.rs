@@ -4,9 +4,8 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
-use rcc_core::primitive::PortType;
 use rcc_core::primitives;
-use rcc_core::types::Store;
+use rcc_core::types::Type;
 
 use crate::check::Typed;
 use crate::resolve::Item;
@@ -24,11 +23,10 @@ pub struct Batch {
 fn kernel_of(net: Typed<'_>, number: usize, item: &Item<'_>) -> Option<usize> {
     let spec = item.spec();
     let mut ports = spec.inputs.iter().chain(spec.outputs);
-    let open = ports.find(|port| matches!(port.ty, PortType::Any | PortType::Scalar));
-    let store: Option<Store> =
-        open.and_then(|port| net.inferred.port_type(net.graph, number, port.ty)?.store());
-    let mut kernels = item.entry.kernels.iter();
-    kernels.position(|kernel| kernel.store == store)
+    let open = ports.find(|port| port.ty.is_open());
+    let ty = open.and_then(|port| net.inferred.port_type(net.graph, number, port.ty));
+    let width = ty.map_or(1, Type::width);
+    item.entry.kernel_for(ty.and_then(Type::store), width)
 }
 
 struct Ready {

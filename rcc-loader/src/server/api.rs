@@ -479,4 +479,7 @@ pub struct ParameterView {
     /// It must not be less than this.
     #[serde(default)]
     pub at_least: Option<f64>,
+    /// It must not be greater than this.
+    #[serde(default)]
+    pub at_most: Option<f64>,
 }

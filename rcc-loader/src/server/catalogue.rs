@@ -41,6 +41,7 @@ fn port(port: &Port) -> PortView {
 fn parameter(parameter: &Parameter) -> ParameterView {
     let (ty, unit) = match parameter.kind {
         ParameterKind::Value(ty, unit) => (type_words(ty), unit_words(unit)),
+        ParameterKind::Start(ty, unit) => (ty.to_string(), unit_words(unit)),
         ParameterKind::Arm => ("device with an arm".to_owned(), String::new()),
         ParameterKind::Device => ("device".to_owned(), String::new()),
         ParameterKind::Channel(kind) => (kind_name(kind).to_owned(), String::new()),
@@ -54,6 +55,7 @@ fn parameter(parameter: &Parameter) -> ParameterView {
         default: parameter.default.map(literal),
         above: parameter.above,
         at_least: parameter.at_least,
+        at_most: parameter.at_most,
     }
 }
 
@@ -62,6 +64,7 @@ fn type_words(ty: PortType) -> String {
         PortType::Is(ty) => ty.to_string(),
         PortType::Any => "any".to_owned(),
         PortType::Scalar => "Bool, Int or Real".to_owned(),
+        PortType::Number => "Int or Real".to_owned(),
         PortType::Joints => "Real[joints]".to_owned(),
     }
 }
@@ -74,6 +77,7 @@ fn unit_words(rule: UnitRule) -> String {
         UnitRule::Product(a, b) => format!("{}*{}", letter(a), letter(b)),
         UnitRule::Quotient(a, b) => format!("{}/{}", letter(a), letter(b)),
         UnitRule::PerSecond(a) => format!("{}/s", letter(a)),
+        UnitRule::Root(a) => format!("root of {}", letter(a)),
         UnitRule::Channel => "the channel's".to_owned(),
         UnitRule::Typed => String::new(),
     }

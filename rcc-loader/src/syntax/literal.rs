@@ -60,6 +60,16 @@ pub enum Stored {
 }
 
 impl Stored {
+    /// The arena that it lies in.
+    #[must_use]
+    pub fn store(&self) -> Store {
+        match self {
+            Stored::Reals(_) => Store::Real,
+            Stored::Bools(_) => Store::Bool,
+            Stored::Ints(_) => Store::Int,
+        }
+    }
+
     /// Null of a type.
     #[must_use]
     pub fn null(ty: Type) -> Stored {
@@ -93,6 +103,7 @@ impl Literal {
             Shape::Pose(_) => Some(Type::Pose),
             Shape::List(elements) => match elements.first()?.shape {
                 Shape::Bool(_) => Some(Type::Bools(length(elements))),
+                Shape::List(_) => matrix_type(elements),
                 _ => None,
             },
             _ => None,
@@ -106,6 +117,7 @@ impl Literal {
             Shape::Int(_) => Some(Type::Real),
             Shape::List(elements) => Some(match elements.first()?.shape {
                 Shape::Bool(_) => Type::Bools(length(elements)),
+                Shape::List(_) => matrix_type(elements)?,
                 _ => Type::Reals(length(elements)),
             }),
             _ => self.firm_type(),
@@ -151,7 +163,26 @@ impl Literal {
     }
 }
 
+/// The type of a list of rows; reading has refused rows of different lengths.
+fn matrix_type(rows: &[Literal]) -> Option<Type> {
+    let Shape::List(first) = &rows.first()?.shape else {
+        return None;
+    };
+    let count = |length: usize| u8::try_from(length).ok();
+    Some(Type::Matrix(count(rows.len())?, count(first.len())?))
+}
+
 fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
+    if let Type::Matrix(..) = ty {
+        let rows = elements.iter().map(|row| match &row.shape {
+            Shape::List(row) => Some(row.iter()),
+            _ => None,
+        });
+        let rows: Vec<_> = rows.collect::<Option<_>>()?;
+        let values = rows.into_iter().flatten().map(Literal::number);
+        let values: Vec<f64> = values.collect::<Option<_>>()?;
+        return (matrix_type(elements) == Some(ty)).then_some(Stored::Reals(values));
+    }
     if ty.width() as usize != elements.len() {
         return None;
     }
@@ -253,26 +284,37 @@ fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Shape
     if elements.iter().any(Literal::is_refused) {
         return Shape::Refused;
     }
-    let is_number = |element: &Literal| element.number().is_some();
-    let is_bool = |element: &Literal| matches!(element.shape, Shape::Bool(_));
-    let all_bools = elements.first().is_some_and(is_bool);
+    let kind = |element: &Literal| match &element.shape {
+        Shape::Bool(_) => ListOf::Bools,
+        Shape::List(row) if row.iter().all(|x| x.number().is_some()) => ListOf::Rows(row.len()),
+        _ if element.number().is_some() => ListOf::Numbers,
+        _ => ListOf::Nothing,
+    };
+    let first = elements.first().map_or(ListOf::Nothing, kind);
     let odd = elements.iter().zip(nodes).find(|(element, _)| {
-        if all_bools {
-            !is_bool(element)
-        } else {
-            !is_number(element)
-        }
+        let kind = kind(element);
+        kind == ListOf::Nothing || kind != first
     });
     if let Some((_, node)) = odd {
-        let wanted = if all_bools {
-            "a truth value as the first one"
-        } else {
-            "a number"
+        let wanted = match first {
+            ListOf::Bools => "a truth value as the first one".to_string(),
+            ListOf::Rows(length) => format!("a row of {length} numbers as the first one"),
+            _ => "a number".to_string(),
         };
-        faults.push(shape(node, "an element of a list", wanted));
+        faults.push(shape(node, "an element of a list", &wanted));
         return Shape::Refused;
     }
     Shape::List(elements)
+}
+
+/// What a list consists of.
+#[derive(Clone, Copy, PartialEq)]
+enum ListOf {
+    Bools,
+    Numbers,
+    /// Lists of so many numbers.
+    Rows(usize),
+    Nothing,
 }
 
 const POSE_KEYS: &[&str] = &["xyz", "rpy", "quat"];
@@ -398,6 +440,27 @@ mod tests {
         );
         assert_eq!(literal("[true, 1]"), Err(vec![fault::WRONG_SHAPE]));
         assert_eq!(literal("[]"), Err(vec![fault::WRONG_SHAPE]));
+    }
+
+    #[test]
+    fn a_list_of_rows_becomes_a_matrix() {
+        let text = "[[1, 2, 3], [4, 5, 6.5]]";
+        let values = Some(vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.5]);
+        assert_eq!(reals(text, Type::Matrix(2, 3)), values);
+        assert_eq!(literal(text).unwrap().firm_type(), Some(Type::Matrix(2, 3)));
+        for ty in [Type::Matrix(3, 2), Type::Reals(6), Type::Real] {
+            assert_eq!(reals(text, ty), None, "{ty}");
+        }
+        assert_eq!(reals("[1, 2]", Type::Matrix(1, 2)), None);
+        for bad in [
+            "[[1, 2], [3]]",
+            "[[1], 2]",
+            "[[true]]",
+            "[[[1]]]",
+            "[1, [2]]",
+        ] {
+            assert_eq!(literal(bad), Err(vec![fault::WRONG_SHAPE]), "{bad}");
+        }
     }
 
     #[test]

@@ -85,7 +85,7 @@ impl Bench {
             let Some(prepare) = entry.prepare else {
                 continue;
             };
-            let group = entry.spec.operands(kernel.store).count();
+            let group = entry.spec.operands(kernel).count();
             for operands in plan.operands_of(run).unwrap().chunks_exact(group) {
                 let mut preparation = Preparation {
                     reals: &mut reals,

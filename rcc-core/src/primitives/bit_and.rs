@@ -1,0 +1,33 @@
+//! `BitAnd`: the bits that two whole numbers have in common, in two's complement.
+
+use crate::primitive::{Entry, Kernel, Port, Spec, each_int};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "BitAnd",
+        summary: "The bits that are set in both of two whole numbers.",
+        inputs: &[
+            Port::int("a", "first operand"),
+            Port::int("b", "second operand, for instance a mask"),
+        ],
+        outputs: &[Port::int("out", "a & b, of 64 bits in two's complement")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        each_int(frame, operands, |a, b| (a & b, false));
+    })],
+);
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check_int;
+
+    #[test]
+    fn worked_values_and_null() {
+        check_int(
+            "BitAnd",
+            &[[0b1100, 0b1010, 0b1000], [-1, 255, 255], [-2, -3, -4]],
+        );
+    }
+}

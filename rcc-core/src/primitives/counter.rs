@@ -1,0 +1,56 @@
+//! `Counter`: in how many cycles a condition was true.
+//!
+//! Behind a `RisingEdge` it counts events.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, State, each};
+use crate::types::{NULL_BOOL, NULL_INT};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Counter",
+        summary: "Counts the cycles in which its input is true, this one included.",
+        null: "a null input gives null and is not counted",
+        inputs: &[Port::bool("in", "condition to count")],
+        outputs: &[Port::int("out", "cycles so far; 0 before the first")],
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, count]: [u32; 3]) {
+    let value = frame.bool(input);
+    // At a cycle every 125 µs it would be full after 36 million years.
+    let counted = frame.int(count).saturating_add(i64::from(value & 1));
+    let null = value & NULL_BOOL != 0;
+    frame.set_int(out, if null { NULL_INT } else { counted });
+    frame.set_int(count, counted);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn counts_true_cycles_and_nothing_else() {
+        let mut bench = Bench::new("Counter");
+        let (no, yes) = (Some(false), Some(true));
+        for (input, out) in [
+            (no, 0),
+            (yes, 1),
+            (yes, 2),
+            (None, NULL_INT),
+            (no, 2),
+            (yes, 3),
+        ] {
+            assert_eq!(bench.set_bool("in", input).step().int("out"), out);
+        }
+    }
+}

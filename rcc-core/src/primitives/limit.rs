@@ -1,0 +1,103 @@
+//! `Limit`: a number, or the bound that it is beyond.
+//!
+//! A lower bound above the upper one leaves no number and yields null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::types::{NULL_INT, NULL_REAL, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Limit",
+        summary: "Keeps a number between two bounds.",
+        null: "a null input gives null, and so do bounds with nothing between them",
+        inputs: &[
+            Port::number("in", UnitRule::Var(0), "number to limit"),
+            Port::number("low", UnitRule::Var(0), "least result"),
+            Port::number("high", UnitRule::Var(0), "greatest result"),
+        ],
+        outputs: &[Port::number(
+            "out",
+            UnitRule::Var(0),
+            "the number, low or high",
+        )],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, step_real);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, step_int);
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step_real(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) {
+    let (value, low, high) = (frame.real(input), frame.real(low), frame.real(high));
+    // A NaN is neither less nor greater and goes through; a NaN bound is not in order with the other.
+    let raised = if value < low { low } else { value };
+    let limited = if raised > high { high } else { raised };
+    frame.set_real(out, if low <= high { limited } else { NULL_REAL });
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) {
+    let (value, low, high) = (frame.int(input), frame.int(low), frame.int(high));
+    let limited = value.max(low).min(high);
+    let null = (value == NULL_INT) | (low == NULL_INT) | (low > high);
+    frame.set_int(out, if null { NULL_INT } else { limited });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn stays_between_the_bounds() {
+        let mut bench = Bench::wide("Limit", Some(Store::Real), 1);
+        bench.set_real("low", -1.0).set_real("high", 2.0);
+        for (input, out) in [(0.5, 0.5), (-3.0, -1.0), (f64::INFINITY, 2.0), (2.0, 2.0)] {
+            assert_eq!(bench.set_real("in", input).step().real("out"), out);
+        }
+        let mut bench = Bench::wide("Limit", Some(Store::Int), 1);
+        bench.set_int("low", -1).set_int("high", 2);
+        for (input, out) in [(1, 1), (-3, -1), (i64::MAX, 2)] {
+            assert_eq!(bench.set_int("in", input).step().int("out"), out);
+        }
+    }
+
+    #[test]
+    fn null_and_bounds_out_of_order_give_null() {
+        let nan = f64::NAN;
+        for (input, low, high) in [
+            (nan, 0.0, 1.0),
+            (0.5, nan, 1.0),
+            (0.5, 0.0, nan),
+            (0.5, 1.0, 0.0),
+        ] {
+            let mut bench = Bench::wide("Limit", Some(Store::Real), 1);
+            bench
+                .set_real("in", input)
+                .set_real("low", low)
+                .set_real("high", high);
+            assert!(bench.step().real("out").is_nan(), "{input} {low} {high}");
+        }
+        for (input, low, high) in [
+            (NULL_INT, 0, 1),
+            (1, NULL_INT, 2),
+            (1, 0, NULL_INT),
+            (1, 2, 1),
+        ] {
+            let mut bench = Bench::wide("Limit", Some(Store::Int), 1);
+            bench
+                .set_int("in", input)
+                .set_int("low", low)
+                .set_int("high", high);
+            assert_eq!(bench.step().int("out"), NULL_INT, "{input} {low} {high}");
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! `LowPass`: a first-order low-pass filter, y += (x - y) · gain once a cycle.
+//!
+//! For a time constant T and a period dt the gain is 1 - exp(-dt / T).
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
+};
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "LowPass",
+        summary: "Smooths a number by a first-order low-pass filter.",
+        null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        inputs: &[Port::real("in", UnitRule::Var(0), "number to smooth")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "smoothed number")],
+        parameters: &[
+            Parameter::real(
+                "gain",
+                UnitRule::Is(Unit::ONE),
+                "part of the difference that is taken over each cycle; 1 follows at once",
+            )
+            .above(0.0)
+            .at_most(1.0),
+            Parameter::new(
+                "initial",
+                ParameterKind::Start(Type::Real, UnitRule::Var(0)),
+                "output before the first cycle; null: the first known input is taken as it is",
+            )
+            .default(Literal::Real(0.0)),
+        ],
+        state: State {
+            reals: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, gain, last]: [u32; 4]) {
+    let (value, before) = (frame.real(input), frame.real(last));
+    let moved = before + (value - before) * frame.real(gain);
+    // Without a state, at the beginning or after an infinite one, it begins at the input.
+    let known = if before.is_nan() { value } else { moved };
+    let null = value.is_nan();
+    frame.set_real(out, if null { NULL_REAL } else { known });
+    frame.set_real(last, if null { before } else { known });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn takes_over_a_part_of_the_difference_each_cycle() {
+        let mut bench = Bench::new("LowPass");
+        bench
+            .start_real(0.0)
+            .set_real("gain", 0.25)
+            .set_real("in", 4.0);
+        let out: [f64; 3] = core::array::from_fn(|_| bench.step().real("out"));
+        assert_eq!(out, [1.0, 1.75, 2.3125]);
+    }
+
+    #[test]
+    fn without_an_initial_value_it_begins_at_the_first_known_input() {
+        let mut bench = Bench::new("LowPass");
+        bench.set_real("gain", 0.5);
+        assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
+        assert_eq!(bench.set_real("in", 4.0).step().real("out"), 4.0);
+        assert_eq!(bench.set_real("in", 2.0).step().real("out"), 3.0);
+    }
+
+    #[test]
+    fn null_holds_the_state() {
+        let mut bench = Bench::new("LowPass");
+        bench
+            .start_real(0.0)
+            .set_real("gain", 0.5)
+            .set_real("in", 2.0)
+            .step();
+        assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
+        assert_eq!(bench.set_real("in", 2.0).step().real("out"), 1.5);
+    }
+
+    #[test]
+    fn infinity_does_not_stay() {
+        let mut bench = Bench::new("LowPass");
+        bench.start_real(0.0).set_real("gain", 0.5);
+        assert_eq!(
+            bench.set_real("in", f64::INFINITY).step().real("out"),
+            f64::INFINITY
+        );
+        assert!(bench.set_real("in", 2.0).step().real("out").is_nan());
+        assert_eq!(bench.step().real("out"), 2.0);
+    }
+}

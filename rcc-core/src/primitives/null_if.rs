@@ -1,0 +1,128 @@
+//! `NullIf`: a value of any type, or null while a condition is true.
+//!
+//! With `OrElse` and `IsNull` it is how a net makes, meets and asks for null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "NullIf",
+        summary: "A value, or null while a condition is true.",
+        null: "a null value gives null, and so does a null condition",
+        inputs: &[
+            Port::new("in", PortType::Any, UnitRule::Var(0), "value to pass on"),
+            Port::bool("condition", "while it is true there is no value"),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Any,
+            UnitRule::Var(0),
+            "in, or null",
+        )],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::single(Store::Real, |frame, operands| {
+            each(frame, operands, step_real);
+        }),
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, wide_real);
+        }),
+        Kernel::single(Store::Bool, |frame, operands| {
+            each(frame, operands, step_bool);
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, wide_bool);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
+            each(frame, operands, step_int);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, wide_int);
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step_real(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) {
+    let (value, condition) = (frame.real(input), frame.bool(condition));
+    frame.set_real(out, if condition == 0 { value } else { NULL_REAL });
+}
+
+#[inline]
+fn wide_real(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) {
+    for i in 0..width {
+        step_real(frame, [input + i, condition, out + i]);
+    }
+}
+
+#[inline(always)]
+fn step_bool(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) {
+    let (value, condition) = (frame.bool(input), frame.bool(condition));
+    frame.set_bool(out, if condition == 0 { value } else { NULL_BOOL });
+}
+
+#[inline]
+fn wide_bool(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) {
+    for i in 0..width {
+        step_bool(frame, [input + i, condition, out + i]);
+    }
+}
+
+#[inline(always)]
+fn step_int(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) {
+    let (value, condition) = (frame.int(input), frame.bool(condition));
+    frame.set_int(out, if condition == 0 { value } else { NULL_INT });
+}
+
+#[inline]
+fn wide_int(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) {
+    for i in 0..width {
+        step_int(frame, [input + i, condition, out + i]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn only_a_condition_that_is_false_lets_the_value_through() {
+        for width in [1, 2] {
+            let mut bench = Bench::wide("NullIf", Some(Store::Real), width);
+            bench.set_real("in", 2.0);
+            assert_eq!(
+                bench.set_bool("condition", Some(false)).step().real("out"),
+                2.0
+            );
+            for condition in [Some(true), None] {
+                let out = bench.set_bool("condition", condition).step().real("out");
+                assert!(out.is_nan(), "{condition:?}");
+            }
+            let mut bench = Bench::wide("NullIf", Some(Store::Bool), width);
+            bench.set_bool("in", Some(true));
+            assert_eq!(
+                bench.set_bool("condition", Some(false)).step().bool("out"),
+                Some(true)
+            );
+            assert_eq!(
+                bench.set_bool("condition", Some(true)).step().bool("out"),
+                None
+            );
+            let mut bench = Bench::wide("NullIf", Some(Store::Int), width);
+            bench.set_int("in", 3);
+            assert_eq!(
+                bench.set_bool("condition", Some(false)).step().int("out"),
+                3
+            );
+            assert_eq!(
+                bench.set_bool("condition", None).step().int("out"),
+                NULL_INT
+            );
+        }
+    }
+}

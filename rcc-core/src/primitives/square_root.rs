@@ -1,0 +1,45 @@
+//! `SquareRoot`: correctly rounded; a negative number has none and yields null.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SquareRoot",
+        summary: "The square root of a number; its unit is the root of the number's.",
+        null: "a null input gives null, and so does a negative one",
+        inputs: &[Port::real("in", UnitRule::Var(0), "operand, at least 0")],
+        outputs: &[Port::real("out", UnitRule::Root(0), "result")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    // NaN for a negative number (IEEE 754-2019, 5.4.1).
+    let root = libm::sqrt(frame.real(input));
+    frame.set_real(out, root);
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn worked_values_and_null() {
+        let mut bench = Bench::new("SquareRoot");
+        for (input, out) in [
+            (4.0, 2.0),
+            (2.0, 1.4142135623730951),
+            (0.0, 0.0),
+            (-0.0, 0.0),
+        ] {
+            assert_eq!(bench.set_real("in", input).step().real("out"), out);
+        }
+        for input in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+            assert!(bench.set_real("in", input).step().real("out").is_nan());
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! `ToReal`: a whole number as a Real; beyond ±2^53 the nearest one, ties to even.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::types::{NULL_INT, NULL_REAL};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ToReal",
+        summary: "A whole number as a real one.",
+        inputs: &[Port::int("in", "whole number")],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::Var(0),
+            "the same number, in the unit of its reader",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let value = frame.int(input);
+    let real = value as f64;
+    frame.set_real(out, if value == NULL_INT { NULL_REAL } else { real });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn worked_values_and_null() {
+        let mut bench = Bench::new("ToReal");
+        for (input, out) in [
+            (0, 0.0),
+            (-7, -7.0),
+            ((1 << 53) + 1, 9_007_199_254_740_992.0),
+        ] {
+            assert_eq!(bench.set_int("in", input).step().real("out"), out);
+        }
+        assert!(bench.set_int("in", NULL_INT).step().real("out").is_nan());
+    }
+}

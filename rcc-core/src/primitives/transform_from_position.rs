@@ -1,0 +1,75 @@
+//! `TransformFromPosition`: the homogeneous transform of a frame that moves without turning.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Kernel, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+};
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TransformFromPosition",
+        summary: "The transform of a frame at a position, turned by a constant rotation.",
+        inputs: &[
+            Port::real("x", UnitRule::Var(0), "origin of frame B in frame A"),
+            Port::real("y", UnitRule::Var(0), "origin of frame B in frame A"),
+            Port::real("z", UnitRule::Var(0), "origin of frame B in frame A"),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Is(Type::TRANSFORM),
+            UnitRule::Var(0),
+            "transform of B in A, row-major; its last column is the position",
+        )],
+        parameters: &[Parameter::new(
+            "rotation",
+            ParameterKind::Value(PortType::Is(Type::Matrix(3, 3)), UnitRule::Is(Unit::ONE)),
+            "rotation matrix of B in A by rows: its columns are the axes of B in A",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [x, y, z, out, rotation]: [u32; 5]) {
+    let [a, b, c, d, e, f, g, h, i] = frame.reals(rotation);
+    let (x, y, z) = (frame.real(x), frame.real(y), frame.real(z));
+    let null = x.is_nan() | y.is_nan() | z.is_nan();
+    let transform = [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0];
+    frame.set_reals(out, if null { [NULL_REAL; 16] } else { transform });
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn the_position_is_the_last_column() {
+        let mut bench = Bench::new("TransformFromPosition");
+        bench.set_reals("rotation", &[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        bench
+            .set_real("x", 1.0)
+            .set_real("y", 2.0)
+            .set_real("z", 3.0);
+        let out = bench.step().reals("out", 16);
+        assert_eq!(out[..8], [0.0, -1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0]);
+        assert_eq!(out[8..], [0.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn null_makes_every_element_null() {
+        let mut bench = Bench::new("TransformFromPosition");
+        bench.set_reals("rotation", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        bench.set_real("x", 1.0).set_real("y", 2.0);
+        assert!(
+            bench
+                .step()
+                .reals("out", 16)
+                .iter()
+                .all(|value| value.is_nan())
+        );
+    }
+}
