@@ -7,7 +7,7 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, Joints, Measurement};
 use rcc_core::plan::{CLOCKS_MAX, Run};
-use rcc_core::primitive::{ChannelKind, Literal, ParameterKind, PortType, Role, Spec};
+use rcc_core::primitive::{ChannelKind, Kernel, Literal, ParameterKind, PortType, Role, Spec};
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
 use rcc_engine::net::Net;
@@ -17,6 +17,8 @@ use rcc_ipc::control::{PlanData, Refusal};
 pub const RUN: u32 = 256;
 /// Joints of the devices.
 const JOINTS: u32 = 7;
+/// Width of values of wide kernels, as many as joints: primitives of devices take nothing else.
+const WIDTH: u32 = JOINTS;
 /// Where the arms are.
 const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 const PERIOD_S: f64 = 1e-3;
@@ -28,8 +30,8 @@ pub struct Row {
     pub entry: &'static Entry,
     /// Its number in plans.
     pub number: u16,
-    /// The arena of its polymorphic ports.
-    pub store: Option<Store>,
+    /// The kernel.
+    pub kernel: &'static Kernel,
 }
 
 impl Row {
@@ -37,7 +39,9 @@ impl Row {
     #[must_use]
     pub fn name(&self) -> String {
         let name = self.entry.spec.name;
-        match (self.entry.kernels.len(), self.store) {
+        let wide = self.entry.spec.has_width(self.kernel);
+        match (self.entry.kernels.len(), self.kernel.store) {
+            (2.., Some(store)) if wide => format!("{name} ({store:?}[{WIDTH}])"),
             (2.., Some(store)) => format!("{name} ({store:?})"),
             _ => name.to_owned(),
         }
@@ -51,7 +55,7 @@ pub fn rows() -> impl Iterator<Item = Row> {
         kernels.map(move |(kernel, it)| Row {
             entry,
             number: primitives::kernel_number(index, kernel),
-            store: it.store,
+            kernel: it,
         })
     })
 }
@@ -132,7 +136,7 @@ pub fn net(row: &Row, count: u32) -> Result<Box<Net>, Refusal> {
     };
     for number in 0..count {
         filling.number = number;
-        filling.group(&row.entry.spec, row.store);
+        filling.group(&row.entry.spec, row.kernel);
     }
     let mut data = filling.data;
     let mut push = |kernel, first: usize, end: usize| {
@@ -164,21 +168,23 @@ struct Filling {
 
 impl Filling {
     /// The operands of one primitive, in the order of [`Spec::operands`].
-    fn group(&mut self, spec: &Spec, store: Option<Store>) {
+    fn group(&mut self, spec: &Spec, kernel: &Kernel) {
+        let width = if spec.has_width(kernel) { WIDTH } else { 1 };
+        let open = (kernel.store.unwrap_or(Store::Real), width);
         for port in spec.inputs {
-            let operand = self.value(port.ty, store, port.default);
+            let operand = self.value(port.ty, open, port.default);
             self.data.operands.push(operand);
         }
         for port in spec.outputs {
-            let operand = self.value(port.ty, store, Some(Literal::Null));
+            let operand = self.value(port.ty, open, Some(Literal::Null));
             self.data.operands.push(operand);
         }
         for parameter in spec.parameters {
             let operand = match parameter.kind {
-                ParameterKind::Value(ty, _) => self.value(ty, store, parameter.default),
+                ParameterKind::Value(ty, _) => self.value(ty, open, parameter.default),
                 ParameterKind::Arm | ParameterKind::Device => self.number % DEVICES_MAX as u32,
                 ParameterKind::Channel(kind) => self.number / DEVICES_MAX as u32 % channels(kind),
-                ParameterKind::Rate => continue,
+                ParameterKind::Start(..) | ParameterKind::Rate => continue,
             };
             self.data.operands.push(operand);
         }
@@ -202,16 +208,13 @@ impl Filling {
             self.data.operands.push(self.data.clocks);
             self.data.clocks += 1;
         }
-        if spec.is_polymorphic() {
-            let joints = |ports: &[rcc_core::primitive::Port]| {
-                ports.iter().any(|port| port.ty == PortType::Joints)
-            };
-            let wide = joints(spec.inputs) || joints(spec.outputs);
-            self.data.operands.push(if wide { JOINTS } else { 1 });
+        if spec.has_width(kernel) {
+            self.data.operands.push(WIDTH);
         }
     }
 
-    fn value(&mut self, ty: PortType, store: Option<Store>, default: Option<Literal>) -> u32 {
+    /// `open`: the arena and width of open ports.
+    fn value(&mut self, ty: PortType, open: (Store, u32), default: Option<Literal>) -> u32 {
         match ty {
             PortType::Is(ty) if default.is_none() && ty.store() == Some(Store::Real) => {
                 self.composite(ty)
@@ -219,7 +222,8 @@ impl Filling {
             PortType::Is(ty) => self.slot(ty.store().unwrap_or(Store::Real), ty.width(), default),
             PortType::Joints if default.is_none() => self.reals(&HOLD[..JOINTS as usize]),
             PortType::Joints => self.slot(Store::Real, JOINTS, default),
-            _ => self.slot(store.unwrap_or(Store::Real), 1, default),
+            PortType::Scalar | PortType::Number => self.slot(open.0, 1, default),
+            PortType::Any => self.slot(open.0, open.1, default),
         }
     }
 

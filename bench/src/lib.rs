@@ -5,5 +5,8 @@
 //! `bench/hal` and `bench/wakeup` measure against LinuxCNC HAL and cyclictest.
 
 pub mod catalogue;
+pub mod graph;
+pub mod instance;
+pub mod net;
 #[cfg(feature = "straight-line")]
 pub mod straight;

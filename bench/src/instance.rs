@@ -1,0 +1,243 @@
+//! A loaded graph in virtual time: the arenas of its plan, a station that measures the external inputs, and the same
+//! `cycle()` as on a robot. Whatever thread measures or tests.
+
+use std::collections::HashMap;
+
+use bytemuck::Zeroable;
+use rcc_core::cycle::cycle;
+use rcc_core::frame::{DeviceInput, DeviceModel, Frame};
+use rcc_core::guard::JointLimits;
+use rcc_core::message::Measurement;
+use rcc_core::path::{PathClocks, PathState};
+use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
+use rcc_core::unit::Unit;
+use rcc_loader::devices::{Channel, Device, DeviceTable};
+use rcc_loader::{Compiled, compile_for};
+
+use crate::graph::{Graph, Hash, NULL_WORD, Value, external_bool, external_real};
+use crate::net::{DEVICE, net};
+
+/// External numbers of a graph.
+pub const REALS: usize = 8;
+/// External truth values of a graph.
+pub const BOOLS: usize = 4;
+
+/// The cell that the nets are for: one station with the external inputs as channels.
+#[must_use]
+pub fn cell() -> DeviceTable {
+    let channels = |letter: char, count: usize| {
+        let channel = |k| Channel {
+            name: format!("{letter}{k}"),
+            unit: Unit::ONE,
+        };
+        (0..count).map(channel).collect::<Vec<_>>()
+    };
+    let model = DeviceModel {
+        joints: 0,
+        arm: None,
+        limits: JointLimits {
+            lower: [0.0; 8],
+            upper: [0.0; 8],
+            velocity_max: [0.0; 8],
+            acceleration_max: [0.0; 8],
+            joints: 0,
+        },
+        first_tolerance_rad: 0.0,
+        channels: [BOOLS as u32, 0, REALS as u32, 0],
+    };
+    DeviceTable {
+        fingerprint: 0,
+        period_ns: 1_000_000,
+        devices: vec![Device {
+            name: DEVICE.to_string(),
+            model,
+            channels: [
+                channels('v', BOOLS),
+                Vec::new(),
+                channels('u', REALS),
+                Vec::new(),
+            ],
+        }],
+    }
+}
+
+/// What the station measures in a cycle, counted from 1.
+#[must_use]
+pub fn measurement(cycle: u64) -> Measurement {
+    let mut measurement = Measurement::zeroed();
+    measurement.analog = [f64::NAN; _];
+    for (k, place) in measurement.analog.iter_mut().take(REALS).enumerate() {
+        *place = external_real(cycle, k);
+    }
+    measurement.digital_known = (1 << BOOLS) - 1;
+    for k in 0..BOOLS {
+        measurement.digital |= u64::from(external_bool(cycle, k)) << k;
+    }
+    measurement
+}
+
+/// A graph has no motions.
+struct NoClocks;
+
+impl PathClocks for NoClocks {
+    fn step(&mut self, _: usize, _: bool) -> Option<PathState> {
+        None
+    }
+}
+
+/// The slots of a node's result.
+#[derive(Clone, Copy, Debug)]
+struct Slots {
+    store: Store,
+    slot: usize,
+    width: usize,
+}
+
+/// A running graph.
+pub struct Instance {
+    /// What the loader made of it.
+    pub net: Compiled,
+    reals: Vec<f64>,
+    bools: Vec<u8>,
+    ints: Vec<i64>,
+    models: Vec<DeviceModel>,
+    devices: [DeviceInput; 1],
+    /// By node of the graph.
+    slots: Vec<Slots>,
+    sinks: Vec<usize>,
+    cycles: u64,
+}
+
+impl Instance {
+    /// Takes a graph through the whole loader.
+    ///
+    /// # Errors
+    /// What the loader says about the net: a mistake of this package.
+    pub fn new(graph: &Graph) -> Result<Instance, rcc_loader::Faults> {
+        let text = net(graph);
+        let cell = cell();
+        let net = compile_for(&text.text, "graph.json", &cell)?;
+        let ports = net.names.primitives.iter().map(|primitive| {
+            let out = primitive.outputs.iter().find(|port| port.name == "out");
+            (primitive.id.as_str(), out)
+        });
+        let ports: HashMap<_, _> = ports.collect();
+        let slots = text.places.iter().map(|place| {
+            // Every place names an output of the net that was just made of it.
+            let port = ports[place.id.as_str()].expect("an output `out`");
+            let (slot, width) = (port.slot as usize, port.width as usize);
+            let element = place.index.map(|index| (slot + index as usize, 1));
+            let (slot, width) = element.unwrap_or((slot, width));
+            Slots {
+                store: port.store,
+                slot,
+                width,
+            }
+        });
+        Ok(Instance {
+            slots: slots.collect(),
+            reals: net.plan.reals.clone(),
+            bools: net.plan.bools.clone(),
+            ints: net.plan.ints.clone(),
+            models: cell.models(),
+            devices: [DeviceInput {
+                present: true,
+                measurement: measurement(1),
+            }],
+            sinks: graph.sinks.clone(),
+            net,
+            cycles: 0,
+        })
+    }
+
+    /// The next cycle with its external inputs.
+    pub fn step(&mut self) {
+        self.devices[0].measurement = measurement(self.cycles + 1);
+        self.evaluate();
+    }
+
+    /// The next cycle with the external inputs of the one before: what benchmarks time.
+    pub fn evaluate(&mut self) {
+        let mut frame = Frame {
+            reals: &mut self.reals,
+            bools: &mut self.bools,
+            ints: &mut self.ints,
+            models: &self.models,
+            devices: &self.devices,
+            outputs: &mut [],
+            clocks: &mut NoClocks,
+            dt_s: 1e-3,
+            cycle: self.cycles,
+            cancel_requested: false,
+            terminated: false,
+            motion_failed: false,
+        };
+        cycle(&self.net.plan.plan(), &mut frame);
+        self.cycles = frame.cycle;
+    }
+
+    /// Cycles so far.
+    #[must_use]
+    pub fn cycles(&self) -> u64 {
+        self.cycles
+    }
+
+    /// Primitives that a cycle evaluates.
+    #[must_use]
+    pub fn primitives(&self) -> usize {
+        let runs = &self.net.plan.runs;
+        runs.iter()
+            .filter_map(|run| {
+                let (entry, kernel) = rcc_core::primitives::kernel(run.kernel)?;
+                let group = entry.spec.operands(kernel).count();
+                (run.operands as usize).checked_div(group)
+            })
+            .sum()
+    }
+
+    /// The result of a node; `None` is null.
+    #[must_use]
+    pub fn value(&self, node: usize) -> Option<Value> {
+        let Slots { store, slot, width } = self.slots[node];
+        match store {
+            Store::Bool => match self.bools[slot] {
+                value if value & NULL_BOOL != 0 => None,
+                value => Some(Value::Bool(value == 1)),
+            },
+            Store::Int => match self.ints[slot] {
+                NULL_INT => None,
+                value => Some(Value::Int(value)),
+            },
+            Store::Real => {
+                let values = &self.reals[slot..slot + width];
+                match values {
+                    [value] if value.is_nan() => None,
+                    [value] => Some(Value::Real(*value)),
+                    [.., last] if last.is_nan() => None,
+                    _ => Some(Value::Transform(values.try_into().ok()?)),
+                }
+            }
+        }
+    }
+
+    /// The hash of the sinks.
+    #[must_use]
+    pub fn hash(&self) -> Hash {
+        let mut hash = Hash::default();
+        for sink in &self.sinks {
+            let store = self.slots[*sink].store;
+            match self.value(*sink) {
+                Some(Value::Bool(value)) => hash.word(u64::from(value)),
+                Some(Value::Int(value)) => hash.word(value.cast_unsigned()),
+                Some(Value::Real(value)) => hash.real(value),
+                Some(Value::Transform(values)) => values.iter().for_each(|v| hash.real(*v)),
+                None => hash.word(match store {
+                    Store::Bool => u64::from(NULL_BOOL),
+                    Store::Int => NULL_INT.cast_unsigned(),
+                    Store::Real => NULL_WORD,
+                }),
+            }
+        }
+        hash
+    }
+}
