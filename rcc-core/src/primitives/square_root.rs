@@ -32,7 +32,7 @@ mod tests {
         let mut bench = Bench::new("SquareRoot");
         for (input, out) in [
             (4.0, 2.0),
-            (2.0, 1.4142135623730951),
+            (2.0, core::f64::consts::SQRT_2),
             (0.0, 0.0),
             (-0.0, 0.0),
         ] {
