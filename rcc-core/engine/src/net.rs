@@ -406,7 +406,7 @@ fn prepare(
 /// Number of primitives in a run.
 fn primitives_in(run: &Run) -> u32 {
     let group = primitives::kernel(run.kernel).map_or(1, |(entry, kernel)| {
-        entry.spec.operands(kernel.store).count()
+        entry.spec.operands(kernel).count()
     });
     run.operands / (group.max(1) as u32)
 }

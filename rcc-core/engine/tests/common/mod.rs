@@ -321,10 +321,17 @@ impl Plan {
 
     /// Adds one primitive; kernel 0.
     pub fn add(&mut self, name: &str, operands: &[u32]) {
-        let (entry, _) = primitives::find(name).expect("a primitive");
+        let (entry, row) = primitives::find(name).expect("a primitive");
         let first = self.data.operands.len() as u32;
         self.data.operands.extend(operands);
-        let kernel = primitives::kernel_number(entry, 0);
+        // The first kernel whose groups these are; one for wide values has a width more.
+        let fits = |kernel| {
+            operands
+                .len()
+                .is_multiple_of(row.spec.operands(kernel).count())
+        };
+        let kernel = row.kernels.iter().position(fits).expect("whole groups");
+        let kernel = primitives::kernel_number(entry, kernel);
         self.data.runs.push(Run {
             kernel,
             first,
