@@ -8,6 +8,7 @@ pub mod doctor;
 pub mod failure;
 pub mod follow;
 pub mod interrupt;
+pub mod simulate;
 pub mod supervisor;
 pub mod table;
 pub mod units;

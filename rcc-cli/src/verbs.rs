@@ -41,6 +41,8 @@ verbs! {
     Load = load;
     /// START: evaluate a loaded net from the next cycle on.
     Start = start;
+    /// Run a net in virtual time against simple device models, without a cell.
+    Simulate = simulate;
     /// Load, start and follow a net; Ctrl-C cancels it.
     Run = run;
     /// CANCEL: ask a net to end in its own way.

@@ -84,7 +84,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// The configuration as far as nets are concerned: the numbers of automatic ports do not matter.
-fn load_config(path: &Path) -> Result<CellConfig, Failure> {
+pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
     let invalid = |faults| Failure::of_faults("the configuration is not valid", &faults);
     let ports = auto_ports(path).map_err(invalid)?;
     let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();

@@ -1,0 +1,252 @@
+//! A net in virtual time, without a cell: the executor's own engine against simple models of the devices. A cycle is a step,
+//! so that the same net and the same inputs give the same values, as fast as the machine computes. The caller's thread.
+
+use std::io::{self, Write};
+
+use rcc_config::CellConfig;
+use rcc_core::message::{CommandEntry, CommandState, Joints, MonitorRecord};
+use rcc_engine::engine::{Engine, EngineConfig};
+use rcc_engine::net::Net;
+use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_loader::names::Names;
+use thiserror::Error;
+
+pub mod arm;
+pub mod device;
+pub mod plot;
+pub mod script;
+pub mod trace;
+
+use device::Device;
+use script::Step;
+use trace::Trace;
+
+/// The one command's id: the engine counts from 1.
+const ID: u64 = 1;
+/// Tickets of LOAD's second half and of START.
+const INSTALL: u64 = 1;
+const START: u64 = 2;
+
+/// What happens meanwhile.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Longest logical time, ns.
+    pub limit_ns: u64,
+    /// CANCEL (ABORT of a net that has no Cancel) after this logical time, ns.
+    pub cancel_at_ns: Option<u64>,
+    /// Inputs that are set.
+    pub steps: Vec<Step>,
+}
+
+/// What came of it.
+#[derive(Debug)]
+pub struct Simulated {
+    /// The command's row at the end.
+    pub command: CommandEntry,
+    /// Cycles since START.
+    pub cycles: u64,
+    /// Period, ns.
+    pub period_ns: u64,
+    /// What monitors said.
+    pub trace: Trace,
+}
+
+/// Why a net cannot be simulated.
+#[derive(Debug, Error)]
+pub enum SimulateError {
+    /// It is refused, as an executor would.
+    #[error("the net is refused: {0:?}")]
+    Refused(Refusal),
+    /// The table cannot be written.
+    #[error("the values cannot be written: {0}")]
+    Write(#[from] io::Error),
+    /// The engine did not answer; it always does.
+    #[error("the engine gave no answer")]
+    Silent,
+}
+
+/// The engine and its devices in one virtual time.
+struct Cell {
+    engine: Engine,
+    ends: HelperEnds,
+    devices: Vec<Device>,
+    now_ns: u64,
+    period_ns: u64,
+    answers: [Option<Answer>; 3],
+}
+
+impl Cell {
+    fn new(config: &CellConfig) -> Cell {
+        let (rt, ends) = rings();
+        let period_ns = config.period_ns;
+        let engine = EngineConfig {
+            incarnation: 1,
+            period_ns,
+            stale_after_ns: config.stale_after_ns.max(2 * period_ns),
+            late_in_a_row_max: 0,
+            models: config.models(),
+        };
+        let devices = config
+            .devices
+            .iter()
+            .map(|device| Device::new(device, &config.simulators, period_ns));
+        Cell {
+            engine: Engine::new(engine, rt, 0),
+            ends,
+            devices: devices.collect(),
+            now_ns: 0,
+            period_ns,
+            answers: [None, None, None],
+        }
+    }
+
+    /// One cycle: every device exchanges, then the engine.
+    fn step(&mut self) {
+        self.now_ns += self.period_ns;
+        let begun = self.engine.status().cycle > 0;
+        for (index, device) in self.devices.iter_mut().enumerate() {
+            let image = self.engine.image(index).filter(|_| begun);
+            device.exchange(image, self.now_ns);
+            let newest = Some((1, *device.measurement()));
+            self.engine.latch(index, newest, self.now_ns);
+        }
+        self.engine.cycle(self.now_ns);
+        self.engine.account(0, 0, 0);
+        while let Ok(outcome) = self.ends.outcomes.pop() {
+            if let Outcome::Answer { ticket, answer } = outcome
+                && let Some(place) = self.answers.get_mut(ticket as usize)
+            {
+                *place = Some(answer);
+            }
+        }
+        while self.ends.events.pop().is_ok() {}
+    }
+
+    fn order(&mut self, order: Order) -> Result<(), SimulateError> {
+        // The ring is empty before each step: its room is only used up by what is asked here.
+        self.ends
+            .orders
+            .push(order)
+            .map_err(|_| SimulateError::Silent)
+    }
+
+    fn holds(&self) -> Vec<Option<Joints>> {
+        self.devices.iter().map(Device::hold).collect()
+    }
+
+    fn command(&self) -> Option<&CommandEntry> {
+        let mut rows = self.engine.tables().commands.iter();
+        rows.find(|row| row.id == ID)
+    }
+
+    fn state(&self) -> CommandState {
+        self.command().map_or(CommandState::None, |row| {
+            CommandState::from_number(row.state)
+        })
+    }
+
+    /// Why LOAD or START was refused.
+    fn refusal(&self) -> Option<Refusal> {
+        self.answers.iter().find_map(|answer| match answer {
+            Some(Answer::Refused(refusal)) => Some(*refusal),
+            _ => None,
+        })
+    }
+}
+
+/// Runs a net until it is terminated or the time is over; `table` takes what monitors show, a line for each cycle in which
+/// they show something.
+///
+/// # Errors
+/// The net is refused, or the table cannot be written.
+pub fn run(
+    config: &CellConfig,
+    plan: PlanData,
+    names: &Names,
+    options: &Options,
+    mut table: Option<&mut dyn Write>,
+) -> Result<Simulated, SimulateError> {
+    let mut cell = Cell::new(config);
+    apply(&options.steps, 0, 0, &mut cell.devices);
+    // Once without a net, so that the engine has seen the devices.
+    cell.step();
+    let dt_s = config.period_ns as f64 / 1e9;
+    let holds = cell.holds();
+    let net = Net::build(plan, &config.models(), config.fingerprint(), &holds, dt_s);
+    let net = net.map_err(SimulateError::Refused)?;
+    cell.order(Order::Reserve { ticket: 0 })?;
+    cell.order(Order::Install {
+        ticket: INSTALL,
+        id: ID,
+        net,
+    })?;
+    cell.order(Order::Start {
+        ticket: START,
+        id: ID,
+    })?;
+    let mut trace = Trace::new(names);
+    if let Some(out) = &mut table {
+        trace.write_head(out)?;
+    }
+    let begun = cell.engine.status().cycle + 1;
+    let mut records: Vec<MonitorRecord> = Vec::new();
+    let mut canceled = false;
+    let mut past_ns = 0;
+    loop {
+        cell.step();
+        if let Some(refusal) = cell.refusal() {
+            return Err(SimulateError::Refused(refusal));
+        }
+        records.clear();
+        records.extend(std::iter::from_fn(|| cell.ends.records.pop().ok()));
+        let time_s = past_ns as f64 / 1e9;
+        if trace.take(time_s, &records)
+            && let Some(out) = &mut table
+        {
+            trace.write_line(out, time_s, &records)?;
+        }
+        let next_ns = past_ns + config.period_ns;
+        if cell.state() == CommandState::Terminated || next_ns >= options.limit_ns {
+            break;
+        }
+        if !canceled && options.cancel_at_ns.is_some_and(|at_ns| next_ns >= at_ns) {
+            canceled = true;
+            cell.cancel()?;
+        }
+        apply(&options.steps, past_ns + 1, next_ns, &mut cell.devices);
+        past_ns = next_ns;
+    }
+    if let Some(out) = &mut table {
+        out.flush()?;
+    }
+    let command = *cell.command().ok_or(SimulateError::Silent)?;
+    Ok(Simulated {
+        command,
+        cycles: cell.engine.status().cycle + 1 - begun,
+        period_ns: config.period_ns,
+        trace,
+    })
+}
+
+impl Cell {
+    fn cancel(&mut self) -> Result<(), SimulateError> {
+        let (ticket, id) = (u64::MAX, ID);
+        let can_cancel = self.command().is_some_and(|row| row.can_cancel == 1);
+        self.order(if can_cancel {
+            Order::Cancel { ticket, id }
+        } else {
+            Order::Abort { ticket, id }
+        })
+    }
+}
+
+/// Sets the inputs whose time is between the two, both included; in the order in which they were given.
+fn apply(steps: &[Step], from_ns: u64, to_ns: u64, devices: &mut [Device]) {
+    for step in steps
+        .iter()
+        .filter(|step| (from_ns..=to_ns).contains(&step.at_ns))
+    {
+        step.apply(devices);
+    }
+}

@@ -1,0 +1,358 @@
+//! A simple model of an arm and its driver: it plays set-points a fixed number of cycles after they were made, exactly,
+//! within the robot's limits, and comes to rest by itself when they end. Virtual time, the caller's thread.
+
+use rcc_core::guard::{Guard, SLOW};
+use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
+use rcc_motion::{Rest, RestLimits};
+
+/// Where playing is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    /// At rest.
+    Holding,
+    /// At rest; the set-points from `first` on are played when the delay is over.
+    Waiting { first: u64 },
+    /// The set-point of this cycle was sent last.
+    Following { entry: u64 },
+    /// On the way to rest.
+    Stopping,
+}
+
+/// The arm.
+#[derive(Debug)]
+pub struct Arm {
+    limits: RestLimits,
+    guard: Guard,
+    delay: u64,
+    dt_s: f64,
+    phase: Phase,
+    rest: Option<Rest>,
+    /// Who commands now is not followed, 0 = everybody is.
+    refused: u64,
+    /// Newest cycle that was looked at for somebody who begins.
+    cursor: u64,
+    /// The last three positions, newest first, rad.
+    positions: [Joints; 3],
+    newest: SetPoint,
+    outputs: SetPoint,
+}
+
+impl Arm {
+    /// An arm at rest at `position` (rad) whose driver waits `delay` cycles of `dt_s` (s).
+    #[must_use]
+    pub fn new(limits: RestLimits, guard: Guard, position: Joints, delay: u64, dt_s: f64) -> Arm {
+        Arm {
+            limits,
+            guard,
+            delay: delay.max(1),
+            dt_s,
+            phase: Phase::Holding,
+            rest: None,
+            refused: 0,
+            cursor: 0,
+            positions: [position; 3],
+            newest: SetPoint::NONE,
+            outputs: SetPoint::NONE,
+        }
+    }
+
+    /// One cycle of the device.
+    pub fn exchange(&mut self, image: &CommandImage) {
+        self.newest = image.at(image.sequence).copied().unwrap_or(SetPoint::NONE);
+        let before = self.positions[0];
+        match self.phase {
+            Phase::Following { entry } => self.follow(image, entry + 1),
+            Phase::Stopping => self.go_to_rest(),
+            Phase::Holding | Phase::Waiting { .. } => {}
+        }
+        if self.positions[0] == before && !matches!(self.phase, Phase::Following { .. }) {
+            self.positions = [before; 3];
+        }
+        self.look_for_a_beginning(image);
+        if !matches!(self.phase, Phase::Following { .. } | Phase::Waiting { .. }) {
+            self.outputs = self.newest;
+        }
+    }
+
+    /// Where it is, and where its driver holds it at rest, rad.
+    #[must_use]
+    pub fn position(&self) -> &Joints {
+        &self.positions[0]
+    }
+
+    /// The set-point whose outputs hold now.
+    #[must_use]
+    pub fn outputs(&self) -> &SetPoint {
+        &self.outputs
+    }
+
+    /// As its driver tells.
+    #[must_use]
+    pub fn state(&self) -> DeviceState {
+        match self.phase {
+            Phase::Stopping => DeviceState::Stopping,
+            Phase::Waiting { .. } | Phase::Following { .. } => DeviceState::Commanded,
+            Phase::Holding if commands(&self.newest) => DeviceState::Online,
+            Phase::Holding => DeviceState::Ready,
+        }
+    }
+
+    /// Logical time up to which everything is played and the arm rests, ns; 0 while that is not so.
+    #[must_use]
+    pub fn settled_ns(&self) -> u64 {
+        match self.phase {
+            Phase::Holding if !commands(&self.newest) => self.newest.logical_ns,
+            _ => 0,
+        }
+    }
+
+    /// Logical time of the set-point that was sent last, ns.
+    #[must_use]
+    pub fn played_ns(&self) -> u64 {
+        match self.phase {
+            Phase::Following { .. } => self.outputs.logical_ns,
+            _ => 0,
+        }
+    }
+
+    fn follow(&mut self, image: &CommandImage, entry: u64) {
+        let point = image.at(entry).copied().filter(commands);
+        let allowed = point.filter(|point| self.guard.check(&point.position, self.dt_s).is_ok());
+        match allowed {
+            Some(point) => {
+                self.move_to(point.position);
+                (self.phase, self.outputs) = (Phase::Following { entry }, point);
+            }
+            // The end of the set-points: what comes later may be followed. A broken limit: its owner is not any more.
+            None => {
+                self.cursor = entry;
+                self.refused = point.map_or(self.refused, |point| point.owner);
+                self.stop();
+            }
+        }
+    }
+
+    fn stop(&mut self) {
+        let [now, last, before] = &self.positions;
+        let mut velocity = [0.0; 8];
+        let mut acceleration = [0.0; 8];
+        for joint in 0..self.limits.joints.min(velocity.len()) {
+            let (step, step_before) = (now[joint] - last[joint], last[joint] - before[joint]);
+            velocity[joint] = step / self.dt_s;
+            acceleration[joint] = (step - step_before) / (self.dt_s * self.dt_s);
+        }
+        let bounds = self
+            .limits
+            .velocity_max
+            .iter()
+            .zip(&self.limits.acceleration_max);
+        let slow = velocity
+            .iter()
+            .zip(bounds)
+            .take(self.limits.joints)
+            .all(|(v, (v_max, a_max))| v.abs() <= (SLOW * v_max).min(a_max * self.dt_s));
+        if slow {
+            self.phase = Phase::Holding;
+            return;
+        }
+        // Whoever commands while the arm is being stopped is not followed.
+        if commands(&self.newest) {
+            self.refused = self.newest.owner;
+        }
+        let rest = Rest::new(self.limits, self.dt_s).ok();
+        self.rest = rest.and_then(|mut rest| {
+            let begun = rest.begin(&self.positions[0], &velocity, &acceleration);
+            begun.ok().map(|()| rest)
+        });
+        self.phase = Phase::Stopping;
+        self.go_to_rest();
+    }
+
+    fn go_to_rest(&mut self) {
+        let Some(rest) = &mut self.rest else {
+            self.phase = Phase::Holding;
+            return;
+        };
+        let (position, resting) = rest.step();
+        self.move_to(position);
+        if resting {
+            (self.rest, self.phase) = (None, Phase::Holding);
+        }
+    }
+
+    fn move_to(&mut self, position: Joints) {
+        let [now, last, _] = self.positions;
+        self.positions = [position, now, last];
+    }
+
+    fn look_for_a_beginning(&mut self, image: &CommandImage) {
+        while self.cursor < image.sequence && matches!(self.phase, Phase::Holding | Phase::Stopping)
+        {
+            self.cursor += 1;
+            let Some(point) = image.at(self.cursor).filter(|point| commands(point)) else {
+                continue;
+            };
+            match self.phase {
+                Phase::Holding if point.owner != self.refused => {
+                    self.phase = Phase::Waiting { first: self.cursor };
+                }
+                _ => self.refused = point.owner,
+            }
+        }
+        let Phase::Waiting { first } = self.phase else {
+            return;
+        };
+        if image.sequence - first < self.delay {
+            return;
+        }
+        let hold = self.positions[0];
+        let point = image.at(first).copied().filter(commands);
+        let begun = point.filter(|point| self.guard.first(&point.position, &hold).is_ok());
+        match begun {
+            Some(point) => {
+                self.move_to(point.position);
+                (self.phase, self.outputs) = (Phase::Following { entry: first }, point);
+            }
+            None => {
+                self.refused = point.map_or(0, |point| point.owner);
+                (self.phase, self.cursor) = (Phase::Holding, image.sequence);
+            }
+        }
+    }
+}
+
+/// True if somebody commands the joints.
+fn commands(point: &SetPoint) -> bool {
+    point.has_position == 1 && point.owner != 0
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use rcc_core::guard::JointLimits;
+    use rcc_core::message::{MAGIC, SET_POINTS};
+
+    use super::*;
+
+    const DELAY: u64 = 5;
+
+    struct Bench {
+        arm: Arm,
+        image: CommandImage,
+        played: Vec<f64>,
+    }
+
+    impl Bench {
+        fn new() -> Bench {
+            let joints = JointLimits {
+                lower: [-2.0; 8],
+                upper: [2.0; 8],
+                velocity_max: [2.0; 8],
+                acceleration_max: [20.0; 8],
+                joints: 7,
+            };
+            let limits = RestLimits {
+                velocity_max: joints.velocity_max,
+                acceleration_max: joints.acceleration_max,
+                jerk_max: [2000.0; 8],
+                joints: 7,
+            };
+            let mut image = CommandImage::zeroed();
+            image.magic = MAGIC;
+            image.period_ns = 1_000_000;
+            image.set_points = [SetPoint::NONE; SET_POINTS];
+            let arm = Arm::new(limits, Guard::new(joints, 1e-3), [0.0; 8], DELAY, 1e-3);
+            Bench {
+                arm,
+                image,
+                played: Vec::new(),
+            }
+        }
+
+        fn cycle(&mut self, owner: u64, joint: Option<f64>) {
+            self.image.sequence += 1;
+            let sequence = self.image.sequence;
+            let mut point = SetPoint {
+                logical_ns: sequence * 1_000_000,
+                owner,
+                ..SetPoint::NONE
+            };
+            if let Some(joint) = joint {
+                (point.has_position, point.position[0]) = (1, joint);
+            }
+            self.image.set_points[(sequence % SET_POINTS as u64) as usize] = point;
+            self.arm.exchange(&self.image);
+            self.played.push(self.arm.position()[0]);
+        }
+    }
+
+    /// Rest to rest, 0.1 rad in 0.3 s.
+    fn motion() -> Vec<f64> {
+        let part = |x: f64| x * x * x * (10.0 - x * (15.0 - 6.0 * x));
+        (0..=300)
+            .map(|cycle| 0.1 * part(f64::from(cycle) / 300.0))
+            .collect()
+    }
+
+    #[test]
+    fn every_set_point_is_played_after_the_delay_and_the_arm_settles() {
+        let mut bench = Bench::new();
+        for joint in motion() {
+            bench.cycle(1, Some(joint));
+            assert_eq!(bench.arm.state(), DeviceState::Commanded);
+        }
+        (0..DELAY).for_each(|_| bench.cycle(0, None));
+        assert_eq!(bench.played[DELAY as usize..], motion());
+        assert_eq!(bench.arm.settled_ns(), 0);
+        bench.cycle(0, None);
+        assert_eq!(bench.arm.state(), DeviceState::Ready);
+        assert_eq!(bench.arm.settled_ns(), bench.image.sequence * 1_000_000);
+    }
+
+    #[test]
+    fn set_points_that_end_in_motion_bring_it_to_rest_within_its_limits() {
+        let mut bench = Bench::new();
+        motion()[..150]
+            .iter()
+            .for_each(|joint| bench.cycle(1, Some(*joint)));
+        (0..DELAY + 2).for_each(|_| bench.cycle(0, None));
+        assert_eq!(bench.arm.state(), DeviceState::Stopping);
+        (0..500).for_each(|_| bench.cycle(0, None));
+        assert_eq!(bench.arm.state(), DeviceState::Ready);
+        let steps: Vec<f64> = bench
+            .played
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .collect();
+        assert!(
+            steps
+                .windows(2)
+                .all(|pair| (pair[1] - pair[0]).abs() <= 20.0e-6 * 1.001)
+        );
+    }
+
+    #[test]
+    fn a_first_set_point_elsewhere_is_not_followed() {
+        let mut bench = Bench::new();
+        (0..30).for_each(|_| bench.cycle(1, Some(0.5)));
+        assert_eq!(bench.arm.state(), DeviceState::Online);
+        assert_eq!(bench.arm.position()[0], 0.0);
+        bench.cycle(0, None);
+        assert_eq!(bench.arm.state(), DeviceState::Ready);
+    }
+
+    #[test]
+    fn a_net_that_follows_another_one_after_a_gap_at_rest_is_followed() {
+        let mut bench = Bench::new();
+        motion()
+            .iter()
+            .for_each(|joint| bench.cycle(1, Some(*joint)));
+        bench.cycle(0, None);
+        (0..20).for_each(|_| bench.cycle(2, Some(0.1)));
+        assert_eq!(bench.arm.state(), DeviceState::Commanded);
+        assert_eq!(
+            bench.arm.played_ns(),
+            (bench.image.sequence - DELAY) * 1_000_000
+        );
+    }
+}

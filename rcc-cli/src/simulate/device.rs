@@ -1,0 +1,246 @@
+//! A simple model of a device: an arm or none, inputs that a script sets or that are wired to outputs, and outputs that
+//! follow what is commanded or are released. Virtual time, the caller's thread.
+
+use bytemuck::Zeroable;
+use rcc_config::{DeviceConfig, OnRelease, SimulatorConfig};
+use rcc_core::guard::Guard;
+use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
+use rcc_core::primitive::ChannelKind;
+use rcc_motion::RestLimits;
+
+use super::arm::Arm;
+
+/// An output that the device's surroundings feed back into an input; indices among the channels of their kinds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wire {
+    digital: bool,
+    from: usize,
+    to: usize,
+    /// SI value of the input = SI value of the output × `scale` + `offset`.
+    scale: f64,
+    offset: f64,
+}
+
+/// What an output does when nobody commands it: `None` keeps its value.
+type Release = Option<f64>;
+
+/// A device in virtual time.
+#[derive(Debug)]
+pub struct Device {
+    arm: Option<Arm>,
+    measurement: Measurement,
+    wires: Vec<Wire>,
+    digital: u64,
+    analog: Vec<f64>,
+    digital_release: Vec<Release>,
+    analog_release: Vec<Release>,
+}
+
+impl Device {
+    /// A device at rest, as the configuration and the simulators in it describe it. Digital inputs are false, analog ones
+    /// are what raw 0 means.
+    #[must_use]
+    pub fn new(config: &DeviceConfig, simulators: &[SimulatorConfig], period_ns: u64) -> Device {
+        let arguments: Vec<&str> = simulators
+            .iter()
+            .filter(|simulator| simulator.device.as_deref() == Some(&config.name))
+            .flat_map(|simulator| simulator.arguments.iter().map(String::as_str))
+            .collect();
+        let mut measurement = Measurement::zeroed();
+        measurement.magic = MAGIC;
+        measurement.quality_permille = 1000;
+        measurement.joints = config.model().joints;
+        let digital_inputs = config.channels_of(ChannelKind::DigitalInput).count();
+        measurement.digital_known = 1u64
+            .checked_shl(digital_inputs as u32)
+            .map_or(u64::MAX, |bit| bit - 1);
+        measurement.analog.fill(f64::NAN);
+        for channel in config.channels_of(ChannelKind::AnalogInput) {
+            if let Some(place) = measurement.analog.get_mut(channel.index as usize) {
+                *place = channel.offset;
+            }
+        }
+        let release = |kind| {
+            let channels = config.channels_of(kind);
+            let released = channels.map(|channel| match channel.on_release {
+                Some(OnRelease::Safe(value)) => Some(value),
+                Some(OnRelease::Hold) | None => None,
+            });
+            released.collect::<Vec<Release>>()
+        };
+        let analog_release = release(ChannelKind::AnalogOutput);
+        Device {
+            arm: arm(config, &arguments, period_ns),
+            measurement,
+            wires: wires(config, &arguments),
+            digital: 0,
+            analog: vec![0.0; analog_release.len()],
+            digital_release: release(ChannelKind::DigitalOutput),
+            analog_release,
+        }
+    }
+
+    /// One exchange at `now_ns`; `image` is what the executor wrote in its last cycle.
+    pub fn exchange(&mut self, image: Option<&CommandImage>, now_ns: u64) {
+        let newest = image.and_then(|image| image.at(image.sequence));
+        let mut outputs = newest.copied().unwrap_or(SetPoint::NONE);
+        if let (Some(arm), Some(image)) = (&mut self.arm, image) {
+            arm.exchange(image);
+            outputs = *arm.outputs();
+        }
+        self.drive(&outputs);
+        self.feed_back();
+        let m = &mut self.measurement;
+        m.sequence += 1;
+        m.stamp_ns = now_ns;
+        m.state = DeviceState::Ready as u32;
+        if let Some(arm) = &self.arm {
+            m.state = arm.state() as u32;
+            (m.position, m.hold) = (*arm.position(), *arm.position());
+            (m.played_ns, m.settled_ns) = (arm.played_ns(), arm.settled_ns());
+        }
+    }
+
+    /// What its driver would tell now.
+    #[must_use]
+    pub fn measurement(&self) -> &Measurement {
+        &self.measurement
+    }
+
+    /// Where its arm is held, `None` without one.
+    #[must_use]
+    pub fn hold(&self) -> Option<Joints> {
+        self.arm.as_ref().map(|arm| *arm.position())
+    }
+
+    /// Sets a digital input, or makes it unknown.
+    pub fn set_digital(&mut self, index: usize, value: Option<bool>) {
+        set_bit(&mut self.measurement.digital, index, value == Some(true));
+        set_bit(&mut self.measurement.digital_known, index, value.is_some());
+    }
+
+    /// Sets an analog input, SI; NaN makes it unknown.
+    pub fn set_analog(&mut self, index: usize, value: f64) {
+        if let Some(place) = self.measurement.analog.get_mut(index) {
+            *place = value;
+        }
+    }
+
+    /// The outputs take what is commanded, or are released.
+    fn drive(&mut self, outputs: &SetPoint) {
+        for (index, release) in self.digital_release.iter().enumerate() {
+            let commanded = outputs.digital_commanded >> index & 1 == 1;
+            let value = match (commanded, release) {
+                (true, _) => outputs.digital >> index & 1 == 1,
+                (false, Some(safe)) => *safe != 0.0,
+                (false, None) => continue,
+            };
+            set_bit(&mut self.digital, index, value);
+        }
+        let rows = self.analog.iter_mut().zip(&self.analog_release);
+        for ((place, release), commanded) in rows.zip(outputs.analog) {
+            match (commanded.is_nan(), release) {
+                (false, _) => *place = commanded,
+                (true, Some(safe)) => *place = *safe,
+                (true, None) => {}
+            }
+        }
+    }
+
+    fn feed_back(&mut self) {
+        for index in 0..self.wires.len() {
+            let wire = self.wires[index];
+            if wire.digital {
+                self.set_digital(wire.to, Some(self.digital >> wire.from & 1 == 1));
+            } else {
+                let value = self.analog.get(wire.from).copied().unwrap_or(f64::NAN);
+                self.set_analog(wire.to, value * wire.scale + wire.offset);
+            }
+        }
+    }
+}
+
+fn set_bit(bits: &mut u64, index: usize, value: bool) {
+    let bit = 1u64.checked_shl(index as u32).unwrap_or(0);
+    *bits = if value { *bits | bit } else { *bits & !bit };
+}
+
+/// The arm of a device, at the start that its simulator is given (`--start=`), else in the middle of its ranges.
+fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm> {
+    let robot = config.robot.as_ref()?;
+    let limits = robot.limits();
+    let mut position: Joints = [0.0; 8];
+    let given = arguments
+        .iter()
+        .find_map(|argument| argument.strip_prefix("--start="));
+    let given: Vec<f64> = given
+        .iter()
+        .flat_map(|list| list.split(','))
+        .filter_map(|number| number.trim().parse().ok())
+        .collect();
+    for (index, place) in position.iter_mut().enumerate().take(limits.joints) {
+        let middle = 0.5 * (limits.lower[index] + limits.upper[index]);
+        *place = given.get(index).copied().unwrap_or(middle);
+    }
+    let mut jerk_max = [f64::INFINITY; 8];
+    for (place, joint) in jerk_max.iter_mut().zip(&robot.joints) {
+        *place = joint.jerk_rad_s3;
+    }
+    let rest = RestLimits {
+        velocity_max: limits.velocity_max,
+        acceleration_max: limits.acceleration_max,
+        jerk_max,
+        joints: limits.joints,
+    };
+    let guard = Guard::new(limits, config.first_tolerance_rad);
+    let delay = config.delay_ns.div_ceil(period_ns.max(1));
+    Some(Arm::new(
+        rest,
+        guard,
+        position,
+        delay,
+        period_ns as f64 / 1e9,
+    ))
+}
+
+/// The wires among a simulator's arguments that are simple: from one output of the device to one input of it.
+/// `--wire-bool=1=2` and `--wire-real=1=2` name addresses, `--wire=coil:0=discrete:0` kinds and addresses.
+fn wires(config: &DeviceConfig, arguments: &[&str]) -> Vec<Wire> {
+    let plain = |address: &serde_json::Value| match address {
+        serde_json::Value::String(text) => text.replace(' ', ":"),
+        other => other.to_string(),
+    };
+    let of = |kind: ChannelKind, address: &str| {
+        config
+            .channels_of(kind)
+            .find(|channel| plain(&channel.address) == address)
+    };
+    let wire = |argument: &&str| {
+        let (option, rest) = argument.split_once('=')?;
+        let (from, to) = rest.split_once('=')?;
+        let kinds: &[bool] = match option {
+            "--wire-bool" => &[true],
+            "--wire-real" => &[false],
+            "--wire" => &[true, false],
+            _ => return None,
+        };
+        kinds.iter().find_map(|&digital| {
+            let (output, input) = if digital {
+                (ChannelKind::DigitalOutput, ChannelKind::DigitalInput)
+            } else {
+                (ChannelKind::AnalogOutput, ChannelKind::AnalogInput)
+            };
+            let (output, input) = (of(output, from)?, of(input, to)?);
+            // Both are the same raw number.
+            let scale = input.scale / output.scale;
+            Some(Wire {
+                digital,
+                from: output.index as usize,
+                to: input.index as usize,
+                scale,
+                offset: input.offset - output.offset * scale,
+            })
+        })
+    };
+    arguments.iter().filter_map(wire).collect()
+}

@@ -1,0 +1,143 @@
+//! What happens to inputs while a net is simulated: `io.door_closed=true@2s`. Pure.
+
+use std::time::Duration;
+
+use rcc_config::{CellConfig, quantity};
+use rcc_core::primitive::ChannelKind;
+use thiserror::Error;
+
+use super::device::Device;
+
+/// One input that is set once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// From this logical time on, ns.
+    pub at_ns: u64,
+    device: usize,
+    index: usize,
+    value: InputValue,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum InputValue {
+    Digital(Option<bool>),
+    Analog(f64),
+}
+
+/// Why an `--input` is not understood.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ScriptError {
+    /// It is not of the form.
+    #[error("`{text}`: write device.channel=value, or device.channel=value@time")]
+    Form {
+        /// As given.
+        text: String,
+    },
+    /// There is no such device.
+    #[error("`{text}`: there is no device `{device}`; there are {known}")]
+    Device {
+        /// As given.
+        text: String,
+        /// What it names.
+        device: String,
+        /// The devices.
+        known: String,
+    },
+    /// The device has no such input.
+    #[error("`{text}`: {device} has no input `{channel}`; it has {known}")]
+    Channel {
+        /// As given.
+        text: String,
+        /// The device.
+        device: String,
+        /// What it names.
+        channel: String,
+        /// Its inputs.
+        known: String,
+    },
+    /// The value does not fit the channel.
+    #[error("`{text}`: {cause}")]
+    Value {
+        /// As given.
+        text: String,
+        /// What fits.
+        cause: String,
+    },
+}
+
+impl Step {
+    /// Reads one, for the devices of a cell. Without `@time` it holds from the beginning.
+    ///
+    /// # Errors
+    /// Form, device, channel, value or time.
+    pub fn parse(text: &str, config: &CellConfig) -> Result<Step, ScriptError> {
+        let form = || ScriptError::Form {
+            text: text.to_owned(),
+        };
+        let (name, rest) = text.split_once('=').ok_or_else(form)?;
+        let (value, at) = match rest.rsplit_once('@') {
+            Some((value, at)) => (value, crate::verbs::duration(at).map_err(|_| form())?),
+            None => (rest, Duration::ZERO),
+        };
+        let (device_name, channel_name) = name.trim().split_once('.').ok_or_else(form)?;
+        let (device, found) = config.device(device_name).ok_or_else(|| {
+            let known: Vec<&str> = config.devices.iter().map(|row| row.name.as_str()).collect();
+            ScriptError::Device {
+                text: text.to_owned(),
+                device: device_name.to_owned(),
+                known: known.join(", "),
+            }
+        })?;
+        let kinds = [ChannelKind::DigitalInput, ChannelKind::AnalogInput];
+        let channel = kinds
+            .iter()
+            .find_map(|kind| found.channel(*kind, channel_name));
+        let channel = channel.ok_or_else(|| {
+            let inputs = kinds.iter().flat_map(|kind| found.channels_of(*kind));
+            let known: Vec<&str> = inputs.map(|row| row.name.as_str()).collect();
+            ScriptError::Channel {
+                text: text.to_owned(),
+                device: device_name.to_owned(),
+                channel: channel_name.to_owned(),
+                known: known.join(", "),
+            }
+        })?;
+        let bad = |cause: String| ScriptError::Value {
+            text: text.to_owned(),
+            cause,
+        };
+        let value = match (channel.kind, value.trim()) {
+            (ChannelKind::DigitalInput, "true") => InputValue::Digital(Some(true)),
+            (ChannelKind::DigitalInput, "false") => InputValue::Digital(Some(false)),
+            (ChannelKind::DigitalInput, "null") => InputValue::Digital(None),
+            (ChannelKind::DigitalInput, _) => {
+                return Err(bad("a digital input is true, false or null".to_owned()));
+            }
+            (_, "null") => InputValue::Analog(f64::NAN),
+            (_, value) => {
+                let quantity = quantity::parse(value).map_err(|error| bad(error.to_string()))?;
+                if quantity.unit.is_some_and(|unit| unit != channel.unit) {
+                    return Err(bad(format!("its unit is {}", channel.unit)));
+                }
+                InputValue::Analog(quantity.value)
+            }
+        };
+        Ok(Step {
+            at_ns: at.as_nanos().try_into().unwrap_or(u64::MAX),
+            device,
+            index: channel.index as usize,
+            value,
+        })
+    }
+
+    /// Sets the input.
+    pub fn apply(&self, devices: &mut [Device]) {
+        let Some(device) = devices.get_mut(self.device) else {
+            return;
+        };
+        match self.value {
+            InputValue::Digital(value) => device.set_digital(self.index, value),
+            InputValue::Analog(value) => device.set_analog(self.index, value),
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! What monitors said while a net was simulated: the last values, a table of values by time, and bounded series to plot.
+//! The caller's thread.
+
+use std::io::{self, Write};
+
+use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
+use rcc_core::types::Store;
+use rcc_loader::names::{MonitorNames, Names};
+
+/// Buckets of a series before two neighbours are merged; at least two for each point of a plot.
+const BUCKETS_MAX: usize = 4096;
+
+/// One column: an element of a monitored value.
+#[derive(Clone, Debug)]
+pub struct Column {
+    /// `net/primitive.port`, with `[index]` for elements.
+    pub name: String,
+    /// Its unit; empty if it has none.
+    pub unit: String,
+    monitor: usize,
+    element: usize,
+    store: Store,
+    /// The newest value, `None` = null.
+    pub last: Option<f64>,
+    /// It has been shown.
+    pub seen: bool,
+    /// What to plot.
+    pub series: Series,
+}
+
+/// Values over time, kept as smallest and largest of equal stretches.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    buckets: Vec<Bucket>,
+    /// Values that a bucket takes.
+    each: u32,
+    filled: u32,
+}
+
+/// One stretch of a series.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bucket {
+    /// Its first time, s.
+    pub time_s: f64,
+    /// Smallest and largest value; `None`: some value was null.
+    pub range: Option<[f64; 2]>,
+}
+
+impl Series {
+    fn push(&mut self, time_s: f64, value: Option<f64>) {
+        let range = value.map(|value| [value, value]);
+        match self.buckets.last_mut() {
+            Some(bucket) if self.filled < self.each => {
+                bucket.range = merged(bucket.range, range);
+                self.filled += 1;
+            }
+            _ => {
+                if self.buckets.len() >= BUCKETS_MAX {
+                    self.halve();
+                }
+                self.each = self.each.max(1);
+                self.buckets.push(Bucket { time_s, range });
+                self.filled = 1;
+            }
+        }
+    }
+
+    fn halve(&mut self) {
+        let pairs = self.buckets.chunks(2).map(|pair| Bucket {
+            range: pair
+                .iter()
+                .skip(1)
+                .fold(pair[0].range, |all, one| merged(all, one.range)),
+            ..pair[0]
+        });
+        self.buckets = pairs.collect();
+        self.each = self.each.saturating_mul(2);
+    }
+
+    /// The stretches in order of time.
+    #[must_use]
+    pub fn buckets(&self) -> &[Bucket] {
+        &self.buckets
+    }
+}
+
+/// A null in either makes a gap of both.
+fn merged(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> Option<[f64; 2]> {
+    let ([a, b], [c, d]) = (one?, other?);
+    Some([a.min(c), b.max(d)])
+}
+
+/// All columns of a net.
+#[derive(Debug)]
+pub struct Trace {
+    columns: Vec<Column>,
+}
+
+impl Trace {
+    /// No values yet. What one monitor shows twice has one column.
+    #[must_use]
+    pub fn new(names: &Names) -> Trace {
+        let mut columns: Vec<Column> = Vec::new();
+        for (monitor, row) in names.monitors.iter().enumerate() {
+            let width = (row.width as usize).min(MONITOR_WIDTH_MAX);
+            for element in 0..width {
+                let name = column_name(&names.net, row, element);
+                if columns.iter().all(|column| column.name != name) {
+                    columns.push(Column {
+                        name,
+                        unit: row.unit.clone().unwrap_or_default(),
+                        monitor,
+                        element,
+                        store: row.store,
+                        last: None,
+                        seen: false,
+                        series: Series::default(),
+                    });
+                }
+            }
+        }
+        Trace { columns }
+    }
+
+    /// The columns in the order of the net's monitors.
+    #[must_use]
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// Takes the records of one cycle at `time_s` (s since the beginning); true if there was one.
+    pub fn take(&mut self, time_s: f64, records: &[MonitorRecord]) -> bool {
+        for column in &mut self.columns {
+            let record = records
+                .iter()
+                .find(|record| record.monitor as usize == column.monitor);
+            let value = record.and_then(|record| record.values.get(column.element));
+            if let Some(value) = value {
+                column.seen = true;
+                column.last = number(column.store, *value);
+                column.series.push(time_s, column.last);
+            }
+        }
+        !records.is_empty()
+    }
+
+    /// The first line of the table.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn write_head(&self, out: &mut dyn Write) -> io::Result<()> {
+        write!(out, "time [s]")?;
+        for Column { name, unit, .. } in &self.columns {
+            match unit.as_str() {
+                "" => write!(out, ",{name}")?,
+                unit => write!(out, ",{name} [{unit}]")?,
+            }
+        }
+        writeln!(out)
+    }
+
+    /// A line with what the records of one cycle show: null is `null`, and what was not due is empty.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn write_line(
+        &self,
+        out: &mut dyn Write,
+        time_s: f64,
+        records: &[MonitorRecord],
+    ) -> io::Result<()> {
+        write!(out, "{time_s}")?;
+        for column in &self.columns {
+            let due = records
+                .iter()
+                .any(|record| record.monitor as usize == column.monitor);
+            match (due, column.last) {
+                (false, _) => write!(out, ",")?,
+                (true, None) => write!(out, ",null")?,
+                (true, Some(value)) => write!(out, ",{value}")?,
+            }
+        }
+        writeln!(out)
+    }
+}
+
+fn column_name(net: &str, row: &MonitorNames, element: usize) -> String {
+    match row.width {
+        1 => format!("{net}/{}", row.source),
+        _ => format!("{net}/{}[{element}]", row.source),
+    }
+}
+
+/// A monitored element as a number; `None` is null. Int travels as its bits.
+fn number(store: Store, value: f64) -> Option<f64> {
+    match store {
+        Store::Int => {
+            let value = value.to_bits().cast_signed();
+            (value != i64::MIN).then_some(value as f64)
+        }
+        Store::Real | Store::Bool => (!value.is_nan()).then_some(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_series_keeps_its_extremes_in_bounded_memory() {
+        let mut series = Series::default();
+        for step in 0..1_000_000_u32 {
+            let spike = if step == 777_777 { 5.0 } else { 0.0 };
+            series.push(f64::from(step), Some(spike));
+        }
+        assert!(series.buckets().len() <= BUCKETS_MAX);
+        let most = series.buckets().iter().filter_map(|bucket| bucket.range);
+        assert_eq!(most.fold(0.0, |most: f64, [_, high]| most.max(high)), 5.0);
+        assert!(
+            series
+                .buckets()
+                .windows(2)
+                .all(|pair| pair[0].time_s < pair[1].time_s)
+        );
+    }
+
+    #[test]
+    fn a_null_is_a_gap() {
+        let mut series = Series::default();
+        series.push(0.0, Some(1.0));
+        series.push(1.0, None);
+        assert_eq!(series.buckets()[1].range, None);
+        assert_eq!(number(Store::Bool, f64::NAN), None);
+        assert_eq!(
+            number(Store::Int, f64::from_bits(i64::MIN.cast_unsigned())),
+            None
+        );
+        assert_eq!(number(Store::Int, f64::from_bits(7)), Some(7.0));
+    }
+}

@@ -1,0 +1,232 @@
+//! `rcc-cli simulate` as a program: every example net, scripted inputs, tables and pictures, the same each time, exit codes.
+//! Virtual time; no cell is there. Run by the threads of the test harness.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use serde_json::Value;
+
+/// A folder of one test, removed at its end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Folder {
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("rcc-sim-{}-{number}", std::process::id()));
+        fs::create_dir_all(&path).expect("a folder");
+        Folder(path)
+    }
+
+    fn file(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.0.join(name)).expect("it was written")
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn nets() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/nets")
+}
+
+fn net(name: &str) -> String {
+    nets().join(name).display().to_string()
+}
+
+fn simulate(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+        .args(["--output", "json", "simulate"])
+        .args(arguments)
+        .env(
+            "RCC_CONFIGS",
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs"),
+        )
+        .env("NO_COLOR", "1")
+        .output()
+        .expect("rcc-cli runs")
+}
+
+/// The report of a simulation that must end with this exit code.
+fn report(exit: i32, arguments: &[&str]) -> Value {
+    let output = simulate(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(exit), "{arguments:?}: {errors}");
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+#[test]
+fn every_example_net_runs_and_ends_as_it_is_meant_to() {
+    let mut count = 0;
+    for file in fs::read_dir(nets()).expect("the example nets") {
+        let path = file.expect("a file").path();
+        let name = path.display().to_string();
+        // A line that cannot be cancelled ends by itself before that.
+        let report = report(0, &[&name, "--for", "20s", "--cancel-at", "6s"]);
+        assert_eq!(report["state"], "terminated", "{name}: {report}");
+        let reason = report["reason"].as_str().unwrap_or_default();
+        assert!(
+            ["finished", "canceled"].contains(&reason),
+            "{name}: {report}"
+        );
+        count += 1;
+    }
+    assert!(count >= 10, "{count} nets");
+}
+
+#[test]
+fn the_line_ends_where_it_shall_and_the_same_each_time() {
+    let folder = Folder::new();
+    let run = |name: &str| {
+        let (csv, svg) = (
+            folder.file(&format!("{name}.csv")),
+            folder.file(&format!("{name}.svg")),
+        );
+        let report = report(0, &[&net("line.yaml"), "--csv", &csv, "--plot", &svg]);
+        (
+            report.to_string(),
+            folder.read(&format!("{name}.csv")),
+            folder.read(&format!("{name}.svg")),
+        )
+    };
+    let (first, again) = (run("first"), run("again"));
+    assert_eq!(first, again);
+    let (report, csv, svg) = first;
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    let y = report["monitors"].as_array().and_then(|rows| {
+        let row = rows.iter().find(|row| row["name"] == "line/move.pose[1]")?;
+        row["last"].as_f64()
+    });
+    assert!(y.is_some_and(|y| (y - 0.15).abs() < 1e-9), "{report}");
+    let mut lines = csv.lines();
+    let head = lines.next().unwrap_or_default();
+    assert!(head.starts_with("time [s],line/move.pose[0]"), "{head}");
+    let times: Vec<f64> = lines
+        .filter_map(|line| line.split(',').next()?.parse().ok())
+        .collect();
+    assert!(
+        times.len() > 1000 && times[0] == 0.0 && times[1] == 0.001,
+        "{}",
+        times.len()
+    );
+    assert!(svg.starts_with("<svg") && svg.matches("<polyline").count() >= 10);
+    assert!(svg.contains("line/move.distance") && svg.contains("[m]") && svg.contains("time [s]"));
+}
+
+#[test]
+fn inputs_are_set_at_their_time_and_wires_feed_outputs_back() {
+    let folder = Folder::new();
+    let (csv, door) = (folder.file("mirror.csv"), "io.door_closed=true@2s");
+    let arguments = [
+        &net("mirror.yaml"),
+        "--input",
+        door,
+        "--for",
+        "3s",
+        "--csv",
+        &csv,
+    ];
+    let report = report(0, &arguments);
+    assert_eq!(report["state"], "running", "the time is over: {report}");
+    let text = folder.read("mirror.csv");
+    let rows: Vec<(f64, &str)> = text
+        .lines()
+        .skip(1)
+        .filter_map(|line| line.split_once(','))
+        .filter_map(|(time, value)| Some((time.parse().ok()?, value)))
+        .collect();
+    assert!(
+        rows.iter()
+            .all(|(time, value)| (*time >= 2.0) == (*value == "1")),
+        "{text}"
+    );
+    // The lamp is wired to an input of the same device.
+    let lamp = "net: lamp
+primitives:
+  on: {type: DigitalOutput, parameters: {device: io, channel: lamp}, inputs: {in: true}}
+  seen: {type: DigitalInput, parameters: {device: io, channel: lamp_on}}
+  end: {type: Termination, inputs: {done: seen.out}}
+";
+    fs::write(folder.file("lamp.yaml"), lamp).expect("written");
+    let lit = self::report(0, &[&folder.file("lamp.yaml"), "--for", "1s"]);
+    assert_eq!(lit["reason"], "finished", "{lit}");
+}
+
+#[test]
+fn analog_inputs_have_units_and_null_is_shown_as_null() {
+    let folder = Folder::new();
+    let csv = folder.file("scale.csv");
+    let arguments = [
+        &net("scale.yaml"),
+        "--input",
+        "io.temperature=300K",
+        "--input",
+        "io.temperature=null@1s",
+        "--for",
+        "2s",
+        "--csv",
+        &csv,
+    ];
+    report(0, &arguments);
+    let text = folder.read("scale.csv");
+    assert!(text.contains(",null") && text.contains(",0.01"), "{text}");
+}
+
+#[test]
+fn what_is_refused_or_ends_badly_has_the_exit_codes_of_run() {
+    let folder = Folder::new();
+    let aborted = report(1, &[&net("line.yaml"), "--cancel-at", "500ms"]);
+    assert_eq!(aborted["reason"], "aborted", "{aborted}");
+    let elsewhere = "net: elsewhere
+primitives:
+  move:
+    type: LinearMotion
+    parameters:
+      device: lwr
+      from: {xyz: [0.5, 0.1, 0.3], rpy: [0, deg(180), 0]}
+      to: {xyz: [0.5, 0.2, 0.3], rpy: [0, deg(180), 0]}
+      velocity: 0.1 m/s
+      acceleration: 0.5 m/s^2
+      jerk: 5 m/s^3
+  ik: {type: InverseKinematics, parameters: {device: lwr}, inputs: {pose: move.pose}}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: ik.joints}}
+  end: {type: Termination, inputs: {done: move.done}}
+";
+    fs::write(folder.file("elsewhere.yaml"), elsewhere).expect("written");
+    fs::write(folder.file("bad.yaml"), "net: bad\nprimitives: {}\n").expect("written");
+    for (exit, arguments, words) in [
+        (5, vec![folder.file("elsewhere.yaml")], "RCC3011"),
+        (3, vec![folder.file("bad.yaml")], "RCC1"),
+        (
+            2,
+            vec![net("mirror.yaml"), "--input=io.door=true".into()],
+            "door_closed",
+        ),
+        (
+            2,
+            vec![net("mirror.yaml"), "--input=io.door_closed=7".into()],
+            "true, false",
+        ),
+        (
+            2,
+            vec![net("scale.yaml"), "--input=io.temperature=7 m".into()],
+            "unit",
+        ),
+        (2, vec![folder.file("missing.yaml")], "missing"),
+    ] {
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let output = simulate(&arguments);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(exit), "{arguments:?}: {errors}");
+        assert!(errors.contains(words), "{errors}");
+    }
+}
