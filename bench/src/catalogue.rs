@@ -20,7 +20,7 @@ const JOINTS: u32 = 7;
 /// Width of values of wide kernels, as many as joints: primitives of devices take nothing else.
 const WIDTH: u32 = JOINTS;
 /// Where the arms are.
-const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 const PERIOD_S: f64 = 1e-3;
 
 /// One kernel of the catalogue.

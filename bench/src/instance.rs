@@ -16,6 +16,7 @@ use rcc_loader::{Compiled, compile_for};
 
 use crate::graph::{Graph, Hash, NULL_WORD, Value, external_bool, external_real};
 use crate::net::{DEVICE, net};
+use crate::straight::Inputs;
 
 /// External numbers of a graph.
 pub const REALS: usize = 8;
@@ -174,6 +175,16 @@ impl Instance {
         };
         cycle(&self.net.plan.plan(), &mut frame);
         self.cycles = frame.cycle;
+    }
+
+    /// Sets the external inputs of the next evaluations: as cheap as a driver's board, for benchmarks.
+    pub fn measure(&mut self, inputs: &Inputs) {
+        let measurement = &mut self.devices[0].measurement;
+        for (place, value) in measurement.analog.iter_mut().zip(inputs.u) {
+            *place = value;
+        }
+        let bits = inputs.v.iter().rev();
+        measurement.digital = bits.fold(0, |bits, bit| bits << 1 | u64::from(*bit));
     }
 
     /// Cycles so far.

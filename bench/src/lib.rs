@@ -5,8 +5,9 @@
 //! `bench/hal` and `bench/wakeup` measure against LinuxCNC HAL and cyclictest.
 
 pub mod catalogue;
+pub mod executor;
 pub mod graph;
 pub mod instance;
+pub mod measure;
 pub mod net;
-#[cfg(feature = "straight-line")]
 pub mod straight;

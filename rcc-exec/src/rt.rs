@@ -80,7 +80,8 @@ fn next_deadline(deadline_ns: &mut u64, period_ns: u64, now_ns: u64) -> u64 {
     skipped
 }
 
-fn write(engine: &Engine, boards: &mut Boards) {
+/// Writes what the cycle came to.
+pub fn write(engine: &Engine, boards: &mut Boards) {
     for (index, board) in boards.commands.iter_mut().enumerate() {
         if let Some(image) = engine.image(index) {
             board.write(image);

@@ -1,8 +1,8 @@
 //! The operations of the graphs with null in band: a Real is null when it is NaN, a Bool when it is 2, an Int when it is
 //! `i64::MIN`. Free of branches, like the interpreter's. Run by the benchmarks.
-#![allow(dead_code)] // Not every graph uses every operation.
 
 use super::Hash;
+#[allow(unused_imports)] // Without straight-line code.
 pub use super::common::*;
 
 pub type B = u8;

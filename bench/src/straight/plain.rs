@@ -1,7 +1,7 @@
 //! The operations of the graphs where nothing is ever null: what one would write by hand. Run by the benchmarks.
-#![allow(dead_code)] // Not every graph uses every operation.
 
 use super::Hash;
+#[allow(unused_imports)] // Without straight-line code.
 pub use super::common::*;
 
 pub type B = bool;

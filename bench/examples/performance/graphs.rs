@@ -1,0 +1,131 @@
+//! The benchmark graphs: the interpreter against straight-line Rust, after both have shown the expected results.
+
+use std::error::Error;
+
+use rcc_bench::graph::{Graph, MIXES, SIZES};
+use rcc_bench::instance::Instance;
+use rcc_bench::measure::{Effort, Figure, Subject, alternate};
+use rcc_bench::straight::{ALL, Inputs, Program};
+
+use crate::table::{digits, spread, table, verdict};
+
+/// ns a node that a graph must not exceed.
+fn goal(mix: &str, size: usize) -> f64 {
+    match (mix, size) {
+        ("mat", _) => 2.0,
+        (_, 10_000) => 3.5,
+        _ => 1.8,
+    }
+}
+
+/// See the module.
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
+    let mut rows = Vec::new();
+    for mix in MIXES {
+        for size in SIZES {
+            eprintln!("performance: {mix}_{size}");
+            rows.push(row(mix, size, effort)?);
+        }
+    }
+    let head = [
+        "graph",
+        "interpreter",
+        "a primitive",
+        "straight-line, null",
+        "never null",
+        "ratio",
+        "goal",
+    ];
+    let built = if ALL.is_empty() {
+        "Straight-line code was not built (`--features straight-line`).\n"
+    } else {
+        ""
+    };
+    Ok(format!(
+        "## The interpreter\n\n\
+         ns a node of the graph, null and every check included: the cycle of a net as the executor runs it, without devices. \
+         *A primitive* is the same time by the primitives that the net evaluates (inputs and `Termination` are some, elements of \
+         transforms are none). *Straight-line* is Rust made from the same graph by the build step: with null as NaN, and where \
+         nothing is ever null also without. *Ratio* is interpreter to straight-line with null. Before it is measured each shows \
+         the expected results of cycles 1, 10, 100 and 1000. {built}\n\n{}",
+        table(&head, &rows)
+    ))
+}
+
+fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Error>> {
+    let name = format!("{mix}_{size}");
+    let graph = Graph::load(mix, size)?;
+    let mut instance = Instance::new(&graph)?;
+    let inputs: Vec<Inputs> = (1..=1000).map(Inputs::of).collect();
+    let made = ALL.iter().filter(|straight| straight.graph == name);
+    let mut programs: Vec<(bool, Box<dyn Program>)> = made
+        .map(|straight| (straight.null, (straight.make)()))
+        .collect();
+    check(&name, &graph, &mut instance, &mut programs, &inputs)?;
+    let primitives = instance.primitives() as f64;
+    let inputs = &inputs[..64];
+    let mut subjects = vec![Subject::new(|cycles| {
+        for cycle in 0..cycles {
+            instance.measure(&inputs[cycle % inputs.len()]);
+            instance.evaluate();
+        }
+    })];
+    let nulls: Vec<bool> = programs.iter().map(|(null, _)| *null).collect();
+    for (_, program) in &mut programs {
+        subjects.push(Subject::new(|cycles| {
+            for first in (0..cycles).step_by(inputs.len()) {
+                program.run(&inputs[..inputs.len().min(cycles - first)]);
+            }
+        }));
+    }
+    let figures = alternate(&mut subjects, effort);
+    let straight = |null: bool| -> Option<Figure> {
+        let place = nulls.iter().position(|of| *of == null)?;
+        figures.get(place + 1).copied()
+    };
+    let nodes = size as f64;
+    let ours = figures[0].median / nodes;
+    let text = |figure: Option<Figure>| {
+        figure.map_or("–".to_owned(), |figure| digits(figure.median / nodes))
+    };
+    Ok(vec![
+        name,
+        spread(figures[0], nodes),
+        digits(figures[0].median / primitives),
+        text(straight(true)),
+        text(straight(false)),
+        straight(true).map_or("–".to_owned(), |figure| {
+            digits(figures[0].median / figure.median)
+        }),
+        verdict(ours, goal(mix, size)),
+    ])
+}
+
+/// Everything that is measured computes what the graph's file expects.
+fn check(
+    name: &str,
+    graph: &Graph,
+    instance: &mut Instance,
+    programs: &mut [(bool, Box<dyn Program>)],
+    inputs: &[Inputs],
+) -> Result<(), Box<dyn Error>> {
+    let mut done = 0;
+    for (cycle, expected) in &graph.expected {
+        let cycle = *cycle as usize;
+        (done..cycle).for_each(|_| instance.step());
+        let mut hashes = vec![instance.hash().hex()];
+        for (_, program) in programs.iter_mut() {
+            program.run(&inputs[done..cycle]);
+            hashes.push(format!("{:016x}", program.hash()));
+        }
+        if hashes.iter().any(|hash| *hash != expected.sinks_hash) {
+            return Err(format!(
+                "{name}, cycle {cycle}: {hashes:?}, not {}",
+                expected.sinks_hash
+            )
+            .into());
+        }
+        done = cycle;
+    }
+    Ok(())
+}

@@ -1,0 +1,143 @@
+//! What loading costs, by size and stage, and how much memory a loaded net takes.
+
+use std::error::Error;
+use std::fs;
+use std::time::Instant;
+
+use rcc_bench::graph::{Graph, SIZES};
+use rcc_bench::instance::cell;
+use rcc_bench::measure::median;
+use rcc_bench::net::net;
+use rcc_config::yaml;
+use rcc_engine::net::Net;
+use rcc_ipc::control::PlanData;
+use rcc_loader::check::{Typed, check};
+use rcc_loader::devices::DeviceTable;
+use rcc_loader::{compile_for, infer, lower, resolve, syntax};
+
+use crate::table::{digits, table};
+
+/// Each size is loaded so often.
+const ROUNDS: usize = 7;
+/// Nets whose memory is measured together.
+const NETS: usize = 32;
+const STAGES: [&str; 6] = [
+    "text",
+    "net",
+    "names, types, rules",
+    "plan",
+    "check",
+    "executor",
+];
+
+/// See the module.
+pub fn section() -> Result<String, Box<dyn Error>> {
+    let (mut times, mut memory) = (Vec::new(), Vec::new());
+    for size in SIZES {
+        eprintln!("performance: loading full_{size}");
+        let text = net(&Graph::load("full", size)?).text;
+        let rounds: Result<Vec<_>, _> = (0..ROUNDS).map(|_| stages(&text, &cell())).collect();
+        let rounds = rounds?;
+        let stage = |number: usize| median(rounds.iter().map(|round| round[number]).collect());
+        let total: f64 = (0..STAGES.len()).map(stage).sum();
+        let mut row = vec![
+            format!("full_{size}"),
+            format!("{} kB", text.len() / 1000),
+            digits(total),
+        ];
+        row.extend((0..STAGES.len()).map(|number| digits(stage(number))));
+        times.push(row);
+        let plan = compile_for(&text, "graph.json", &cell())?.plan;
+        memory.push(vec![
+            format!("full_{size}"),
+            digits(plan_bytes(&plan) as f64 / 1e3),
+            digits(arena_bytes(&plan) as f64 / 1e3),
+            digits(measured(&plan)? / 1e3),
+        ]);
+    }
+    let mut head = vec!["net", "text", "all, ms"];
+    head.extend(STAGES);
+    Ok(format!(
+        "## Loading\n\n\
+         ms, medians of {ROUNDS}: *text* to a tree, the tree to a *net*, *names, types, rules*, lowering and sorting to a *plan*, \
+         its *check*, and what the *executor* does off its real-time thread (check again, start values, memory).\n\n{}\n\
+         kB of a loaded net: its plan, the arena that a cycle works on, and what the process grows by, measured over {NETS} nets \
+         (a net keeps its plan and a second arena to start again from).\n\n{}",
+        table(&head, &times),
+        table(&["net", "plan", "arena", "measured"], &memory)
+    ))
+}
+
+/// ms of each stage.
+fn stages(text: &str, cell: &DeviceTable) -> Result<[f64; STAGES.len()], Box<dyn Error>> {
+    let mut times = [0.0; STAGES.len()];
+    let mut begun = Instant::now();
+    let mut lap = |stage: usize| {
+        times[stage] = begun.elapsed().as_secs_f64() * 1e3;
+        begun = Instant::now();
+    };
+    let (root, mut faults) = yaml::read(text);
+    lap(0);
+    let net = syntax::read(&root.ok_or("no text")?, &mut faults).ok_or("no net")?;
+    lap(1);
+    let graph = resolve::resolve(&net, cell, &mut faults);
+    let inferred = infer::infer(&graph);
+    let typed = Typed {
+        graph: &graph,
+        inferred: &inferred,
+    };
+    check(typed, &mut faults);
+    lap(2);
+    let plan = lower::lower(typed)
+        .map_err(|fault| format!("{fault:?}"))?
+        .plan;
+    lap(3);
+    plan.plan()
+        .check(&cell.models(), cell.fingerprint)
+        .map_err(|error| format!("{error:?}"))?;
+    lap(4);
+    Net::build(plan, &cell.models(), cell.fingerprint, &[None], 1e-3)
+        .map_err(|refusal| format!("{refusal:?}"))?;
+    lap(5);
+    Ok(times)
+}
+
+fn arena_bytes(plan: &PlanData) -> usize {
+    size_of_val(&plan.reals[..]) + size_of_val(&plan.bools[..]) + size_of_val(&plan.ints[..])
+}
+
+fn plan_bytes(plan: &PlanData) -> usize {
+    let links = size_of_val(&plan.delays[..]) + size_of_val(&plan.monitors[..]);
+    arena_bytes(plan) + links + size_of_val(&plan.operands[..]) + size_of_val(&plan.runs[..])
+}
+
+/// Resident bytes a net.
+fn measured(plan: &PlanData) -> Result<f64, Box<dyn Error>> {
+    let before = resident()?;
+    let nets: Result<Vec<_>, _> = (0..NETS)
+        .map(|_| {
+            Net::build(
+                plan.clone(),
+                &cell().models(),
+                cell().fingerprint,
+                &[None],
+                1e-3,
+            )
+        })
+        .collect();
+    let nets = nets.map_err(|refusal| format!("{refusal:?}"))?;
+    let grown = resident()?.saturating_sub(before);
+    drop(nets);
+    Ok(grown as f64 / NETS as f64)
+}
+
+/// Resident bytes of this process.
+fn resident() -> Result<u64, Box<dyn Error>> {
+    let status = fs::read_to_string("/proc/self/status")?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))
+        .ok_or("no VmRSS")?;
+    let kilobytes: u64 = line.trim().trim_end_matches("kB").trim().parse()?;
+    Ok(kilobytes * 1024)
+}

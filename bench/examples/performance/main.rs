@@ -1,0 +1,72 @@
+//! Measures and writes docs/performance.md: `cargo run --release -p rcc-bench --features straight-line --example performance
+//! -- [--rounds N] [--hal FILE] [--wakeup FILE] [--output FILE]`. The files are what `bench/hal --json` and
+//! `bench/wakeup --json` wrote; what is not given is said not to be measured. One thread.
+
+mod executor;
+mod graphs;
+mod load;
+mod machine;
+mod others;
+mod primitives;
+mod table;
+
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rcc_bench::measure::Effort;
+
+/// What was asked for.
+struct Arguments {
+    effort: Effort,
+    hal: Option<PathBuf>,
+    wakeup: Option<PathBuf>,
+    output: PathBuf,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = arguments()?;
+    // In this order: what a long run does to the machine must not reach the shortest times.
+    let machine = machine::section(&arguments.effort)?;
+    let graphs = graphs::section(arguments.effort)?;
+    let executor = executor::section(arguments.effort)?;
+    let primitives = primitives::section(arguments.effort)?;
+    let load = load::section()?;
+    let others = others::section(arguments.hal.as_deref(), arguments.wakeup.as_deref())?;
+    let text = [machine, graphs, executor, others, primitives, load].join("\n");
+    fs::write(&arguments.output, text)?;
+    eprintln!("performance: wrote {}", arguments.output.display());
+    Ok(())
+}
+
+fn arguments() -> Result<Arguments, Box<dyn Error>> {
+    let mut arguments = Arguments {
+        effort: Effort {
+            rounds: 7,
+            stretches: 25,
+            stretch: Duration::from_millis(1),
+        },
+        hal: None,
+        wakeup: None,
+        output: Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/performance.md"),
+    };
+    let mut given = std::env::args().skip(1);
+    while let Some(name) = given.next() {
+        let value = given
+            .next()
+            .ok_or_else(|| format!("{name} needs a value"))?;
+        match name.as_str() {
+            "--rounds" => arguments.effort.rounds = value.parse::<usize>()?.max(5),
+            "--hal" => arguments.hal = Some(value.into()),
+            "--wakeup" => arguments.wakeup = Some(value.into()),
+            "--output" => arguments.output = value.into(),
+            _ => {
+                return Err(
+                    format!("{name} is unknown: --rounds, --hal, --wakeup, --output").into(),
+                );
+            }
+        }
+    }
+    Ok(arguments)
+}

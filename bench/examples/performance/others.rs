@@ -1,0 +1,151 @@
+//! What other programs measured in turns with ours: LinuxCNC HAL (`bench/hal`) and cyclictest (`bench/wakeup`).
+
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+use crate::table::{digits, table};
+
+const HAL_GOAL: f64 = 4.0;
+const WAKEUP_GOAL: f64 = 1.3;
+
+/// A row of `bench/hal --json`.
+#[derive(Deserialize)]
+struct Hal {
+    nodes: usize,
+    rounds: usize,
+    hal_ns: f64,
+    rcc_ns: f64,
+    ratio: f64,
+    fifo: bool,
+}
+
+/// A row of `bench/wakeup --json`.
+#[derive(Deserialize)]
+struct Wakeup {
+    condition: String,
+    rounds: usize,
+    seconds: f64,
+    priority: u8,
+    core: usize,
+    fifo: bool,
+    cyclictest_us: [f64; 3],
+    rcc_us: [f64; 3],
+    ratio_p99: f64,
+    ratio_low: f64,
+    ratio_high: f64,
+}
+
+/// See the module.
+pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<dyn Error>> {
+    let hal: Option<Vec<Hal>> = hal.map(read).transpose()?;
+    let wakeup: Option<Vec<Wakeup>> = wakeup.map(read).transpose()?;
+    Ok(format!(
+        "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Not measured\n\n\
+         The 18 real nets in the predecessor's format: they cannot be read yet.{}{}\n",
+        hal_text(hal.as_deref()),
+        wakeup_text(wakeup.as_deref()),
+        if hal.is_none() { " LinuxCNC HAL." } else { "" },
+        if wakeup.is_none() {
+            " The wake-up against cyclictest."
+        } else {
+            ""
+        },
+    ))
+}
+
+/// The rows that a script wrote.
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, Box<dyn Error>> {
+    Ok(serde_json::from_str(&fs::read_to_string(path)?)?)
+}
+
+fn goal(ratio: f64, met: bool, sign: char, goal: f64) -> String {
+    format!(
+        "{sign} {goal}: {}",
+        if met {
+            "met".to_owned()
+        } else {
+            format!("**missed**, {}", digits(ratio))
+        }
+    )
+}
+
+fn hal_text(rows: Option<&[Hal]>) -> String {
+    let Some(rows) = rows else {
+        return "Not measured here: run `bench/hal --json FILE` where `linuxcnc-uspace` is installed.\n".into();
+    };
+    let fair = rows.iter().all(|row| row.fifo);
+    let cells = rows.iter().map(|row| {
+        vec![
+            format!("scalar_{}", row.nodes),
+            digits(row.hal_ns),
+            digits(row.rcc_ns),
+            digits(row.ratio),
+            goal(row.ratio, row.ratio >= HAL_GOAL, '≥', HAL_GOAL),
+        ]
+    });
+    format!(
+        "ns a component, the same graph in both, {} rounds in turns, each in a loop of 1 kHz under SCHED_FIFO on the same core{}; \
+         *ratio* is the median of the rounds' ratios. HAL's results were compared with the graph's. HAL reads the clock before and \
+         after every component, as it is shipped: that is most of what a component costs it, and the comparison is with HAL as it \
+         is used, no more. The pause of a millisecond cools the caches, of both.\n\n{}",
+        rows.first().map_or(0, |row| row.rounds),
+        if fair {
+            ""
+        } else {
+            " (**not granted to both: no fair comparison**)"
+        },
+        table(
+            &["graph", "HAL", "RCC", "ratio", "goal"],
+            &cells.collect::<Vec<_>>()
+        )
+    )
+}
+
+fn wakeup_text(rows: Option<&[Wakeup]>) -> String {
+    let Some(rows) = rows.filter(|rows| !rows.is_empty()) else {
+        return "Not measured here: run `bench/wakeup --json FILE` as root where `rt-tests` and `stress-ng` are installed.\n".into();
+    };
+    let (first, fair) = (&rows[0], rows.iter().all(|row| row.fifo));
+    let three = |figures: [f64; 3]| figures.map(digits).join(" / ");
+    let cells = rows.iter().map(|row| {
+        vec![
+            row.condition.clone(),
+            three(row.cyclictest_us),
+            three(row.rcc_us),
+            format!(
+                "{} ({}–{})",
+                digits(row.ratio_p99),
+                digits(row.ratio_low),
+                digits(row.ratio_high)
+            ),
+            goal(
+                row.ratio_p99,
+                row.ratio_p99 <= WAKEUP_GOAL,
+                '≤',
+                WAKEUP_GOAL,
+            ),
+        ]
+    });
+    format!(
+        "How long after its deadline the thread runs, µs: p50 / p99 / max, medians of {} runs of {} s each, in turns, period 1 ms, \
+         SCHED_FIFO {} on core {}{}. Ours is the real executor in a cell of its own, idle, by its own histogram. *Ratio* is that of \
+         the p99, the median of the pairs and their range. The tails are the machine's.\n\n{}",
+        first.rounds,
+        first.seconds,
+        first.priority,
+        first.core,
+        if fair {
+            ""
+        } else {
+            " (**not granted to both: no fair comparison**)"
+        },
+        table(
+            &["machine", "cyclictest", "RCC", "ratio of p99", "goal"],
+            &cells.collect::<Vec<_>>()
+        )
+    )
+}

@@ -1,0 +1,75 @@
+//! What each kernel of the catalogue costs.
+
+use std::error::Error;
+use std::time::{Duration, Instant};
+
+use rcc_bench::catalogue::{Row, count, devices, models, net, rows};
+use rcc_bench::measure::{Effort, Subject, alternate};
+use rcc_core::primitive::Role;
+use rcc_engine::net::Net;
+
+use crate::table::{digits, table};
+
+/// Cycles between two starts: no motion comes to its end.
+const CYCLES: usize = 100;
+
+/// See the module.
+pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
+    eprintln!("performance: every kernel of the catalogue");
+    let all: Vec<Row> = rows()
+        .filter(|row| row.entry.spec.role != Role::Termination)
+        .collect();
+    let first = all.first().ok_or("an empty catalogue")?;
+    let refused = |refusal| format!("a net of the catalogue is refused: {refusal:?}");
+    let mut nets = vec![net(first, 0).map_err(refused)?];
+    for row in &all {
+        nets.push(net(row, count(&row.entry.spec)).map_err(refused)?);
+    }
+    let (models, devices) = (models(), devices());
+    let mut subjects: Vec<Subject<'_>> = Vec::new();
+    for net in &mut nets {
+        let (models, devices) = (&models, &devices);
+        subjects.push(Subject::timing_itself(move |cycles| {
+            let mut total = Duration::ZERO;
+            for first in (0..cycles).step_by(CYCLES) {
+                total += stretch(net, cycles.min(first + CYCLES) - first, |net| {
+                    net.evaluate(models, devices, 1e-3);
+                });
+            }
+            total
+        }));
+    }
+    // Many of them: a shorter stretch is enough for a run of 256.
+    let effort = Effort {
+        stretch: effort.stretch / 4,
+        ..effort
+    };
+    let figures = alternate(&mut subjects, effort);
+    let empty = figures.first().map_or(0.0, |figure| figure.median);
+    let rows = all.iter().zip(&figures[1..]).map(|(row, figure)| {
+        let count = f64::from(count(&row.entry.spec));
+        vec![
+            row.name(),
+            format!("{count}"),
+            digits(((figure.median - empty) / count).max(0.0)),
+        ]
+    });
+    Ok(format!(
+        "## Each primitive\n\n\
+         ns for one of a run of equal primitives, from nets made of the catalogue itself; the time of an empty net, {} ns, is \
+         taken off. Inputs are not null and differ from primitive to primitive. Commands of an arm and motions are fewer, because \
+         each needs an arm or a path clock of its own.\n\n{}",
+        digits(empty),
+        table(
+            &["primitive", "in the run", "ns each"],
+            &rows.collect::<Vec<_>>()
+        )
+    ))
+}
+
+fn stretch(net: &mut Net, cycles: usize, mut evaluate: impl FnMut(&mut Net)) -> Duration {
+    net.reset();
+    let begun = Instant::now();
+    (0..cycles).for_each(|_| evaluate(net));
+    begun.elapsed()
+}

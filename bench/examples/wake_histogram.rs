@@ -1,0 +1,40 @@
+//! How punctually a running executor was woken, from its own histogram: `wake_histogram CELL` prints one line of JSON, µs.
+//! For `bench/wakeup`, which runs cyclictest in turns with it.
+
+use std::error::Error;
+
+use rcc_core::message::CycleStatus;
+use rcc_core::timing::Timing;
+use rcc_exec::setup::FIFO;
+use rcc_ipc::control::{STATUS, TIMING};
+use rcc_ipc::{Cell, Role, Session};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let name = std::env::args()
+        .nth(1)
+        .ok_or("which cell? wake_histogram CELL")?;
+    let cell = Cell::find(&name)?.ok_or_else(|| format!("there is no cell {name}"))?;
+    let announced = cell
+        .announced(Role::Executor, "exec")?
+        .ok_or("no executor is announced")?;
+    let session = Session::join(&cell, Role::Cli, "wake-histogram")?;
+    let service = |name: &str| {
+        announced
+            .services
+            .get(name)
+            .ok_or_else(|| format!("the executor announces no {name}"))
+    };
+    let timing: Timing = session.open_board(service(TIMING)?)?.read();
+    let status: CycleStatus = session.open_board(service(STATUS)?)?.read();
+    let wake = &timing.wake;
+    let us = |ns: u64| ns as f64 * 1e-3;
+    println!(
+        "{{\"cycles\": {}, \"p50\": {}, \"p99\": {}, \"max\": {}, \"fifo\": {}}}",
+        wake.count(),
+        us(wake.quantile(500)),
+        us(wake.quantile(990)),
+        us(wake.max()),
+        status.grants & FIFO != 0
+    );
+    Ok(())
+}

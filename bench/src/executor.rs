@@ -1,0 +1,302 @@
+//! A whole executor in one thread, without its pause: engine, recorder, boards in shared memory in a cell of its own, and
+//! drivers that answer at once. Run by the benchmarks; the cell is gone when it is dropped.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use bytemuck::Zeroable;
+use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement};
+use rcc_engine::engine::{Engine, EngineConfig};
+use rcc_engine::net::Net;
+use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::record::{Recorder, RecorderConfig, RecorderHelper};
+use rcc_exec::rt::{self, Boards};
+use rcc_ipc::control::{Answer, PlanData, Refusal, STATUS, TABLES, TIMING};
+use rcc_ipc::{
+    BoardError, BoardReader, BoardWriter, Cell, CellError, Role, Session, SessionError,
+    monotonic_ns,
+};
+use rcc_loader::devices::DeviceTable;
+
+/// As a cell's configuration has it by default.
+const RECORDER_MEMORY: usize = 64 << 20;
+const RECORDER_SPAN_NS: u64 = 10_000_000_000;
+static NEXT: AtomicU32 = AtomicU32::new(0);
+
+/// Why there is no executor, or no net in it.
+#[derive(Debug, thiserror::Error)]
+pub enum ExecutorError {
+    /// No cell.
+    #[error(transparent)]
+    Cell(#[from] CellError),
+    /// No session.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// No board.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// The net was refused.
+    #[error("the net is refused: {0:?}")]
+    Refused(Refusal),
+    /// The engine did not answer as it should.
+    #[error("the engine answers {0:?}")]
+    Answer(Option<Answer>),
+}
+
+/// A driver that follows set-points at once.
+struct Driver {
+    measurement: Measurement,
+    board: BoardWriter<Measurement>,
+    commands: BoardReader<CommandImage>,
+}
+
+impl Driver {
+    fn exchange(&mut self, now_ns: u64) {
+        let image = self.commands.read();
+        let measurement = &mut self.measurement;
+        measurement.sequence += 1;
+        measurement.stamp_ns = now_ns;
+        let newest = image.at(image.sequence).filter(|_| image.magic == MAGIC);
+        if let Some(newest) = newest.filter(|newest| newest.has_position == 1) {
+            measurement.state = DeviceState::Commanded as u32;
+            measurement.position = newest.position;
+            measurement.hold = newest.position;
+        } else {
+            measurement.state = DeviceState::Ready as u32;
+            measurement.settled_ns = newest.map_or(0, |newest| newest.logical_ns);
+        }
+        self.board.write(measurement);
+    }
+}
+
+/// See the module.
+pub struct Executor {
+    engine: Engine,
+    boards: Boards,
+    drivers: Vec<Driver>,
+    ends: HelperEnds,
+    devices: DeviceTable,
+    hold: Joints,
+    next_ticket: u64,
+    _recorder: RecorderHelper,
+    _session: Session,
+    _folder: Folder,
+}
+
+/// Removed when dropped, after everything in it.
+struct Folder(PathBuf);
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Nothing else can be done about it here, and the folder is in the system's temporary one.
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+impl Executor {
+    /// An executor for these devices; arms are held at `hold`.
+    ///
+    /// # Errors
+    /// The system does not let us.
+    pub fn new(devices: DeviceTable, hold: Joints) -> Result<Executor, ExecutorError> {
+        // No two of one process at the same time have the same number.
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let folder =
+            std::env::temp_dir().join(format!("rcc-bench-{}-{number}", std::process::id()));
+        let cell = Cell::at("bench", &folder)?;
+        let folder = Folder(folder);
+        let session = Session::join(&cell, Role::Executor, "exec")?;
+        let models = devices.models();
+        let commands = devices
+            .devices
+            .iter()
+            .map(|device| session.create_board(&format!("command.{}", device.name)));
+        let boards = Boards {
+            status: session.create_board(STATUS)?,
+            tables: session.create_board(TABLES)?,
+            timing: session.create_board(TIMING)?,
+            commands: commands.collect::<Result<_, _>>()?,
+        };
+        let recorder = RecorderConfig {
+            span_ns: RECORDER_SPAN_NS,
+            memory: RECORDER_MEMORY,
+            period_ns: devices.period_ns,
+        };
+        let (recorder, helper) = Recorder::new(recorder, models.len());
+        let (rt, ends) = rings();
+        let config = EngineConfig {
+            incarnation: session.incarnation(),
+            period_ns: devices.period_ns,
+            stale_after_ns: 50_000_000,
+            late_in_a_row_max: 0,
+            models,
+        };
+        let engine = Engine::new(config, rt, 0).recorded_by(recorder);
+        let mut executor = Executor {
+            engine,
+            boards,
+            drivers: Vec::new(),
+            ends,
+            devices,
+            hold,
+            next_ticket: 1,
+            _recorder: helper,
+            _session: session,
+            _folder: folder,
+        };
+        executor.attach_drivers()?;
+        Ok(executor)
+    }
+
+    fn attach_drivers(&mut self) -> Result<(), ExecutorError> {
+        for (device, commands) in self.boards.commands.iter().enumerate() {
+            let name = &self.devices.devices[device].name;
+            let board: BoardWriter<Measurement> =
+                self._session.create_board(&format!("measured.{name}"))?;
+            let mut measurement = Measurement::zeroed();
+            measurement.magic = MAGIC;
+            measurement.joints = self.devices.devices[device].model.joints;
+            measurement.state = DeviceState::Ready as u32;
+            measurement.hold = self.hold;
+            measurement.position = self.hold;
+            measurement.digital_known = u64::MAX;
+            let reader = Box::new(self._session.open_board(board.service())?);
+            let commands = self._session.open_board(commands.service())?;
+            self.drivers.push(Driver {
+                measurement,
+                board,
+                commands,
+            });
+            let order = Order::Attach {
+                device,
+                incarnation: 1,
+                board: reader,
+            };
+            self.ends
+                .orders
+                .push(order)
+                .map_err(|_| ExecutorError::Answer(None))?;
+        }
+        self.cycles(3);
+        Ok(())
+    }
+
+    /// Loads a plan and starts it.
+    ///
+    /// # Errors
+    /// It is refused.
+    pub fn start(&mut self, plan: PlanData) -> Result<u64, ExecutorError> {
+        let holds: Vec<_> = self
+            .drivers
+            .iter()
+            .map(|driver| Some(driver.measurement.hold))
+            .collect();
+        let dt_s = self.devices.period_ns as f64 * 1e-9;
+        let net = Net::build(
+            plan,
+            &self.devices.models(),
+            self.devices.fingerprint,
+            &holds,
+            dt_s,
+        );
+        let net = net.map_err(ExecutorError::Refused)?;
+        let id = match self.ask(|ticket| Order::Reserve { ticket })? {
+            Answer::Reserved { id } => id,
+            other => return Err(ExecutorError::Answer(Some(other))),
+        };
+        for answer in [
+            self.ask(|ticket| Order::Install { ticket, id, net })?,
+            self.ask(|ticket| Order::Start { ticket, id })?,
+        ] {
+            if !matches!(answer, Answer::Done { .. }) {
+                return Err(ExecutorError::Answer(Some(answer)));
+            }
+        }
+        Ok(id)
+    }
+
+    /// Ends a net and frees its row.
+    ///
+    /// # Errors
+    /// There is no such net.
+    pub fn end(&mut self, id: u64) -> Result<(), ExecutorError> {
+        self.ask(|ticket| Order::Abort { ticket, id })?;
+        self.cycles(20);
+        self.ask(|ticket| Order::Unload { ticket, id })?;
+        Ok(())
+    }
+
+    fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Result<Answer, ExecutorError> {
+        let ticket = self.next_ticket;
+        self.next_ticket += 1;
+        self.ends
+            .orders
+            .push(order(ticket))
+            .map_err(|_| ExecutorError::Answer(None))?;
+        for _ in 0..3 {
+            self.cycle();
+            while let Ok(outcome) = self.ends.outcomes.pop() {
+                if let Outcome::Answer { ticket: of, answer } = outcome
+                    && of == ticket
+                {
+                    return Ok(answer);
+                }
+            }
+        }
+        Err(ExecutorError::Answer(None))
+    }
+
+    /// So many cycles; how long they took together, ns.
+    pub fn cycles(&mut self, count: usize) -> u64 {
+        (0..count).map(|_| self.cycle()).sum()
+    }
+
+    /// One cycle as the real-time thread does it, but for the sleep; how long it took, ns, measured as the executor does.
+    pub fn cycle(&mut self) -> u64 {
+        let before_ns = monotonic_ns();
+        self.drivers
+            .iter_mut()
+            .for_each(|driver| driver.exchange(before_ns));
+        while self.ends.records.pop().is_ok() || self.ends.events.pop().is_ok() {}
+        let woke_ns = monotonic_ns();
+        self.engine.latch_boards(woke_ns);
+        self.engine.cycle(woke_ns);
+        rt::write(&self.engine, &mut self.boards);
+        let exec_ns = monotonic_ns() - woke_ns;
+        self.engine.account(0, exec_ns, 0);
+        exec_ns
+    }
+
+    /// Nets that run.
+    #[must_use]
+    pub fn running(&self) -> u32 {
+        self.engine.status().running
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::Graph;
+    use crate::instance::cell;
+    use crate::net::net;
+    use rcc_loader::compile_for;
+
+    #[test]
+    fn nets_run_in_it_and_nothing_is_left_of_it() {
+        let text = net(&Graph::load("full", 50).unwrap()).text;
+        let plan = compile_for(&text, "graph.json", &cell()).unwrap().plan;
+        let mut executor = Executor::new(cell(), [0.0; 8]).unwrap();
+        let first = executor.start(plan.clone()).unwrap();
+        executor.start(plan).unwrap();
+        executor.cycles(100);
+        assert_eq!(executor.running(), 2);
+        executor.end(first).unwrap();
+        assert_eq!(executor.running(), 1);
+        let folder = executor._folder.0.clone();
+        assert!(folder.exists());
+        drop(executor);
+        assert!(!folder.exists());
+    }
+}

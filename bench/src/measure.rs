@@ -1,0 +1,146 @@
+//! Who is faster: subjects are measured in turns, round after round, so that what disturbs the machine for a while disturbs
+//! all of them. Run by the programs that write reports; the thread that calls.
+
+use std::time::{Duration, Instant};
+
+/// Something that runs cycles.
+pub struct Subject<'a>(Box<dyn FnMut(usize) -> Duration + 'a>);
+
+impl<'a> Subject<'a> {
+    /// Runs so many cycles; its time is that of the call.
+    pub fn new(mut run: impl FnMut(usize) + 'a) -> Subject<'a> {
+        Subject::timing_itself(move |cycles| {
+            let begun = Instant::now();
+            run(cycles);
+            begun.elapsed()
+        })
+    }
+
+    /// Runs so many cycles and says how long they took, without what it has to do besides.
+    pub fn timing_itself(run: impl FnMut(usize) -> Duration + 'a) -> Subject<'a> {
+        Subject(Box::new(run))
+    }
+}
+
+/// How long one cycle of a subject takes, ns: the median of its rounds, and the fastest and slowest round.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figure {
+    /// Median of the rounds.
+    pub median: f64,
+    /// The fastest round.
+    pub low: f64,
+    /// The slowest round.
+    pub high: f64,
+}
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Every subject once a round.
+    pub rounds: usize,
+    /// Stretches a round; the round's figure is their median.
+    pub stretches: usize,
+    /// Length of a stretch.
+    pub stretch: Duration,
+}
+
+impl Effort {
+    /// Five rounds of 15 stretches of a millisecond: short enough to fall between two disturbances.
+    pub const USUAL: Effort = Effort {
+        rounds: 5,
+        stretches: 15,
+        stretch: Duration::from_millis(1),
+    };
+}
+
+/// Measures all subjects in turns; the figures are in their order. Every stretch begins hot.
+pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<Figure> {
+    let cycles: Vec<usize> = subjects
+        .iter_mut()
+        .map(|subject| fitting(subject, effort.stretch))
+        .collect();
+    let mut rounds = vec![Vec::with_capacity(effort.rounds); subjects.len()];
+    for _ in 0..effort.rounds {
+        for ((subject, &cycles), rounds) in subjects.iter_mut().zip(&cycles).zip(&mut rounds) {
+            (subject.0)(cycles.div_ceil(4));
+            let stretches = (0..effort.stretches)
+                .map(|_| (subject.0)(cycles).as_nanos() as f64 / cycles as f64);
+            rounds.push(median(stretches.collect()));
+        }
+    }
+    rounds.into_iter().map(figure).collect()
+}
+
+/// How many cycles last about so long.
+fn fitting(subject: &mut Subject<'_>, wanted: Duration) -> usize {
+    let mut cycles = 1;
+    loop {
+        let took = (subject.0)(cycles);
+        if took * 4 >= wanted || cycles >= 1 << 24 {
+            let ratio = wanted.as_nanos() as f64 / took.as_nanos().max(1) as f64;
+            return ((cycles as f64 * ratio) as usize).max(1);
+        }
+        cycles *= 2;
+    }
+}
+
+/// The figure of some rounds.
+#[must_use]
+pub fn figure(rounds: Vec<f64>) -> Figure {
+    let low = rounds.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = rounds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Figure {
+        median: median(rounds),
+        low,
+        high,
+    }
+}
+
+/// The middle one; NaN of none.
+#[must_use]
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+
+    #[test]
+    fn subjects_take_turns() {
+        let turns = RefCell::new(String::new());
+        let note = |letter| {
+            let turns = &turns;
+            move |_| {
+                let mut turns = turns.borrow_mut();
+                if !turns.ends_with(letter) {
+                    turns.push(letter);
+                }
+            }
+        };
+        let mut subjects = [Subject::new(note('a')), Subject::new(note('b'))];
+        let effort = Effort {
+            rounds: 3,
+            stretches: 2,
+            stretch: Duration::from_micros(1),
+        };
+        assert_eq!(alternate(&mut subjects, effort).len(), 2);
+        drop(subjects);
+        assert!(turns.into_inner().ends_with("ababab"));
+    }
+
+    #[test]
+    fn a_figure_is_the_middle_and_both_ends() {
+        let figure = figure(vec![5.0, 1.0, 9.0, 2.0, 3.0]);
+        assert_eq!(
+            figure,
+            Figure {
+                median: 3.0,
+                low: 1.0,
+                high: 9.0
+            }
+        );
+    }
+}
