@@ -81,16 +81,23 @@ pub struct Executor {
     next_ticket: u64,
     _recorder: RecorderHelper,
     _session: Session,
-    _folder: Folder,
+    _place: Place,
 }
 
-/// Removed when dropped, after everything in it.
-struct Folder(PathBuf);
+/// Everything of the cell, removed when dropped, after those who use it.
+struct Place {
+    cell: Cell,
+    folder: PathBuf,
+}
 
-impl Drop for Folder {
+impl Drop for Place {
     fn drop(&mut self) {
-        // Nothing else can be done about it here, and the folder is in the system's temporary one.
-        let _ = fs::remove_dir_all(&self.0);
+        // Whatever cannot be removed stays in temporary folders; nothing else can be done about it here.
+        for path in self.cell.leftovers().unwrap_or_default() {
+            let _ = fs::remove_file(path);
+        }
+        let _ = fs::remove_dir_all(self.cell.iox_root());
+        let _ = fs::remove_dir_all(&self.folder);
     }
 }
 
@@ -105,7 +112,10 @@ impl Executor {
         let folder =
             std::env::temp_dir().join(format!("rcc-bench-{}-{number}", std::process::id()));
         let cell = Cell::at("bench", &folder)?;
-        let folder = Folder(folder);
+        let place = Place {
+            cell: cell.clone(),
+            folder,
+        };
         let session = Session::join(&cell, Role::Executor, "exec")?;
         let models = devices.models();
         let commands = devices
@@ -143,7 +153,7 @@ impl Executor {
             next_ticket: 1,
             _recorder: helper,
             _session: session,
-            _folder: folder,
+            _place: place,
         };
         executor.attach_drivers()?;
         Ok(executor)
@@ -294,9 +304,11 @@ mod tests {
         assert_eq!(executor.running(), 2);
         executor.end(first).unwrap();
         assert_eq!(executor.running(), 1);
-        let folder = executor._folder.0.clone();
-        assert!(folder.exists());
+        let Place { cell, folder } = &executor._place;
+        let (cell, folder) = (cell.clone(), folder.clone());
+        assert!(folder.exists() && !cell.leftovers().unwrap().is_empty());
         drop(executor);
-        assert!(!folder.exists());
+        assert!(!folder.exists() && !cell.iox_root().exists());
+        assert_eq!(cell.leftovers().unwrap(), Vec::<PathBuf>::new());
     }
 }
