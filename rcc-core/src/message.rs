@@ -83,6 +83,10 @@ pub struct Measurement {
     pub sequence: u64,
     /// CLOCK_MONOTONIC of that exchange.
     pub stamp_ns: u64,
+    /// Periods of the device since its driver began, also those in which nothing was exchanged.
+    pub periods: u64,
+    /// Period of the device as it says itself, 0 = not known.
+    pub period_ns: u64,
     /// [`DeviceState`].
     pub state: u32,
     /// Quality of the connection in thousandths, 1000 is best.
@@ -170,6 +174,8 @@ pub struct CommandImage {
     pub stamp_ns: u64,
     /// Period of the executor.
     pub period_ns: u64,
+    /// Sequence of the measurement that the newest set-point was computed from, 0 = none.
+    pub seen: u64,
     /// Ring of the last cycles.
     pub set_points: [SetPoint; SET_POINTS],
 }
@@ -406,6 +412,75 @@ pub struct DeviceEntry {
     pub losses: u64,
 }
 
+/// Where the executor's cycles take their time from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ClockState {
+    /// From its own clock.
+    Own = 0,
+    /// It follows a device, which is silent, or whose phase is not reached yet.
+    Searching = 1,
+    /// Its cycles begin a fixed time after the device's packets.
+    Locked = 2,
+    /// It cannot follow: the device's period is no multiple of its own.
+    Unfit = 3,
+}
+
+impl ClockState {
+    /// All states, in order of their numbers, with their names.
+    pub const ALL: [(ClockState, &'static str); 4] = [
+        (ClockState::Own, "own"),
+        (ClockState::Searching, "searching"),
+        (ClockState::Locked, "locked"),
+        (ClockState::Unfit, "unfit"),
+    ];
+
+    /// From a number that came from another process.
+    pub fn from_number(number: u32) -> ClockState {
+        Self::ALL
+            .get(number as usize)
+            .map_or(ClockState::Own, |row| row.0)
+    }
+
+    /// As printed.
+    pub fn name(self) -> &'static str {
+        Self::ALL.get(self as usize).map_or("own", |row| row.1)
+    }
+}
+
+/// How the executor's clock follows a device.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct ClockStatus {
+    /// [`ClockState`].
+    pub state: u32,
+    /// Device index, `u32::MAX` = none.
+    pub device: u32,
+    /// Mean time from where a cycle begins to where it should, ns.
+    pub error_ns: f64,
+    /// Mean deviation of a packet from where it was expected, ns.
+    pub jitter_ns: f64,
+    /// The device's period by the executor's clock, ns; 0 = not known.
+    pub device_period_ns: f64,
+    /// How much longer than nominal that is, in millionths.
+    pub rate_ppm: f64,
+    /// Times that it was locked and lost that.
+    pub losses: u64,
+}
+
+impl ClockStatus {
+    /// A clock that follows nobody.
+    pub const OWN: ClockStatus = ClockStatus {
+        state: ClockState::Own as u32,
+        device: u32::MAX,
+        error_ns: 0.0,
+        jitter_ns: 0.0,
+        device_period_ns: 0.0,
+        rate_ppm: 0.0,
+        losses: 0,
+    };
+}
+
 /// Executor → everybody: the cycle's counters, written every cycle.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -444,9 +519,11 @@ pub struct CycleStatus {
     pub running: u32,
     /// Bit 0 SCHED_FIFO, bit 1 memory locked, bit 2 pinned to a core.
     pub grants: u32,
+    /// Where its time comes from.
+    pub clock: ClockStatus,
 }
 
-/// Executor → everybody: the command and device tables, written when they change and every 16 cycles.
+/// Executor → everybody: the command and device tables, written when they change and at least every 16 ms.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Tables {

@@ -17,7 +17,9 @@ use thiserror::Error;
 
 use crate::driver::{Driver, Inputs, LinkError};
 
+mod answer;
 pub mod blend;
+pub mod detour;
 pub mod diagnosis;
 pub mod diary;
 pub mod limits;
@@ -33,6 +35,7 @@ pub mod watch;
 #[cfg(test)]
 mod tests;
 
+use answer::{Answer, Look};
 use diagnosis::Diagnosis;
 use diary::Diary;
 use pulse::Pulse;
@@ -69,6 +72,8 @@ pub struct Host {
     board: BoardWriter<Measurement>,
     watch: Watch,
     commands: Option<BoardReader<CommandImage>>,
+    /// When to answer, if the executor's clock follows this device.
+    answer: Option<Answer>,
     wait: Duration,
     diary: Diary,
     diagnosis: Diagnosis,
@@ -91,10 +96,15 @@ impl Host {
         (driver, reasons): (Box<dyn Driver>, &'static [Reason]),
     ) -> Result<Self, HostError> {
         let session = Session::join(cell, Role::Driver, &device.name)?;
+        let leads = leads(config, device);
         let link = driver.diagnosis();
         let reasons = driver.reasons().unwrap_or(reasons);
         let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
         let station = Station::new(device, monotonic_ns());
+        let station = match leads {
+            Some(_) => station.leading(),
+            None => station,
+        };
         board.write(station.measurement());
         let announcement = Announcement::of(&session)
             .service(MEASUREMENT, board.service())
@@ -114,6 +124,7 @@ impl Host {
             board,
             watch: Watch::start(session, &device.name)?,
             commands: None,
+            answer: leads.map(Answer::after),
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
             diary: Diary::new(recorder.clone(), device, reasons),
             diagnosis: Diagnosis::start(cell, device, reasons, link)?,
@@ -138,8 +149,11 @@ impl Host {
             self.take_boards();
             match self.driver.receive(self.wait, &mut inputs) {
                 Ok(exchange) => {
+                    let arrived_ns = monotonic_ns();
                     self.observe();
-                    let outputs = self.station.exchange(monotonic_ns(), &inputs, &exchange);
+                    self.station.arrive(arrived_ns, &inputs, &exchange);
+                    self.await_set_point(arrived_ns, exchange.period_ns);
+                    let outputs = self.station.answer(&exchange);
                     if let Err(error) = self.driver.send(&outputs) {
                         self.silence(error);
                     }
@@ -175,6 +189,25 @@ impl Host {
         self.station.observe(monotonic_ns(), image.as_ref());
     }
 
+    /// Where the executor's clock follows the device: tells the executor at once what was measured, and waits a while
+    /// for the set-point that it computes from that.
+    fn await_set_point(&mut self, arrived_ns: u64, period_ns: u64) {
+        let (Some(answer), Some(board)) = (&mut self.answer, &self.commands) else {
+            return;
+        };
+        let measurement = self.station.measurement();
+        self.board.write(measurement);
+        let sequence = measurement.sequence;
+        let image = answer.wait(arrived_ns, period_ns, |now_ns| {
+            let image = board.read();
+            let look = Look::of(&image, sequence, now_ns, period_ns);
+            (image, look)
+        });
+        if let Some(image) = image {
+            self.station.observe(monotonic_ns(), Some(&image));
+        }
+    }
+
     fn take_boards(&mut self) {
         while let Some(news) = self.watch.news() {
             let old = std::mem::replace(&mut self.commands, news);
@@ -200,4 +233,11 @@ impl Host {
         });
         now_ns.saturating_sub(since_ns) > FAREWELL_NS
     }
+}
+
+/// How long after its packets cycles begin, if the executor's clock follows this device; ns.
+fn leads(config: &CellConfig, device: &DeviceConfig) -> Option<u64> {
+    let clock = config.clock?;
+    let led = config.devices.get(clock.device)?;
+    (led.name == device.name).then_some(clock.offset_ns)
 }

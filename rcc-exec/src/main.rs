@@ -13,13 +13,14 @@ use rcc_config::cell::{CellConfig, RealTime};
 use rcc_core::message::CycleStatus;
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::queue::{HelperEnds, RtEnds, rings};
+use rcc_exec::clock::{Clock, Follow};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, RECORDS, STATUS, TABLES, TIMING, command_board};
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::{Announcement, BoardError, Cell, Role, Session};
+use rcc_ipc::{Announcement, BoardError, Cell, Role, Session, monotonic_ns};
 use rcc_process::{CellArguments, Ending, Notifier, Pulse, Stop, ending};
 use tracing::{error, info, warn};
 
@@ -167,6 +168,11 @@ fn start_rt(
     stop: &Arc<AtomicBool>,
 ) -> Result<(thread::JoinHandle<()>, Grants), Ending> {
     let (period_ns, executor) = (config.period_ns, config.executor.clone());
+    let follow = config.clock.map(|clock| Follow {
+        // At most 16 devices.
+        device: clock.device as u32,
+        offset_ns: clock.offset_ns,
+    });
     let (told, tell) = mpsc::channel();
     let stop = Arc::clone(stop);
     let rt = thread::Builder::new()
@@ -178,7 +184,8 @@ fn start_rt(
             // The receiver waits for it; if it is gone the process is ending.
             let _ = told.send(grants);
             drop(told);
-            rt::run(engine, boards, period_ns, &stop);
+            let clock = Clock::new(period_ns, follow, monotonic_ns());
+            rt::run(engine, boards, clock, &stop);
         })?;
     Ok((rt, tell.recv()?))
 }

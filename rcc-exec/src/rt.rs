@@ -12,6 +12,8 @@ use rcc_ipc::clock::{monotonic_ns, sleep_until};
 
 use rcc_engine::engine::Engine;
 
+use crate::clock::{Clock, Packet};
+
 /// After this time a net that was asked to stop is aborted.
 const STOP_MAX_NS: u64 = 5_000_000_000;
 
@@ -31,19 +33,20 @@ pub struct Boards {
 /// Runs cycles until `stop` is set and no net is active any more.
 ///
 /// `stop` is set by the main thread (Release there, Acquire here); its only partner is this load.
-pub fn run(mut engine: Engine, mut boards: Boards, period_ns: u64, stop: &Arc<AtomicBool>) {
-    let mut deadline_ns = monotonic_ns() + period_ns;
+pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<AtomicBool>) {
     let mut stop_ns = None;
     loop {
+        let deadline_ns = clock.deadline_ns();
         sleep_until(deadline_ns);
         let woke_ns = monotonic_ns();
         engine.latch_boards(woke_ns);
+        follow(&mut clock, &mut engine, woke_ns);
         engine.cycle(woke_ns);
         write(&engine, &mut boards);
         let ended_ns = monotonic_ns();
-        let skipped = next_deadline(&mut deadline_ns, period_ns, ended_ns);
+        let skipped = clock.advance(ended_ns);
         engine.account(
-            woke_ns.saturating_sub(deadline_of(deadline_ns, period_ns, skipped)),
+            woke_ns.saturating_sub(deadline_ns),
             ended_ns - woke_ns,
             skipped,
         );
@@ -62,22 +65,19 @@ pub fn run(mut engine: Engine, mut boards: Boards, period_ns: u64, stop: &Arc<At
     }
 }
 
-/// The deadline that this cycle had, from the next one.
-fn deadline_of(next_ns: u64, period_ns: u64, skipped: u64) -> u64 {
-    next_ns - period_ns * (skipped + 1)
-}
-
-/// Moves the deadline to the next one that is in the future: missed periods are skipped and counted, never caught up.
-fn next_deadline(deadline_ns: &mut u64, period_ns: u64, now_ns: u64) -> u64 {
-    *deadline_ns += period_ns;
-    let behind_ns = now_ns.saturating_sub(*deadline_ns);
-    let skipped = if now_ns >= *deadline_ns {
-        behind_ns.checked_div(period_ns).unwrap_or(0) + 1
-    } else {
-        0
+/// Shows the clock the newest packet of the device that it follows, if any, as it was latched.
+fn follow(clock: &mut Clock, engine: &mut Engine, now_ns: u64) {
+    let Some(device) = clock.follows() else {
+        return;
     };
-    *deadline_ns += skipped * period_ns;
-    skipped
+    let measured = engine.measurement(device as usize);
+    let packet = measured.map(|measured| Packet {
+        periods: measured.periods,
+        stamp_ns: measured.stamp_ns,
+        period_ns: measured.period_ns,
+    });
+    clock.observe(now_ns, packet);
+    engine.set_clock(clock.status());
 }
 
 /// Writes what the cycle came to.
@@ -93,29 +93,5 @@ pub fn write(engine: &Engine, boards: &mut Boards) {
     }
     if engine.timing_due() {
         boards.timing.write(engine.timing());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn missed_periods_are_skipped_and_counted() {
-        for (now_ns, skipped, next_ns) in [
-            (1_500, 0, 2_000),
-            (1_999, 0, 2_000),
-            (2_000, 1, 3_000),
-            (5_200, 4, 6_000),
-        ] {
-            let mut deadline_ns = 1_000;
-            assert_eq!(
-                next_deadline(&mut deadline_ns, 1_000, now_ns),
-                skipped,
-                "now {now_ns}"
-            );
-            assert_eq!(deadline_ns, next_ns);
-            assert_eq!(deadline_of(deadline_ns, 1_000, skipped), 1_000);
-        }
     }
 }

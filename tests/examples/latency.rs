@@ -1,6 +1,7 @@
 //! Measures how long the whole chain takes: a robot's packet in, through driver, boards, executor and back, until an
 //! answer with the effect of that very packet leaves. A transparent relay between `lwr-sim` and the driver numbers
-//! the packets in a KRL variable that a net copies to an output, and notes the times. Run by hand: main, one thread.
+//! the packets in a KRL variable that a net copies to an output, and notes the times. Prints `docs/latency.md`. Run by
+//! hand: main, one thread.
 
 use std::fmt::Write as _;
 use std::io;
@@ -9,10 +10,11 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use rcc_core::message::{ClockState, ClockStatus};
 use rcc_drivers::fri_lwr::wire::{CMD_SIZE, MSR_SIZE};
 use rcc_ipc::monotonic_ns;
-use rcc_tests::TestCell;
 use rcc_tests::reference::promote;
+use rcc_tests::{TestCell, await_some};
 use serde_json::Value;
 
 /// Above the executor (80): the relay must not be what is slow.
@@ -129,15 +131,45 @@ impl Relay {
     }
 }
 
-/// What one delay gave.
+/// How the cell is configured.
+#[derive(Clone, Copy)]
+enum Mode {
+    /// The executor's clock follows the robot, with this offset.
+    Clock(&'static str),
+    /// Two clocks, and set-points wait so long.
+    Delay(&'static str),
+}
+
+impl Mode {
+    fn name(self) -> String {
+        match self {
+            Mode::Clock(offset) => format!("`clock`, offset {offset}"),
+            Mode::Delay(delay) => format!("`delay: {delay}`"),
+        }
+    }
+
+    fn configure(self, text: &str) -> String {
+        match self {
+            Mode::Clock(offset) => {
+                // What is left of the line is its comment.
+                let text = text.replace("    delay: 10 ms", "    #");
+                format!("{text}\nclock: {{device: lwr, offset: {offset}}}\n")
+            }
+            Mode::Delay(delay) => text.replace("delay: 10 ms", &format!("delay: {delay}")),
+        }
+    }
+}
+
+/// What one mode gave.
 struct Figures {
-    delay: &'static str,
+    mode: Mode,
     latencies_ns: Vec<u64>,
     late_cycles: u64,
+    clock: ClockStatus,
     state: String,
 }
 
-fn measure(delay: &'static str, seconds: u64) -> io::Result<Figures> {
+fn measure(mode: Mode, seconds: u64) -> io::Result<Figures> {
     let controller = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
     let relay_port = controller.local_addr()?.port();
     // The relay runs before the cell does: `await_ready` needs packets.
@@ -161,21 +193,29 @@ fn measure(delay: &'static str, seconds: u64) -> io::Result<Figures> {
     let driver_port = free_udp_port()?;
     driver_told.send(driver_port).map_err(io::Error::other)?;
     let cell = TestCell::changed(|text| {
-        text.replace(
-            "--driver=127.0.0.1:${fri}",
-            &format!("--driver=127.0.0.1:{relay_port}"),
-        )
-        .replace(
-            "listen: 127.0.0.1:${fri}",
-            &format!("listen: 127.0.0.1:{driver_port}"),
-        )
-        .replace("delay: 10 ms", &format!("delay: {delay}"))
+        let text = text
+            .replace(
+                "--driver=127.0.0.1:${fri}",
+                &format!("--driver=127.0.0.1:{relay_port}"),
+            )
+            .replace(
+                "listen: 127.0.0.1:${fri}",
+                &format!("listen: 127.0.0.1:{driver_port}"),
+            );
+        mode.configure(&text)
     });
     let watch = cell.watch();
+    if matches!(mode, Mode::Clock(_)) {
+        let locked = ClockState::Locked as u32;
+        await_some("the clock to be locked", || {
+            (watch.status().clock.state == locked).then_some(())
+        });
+    }
     let id = cell.run(NET);
     let late_before = watch.status().late;
     std::thread::sleep(Duration::from_secs(seconds));
     let late_cycles = watch.status().late - late_before;
+    let clock = watch.status().clock;
     let row = cell.state(id);
     let state = match &row["reason"] {
         Value::String(reason) => reason.clone(),
@@ -193,9 +233,10 @@ fn measure(delay: &'static str, seconds: u64) -> io::Result<Figures> {
     let mut latencies_ns = relay.latencies_ns;
     latencies_ns.sort_unstable();
     Ok(Figures {
-        delay,
+        mode,
         latencies_ns,
         late_cycles,
+        clock,
         state,
     })
 }
@@ -206,31 +247,113 @@ fn free_udp_port() -> io::Result<u16> {
         .port())
 }
 
-fn row(figures: &Figures) -> String {
-    let of = |part: f64| {
-        let last = figures.latencies_ns.len().saturating_sub(1);
+impl Figures {
+    /// The latency that this part of the packets keeps, ms.
+    fn part(&self, part: f64) -> f64 {
+        let last = self.latencies_ns.len().saturating_sub(1);
         let place = (part * last as f64).round() as usize;
-        let value = figures.latencies_ns.get(place).copied().unwrap_or(0);
-        format!("{:.2}", value as f64 * 1e-6)
-    };
-    let mut text = format!("| {} ", figures.delay);
-    for part in [0.0, 0.5, 0.9, 0.99, 0.999, 1.0] {
-        let _ = write!(text, "| {} ", of(part));
+        self.latencies_ns.get(place).copied().unwrap_or(0) as f64 * 1e-6
     }
-    let (count, late) = (figures.latencies_ns.len(), figures.late_cycles);
-    let _ = write!(text, "| {count} | {late} | {} |", figures.state);
-    text
+
+    /// The part of the packets that were answered before the next one came, %.
+    fn within_a_period(&self) -> f64 {
+        let count = self.latencies_ns.iter().filter(|ns| **ns < 1_000_000);
+        100.0 * count.count() as f64 / self.latencies_ns.len().max(1) as f64
+    }
+
+    fn row(&self) -> String {
+        let mut text = format!("| {} ", self.mode.name());
+        for part in [0.0, 0.5, 0.9, 0.99, 0.999, 1.0] {
+            let _ = write!(text, "| {:.2} ", self.part(part));
+        }
+        let (count, late, state) = (self.latencies_ns.len(), self.late_cycles, &self.state);
+        let within = self.within_a_period();
+        let _ = write!(text, "| {within:.1} % | {count} | {late} | {state} |");
+        text
+    }
 }
+
+const HEAD: &str = "# Latency
+
+How long it takes from a robot's packet that comes in to the first answer that goes out with the effect of that very
+packet, through everything: driver, measurement board, the executor's cycle with a net, command board, driver.
+
+A relay between the simulated controller and the driver writes a number into each packet (`$FRI_TO_REA[1]`); a net copies
+it to an output (`$FRI_FRM_REA[1]`) while it commands the arm; the relay sees it come back. A packet comes each
+millisecond; so does a cycle. This page is what the program prints:
+
+```console
+$ cargo build --release --workspace --bins && cargo run --release -p rcc-tests --example latency -- 10
+```
+";
+
+const TAIL: &str = "
+**With `clock: {device: lwr}`** in the cell's configuration the executor's cycles begin a fixed time (`offset`) after the
+robot's packets. The driver publishes a measurement as soon as it is there, waits for the set-point that was computed from
+it, at most 60 % of the robot's period, and answers: the effect leaves within the same period of the robot. Nothing waits
+anywhere else, so `offset` is most of the figure; it must be longer than what the machine takes from the packet to the
+board, and shorter ones gain little.
+
+- Deadlines are moved by at most 1 % of a period in a cycle; logical time has one period for each cycle, as always.
+- An executor that is late for a packet is bridged: the arm goes on as it moved, for at most 10 ms, and is
+  then back at the newest set-point within its limits; no delay is left over. A longer pause brings the arm to rest and
+  ends its net. With `delay: 10 ms` pauses of up to 10 ms are bridged by playing slower.
+- Without the robot (or before it is found) the executor runs on its own clock, and `rcc-cli status` says so.
+- The robot's period must be the cell's or a multiple of it.
+
+**Without it** there are two clocks, and set-points wait in the driver for `delay`, so that neither clock starves the other.
+The rest, about a period, is the wait for the next cycle and for the next packet. What piles up during a stall of the
+machine is caught up with: at rest at once, unless outputs change with it; in motion at a pace of up to 1.05, within the
+limits of velocity and acceleration, which takes 20 ms for each millisecond.
+
+On a machine that does not stall, `delay: 2 ms` is enough. What `rcc-cli doctor` measures tells which kind yours is.
+";
 
 fn main() -> io::Result<()> {
     let seconds = std::env::args()
         .nth(1)
         .map_or(Ok(10), |text| text.parse())
         .map_err(|error| io::Error::other(format!("latency [SECONDS]: {error}")))?;
-    println!("| `delay` | min | p50 | p90 | p99 | p99.9 | max | packets | late cycles | net |");
-    println!("|---|---|---|---|---|---|---|---|---|---|");
-    for delay in ["10 ms", "5 ms", "3 ms", "2 ms", "1 ms", "0 ms"] {
-        println!("{}", row(&measure(delay, seconds)?));
+    let cores = std::thread::available_parallelism()?;
+    let date = rcc_ipc::events::wall_time();
+    let date = date.split('T').next().unwrap_or_default();
+    println!("{HEAD}");
+    println!(
+        "Milliseconds, {seconds} s each, on {date}, on a machine with {cores} cores whose own stalls (the late cycles)"
+    );
+    println!(
+        "are part of it. The column `< 1 ms` is the part that was answered before the robot's next packet."
+    );
+    println!();
+    println!("| | min | p50 | p90 | p99 | p99.9 | max | < 1 ms | packets | late cycles | net |");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    let modes = [
+        Mode::Clock("200 us"),
+        Mode::Clock("100 us"),
+        Mode::Delay("10 ms"),
+        Mode::Delay("5 ms"),
+        Mode::Delay("2 ms"),
+        Mode::Delay("1 ms"),
+        Mode::Delay("0 ms"),
+    ];
+    let mut clocks = Vec::new();
+    for mode in modes {
+        let figures = measure(mode, seconds)?;
+        println!("{}", figures.row());
+        if matches!(mode, Mode::Clock(_)) {
+            clocks.push((figures.mode.name(), figures.clock));
+        }
     }
+    println!();
+    for (name, clock) in clocks {
+        println!(
+            "- {name}: {}, its lock lost {} times; packets ± {:.0} µs, cycles {:+.1} µs from where they should begin",
+            ClockState::from_number(clock.state).name(),
+            clock.losses,
+            clock.jitter_ns * 1e-3,
+            clock.error_ns * 1e-3
+        );
+    }
+    println!("{TAIL}");
     Ok(())
 }

@@ -86,6 +86,9 @@ fn images(bytes: &mut Unstructured<'_>) -> Result<()> {
         delay_ns: device.delay_ns,
         command_timeout_ns: device.command_timeout_ns,
     });
+    if bool::arbitrary(bytes)? {
+        player = player.leading();
+    }
     let mut image = CommandImage {
         magic: MAGIC,
         executor: 7,

@@ -1,7 +1,7 @@
 //! `status`: the executor's health, its late cycles until they are acknowledged, the RT grade it really obtained, and
 //! the processes of the cell.
 
-use rcc_loader::server::api::{Acknowledged, ExecutorView, LateView, StatusView};
+use rcc_loader::server::api::{Acknowledged, ClockView, ExecutorView, LateView, StatusView};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -56,7 +56,7 @@ fn human(status: &StatusView, measured: Option<&Record>) -> String {
     let executor = &status.executor;
     let head = format!(
         "cell {}  {}\nexecutor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up {} \
-         after its time; {} nets running{}\n{}\nmachine   {}\n",
+         after its time; {} nets running{}\n{}{}\nmachine   {}\n",
         status.cell,
         status.config,
         grouped(executor.cycle),
@@ -68,6 +68,7 @@ fn human(status: &StatusView, measured: Option<&Record>) -> String {
         time(executor.worst_wake_ns),
         executor.running,
         budget(executor),
+        clock(&executor.clock),
         executor.grade,
         measured.map_or_else(
             || "not graded yet: rcc-cli doctor".to_owned(),
@@ -142,4 +143,45 @@ fn budget(executor: &ExecutorView) -> String {
         time(executor.committed_ns),
         time(executor.budget_ns)
     )
+}
+
+/// A line about a clock that follows a device; nothing about the executor's own.
+fn clock(clock: &ClockView) -> String {
+    let Some(device) = &clock.device else {
+        return String::new();
+    };
+    let words = match clock.state.as_str() {
+        "locked" => format!(
+            "locked, its period {:.6} ms ({:+.0} ppm), its packets ± {:.0} µs, cycles {:+.1} µs off",
+            clock.device_period_ns * 1e-6,
+            clock.rate_ppm,
+            clock.jitter_ns * 1e-3,
+            clock.error_ns * 1e-3
+        ),
+        "unfit" => "not followed: its period is no multiple of the cell's".to_owned(),
+        _ => "searching: the executor runs on its own clock".to_owned(),
+    };
+    format!("clock     {device}: {words}; lost {} times\n", clock.losses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_follows_a_device_has_a_line() {
+        assert_eq!(clock(&ClockView::default()), "");
+        let locked = ClockView {
+            state: "locked".to_owned(),
+            device: Some("lwr".to_owned()),
+            error_ns: -400.0,
+            jitter_ns: 31_000.0,
+            device_period_ns: 1_000_012.0,
+            rate_ppm: 12.0,
+            losses: 1,
+        };
+        let words = "clock     lwr: locked, its period 1.000012 ms (+12 ppm), its packets ± 31 µs, cycles -0.4 µs off; \
+                     lost 1 times\n";
+        assert_eq!(clock(&locked), words);
+    }
 }

@@ -14,6 +14,7 @@ use crate::file::{self, Text};
 use crate::ports::Numbers;
 use crate::robot::RobotConfig;
 
+mod clock;
 mod read;
 
 /// Everything that the processes of one cell must agree on.
@@ -25,6 +26,8 @@ pub struct CellConfig {
     pub period_ns: u64,
     /// A measurement older than this is stale, and the ports of its device are null; ns.
     pub stale_after_ns: u64,
+    /// The device that the executor's clock follows, `None` = it has its own.
+    pub clock: Option<ClockConfig>,
     /// The real-time thread.
     pub executor: ExecutorConfig,
     /// What supervisors do with processes that die or hang.
@@ -39,6 +42,15 @@ pub struct CellConfig {
     pub ports: BTreeMap<String, u16>,
     /// The file.
     pub source: PathBuf,
+}
+
+/// A clock that follows a device: each cycle begins a fixed time after a packet of the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockConfig {
+    /// Index of the device.
+    pub device: usize,
+    /// How long after the packet a cycle begins, ns; at most half of the period.
+    pub offset_ns: u64,
 }
 
 /// How the executor's real-time thread runs.

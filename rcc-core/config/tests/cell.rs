@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use rcc_config::cell::{RealTime, SupervisionConfig};
+use rcc_config::cell::{ClockConfig, RealTime, SupervisionConfig};
 use rcc_config::diagnostic::Faults;
 use rcc_config::{AccessConfig, CellConfig, OnRelease, ports::PortArgument};
 use rcc_core::primitive::ChannelKind;
@@ -105,6 +105,20 @@ fn nobody_but_its_user_reaches_a_cell_that_does_not_say_so() {
     let tcp = access.tcp.expect("it is given");
     assert_eq!(tcp.listen.to_string(), "0.0.0.0:80");
     assert_eq!(tcp.token_file, Path::new("tests/bad/t"));
+}
+
+#[test]
+fn the_clock_is_the_executors_own_or_follows_a_device() {
+    let text = "cell: a\nperiod: 125 us\ndevices: {b: {driver: c}, d: {driver: c}}\n";
+    assert_eq!(cell(text).clock, None);
+    let clock = |line: &str| cell(&format!("{text}{line}\n")).clock.expect("it is given");
+    let ClockConfig { device, offset_ns } = clock("clock: {device: d, offset: 40 us}");
+    assert_eq!((device, offset_ns), (1, 40_000));
+    assert_eq!(
+        clock("clock: {device: b}").offset_ns,
+        62_500,
+        "half of the period at most"
+    );
 }
 
 #[test]

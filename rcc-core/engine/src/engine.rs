@@ -14,8 +14,8 @@ use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
 use rcc_core::guard::Guard;
 use rcc_core::message::{
-    COMMANDS_MAX, CommandImage, CommandState, CycleStatus, DEVICES_MAX, DeviceState, FaultCode,
-    FaultRecord, MAGIC, Measurement, SET_POINTS, SetPoint, Tables,
+    COMMANDS_MAX, ClockStatus, CommandImage, CommandState, CycleStatus, DEVICES_MAX, DeviceState,
+    FaultCode, FaultRecord, MAGIC, Measurement, SET_POINTS, SetPoint, Tables,
 };
 use rcc_core::plan::Resources;
 
@@ -29,8 +29,8 @@ use timing::Timekeeper;
 
 /// Orders taken in one cycle.
 pub const ORDERS_PER_CYCLE: usize = 8;
-/// The tables are written when they change and at least every so many cycles.
-pub const TABLES_EVERY: u64 = 16;
+/// The tables are written when they change and at least once in so long.
+pub const TABLES_EVERY_NS: u64 = 16_000_000;
 /// How long a driver may take to follow its first set-points, and to settle after the last.
 pub const SETTLE_MAX_NS: u64 = 1_000_000_000;
 
@@ -92,6 +92,8 @@ enum Pending {
 pub struct Engine {
     config: EngineConfig,
     dt_s: f64,
+    /// In cycles, at least 1.
+    tables_every: u64,
     ends: RtEnds,
     inputs: Vec<DeviceInput>,
     devices: Vec<Device>,
@@ -119,6 +121,7 @@ impl Engine {
         status.incarnation = config.incarnation;
         status.period_ns = config.period_ns;
         status.grants = grants;
+        status.clock = ClockStatus::OWN;
         let mut tables: Box<Tables> = bytemuck::zeroed_box();
         tables.magic = MAGIC;
         let absent = DeviceInput {
@@ -142,6 +145,7 @@ impl Engine {
         };
         Engine {
             dt_s: config.period_ns as f64 / 1e9,
+            tables_every: (TABLES_EVERY_NS / config.period_ns.max(1)).max(1),
             ends,
             inputs: vec![absent; config.models.len()],
             devices: config.models.iter().take(DEVICES_MAX).map(device).collect(),
@@ -188,7 +192,18 @@ impl Engine {
 
     /// True if the tables should be written in this cycle.
     pub fn tables_due(&self) -> bool {
-        self.tables_changed || self.status.cycle.is_multiple_of(TABLES_EVERY)
+        self.tables_changed || self.status.cycle.is_multiple_of(self.tables_every)
+    }
+
+    /// What a device measured, as it was latched for this cycle; `None` while it is lost.
+    pub fn measurement(&self, device: usize) -> Option<&Measurement> {
+        let input = self.inputs.get(device)?;
+        input.present.then_some(&input.measurement)
+    }
+
+    /// Where the cycles' time comes from, for the status board.
+    pub fn set_clock(&mut self, clock: ClockStatus) {
+        self.status.clock = clock;
     }
 
     /// What a device is told.
@@ -270,8 +285,13 @@ impl Engine {
 
     fn write_images(&mut self, now_ns: u64) {
         let sequence = self.status.cycle;
-        for device in &mut self.devices {
+        for (device, input) in self.devices.iter_mut().zip(&self.inputs) {
             let image = &mut *device.image;
+            image.seen = if input.present {
+                input.measurement.sequence
+            } else {
+                0
+            };
             image.sequence = sequence;
             image.stamp_ns = now_ns;
             if let Some(place) = image

@@ -13,6 +13,10 @@ use super::limits::ArmLimits;
 const RECOVERING: f64 = 0.95;
 /// Pace while a device that fell behind catches up.
 const CATCHING_UP: f64 = 1.05;
+/// More set-points than this beyond the delay, for this long (s), are too many: it catches up with them. Less is the play
+/// of two clocks.
+const SPARE: f64 = 1.5;
+const PATIENCE_S: f64 = 0.1;
 /// The part of what a limit leaves that a change of pace may use.
 const SHARE: f64 = 0.5;
 /// Steepest change of pace, 1/s.
@@ -57,6 +61,8 @@ pub struct Pace {
     rate: f64,
     slope: f64,
     mode: Mode,
+    /// How long there have been too many set-points, s.
+    crowded_s: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,6 +78,7 @@ impl Pace {
         rate: 1.0,
         slope: 0.0,
         mode: Mode::Even,
+        crowded_s: 0.0,
     };
 
     /// The pace of the next `dt_s` (s), when `margin` set-points are left to play and `delay` are wanted.
@@ -83,9 +90,12 @@ impl Pace {
         dt_s: f64,
     ) -> f64 {
         let half = 0.5 * delay;
+        let crowded = margin > delay + SPARE;
+        self.crowded_s = if crowded { self.crowded_s + dt_s } else { 0.0 };
         self.mode = match self.mode {
             _ if margin < half => Mode::Recovering,
             _ if margin > (SET_POINTS - 2) as f64 => Mode::CatchingUp,
+            _ if self.crowded_s > PATIENCE_S => Mode::CatchingUp,
             Mode::Recovering if margin < delay => Mode::Recovering,
             Mode::CatchingUp if margin > delay => Mode::CatchingUp,
             _ => Mode::Even,

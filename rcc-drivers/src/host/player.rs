@@ -8,12 +8,14 @@ use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
 use rcc_motion::Rest;
 
 use super::blend::Blend;
+use super::detour::Detour;
 use super::limits::ArmLimits;
 use super::pace::{Motion, Pace};
 use super::reason;
 use super::track::{News, Track, commands};
 
 mod begin;
+mod direct;
 mod follow;
 #[cfg(test)]
 mod tests;
@@ -114,6 +116,8 @@ impl Sent {
 pub struct PlayerCounts {
     /// Times that there was no set-point to play while the arm moved.
     pub starved: u64,
+    /// Exchanges that had to do without their set-point while the executor's clock follows the device.
+    pub bridged: u64,
     /// Set-points that broke a limit, and nets refused at their first one.
     pub violations: u64,
 }
@@ -122,6 +126,8 @@ pub struct PlayerCounts {
 #[derive(Clone, Debug)]
 pub struct Player {
     settings: PlayerSettings,
+    /// The executor's clock follows this device: no set-point waits, see `direct`.
+    leads: bool,
     guard: Guard,
     track: Track,
     phase: Phase,
@@ -147,6 +153,11 @@ pub struct Player {
     dwelling: bool,
     pace: Pace,
     blend: Blend,
+    /// Each exchange plays the newest set-point.
+    direct: bool,
+    detour: Detour,
+    /// Device periods in a row without a new set-point.
+    bridged: u64,
     reason: u32,
     violation: Option<Violation>,
     counts: PlayerCounts,
@@ -159,6 +170,7 @@ impl Player {
         Self {
             guard: Guard::new(settings.limits.joints, settings.first_tolerance_rad),
             settings,
+            leads: false,
             track: Track::default(),
             phase: Phase::Holding,
             rest: None,
@@ -176,9 +188,21 @@ impl Player {
             dwelling: false,
             pace: Pace::EVEN,
             blend: Blend::NONE,
+            direct: false,
+            detour: Detour::NONE,
+            bridged: 0,
             reason: 0,
             violation: None,
             counts: PlayerCounts::default(),
+        }
+    }
+
+    /// The executor's clock follows this device: each exchange plays the newest set-point, and none waits.
+    #[must_use]
+    pub fn leading(self) -> Self {
+        Self {
+            leads: true,
+            ..self
         }
     }
 
@@ -207,12 +231,24 @@ impl Player {
 
     /// One exchange with the device: afterwards [`Player::position`] and [`Player::outputs`] are what it is told.
     pub fn tick(&mut self, tick: &Tick) {
+        self.arrive(tick);
+        self.play(tick);
+    }
+
+    /// The first half of an exchange: what the device said. Afterwards [`Player::state`] knows of it.
+    pub fn arrive(&mut self, tick: &Tick) {
         self.startable = tick.startable;
         self.period_s = tick.period_s();
-        if !tick.commandable {
-            self.follow_the_device(tick);
-        } else {
+        if tick.commandable {
             self.commandable = true;
+        } else {
+            self.follow_the_device(tick);
+        }
+    }
+
+    /// The second half: what it is told.
+    pub fn play(&mut self, tick: &Tick) {
+        if tick.commandable {
             match &self.phase {
                 Phase::Stopping => self.go_to_rest(tick),
                 Phase::Following => self.follow(tick),
@@ -341,8 +377,17 @@ impl Player {
             && newest.is_some_and(|newest| !commands(newest))
     }
 
-    /// Set-points of logical time that wait before they are played, at least 1.
+    /// The device leads the executor's clock, and its period is one of the executor's or more: nothing need wait.
+    fn is_direct(&self) -> bool {
+        let period_s = self.track.period_ns() as f64 * 1e-9;
+        self.leads && 1.001 * self.period_s >= period_s
+    }
+
+    /// Set-points of logical time that wait before they are played, at least 1 unless the device leads.
     fn delay(&self) -> u64 {
+        if self.is_direct() {
+            return 0;
+        }
         self.settings
             .delay_ns
             .div_ceil(self.track.period_ns())

@@ -60,6 +60,15 @@ impl Station {
         }
     }
 
+    /// The executor's clock follows this device.
+    #[must_use]
+    pub fn leading(self) -> Self {
+        Self {
+            player: self.player.leading(),
+            ..self
+        }
+    }
+
     /// Takes over what is new on the command board, `None` without executor; at least every [`SET_POINTS`] cycles.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         self.player.observe(now_ns, image);
@@ -67,24 +76,34 @@ impl Station {
 
     /// An exchange with the device: what is it told?
     pub fn exchange(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) -> Outputs {
+        self.arrive(now_ns, inputs, exchange);
+        self.answer(exchange)
+    }
+
+    /// The first half of an exchange: what the device said. The measurement can be read, with what is new in it; what the
+    /// player does in it is that of the exchange before, unless the device follows no more.
+    pub fn arrive(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
         self.heard_ns = now_ns;
         self.offline_after_ns = self
             .command_timeout_ns
             .max(SILENT_PERIODS.saturating_mul(exchange.period_ns));
         self.commandable = exchange.commandable;
-        self.player.tick(&Tick {
-            ticks: exchange.ticks,
-            period_ns: exchange.period_ns,
-            commandable: exchange.commandable,
-            startable: exchange.startable,
-            mirror: exchange.mirror,
-        });
+        self.player.arrive(&tick(exchange));
+        self.measure(now_ns, inputs, exchange);
+        if !exchange.commandable {
+            self.tell(exchange);
+        }
+    }
+
+    /// The second half: what it is told.
+    pub fn answer(&mut self, exchange: &Exchange) -> Outputs {
+        self.player.play(&tick(exchange));
         let outputs = Outputs {
             position: *self.player.position(),
             ..*self.release.apply(self.player.outputs())
         };
         self.released = self.terminating;
-        self.measure(now_ns, inputs, exchange);
+        self.tell(exchange);
         outputs
     }
 
@@ -143,7 +162,31 @@ impl Station {
         self.release.out_of_range()
     }
 
+    /// What the device says.
     fn measure(&mut self, now_ns: u64, inputs: &Inputs, exchange: &Exchange) {
+        let periods = self.measurement.periods + exchange.ticks.max(1);
+        self.measurement = Measurement {
+            magic: MAGIC,
+            sequence: self.measurement.sequence + 1,
+            stamp_ns: now_ns,
+            periods,
+            period_ns: exchange.period_ns,
+            quality_permille: exchange.quality_permille,
+            position: inputs.position,
+            torque: inputs.torque,
+            external_torque: inputs.external_torque,
+            wrench: inputs.wrench,
+            digital: inputs.digital,
+            digital_known: inputs.digital_known,
+            analog: inputs.analog,
+            late: exchange.late,
+            refused: exchange.refused,
+            ..self.measurement
+        };
+    }
+
+    /// What the player does.
+    fn tell(&mut self, exchange: &Exchange) {
         let player = &self.player;
         let range = match self.release.out_of_range() {
             0 => 0,
@@ -157,29 +200,26 @@ impl Station {
         };
         let reasons = [exchange.reason, history, range];
         self.measurement = Measurement {
-            magic: MAGIC,
-            sequence: self.measurement.sequence + 1,
-            stamp_ns: now_ns,
             state: state as u32,
-            quality_permille: exchange.quality_permille,
             reason: reasons.into_iter().find(|reason| *reason != 0).unwrap_or(0),
-            joints: self.measurement.joints,
-            position: inputs.position,
             hold: *player.position(),
-            torque: inputs.torque,
-            external_torque: inputs.external_torque,
-            wrench: inputs.wrench,
-            digital: inputs.digital,
-            digital_known: inputs.digital_known,
-            analog: inputs.analog,
             executor: player.executor(),
             played_ns: player.played_ns(),
             settled_ns: player.settled_ns(),
             margin: player.margin(),
-            late: exchange.late,
-            refused: exchange.refused,
             starved: player.counts().starved,
+            ..self.measurement
         };
+    }
+}
+
+fn tick(exchange: &Exchange) -> Tick {
+    Tick {
+        ticks: exchange.ticks,
+        period_ns: exchange.period_ns,
+        commandable: exchange.commandable,
+        startable: exchange.startable,
+        mirror: exchange.mirror,
     }
 }
 

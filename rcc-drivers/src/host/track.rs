@@ -157,6 +157,7 @@ mod tests {
             sequence,
             stamp_ns: sequence,
             period_ns: 1_000_000,
+            seen: 0,
             set_points: [SetPoint::NONE; SET_POINTS],
         };
         for entry in sequence.saturating_sub(15).max(1)..=sequence {

@@ -363,6 +363,8 @@ pub struct ExecutorView {
     pub cycle: u64,
     /// Base period.
     pub period_ns: u64,
+    /// Where the cycles' time comes from.
+    pub clock: ClockView,
     /// Late cycles since its start.
     pub late: u64,
     /// Of them those that somebody acknowledged.
@@ -400,6 +402,26 @@ pub struct ExecutorView {
     pub pinned: bool,
     /// `RT: granted (…)` or `RT: degraded, because …`.
     pub grade: String,
+}
+
+/// Where the executor's cycles take their time from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default)]
+pub struct ClockView {
+    /// `own`; or `searching`, `locked` or `unfit` for a clock that follows a device.
+    pub state: String,
+    /// The device that it follows.
+    pub device: Option<String>,
+    /// Mean time from where a cycle begins to where it should, ns.
+    pub error_ns: f64,
+    /// Mean deviation of a packet of the device from where it was expected, ns.
+    pub jitter_ns: f64,
+    /// The device's period by the executor's clock, ns; 0 = not known.
+    pub device_period_ns: f64,
+    /// How much longer than nominal that is, in millionths.
+    pub rate_ppm: f64,
+    /// Times that it was locked and lost that.
+    pub losses: u64,
 }
 
 /// A process of the cell.

@@ -3,10 +3,10 @@
 
 use rcc_config::device::kind_name;
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
-use rcc_core::message::{DEVICES_MAX, DeviceEntry, DeviceState, MAGIC};
+use rcc_core::message::{ClockState, ClockStatus, DEVICES_MAX, DeviceEntry, DeviceState, MAGIC};
 use rcc_ipc::{Announcement, Role};
 
-use super::api::{ChannelView, DeviceView, ExecutorView, ProcessView, StatusView};
+use super::api::{ChannelView, ClockView, DeviceView, ExecutorView, ProcessView, StatusView};
 use super::error::ApiError;
 use super::executor::Attached;
 use super::service::Service;
@@ -83,6 +83,7 @@ impl Service {
             incarnation: format!("{:016x}", announcement.incarnation),
             cycle: status.cycle,
             period_ns: status.period_ns,
+            clock: self.clock(&status.clock),
             late: status.late,
             late_acknowledged: status.late_acknowledged,
             first_late: self.late(store, &status.first_late),
@@ -103,6 +104,19 @@ impl Service {
             } else {
                 "RT: not yet running".to_owned()
             },
+        }
+    }
+
+    fn clock(&self, status: &ClockStatus) -> ClockView {
+        let device = self.config.devices.get(status.device as usize);
+        ClockView {
+            state: ClockState::from_number(status.state).name().to_owned(),
+            device: device.map(|device| device.name.clone()),
+            error_ns: status.error_ns,
+            jitter_ns: status.jitter_ns,
+            device_period_ns: status.device_period_ns,
+            rate_ppm: status.rate_ppm,
+            losses: status.losses,
         }
     }
 

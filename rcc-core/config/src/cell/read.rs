@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use rcc_core::message::{DEVICES_MAX, SET_POINTS};
 use rcc_core::unit::Unit;
 
+use super::clock;
 use super::{CellConfig, ExecutorConfig, RealTime, SimulatorConfig, SupervisionConfig};
 use crate::access;
 use crate::codes;
@@ -19,10 +20,11 @@ use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
 use crate::robot::{self, RobotConfig};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 9] = [
+const KEYS: [&str; 10] = [
     "cell",
     "period",
     "stale_after",
+    "clock",
     "executor",
     "supervision",
     "access",
@@ -132,11 +134,13 @@ impl Reading<'_> {
         let access = access::read(&mut self.reader, &fields, self.base, &self.ports);
         let simulators = self.simulators(&fields);
         let devices = self.devices(&fields);
+        let clock = clock::read(&mut self.reader, &fields, self.period_ns);
         self.check_simulators(&fields);
         Some(CellConfig {
             name: name?,
             period_ns: period_ns?,
             stale_after_ns: stale_after_ns?,
+            clock: clock?,
             executor: executor?,
             supervision: supervision?,
             access: access?,

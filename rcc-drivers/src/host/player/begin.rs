@@ -2,6 +2,7 @@
 //! Pure; run by the host's thread after each exchange.
 
 use super::super::blend::Blend;
+use super::super::detour::Detour;
 use super::super::pace::Pace;
 use super::super::reason;
 use super::super::track::TRACK_LENGTH;
@@ -62,10 +63,27 @@ impl Player {
         self.blend = Blend::new(&hold, &entry.position, &self.settings.limits);
         self.pace = Pace::EVEN;
         self.dwelling = false;
+        self.direct = self.is_direct();
+        self.detour = Detour::NONE;
+        self.bridged = 0;
         (self.entry, self.fraction) = (first, 0.0);
         self.outputs = entry;
+        if self.direct {
+            self.go_to_the_newest();
+        }
         self.reason = 0;
         self.violation = None;
         self.phase = Phase::Following;
+    }
+
+    /// A faster executor has written more than one set-point by now: the newest one of this net is that of this exchange.
+    fn go_to_the_newest(&mut self) {
+        for _ in 0..TRACK_LENGTH {
+            let Some(entry) = self.track.commanded(self.entry + 1) else {
+                return;
+            };
+            self.outputs = *entry;
+            self.entry += 1;
+        }
     }
 }

@@ -25,7 +25,12 @@ pub(super) enum End {
 impl Player {
     /// Moves on by one exchange.
     pub(super) fn follow(&mut self, tick: &Tick) {
-        match self.step(tick) {
+        let step = if self.direct {
+            self.step_directly(tick)
+        } else {
+            self.step(tick)
+        };
+        match step {
             Ok(position) => self.sent = self.sent.then(position, tick.dt_s()),
             Err(end) => self.finish(end, tick),
         }
@@ -101,14 +106,19 @@ impl Player {
         let delay = self.delay();
         let newest = self.track.newest();
         if self.rests() && self.same(self.entry, self.entry + 1) {
-            // At rest the pointer may also step onto a whole set-point, or over equal ones.
+            // At rest the pointer may also step onto a whole set-point, or over equal ones: what has piled up is left out.
             if self.fraction > 0.0 {
                 (self.entry, self.fraction) = (self.entry + 1, 0.0);
                 return;
             }
-            let many = newest.saturating_sub(self.entry) > delay + 2;
-            if many && self.same(self.entry + 1, self.entry + 2) {
-                self.entry += 1;
+            if newest.saturating_sub(self.entry) > delay + 2 {
+                for _ in 0..TRACK_LENGTH {
+                    let many = newest.saturating_sub(self.entry) > delay + 1;
+                    if !many || !self.same(self.entry + 1, self.entry + 2) {
+                        break;
+                    }
+                    self.entry += 1;
+                }
             }
         }
         let ratio = tick.period_ns as f64 / self.track.period_ns() as f64;
@@ -134,7 +144,7 @@ impl Player {
     }
 
     /// The last two positions sent were the same.
-    fn rests(&self) -> bool {
+    pub(super) fn rests(&self) -> bool {
         self.sent.motion.velocity.iter().all(|v| *v == 0.0)
     }
 

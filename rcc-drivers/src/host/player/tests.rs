@@ -4,6 +4,7 @@
 use super::*;
 
 mod bench;
+mod direct;
 
 use bench::{Bench, DELAY, MS, at, motion, usual};
 
@@ -396,6 +397,50 @@ fn at_rest_the_delay_is_won_back_without_slowing_anything() {
     (0..20).for_each(|_| bench.both(at(1, 0.0)));
     assert_eq!(bench.player.margin(), DELAY);
     bench.sent.clear();
+    bench.run(1, &points);
+    assert_eq!(
+        bench.positions()[DELAY as usize..],
+        points[..points.len() - DELAY as usize]
+    );
+}
+
+#[test]
+fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
+    let mut bench = Bench::new();
+    let points = motion(0.0, 1.0, 2000);
+    bench.run(1, &points[..700]);
+    for q in &points[700..704] {
+        // The device stands still for 4 ms; the executor does not.
+        bench.now_ns += MS;
+        bench.write(at(1, *q));
+    }
+    bench.run(1, &points[704..720]);
+    assert_eq!(bench.player.margin(), DELAY + 4);
+    bench.run(1, &points[720..1200]);
+    assert!(
+        bench.player.margin() <= DELAY + 1,
+        "{}",
+        bench.player.margin()
+    );
+    assert_eq!(bench.player.counts(), PlayerCounts::default());
+    bench.check_peaks();
+    for (_, q) in &bench.sent {
+        assert!((q[1] - 0.5 * q[0]).abs() < 1e-15, "off the path");
+    }
+}
+
+#[test]
+fn equal_set_points_that_piled_up_at_rest_are_left_out_at_once() {
+    let mut bench = Bench::new();
+    (0..50).for_each(|_| bench.both(at(1, 0.0)));
+    for _ in 0..5 {
+        bench.now_ns += MS;
+        bench.write(at(1, 0.0));
+    }
+    bench.both(at(1, 0.0));
+    assert_eq!(bench.player.margin(), DELAY);
+    bench.sent.clear();
+    let points = usual();
     bench.run(1, &points);
     assert_eq!(
         bench.positions()[DELAY as usize..],

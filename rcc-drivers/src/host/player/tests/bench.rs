@@ -39,6 +39,15 @@ pub(super) struct Bench {
 impl Bench {
     /// An arm at 0 that is commandable, and an executor that runs without nets.
     pub(super) fn new() -> Self {
+        Self::with(|player| player)
+    }
+
+    /// As `new`, where the executor's clock follows the device.
+    pub(super) fn leading() -> Self {
+        Self::with(Player::leading)
+    }
+
+    fn with(change: impl Fn(Player) -> Player) -> Self {
         let settings = PlayerSettings {
             limits: limits(),
             first_tolerance_rad: 2e-3,
@@ -46,13 +55,14 @@ impl Bench {
             command_timeout_ns: 50 * MS,
         };
         let mut bench = Self {
-            player: Player::new(settings),
+            player: change(Player::new(settings)),
             image: CommandImage {
                 magic: MAGIC,
                 executor: 7,
                 sequence: 0,
                 stamp_ns: 0,
                 period_ns: MS,
+                seen: 0,
                 set_points: [SetPoint::NONE; SET_POINTS],
             },
             connected: true,
@@ -78,7 +88,7 @@ impl Bench {
     /// The executor evaluates a cycle.
     pub(super) fn write(&mut self, mut entry: SetPoint) {
         self.image.sequence += 1;
-        entry.logical_ns = self.image.sequence * MS;
+        entry.logical_ns = self.image.sequence * self.image.period_ns;
         self.image.stamp_ns = self.now_ns;
         self.image.set_points[(self.image.sequence % SET_POINTS as u64) as usize] = entry;
     }
@@ -98,6 +108,12 @@ impl Bench {
     /// One millisecond in which both run.
     pub(super) fn both(&mut self, entry: SetPoint) {
         self.now_ns += MS;
+        self.write(entry);
+        self.exchange();
+    }
+
+    /// The executor's cycle and the device's, without time in between.
+    pub(super) fn both_now(&mut self, entry: SetPoint) {
         self.write(entry);
         self.exchange();
     }

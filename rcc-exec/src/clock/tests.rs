@@ -1,0 +1,341 @@
+//! The clock against devices with drift, jitter, losses and stalls, in virtual time.
+//! Test code only.
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+const OFFSET_NS: u64 = 200_000;
+
+/// A device with its driver, and an executor that wakes on time.
+struct Bench {
+    clock: Clock,
+    period_ns: u64,
+    /// Nominal; the real one is `drift_ppm` longer.
+    device_ns: u64,
+    drift_ppm: f64,
+    jitter_ns: f64,
+    /// When the first packet came.
+    phase_ns: f64,
+    /// Packets of the device so far.
+    periods: u64,
+    newest: Option<Packet>,
+    /// Of each packet, whether it reaches the driver.
+    arrives: fn(u64) -> bool,
+    chance: u64,
+    /// Begin of each cycle.
+    begins_ns: Vec<u64>,
+    /// Age of the newest packet in each cycle.
+    ages_ns: Vec<u64>,
+}
+
+impl Bench {
+    fn new(period_ns: u64, device_ns: u64, phase_ns: u64) -> Bench {
+        let follow = Follow {
+            device: 0,
+            offset_ns: OFFSET_NS,
+        };
+        let now_ns = 5_000 * MS;
+        Bench {
+            clock: Clock::new(period_ns, Some(follow), now_ns),
+            period_ns,
+            device_ns,
+            drift_ppm: 0.0,
+            jitter_ns: 0.0,
+            phase_ns: (now_ns + phase_ns) as f64,
+            periods: 0,
+            newest: None,
+            arrives: |_| true,
+            chance: 1,
+            begins_ns: Vec::new(),
+            ages_ns: Vec::new(),
+        }
+    }
+
+    /// Evenly in -1..1 (Knuth's MMIX generator).
+    fn chance(&mut self) -> f64 {
+        self.chance = self
+            .chance
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.chance >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    fn next_packet_ns(&self) -> f64 {
+        self.phase_ns + self.periods as f64 * self.device_ns as f64 * (1.0 + self.drift_ppm * 1e-6)
+    }
+
+    /// One cycle, which ends at once.
+    fn step(&mut self) -> u64 {
+        let now_ns = self.clock.deadline_ns();
+        while self.next_packet_ns() + self.jitter_ns <= now_ns as f64 {
+            let late_ns = self.jitter_ns * self.chance();
+            let stamp_ns = (self.next_packet_ns() + late_ns) as u64;
+            self.periods += 1;
+            if (self.arrives)(self.periods) {
+                self.newest = Some(Packet {
+                    periods: self.periods,
+                    stamp_ns,
+                    period_ns: self.device_ns,
+                });
+            }
+        }
+        // As the executor: a board that is 50 ms old is of nobody.
+        let newest = self
+            .newest
+            .filter(|packet| now_ns - packet.stamp_ns < 50 * MS);
+        self.clock.observe(now_ns, newest);
+        let skipped = self.clock.advance(now_ns + 10_000);
+        self.begins_ns.push(now_ns);
+        self.ages_ns.push(
+            self.newest
+                .map_or(u64::MAX, |packet| now_ns - packet.stamp_ns),
+        );
+        skipped
+    }
+
+    fn steps(&mut self, count: usize) {
+        (0..count).for_each(|_| assert_eq!(self.step(), 0));
+        let period = self.period_ns as f64;
+        for pair in self.begins_ns.windows(2) {
+            let length = (pair[1] - pair[0]) as f64;
+            assert!(
+                (length - period).abs() <= SLEW_MAX * period + 1.0,
+                "a cycle of {length} ns"
+            );
+        }
+    }
+
+    fn state(&self) -> ClockState {
+        self.clock.state
+    }
+
+    /// Largest distance of a cycle from a packet and the offset, in the last `cycles`, ns; packets have no jitter.
+    fn worst_ns(&self, cycles: usize) -> f64 {
+        let real_ns = self.device_ns as f64 * (1.0 + self.drift_ppm * 1e-6);
+        let step_ns = real_ns / (self.device_ns as f64 / self.period_ns as f64).round();
+        let last = self.begins_ns.iter().rev().take(cycles);
+        let away = last.map(|begin| {
+            let away = *begin as f64 - self.phase_ns - OFFSET_NS as f64;
+            (away - step_ns * (away / step_ns).round()).abs()
+        });
+        away.fold(0.0, f64::max)
+    }
+}
+
+#[test]
+fn without_a_device_every_period_is_the_configured_one() {
+    let mut clock = Clock::new(MS, None, 7);
+    for cycle in 1..1000 {
+        assert_eq!(clock.deadline_ns(), 7 + cycle * MS);
+        clock.observe(clock.deadline_ns(), None);
+        assert_eq!(clock.advance(clock.deadline_ns() + 5), 0);
+    }
+    assert_eq!(clock.status().state, ClockState::Own as u32);
+}
+
+#[test]
+fn missed_periods_are_skipped_and_counted() {
+    for (ended_ns, skipped, next_ns) in [
+        (1_500, 0, 2_000),
+        (1_999, 0, 2_000),
+        (2_000, 1, 3_000),
+        (5_200, 4, 6_000),
+    ] {
+        let mut clock = Clock::new(1_000, None, 0);
+        assert_eq!(clock.advance(ended_ns), skipped, "{ended_ns}");
+        assert_eq!(clock.deadline_ns(), next_ns);
+    }
+}
+
+#[test]
+fn locks_from_any_phase() {
+    for phase in 0..20 {
+        let mut bench = Bench::new(MS, MS, phase * MS / 20);
+        bench.steps(300);
+        assert_eq!(bench.state(), ClockState::Locked, "phase {phase}");
+        assert!(
+            bench.worst_ns(100) < 2_000.0,
+            "phase {phase}: {}",
+            bench.worst_ns(100)
+        );
+        for age in &bench.ages_ns[200..] {
+            assert!(
+                age.abs_diff(OFFSET_NS) < 2_000,
+                "phase {phase}: used after {age} ns"
+            );
+        }
+    }
+}
+
+#[test]
+fn follows_a_clock_that_is_100_ppm_off_either_way() {
+    for drift_ppm in [-100.0, 100.0] {
+        let mut bench = Bench::new(MS, MS, 300_000);
+        bench.drift_ppm = drift_ppm;
+        bench.steps(3_000);
+        assert_eq!(bench.state(), ClockState::Locked);
+        assert!(bench.worst_ns(1000) < 1_000.0, "{}", bench.worst_ns(1000));
+        let status = bench.clock.status();
+        assert!(
+            (status.rate_ppm - drift_ppm).abs() < 2.0,
+            "{}",
+            status.rate_ppm
+        );
+        assert!((status.device_period_ns - 1e6 * (1.0 + drift_ppm * 1e-6)).abs() < 2.0);
+    }
+}
+
+#[test]
+fn jitter_of_200_us_does_not_reach_the_cycle() {
+    let mut bench = Bench::new(MS, MS, 700_000);
+    (bench.jitter_ns, bench.drift_ppm) = (200_000.0, 50.0);
+    bench.steps(2_000);
+    bench.steps(20_000);
+    assert_eq!(
+        (bench.state(), bench.clock.status().losses),
+        (ClockState::Locked, 0)
+    );
+    assert!(
+        bench.worst_ns(20_000) < 60_000.0,
+        "{}",
+        bench.worst_ns(20_000)
+    );
+    let jitter_ns = bench.clock.status().jitter_ns;
+    assert!((60_000.0..140_000.0).contains(&jitter_ns), "{jitter_ns}");
+}
+
+#[test]
+fn lost_packets_are_no_error() {
+    let mut bench = Bench::new(MS, MS, 400_000);
+    bench.drift_ppm = 80.0;
+    bench.arrives = |packet| packet % 3 != 0 && packet % 7 > 2;
+    bench.steps(3_000);
+    assert_eq!(bench.state(), ClockState::Locked);
+    assert!(bench.worst_ns(1000) < 2_000.0, "{}", bench.worst_ns(1000));
+}
+
+#[test]
+fn a_device_that_stood_still_and_did_not_count_it_is_not_lost() {
+    let mut bench = Bench::new(MS, MS, 500_000);
+    bench.steps(1_000);
+    bench.phase_ns += 17e6;
+    bench.steps(1_000);
+    assert_eq!(
+        (bench.state(), bench.clock.status().losses),
+        (ClockState::Locked, 0)
+    );
+    assert!(bench.worst_ns(1_000) < 1_000.0, "{}", bench.worst_ns(1_000));
+}
+
+#[test]
+fn a_stall_of_50_ms_is_bridged() {
+    let mut bench = Bench::new(MS, MS, 100_000);
+    bench.drift_ppm = -60.0;
+    bench.arrives = |packet| !(5_000..5_050).contains(&packet);
+    bench.steps(6_000);
+    assert_eq!(
+        (bench.state(), bench.clock.status().losses),
+        (ClockState::Locked, 0)
+    );
+    assert!(bench.worst_ns(2_000) < 2_000.0, "{}", bench.worst_ns(2_000));
+}
+
+#[test]
+fn a_device_of_a_multiple_of_the_period_is_followed_cycle_by_cycle() {
+    for (period_ns, device_ns) in [
+        (MS, 4 * MS),
+        (MS / 8, MS),
+        (20 * MS, 20 * MS),
+        (MS, 20 * MS),
+    ] {
+        let mut bench = Bench::new(period_ns, device_ns, 350_000);
+        (bench.drift_ppm, bench.jitter_ns) = (70.0, 20_000.0);
+        bench.steps(600 * (device_ns / period_ns) as usize + 2_000);
+        assert_eq!(bench.state(), ClockState::Locked, "{period_ns} {device_ns}");
+        assert!(
+            bench.worst_ns(100) < 10_000.0,
+            "{period_ns}: {}",
+            bench.worst_ns(100)
+        );
+    }
+}
+
+#[test]
+fn jitter_beyond_the_period_does_not_confuse_a_slow_device() {
+    let mut bench = Bench::new(MS / 8, MS, 10_000);
+    bench.jitter_ns = 150_000.0;
+    bench.steps(40_000);
+    assert_eq!(
+        (bench.state(), bench.clock.status().losses),
+        (ClockState::Locked, 0)
+    );
+    assert!(
+        bench.worst_ns(10_000) < 40_000.0,
+        "{}",
+        bench.worst_ns(10_000)
+    );
+}
+
+#[test]
+fn without_its_device_it_goes_on_with_its_own_period_and_finds_it_again() {
+    let mut bench = Bench::new(MS, MS, 100_000);
+    bench.drift_ppm = 90.0;
+    bench.arrives = |packet| !(2_000..4_000).contains(&packet);
+    bench.steps(3_000);
+    assert_eq!(
+        (bench.state(), bench.clock.status().losses),
+        (ClockState::Searching, 1)
+    );
+    let lengths = bench.begins_ns[2_500..]
+        .windows(2)
+        .map(|pair| pair[1] - pair[0]);
+    assert!(
+        lengths.into_iter().all(|length| length == MS),
+        "its own period, exactly"
+    );
+    bench.steps(3_000);
+    assert_eq!(bench.state(), ClockState::Locked);
+    assert!(bench.worst_ns(500) < 2_000.0, "{}", bench.worst_ns(500));
+}
+
+#[test]
+fn a_device_that_begins_anew_elsewhere_is_found_again() {
+    let mut bench = Bench::new(MS, MS, 0);
+    bench.steps(1_000);
+    bench.phase_ns += 400_000.0;
+    bench.steps(40);
+    bench.periods = 0;
+    bench.phase_ns = *bench.begins_ns.last().unwrap() as f64 + 130_000.0;
+    bench.steps(400);
+    assert_eq!(bench.state(), ClockState::Locked);
+    assert!(bench.worst_ns(100) < 2_000.0, "{}", bench.worst_ns(100));
+}
+
+#[test]
+fn a_device_whose_period_is_no_multiple_is_not_followed() {
+    for device_ns in [1_500_000, 500_000, 1_100_000] {
+        let mut bench = Bench::new(MS, device_ns, 0);
+        bench.steps(500);
+        assert_eq!(bench.state(), ClockState::Unfit, "{device_ns}");
+        assert!(
+            bench
+                .begins_ns
+                .windows(2)
+                .all(|pair| pair[1] - pair[0] == MS)
+        );
+    }
+}
+
+#[test]
+fn a_late_cycle_keeps_the_phase() {
+    let mut bench = Bench::new(MS, MS, 620_000);
+    bench.steps(500);
+    let before_ns = bench.clock.deadline_ns();
+    assert_eq!(bench.clock.advance(before_ns + 3 * MS + 5_000), 3);
+    let away = bench.clock.deadline_ns() as f64 - before_ns as f64 - 4e6;
+    assert!(away.abs() < 100.0, "{away}");
+    bench.begins_ns.clear();
+    bench.steps(100);
+    assert_eq!(bench.state(), ClockState::Locked);
+    assert!(bench.worst_ns(100) < 2_000.0, "{}", bench.worst_ns(100));
+}
