@@ -4,7 +4,8 @@
 //! `cargo bench -p rcc-bench --features straight-line` measures against straight-line code in the same run;
 //! `bench/hal` and `bench/wakeup` measure against LinuxCNC HAL and cyclictest.
 
-pub mod catalogue;
+pub use rcc_engine::catalogue;
+
 pub mod executor;
 pub mod graph;
 pub mod instance;

@@ -37,6 +37,10 @@ verbs! {
     Up = up;
     /// Check nets without loading them anywhere.
     Check = check;
+    /// What a net is expected to need of a cycle, by type of primitive.
+    Explain = explain;
+    /// What primitives cost on this machine.
+    Costs = costs;
     /// LOAD: give a net to the core.
     Load = load;
     /// START: evaluate a loaded net from the next cycle on.
@@ -61,6 +65,8 @@ verbs! {
     Primitives = primitives;
     /// The executor's health and the processes of the cell.
     Status = status;
+    /// Where the time of the cycles goes, live: nets, histograms, primitives, late cycles.
+    Top = top;
     /// What happened: who died, what was lost, what ended and why.
     Events = events;
     /// Break something on purpose, in a simulated cell only.

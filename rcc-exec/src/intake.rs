@@ -14,6 +14,7 @@ use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
+use rcc_engine::costs::Costs;
 use rcc_engine::net::Net;
 use rcc_engine::queue::{Order, Outcome};
 
@@ -39,6 +40,7 @@ pub struct Intake {
     configuration: u64,
     period_ns: u64,
     stale_after_ns: u64,
+    costs: Costs,
     devices: Vec<Watched>,
     waiting: HashMap<u64, Request>,
     next_ticket: u64,
@@ -59,6 +61,8 @@ pub struct IntakeConfig {
     pub period_ns: u64,
     /// A board older than this says nothing about where a device is.
     pub stale_after_ns: u64,
+    /// What primitives cost on this machine.
+    pub costs: Costs,
 }
 
 impl Intake {
@@ -87,6 +91,7 @@ impl Intake {
             configuration: config.configuration,
             period_ns: config.period_ns,
             stale_after_ns: config.stale_after_ns,
+            costs: config.costs,
             devices,
             waiting: HashMap::new(),
             next_ticket: 1,
@@ -197,7 +202,10 @@ impl Intake {
                     &holds,
                     self.period_ns as f64 / 1e9,
                 ) {
-                    Ok(net) => Order::Install { ticket, id, net },
+                    Ok(mut net) => {
+                        net.expected_ns = self.costs.expected_ns(&net.plan());
+                        Order::Install { ticket, id, net }
+                    }
                     Err(refusal) => {
                         reply(request, &Answer::Refused(refusal));
                         // Nobody waits for this answer: the caller already has the reason.

@@ -7,10 +7,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread;
+use std::time::Instant;
 
 use clap::Parser;
 use rcc_config::cell::{CellConfig, RealTime};
 use rcc_core::message::CycleStatus;
+use rcc_engine::costs::Costs;
+use rcc_engine::costs::cache::{self, Origin};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::queue::{HelperEnds, RtEnds, rings};
 use rcc_exec::clock::{Clock, Follow};
@@ -42,6 +45,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     let signals = Stop::prepare(arguments.parent_death)?;
     let config = &arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
+    let costs = costs();
     let session = Session::join(&cell, Role::Executor, "exec")?;
     let mut grants = Grants::default();
     let recorder = Recorder::start(&cell, Role::Executor, session.label())?;
@@ -82,6 +86,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         configuration: config.fingerprint(),
         period_ns: config.period_ns,
         stale_after_ns: config.stale_after_ns,
+        costs,
     };
     let HelperEnds {
         orders,
@@ -112,6 +117,26 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     run_helpers(intake, pump, rt, &stop, &signals, &supervisor, &recorder);
     drop(announced);
     Ok(())
+}
+
+/// What primitives cost on this machine: what nets are admitted by.
+fn costs() -> Costs {
+    let begun = Instant::now();
+    let (costs, origin) = cache::costs(false);
+    let took = begun.elapsed();
+    match origin {
+        Origin::Read(path) => info!("costs of primitives are those of {}", path.display()),
+        Origin::Measured(path) => {
+            info!(
+                "costs of primitives measured in {took:.1?}, kept in {}",
+                path.display()
+            );
+        }
+        Origin::NotKept(why) => {
+            warn!("costs of primitives measured in {took:.1?}, and at each start again: {why}");
+        }
+    }
+    costs
 }
 
 /// What becomes of a cell that must be real-time on a system that does not let it.
@@ -173,6 +198,7 @@ fn start_rt(
         device: clock.device as u32,
         offset_ns: clock.offset_ns,
     });
+    let budget_ns = config.budget_ns();
     let (told, tell) = mpsc::channel();
     let stop = Arc::clone(stop);
     let rt = thread::Builder::new()
@@ -180,7 +206,7 @@ fn start_rt(
         .spawn(move || {
             promote_thread(executor.priority, executor.core, &mut grants);
             prefault_stack();
-            let engine = Engine::new(engine_config, ends, grants.bits);
+            let engine = Engine::new(engine_config, ends, grants.bits).with_budget(budget_ns);
             // The receiver waits for it; if it is gone the process is ending.
             let _ = told.send(grants);
             drop(told);

@@ -5,6 +5,7 @@ use rcc_loader::server::api::CommandView;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::{self, Rejected};
+use crate::table::time;
 
 /// What to load.
 #[derive(clap::Args, Debug)]
@@ -37,9 +38,13 @@ pub(super) fn line(command: &CommandView) -> String {
         command.uses.join(", ")
     };
     format!(
-        "{}  {}  {} primitives  uses: {uses}",
+        "{}  {}  {} primitives  uses: {uses}{}",
         follow::title(command),
         command.state,
-        command.primitives
+        command.primitives,
+        match command.expected_ns {
+            0 => String::new(),
+            ns => format!("  expected: {} a cycle", time(ns)),
+        }
     )
 }

@@ -26,7 +26,7 @@ pub(super) fn list(commands: &[CommandView]) -> String {
     if commands.is_empty() {
         return "no nets are loaded".to_owned();
     }
-    let mut rows = table::table(&["NET", "STATE", "CYCLES", "EXEC last/max", "USES"]);
+    let mut rows = table::table(&["NET", "STATE", "CYCLES", "EXEC last/max", "EXPECTED", "USES"]);
     for command in commands {
         rows.add_row([
             follow::title(command),
@@ -37,6 +37,7 @@ pub(super) fn list(commands: &[CommandView]) -> String {
                 table::time(command.exec_last_ns),
                 table::time(command.exec_max_ns)
             ),
+            table::time(command.expected_ns),
             command.uses.join(", "),
         ]);
     }

@@ -62,6 +62,8 @@ pub struct ExecutorConfig {
     pub core: Option<usize>,
     /// After this many late cycles in a row the most expensive net ends; 0 = never.
     pub late_in_a_row_max: u32,
+    /// What nets may need of a cycle together, in thousandths of the period.
+    pub budget_permille: u32,
     /// What becomes of an executor that is not real-time.
     pub rt: RealTime,
 }
@@ -121,6 +123,7 @@ impl Default for ExecutorConfig {
             priority: 80,
             core: None,
             late_in_a_row_max: 100,
+            budget_permille: 500,
             rt: RealTime::BestEffort,
         }
     }
@@ -162,6 +165,13 @@ impl CellConfig {
         let file = file::read(path)?;
         let base = path.parent().unwrap_or(Path::new(""));
         read::cell(&file, base, numbers)
+    }
+
+    /// What nets may need together in one cycle, ns.
+    #[must_use]
+    pub fn budget_ns(&self) -> u64 {
+        // No overflow: a period is at most a second, the share at most 1000.
+        self.period_ns * u64::from(self.executor.budget_permille) / 1000
     }
 
     /// The devices as the core knows them, in order of their index.

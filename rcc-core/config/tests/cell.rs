@@ -48,6 +48,7 @@ fn what_is_left_out_has_its_documented_value() {
     assert_eq!(cell.stale_after_ns, 50_000_000);
     assert_eq!((cell.executor.priority, cell.executor.core), (80, None));
     assert_eq!(cell.executor.late_in_a_row_max, 100);
+    assert_eq!(cell.budget_ns(), 500_000);
     assert!(cell.simulators.is_empty() && cell.ports.is_empty());
     let device = &cell.devices[0];
     assert_eq!(device.delay_ns, 10_000_000);

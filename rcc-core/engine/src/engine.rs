@@ -4,6 +4,7 @@
 //! Order within a cycle: latch (done by the caller into [`Engine::latch`]) → orders → nets → guard →
 //! images and tables → records. Nothing here allocates, locks, formats or calls the system.
 
+mod admission;
 mod devices;
 mod life;
 mod rates;

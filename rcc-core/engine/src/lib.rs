@@ -4,6 +4,8 @@
 //! a cycle is a step.
 #![forbid(unsafe_code)]
 
+pub mod catalogue;
+pub mod costs;
 pub mod engine;
 pub mod net;
 pub mod queue;

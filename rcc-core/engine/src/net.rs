@@ -244,6 +244,11 @@ impl Net {
         (evaluation, time)
     }
 
+    /// The plan that it evaluates.
+    pub fn plan(&self) -> Plan<'_> {
+        self.data.plan()
+    }
+
     /// Number of runs of equal primitives.
     pub fn runs(&self) -> usize {
         self.data.runs.len()
@@ -405,9 +410,8 @@ fn prepare(
 
 /// Number of primitives in a run.
 fn primitives_in(run: &Run) -> u32 {
-    let group = primitives::kernel(run.kernel).map_or(1, |(entry, kernel)| {
-        entry.spec.operands(kernel).count()
-    });
+    let group = primitives::kernel(run.kernel)
+        .map_or(1, |(entry, kernel)| entry.spec.operands(kernel).count());
     run.operands / (group.max(1) as u32)
 }
 

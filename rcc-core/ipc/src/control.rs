@@ -232,6 +232,15 @@ pub enum Refusal {
     Plan(PlanError),
     /// The start values could not be computed.
     Prepare(PrepareFault),
+    /// The nets would need more of a cycle than the cell's budget.
+    Budget {
+        /// What the net is expected to need, ns.
+        needed_ns: u64,
+        /// What those need that run in the same cycles, ns.
+        in_use_ns: u64,
+        /// What nets may need together, ns.
+        budget_ns: u64,
+    },
     /// The executor has no room for it now; try again.
     Overloaded,
     /// The executor is stopping.

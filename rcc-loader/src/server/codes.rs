@@ -62,6 +62,7 @@ codes! {
     LETS_GO = "RCC3019", 409, CONFLICT, "A hand-over would let go of an arm.";
     NAMED_TWICE = "RCC3020", 400, USAGE, "A hand-over names a command twice, or too many.";
     NOT_TOGETHER = "RCC3021", 409, CONFLICT, "Nets of a hand-over are never evaluated in a common cycle.";
+    OVER_BUDGET = "RCC3022", 409, CONFLICT, "The nets would need more of a cycle than the cell's budget.";
     NO_RECORDER = "RCC3030", 409, CONFLICT, "The flight recorder is switched off.";
     NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
     EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";

@@ -151,6 +151,11 @@ impl Namer<'_> {
             ),
             Refusal::Plan(error) => self.plan(&net, error),
             Refusal::Prepare(fault) => self.prepare(&net, fault),
+            Refusal::Budget {
+                needed_ns,
+                in_use_ns,
+                budget_ns,
+            } => over_budget(&net, [needed_ns, in_use_ns, budget_ns]),
             Refusal::Overloaded => (
                 codes::OVERLOADED,
                 format!("the executor has no room for {net} now"),
@@ -398,6 +403,29 @@ fn first_set_point(net: &str, violation: &str) -> (Code, String, String) {
         codes::FIRST_SET_POINT,
         format!("{net} cannot start: {violation}"),
         help.to_owned(),
+    )
+}
+
+fn over_budget(net: &str, times_ns: [u64; 3]) -> (Code, String, String) {
+    let [needed, in_use, budget] = times_ns.map(|ns| format!("{:.1} µs", ns as f64 * 1e-3));
+    let help = if times_ns[1] == 0 {
+        format!(
+            "`rcc-cli explain {net}` shows what is dear: make the net smaller, or give it `every: 2` or more; or raise \
+             `executor: {{budget: …}}`"
+        )
+    } else {
+        format!(
+            "end another net first (`rcc-cli ls` shows what each needs), or make this one smaller (`rcc-cli explain \
+             {net}`); or raise `executor: {{budget: …}}`"
+        )
+    };
+    (
+        codes::OVER_BUDGET,
+        format!(
+            "{net} cannot start: it is expected to need {needed} of a cycle; {in_use} are in use, and nets may need \
+             {budget} together"
+        ),
+        help,
     )
 }
 

@@ -32,7 +32,7 @@ const KEYS: [&str; 10] = [
     "simulators",
     "devices",
 ];
-const EXECUTOR_KEYS: [&str; 4] = ["priority", "core", "late_in_a_row_max", "rt"];
+const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
 const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
 const SIMULATOR_KEYS: [&str; 4] = ["program", "arguments", "device", "control"];
 const DEVICE_KEYS: [&str; 7] = [
@@ -194,6 +194,15 @@ impl Reading<'_> {
         }
         if let Some(late) = whole("late_in_a_row_max", 0, i64::from(u32::MAX)) {
             executor.late_in_a_row_max = u32::try_from(late).ok()?;
+        }
+        if let Some(node) = fields.get("budget") {
+            let wanted = Wanted {
+                unit: Unit::ONE,
+                least: 0.01,
+                most: 1.0,
+            };
+            let share = self.reader.quantity(node, "budget", wanted)?;
+            executor.budget_permille = (share * 1e3).round() as u32;
         }
         if let Some(node) = fields.get("rt") {
             let words = [

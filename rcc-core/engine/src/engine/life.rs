@@ -91,10 +91,11 @@ impl Engine {
             row.and_then(|row| Ok((row, self.nets.get_mut(row).ok_or(Refusal::UnknownCommand)?)));
         match place {
             Ok((row, place)) => {
-                let can_cancel = net.can_cancel();
+                let (can_cancel, expected_ns) = (net.can_cancel(), net.expected_ns);
                 *place = Some(net);
                 if let Some(entry) = self.tables.commands.get_mut(row) {
                     entry.can_cancel = u64::from(can_cancel);
+                    entry.expected_ns = expected_ns;
                 }
                 self.set_state(row, CommandState::Ready);
                 Ok(())
@@ -124,6 +125,7 @@ impl Engine {
         }
         self.check_free(row, 0, 0)?;
         self.check_devices(row, 0)?;
+        self.check_budget(row, 0, 0)?;
         self.pending[row] = Pending::Start { ticket };
         Ok(())
     }

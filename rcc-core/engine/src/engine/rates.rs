@@ -14,7 +14,7 @@ use super::{Engine, Pending};
 use crate::queue::Outcome;
 
 impl Engine {
-    fn rate(&self, row: usize) -> Rate {
+    pub(super) fn rate(&self, row: usize) -> Rate {
         let net = self.nets.get(row).and_then(Option::as_ref);
         net.map_or(Rate::EVERY_CYCLE, |net| net.rate())
     }

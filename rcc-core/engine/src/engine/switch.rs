@@ -78,6 +78,7 @@ impl Engine {
             }
             self.check_free(row, stop, start).map_err(about)?;
             self.check_devices(row, stop).map_err(about)?;
+            self.check_budget(row, start, stop).map_err(about)?;
         }
         Ok(Sets { stop, start })
     }

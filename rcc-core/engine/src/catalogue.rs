@@ -1,5 +1,5 @@
 //! A net of one kernel of the catalogue, many times over, made from the primitive's spec alone: what is added to the
-//! catalogue is measured without an edit here. Run by the benchmarks.
+//! catalogue is measured without an edit here. Run by the benchmarks, and by the executor before its first cycle.
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
@@ -10,8 +10,9 @@ use rcc_core::plan::{CLOCKS_MAX, Run};
 use rcc_core::primitive::{ChannelKind, Kernel, Literal, ParameterKind, PortType, Role, Spec};
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
-use rcc_engine::net::Net;
 use rcc_ipc::control::{PlanData, Refusal};
+
+use crate::net::Net;
 
 /// Primitives in one run; fewer where a resource is unique.
 pub const RUN: u32 = 256;
@@ -297,7 +298,7 @@ fn channels(kind: ChannelKind) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_engine::net::Evaluation;
+    use crate::net::Evaluation;
 
     #[test]
     fn every_kernel_of_the_catalogue_can_be_measured() {

@@ -1,0 +1,164 @@
+//! `top`: where the time of the cycles goes, live in a terminal or once as text: nets, histograms, primitives, late cycles.
+//! Reads what the loader tells and acknowledges on demand; never reaches the real-time thread otherwise.
+
+use std::io::{self, IsTerminal};
+use std::time::{Duration, Instant};
+
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
+use rcc_loader::server::api::{Acknowledged, CommandView, StatusView, TimingView};
+use rcc_loader::server::codes;
+use serde::Serialize;
+
+use super::duration;
+use crate::client::Client;
+use crate::context::{Context, Format};
+use crate::failure::Failure;
+use crate::interrupt::Interrupts;
+
+mod picture;
+mod words;
+
+/// Keys are looked at so often.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// How to show it.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Print once as text and end; so it is without a terminal and with --output json, too.
+    #[arg(long)]
+    once: bool,
+    /// How often it is read anew.
+    #[arg(long, value_name = "DURATION", default_value = "500ms")]
+    every: String,
+}
+
+/// Everything that is shown.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Shot {
+    status: StatusView,
+    nets: Vec<CommandView>,
+    timing: TimingView,
+}
+
+impl Shot {
+    fn take(client: &Client) -> Result<Shot, Failure> {
+        Ok(Shot {
+            status: client.get("/status")?,
+            nets: client.get("/commands")?,
+            timing: client.get("/timing")?,
+        })
+    }
+}
+
+/// Does it; q, Escape or Ctrl-C end the live one.
+///
+/// # Errors
+/// Not reachable at the start, or the terminal does not do it.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let every = duration(&arguments.every)
+        .map_err(|message| Failure::new(codes::BAD_REQUEST, message, ""))?;
+    let client = context.client()?;
+    let shot = Shot::take(&client)?;
+    let terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
+    if arguments.once || !terminal || context.format == Format::Json {
+        context.print(&shot, words::text);
+        return Ok(());
+    }
+    let interrupts = Interrupts::listen()?;
+    // It also restores the terminal when the program panics.
+    let terminal = ratatui::try_init();
+    let shown = terminal.and_then(|terminal| live(terminal, &client, shot, every, &interrupts));
+    // However it ended; a terminal that is gone needs nothing any more.
+    let _ = ratatui::try_restore();
+    shown.map_err(|error| {
+        let help = "rcc-cli top --once prints it as text";
+        Failure::new(codes::PROCESS_FAILED, format!("the terminal: {error}"), help)
+    })
+}
+
+/// Shows it until it is asked to end. A cell that does not answer for a while is told below the last picture.
+fn live(
+    mut terminal: DefaultTerminal,
+    client: &Client,
+    mut shot: Shot,
+    every: Duration,
+    interrupts: &Interrupts,
+) -> io::Result<()> {
+    let mut told = String::new();
+    let mut taken = Instant::now();
+    loop {
+        terminal.draw(|frame| picture::draw(frame, &shot, &told))?;
+        let mut changed = false;
+        while !changed {
+            if interrupts.asked() {
+                return Ok(());
+            }
+            if event::poll(LOOK_EVERY)? {
+                match wish(&event::read()?) {
+                    Wish::End => return Ok(()),
+                    Wish::Acknowledge => told = acknowledge(client),
+                    Wish::Draw => {}
+                    Wish::Nothing => continue,
+                }
+                changed = true;
+            }
+            if taken.elapsed() >= every {
+                taken = Instant::now();
+                match Shot::take(client) {
+                    Ok(new) => shot = new,
+                    Err(failure) => told = failure.human(false).replace('\n', " "),
+                }
+                changed = true;
+            }
+        }
+    }
+}
+
+fn acknowledge(client: &Client) -> String {
+    let done = client.post::<Acknowledged>("/status/acknowledge", String::new());
+    match done {
+        Ok(done) => format!("{} late cycles acknowledged at cycle {}", done.late, done.cycle),
+        Err(failure) => failure.human(false).replace('\n', " "),
+    }
+}
+
+/// What a key or a change of the terminal asks for.
+#[derive(Debug, PartialEq, Eq)]
+enum Wish {
+    End,
+    Acknowledge,
+    Draw,
+    Nothing,
+}
+
+fn wish(event: &Event) -> Wish {
+    match event {
+        Event::Resize(..) => Wish::Draw,
+        Event::Key(KeyEvent {
+            code, modifiers, ..
+        }) => match code {
+            KeyCode::Char('c') if modifiers.contains(KeyModifiers::CONTROL) => Wish::End,
+            KeyCode::Char('q') | KeyCode::Esc => Wish::End,
+            KeyCode::Char('a') => Wish::Acknowledge,
+            _ => Wish::Nothing,
+        },
+        _ => Wish::Nothing,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn q_escape_and_control_c_end_it() {
+        let key = |code, modifiers| wish(&Event::Key(KeyEvent::new(code, modifiers)));
+        assert_eq!(key(KeyCode::Char('q'), KeyModifiers::NONE), Wish::End);
+        assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), Wish::End);
+        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Wish::End);
+        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), Wish::Nothing);
+        assert_eq!(key(KeyCode::Char('a'), KeyModifiers::NONE), Wish::Acknowledge);
+        assert_eq!(wish(&Event::Resize(80, 25)), Wish::Draw);
+    }
+}

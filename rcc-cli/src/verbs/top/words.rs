@@ -1,0 +1,127 @@
+//! The parts of `top` as rows of words: for the picture and for the text.
+//! Pure.
+
+use rcc_loader::server::api::{CommandView, HistogramView};
+
+use super::Shot;
+use crate::doctor::histogram::drawing;
+use crate::follow;
+use crate::table::{self, grouped, time};
+use crate::verbs::status::late_words;
+
+/// Heads of the nets.
+pub(super) const NET_HEADS: [&str; 6] = ["NET", "STATE", "LOAD", "MEAN", "LAST/MAX", "EXPECTED"];
+/// Heads of the primitives.
+pub(super) const TYPE_HEADS: [&str; 4] = ["PRIMITIVE", "EACH", "SHARE", "LONGEST RUN"];
+
+/// A part of the whole in percent.
+fn percent(part: u64, whole: u64) -> String {
+    format!("{:.1} %", part as f64 * 100.0 / (whole.max(1) as f64))
+}
+
+/// Which cell, how loaded its cycles are, and its late cycles.
+pub(super) fn head(shot: &Shot) -> Vec<String> {
+    let (executor, timing) = (&shot.status.executor, &shot.timing);
+    let period_ns = executor.period_ns;
+    let mut lines = vec![
+        format!(
+            "cell {}  cycle {}  period {}  load {} (99 %: {})  budget {} of {}",
+            shot.status.cell,
+            grouped(executor.cycle),
+            time(period_ns),
+            percent(timing.exec.mean_ns, period_ns),
+            percent(timing.exec.p99_ns, period_ns),
+            time(executor.committed_ns),
+            time(executor.budget_ns)
+        ),
+        executor.grade.clone(),
+    ];
+    let new = executor.late.saturating_sub(executor.late_acknowledged);
+    lines.push(match new {
+        0 => format!("no late cycle that is not acknowledged ({} since the start)", grouped(executor.late)),
+        new => format!("{} late cycles, {} since the start", grouped(new), grouped(executor.late)),
+    });
+    let latched = [("first", &executor.first_late), ("last", &executor.last_late)];
+    lines.extend(latched.into_iter().filter_map(|(which, late)| {
+        let late = late.as_ref()?;
+        Some(format!("{which:>7}: {}", late_words(late)))
+    }));
+    lines
+}
+
+/// The nets that are not over: those that run first, the dearest before the others.
+pub(super) fn nets(shot: &Shot) -> Vec<[String; 6]> {
+    let period_ns = shot.status.executor.period_ns;
+    let mut nets: Vec<&CommandView> = shot.nets.iter().filter(|net| !follow::is_over(net)).collect();
+    let runs = |net: &CommandView| matches!(net.state.as_str(), "running" | "canceling");
+    nets.sort_by_key(|net| (!runs(net), std::cmp::Reverse(net.exec_mean_ns), net.id));
+    nets.into_iter()
+        .map(|net| {
+            [
+                follow::title(net),
+                follow::state_words(net),
+                percent(net.exec_mean_ns, period_ns),
+                time(net.exec_mean_ns),
+                format!("{} / {}", time(net.exec_last_ns), time(net.exec_max_ns)),
+                time(net.expected_ns),
+            ]
+        })
+        .collect()
+}
+
+/// The types of primitives, the dearest first.
+pub(super) fn types(shot: &Shot) -> Vec<[String; 4]> {
+    let rows = &shot.timing.primitives;
+    let sum: u64 = rows.iter().map(|row| row.sum_ns).fold(0, u64::saturating_add);
+    rows.iter()
+        .map(|row| {
+            let each = row.sum_ns as f64 / (row.primitives.max(1) as f64);
+            [
+                row.ty.clone(),
+                format!("{each:.1} ns"),
+                percent(row.sum_ns, sum),
+                time(row.max_ns),
+            ]
+        })
+        .collect()
+}
+
+/// The histograms with their names.
+pub(super) fn histograms(shot: &Shot) -> [(String, String); 3] {
+    let timing = &shot.timing;
+    let of = |name: &str, histogram: &HistogramView| {
+        let title = format!(
+            "{name}: half {}, 99 % {}, 99.9 % {}, longest {}",
+            time(histogram.p50_ns),
+            time(histogram.p99_ns),
+            time(histogram.p999_ns),
+            time(histogram.max_ns)
+        );
+        (title, drawing(histogram.buckets.iter().copied()))
+    };
+    [
+        of("wake-up after its time", &timing.wake),
+        of("execution", &timing.exec),
+        of("cycle", &timing.length),
+    ]
+}
+
+/// Everything as text.
+pub(super) fn text(shot: &Shot) -> String {
+    let mut nets_table = table::table(&NET_HEADS);
+    nets(shot).into_iter().for_each(|row| {
+        nets_table.add_row(row);
+    });
+    let mut types_table = table::table(&TYPE_HEADS);
+    types(shot).into_iter().for_each(|row| {
+        types_table.add_row(row);
+    });
+    let drawings = histograms(shot).map(|(title, drawing)| format!("{title}\n{drawing}"));
+    format!(
+        "{}\n\n{}\n\n{}\n{}",
+        head(shot).join("\n"),
+        table::text(&nets_table),
+        drawings.join("\n"),
+        table::text(&types_table)
+    )
+}

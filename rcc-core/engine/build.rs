@@ -1,0 +1,43 @@
+//! Names the build for what primitives cost: a hash (FNV-1a, 64 bits) of the sources that the cycle is made of, and of
+//! how they are optimised. Costs that were measured of another build are measured again.
+
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
+
+/// Folders with everything that a cycle runs.
+const SOURCES: [&str; 3] = ["../src", "../motion/src", "src"];
+
+fn main() -> io::Result<()> {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut eat = |bytes: &[u8]| {
+        for byte in bytes {
+            hash = (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    };
+    for name in ["PROFILE", "OPT_LEVEL", "DEBUG", "TARGET"] {
+        eat(env::var(name).unwrap_or_default().as_bytes());
+    }
+    for folder in SOURCES {
+        println!("cargo:rerun-if-changed={folder}");
+        for file in files(Path::new(folder))? {
+            eat(&fs::read(file)?);
+        }
+    }
+    println!("cargo:rustc-env=RCC_BUILD={hash:016x}");
+    Ok(())
+}
+
+/// All files of a folder and of its folders, sorted.
+fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            found.extend(files(&path)?);
+        } else {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}

@@ -1,0 +1,407 @@
+//! What primitives cost on this machine: measured before the first cycle, kept in a file, and added up to what a net is
+//! expected to need. Never run by the real-time thread.
+//!
+//! Each kernel is measured alone, hot, in a long run: what is expected is the usual time, not the longest.
+
+use std::fmt::Write as _;
+
+use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::plan::{Delay, MonitorPoint, Plan, Run};
+use rcc_core::primitives::{self, CATALOGUE, KERNELS_MAX};
+use rcc_core::types::Store;
+use rcc_ipc::clock::monotonic_ns;
+use rcc_ipc::control::PlanData;
+
+use crate::catalogue;
+use crate::net::{Net, record};
+
+pub mod cache;
+
+/// Medians are of so many rounds.
+const ROUNDS: usize = 5;
+/// A round takes about so long.
+const ROUND_NS: u64 = 40_000;
+/// Evaluations of a round.
+const EVALUATIONS_MAX: u64 = 256;
+const PERIOD_S: f64 = 1e-3;
+/// Runs, delayed links and monitors of the nets that these are measured with.
+const MANY: u32 = 64;
+
+/// What one primitive of a kernel costs.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct KernelCost {
+    ns: f64,
+    /// Elements of its values when it was measured; 0 = it has no width.
+    width: u32,
+}
+
+/// What everything costs that a plan is made of, ns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Costs {
+    /// A net without anything but its `Termination`.
+    net_ns: f64,
+    /// One more run of equal primitives.
+    run_ns: f64,
+    /// One element of a delayed link.
+    delay_ns: f64,
+    /// One monitor that is due.
+    monitor_ns: f64,
+    /// By number of the kernel.
+    kernels: Vec<KernelCost>,
+}
+
+/// What the primitives of one type need in a net.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Share {
+    /// The type, or what else costs time.
+    pub name: &'static str,
+    /// How many.
+    pub count: u64,
+    /// All of them together, ns.
+    pub ns: f64,
+}
+
+impl Costs {
+    /// Measures everything; takes some 10 to 200 ms of this thread.
+    #[must_use]
+    pub fn measure() -> Costs {
+        let stage = Stage {
+            models: catalogue::models(),
+            devices: catalogue::devices(),
+        };
+        let plain = stage.time(many(|_, _| ()));
+        let runs = stage.time(many(not));
+        let delays = stage.time(many(|data, number| {
+            let (from, to) = (number, number + MANY);
+            data.delays.push(Delay {
+                store: Store::Bool,
+                from,
+                to,
+                width: 1,
+            });
+        }));
+        let mut costs = Costs {
+            net_ns: plain,
+            run_ns: 0.0,
+            delay_ns: each(delays - plain),
+            monitor_ns: stage.monitor(),
+            kernels: vec![KernelCost::default(); CATALOGUE.len() * KERNELS_MAX],
+        };
+        for row in catalogue::rows() {
+            let count = catalogue::count(&row.entry.spec);
+            let (Ok(full), Ok(empty)) = (catalogue::net(&row, count), catalogue::net(&row, 0))
+            else {
+                // By test there is none such; it would cost nothing.
+                continue;
+            };
+            let width = full
+                .plan()
+                .runs
+                .first()
+                .and_then(|run| width(&full.plan(), run));
+            let ns = (stage.time_of(full) - stage.time_of(empty)).max(0.0) / f64::from(count);
+            if let Some(place) = costs.kernels.get_mut(usize::from(row.number)) {
+                let width = width.unwrap_or(0);
+                *place = KernelCost { ns, width };
+            }
+        }
+        let not = primitives::find("Not").map_or(0, |(row, _)| primitives::kernel_number(row, 0));
+        costs.run_ns = (each(runs - plain) - costs.kernel(not).ns).max(0.0);
+        costs
+    }
+
+    fn kernel(&self, number: u16) -> KernelCost {
+        self.kernels
+            .get(usize::from(number))
+            .copied()
+            .unwrap_or_default()
+    }
+
+    /// What one evaluation of a plan is expected to take, all monitors due; ns. Never 0.
+    #[must_use]
+    pub fn expected_ns(&self, plan: &Plan<'_>) -> u64 {
+        let sum: f64 = self.shares(plan).iter().map(|share| share.ns).sum();
+        // Saturates; a sum of finite numbers is no NaN.
+        (sum.ceil() as u64).max(1)
+    }
+
+    /// What a plan is expected to need, by type of primitive, the dearest first.
+    #[must_use]
+    pub fn shares(&self, plan: &Plan<'_>) -> Vec<Share> {
+        let mut types = vec![(0_u64, 0.0_f64); CATALOGUE.len()];
+        for run in plan.runs {
+            let Some((count, ns)) = self.of_run(plan, run) else {
+                continue;
+            };
+            if let Some(sum) = types.get_mut(usize::from(run.kernel) / KERNELS_MAX) {
+                *sum = (sum.0 + count, sum.1 + ns);
+            }
+        }
+        let copied: u64 = plan.delays.iter().map(|delay| u64::from(delay.width)).sum();
+        let monitors = plan.monitors.len() as u64;
+        let others = [
+            ("(net)", 1, self.net_ns),
+            ("(delayed links)", copied, copied as f64 * self.delay_ns),
+            ("Monitor", monitors, monitors as f64 * self.monitor_ns),
+        ];
+        let types = CATALOGUE.iter().zip(types);
+        let mut shares: Vec<Share> = types
+            .map(|(entry, (count, ns))| (entry.spec.name, count, ns))
+            .chain(others)
+            .filter(|(_, count, _)| *count > 0)
+            .map(|(name, count, ns)| Share { name, count, ns })
+            .collect();
+        shares.sort_by(|a, b| b.ns.total_cmp(&a.ns));
+        shares
+    }
+
+    /// Number of primitives in a run, and what they need.
+    fn of_run(&self, plan: &Plan<'_>, run: &Run) -> Option<(u64, f64)> {
+        let (entry, kernel) = primitives::kernel(run.kernel)?;
+        let group = entry.spec.operands(kernel).count().max(1);
+        let operands = plan.operands_of(run)?;
+        let count = (operands.len() / group) as u64;
+        let cost = self.kernel(run.kernel);
+        if cost.width == 0 {
+            return Some((count, self.run_ns + cost.ns * count as f64));
+        }
+        let widths = operands
+            .chunks_exact(group)
+            .filter_map(|group| group.last());
+        // A part of it does not depend on the width.
+        let scale = |width: &u32| (f64::from(*width) / f64::from(cost.width)).max(0.25);
+        let ns: f64 = widths.map(|width| cost.ns * scale(width)).sum();
+        Some((count, self.run_ns + ns))
+    }
+
+    /// What one primitive of each kernel costs, ns, with the kernel's name.
+    pub fn kernels(&self) -> impl Iterator<Item = (String, f64)> + '_ {
+        catalogue::rows().map(|row| (row.name(), self.kernel(row.number).ns))
+    }
+
+    /// As a text, a line each: `net 12.5`, `kernel NUMBER WIDTH NS`.
+    fn text(&self) -> String {
+        let mut text = String::new();
+        let (net, run, delay, monitor) = (self.net_ns, self.run_ns, self.delay_ns, self.monitor_ns);
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            text,
+            "net {net}\nrun {run}\ndelay {delay}\nmonitor {monitor}"
+        );
+        for (number, kernel) in self.kernels.iter().enumerate() {
+            let _ = writeln!(text, "kernel {number} {} {}", kernel.width, kernel.ns);
+        }
+        text
+    }
+
+    /// From [`Costs::text`]; `None` if it is not whole or has what cannot be.
+    fn parse(text: &str) -> Option<Costs> {
+        let mut lines = text.lines();
+        let mut cost = |name: &str| {
+            let value = lines.next()?.strip_prefix(name)?.strip_prefix(' ')?;
+            nanoseconds(value)
+        };
+        let (net_ns, run_ns) = (cost("net")?, cost("run")?);
+        let (delay_ns, monitor_ns) = (cost("delay")?, cost("monitor")?);
+        let mut kernels = Vec::new();
+        for line in lines {
+            let mut words = line.strip_prefix("kernel ")?.split(' ');
+            let number: usize = words.next()?.parse().ok()?;
+            let width = words.next()?.parse().ok()?;
+            let ns = nanoseconds(words.next()?)?;
+            if number != kernels.len() {
+                return None;
+            }
+            kernels.push(KernelCost { ns, width });
+        }
+        (kernels.len() == CATALOGUE.len() * KERNELS_MAX).then_some(Costs {
+            net_ns,
+            run_ns,
+            delay_ns,
+            monitor_ns,
+            kernels,
+        })
+    }
+}
+
+/// A time that can be: not negative, at most a second.
+fn nanoseconds(text: &str) -> Option<f64> {
+    let value = text.parse().ok()?;
+    (0.0..=1e9).contains(&value).then_some(value)
+}
+
+fn each(many_ns: f64) -> f64 {
+    (many_ns / f64::from(MANY)).max(0.0)
+}
+
+/// Elements of the values of the first primitive of a run, if its kernel has a width.
+fn width(plan: &Plan<'_>, run: &Run) -> Option<u32> {
+    let (entry, kernel) = primitives::kernel(run.kernel)?;
+    let group = entry.spec.operands(kernel).count();
+    let operands = plan.operands_of(run)?;
+    let width = operands.get(group.checked_sub(1)?)?;
+    entry.spec.has_width(kernel).then_some(*width)
+}
+
+/// A net of a `Termination` that never ends it, and what `add` makes [`MANY`] times of it.
+fn many(add: impl Fn(&mut PlanData, u32)) -> PlanData {
+    let mut data = PlanData {
+        catalogue: primitives::fingerprint(),
+        bools: vec![0; 2 * MANY as usize],
+        ..PlanData::default()
+    };
+    (0..MANY).for_each(|number| add(&mut data, number));
+    let termination = primitives::find("Termination").map_or(0, |(row, _)| row);
+    data.runs.push(Run {
+        kernel: primitives::kernel_number(termination, 0),
+        first: data.operands.len() as u32,
+        operands: 1,
+    });
+    data.operands.push(0);
+    data
+}
+
+/// A run of one `Not` that does not make the first slot true.
+fn not(data: &mut PlanData, number: u32) {
+    let row = primitives::find("Not").map_or(0, |(row, _)| row);
+    data.runs.push(Run {
+        kernel: primitives::kernel_number(row, 0),
+        first: data.operands.len() as u32,
+        operands: 2,
+    });
+    data.operands.extend([number, number + MANY]);
+}
+
+/// Where nets are measured.
+struct Stage {
+    models: Vec<DeviceModel>,
+    devices: Vec<DeviceInput>,
+}
+
+impl Stage {
+    /// Time of one evaluation, ns; 0 if the plan does not check (by test it does).
+    fn time(&self, data: PlanData) -> f64 {
+        let holds = vec![None; self.models.len()];
+        Net::build(data, &self.models, 0, &holds, PERIOD_S).map_or(0.0, |net| self.time_of(net))
+    }
+
+    fn time_of(&self, mut net: Box<Net>) -> f64 {
+        median(|| {
+            net.evaluate(&self.models, &self.devices, PERIOD_S);
+        })
+    }
+
+    /// Time of one monitor, made into a record and put into a ring.
+    fn monitor(&self) -> f64 {
+        let data = many(|data, number| {
+            data.monitors.push(MonitorPoint {
+                store: Store::Bool,
+                slot: number,
+                width: 1,
+                every: 1,
+            });
+        });
+        let holds = vec![None; self.models.len()];
+        let Ok(net) = Net::build(data, &self.models, 0, &holds, PERIOD_S) else {
+            return 0.0;
+        };
+        let (mut records, mut taken) = rtrb::RingBuffer::new(2 * MANY as usize);
+        let all_ns = median(|| {
+            net.monitors(|monitor, values| {
+                // There is room: everything is taken out again each time.
+                let _ = records.push(record(1, 1, 1, monitor, values));
+            });
+            while taken.pop().is_ok() {}
+        });
+        each(all_ns)
+    }
+}
+
+/// The median of some rounds, of what `work` takes, ns.
+fn median(mut work: impl FnMut()) -> f64 {
+    // The first warms up, the second says how often a round repeats it.
+    work();
+    let begun_ns = monotonic_ns();
+    work();
+    let once_ns = (monotonic_ns() - begun_ns).max(1);
+    let count = (ROUND_NS / once_ns).clamp(1, EVALUATIONS_MAX);
+    let mut rounds = [0.0; ROUNDS];
+    for round in &mut rounds {
+        let begun_ns = monotonic_ns();
+        (0..count).for_each(|_| work());
+        *round = (monotonic_ns() - begun_ns) as f64 / count as f64;
+    }
+    rounds.sort_by(f64::total_cmp);
+    rounds[ROUNDS / 2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn costs() -> Costs {
+        let mut costs = Costs {
+            net_ns: 100.0,
+            run_ns: 10.0,
+            delay_ns: 2.0,
+            monitor_ns: 30.0,
+            kernels: vec![KernelCost::default(); CATALOGUE.len() * KERNELS_MAX],
+        };
+        let (not, _) = primitives::find("Not").unwrap();
+        costs.kernels[usize::from(primitives::kernel_number(not, 0))].ns = 1.5;
+        costs
+    }
+
+    #[test]
+    fn a_net_is_expected_to_need_the_sum_of_its_parts() {
+        let mut data = many(not);
+        data.delays.push(Delay {
+            store: Store::Bool,
+            from: 0,
+            to: 1,
+            width: 3,
+        });
+        data.monitors.push(MonitorPoint {
+            store: Store::Bool,
+            slot: 0,
+            width: 1,
+            every: 1,
+        });
+        // 64 runs of one `Not`, a run of `Termination`, the net, three elements of delayed links, one monitor.
+        let wanted = 64.0 * 11.5 + 10.0 + 100.0 + 6.0 + 30.0;
+        assert_eq!(costs().expected_ns(&data.plan()), wanted as u64);
+        let shares = costs().shares(&data.plan());
+        assert_eq!((shares[0].name, shares[0].count), ("Not", 64));
+        assert!(shares.windows(2).all(|pair| pair[0].ns >= pair[1].ns));
+    }
+
+    #[test]
+    fn what_is_measured_is_a_time_of_every_kernel_and_can_be_read_back() {
+        let measured = Costs::measure();
+        assert!(measured.net_ns > 0.0);
+        for row in catalogue::rows() {
+            let cost = measured.kernel(row.number);
+            assert!(cost.ns.is_finite() && cost.ns >= 0.0, "{}", row.name());
+        }
+        let arm = primitives::find("InverseKinematics").unwrap().0;
+        let arm = measured.kernel(primitives::kernel_number(arm, 0));
+        assert!(arm.ns > 0.0 && arm.width == 7);
+        assert_eq!(Costs::parse(&measured.text()), Some(measured));
+    }
+
+    #[test]
+    fn half_a_text_is_no_costs() {
+        let text = costs().text();
+        let half = &text[..text.len() / 2];
+        let negative = text.replacen("net 100", "net -1", 1);
+        for bad in [
+            half,
+            "",
+            "net x",
+            &negative,
+            &text.replacen("net 100", "net NaN", 1),
+        ] {
+            assert_eq!(Costs::parse(bad), None);
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Measured costs in a file, so that an executor that is started again need not measure: one file for each build,
+//! catalogue and kind of processor. Never run by the real-time thread.
+//!
+//! The folder is `$RCC_CACHE_DIR`, else `$CACHE_DIRECTORY` (systemd), else `/var/cache/rcc` for root, else
+//! `$XDG_CACHE_HOME/rcc`, else `~/.cache/rcc`.
+
+use std::fs;
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use rcc_core::primitives;
+
+use super::Costs;
+
+/// Files that are kept; the oldest go.
+const FILES_MAX: usize = 8;
+const PREFIX: &str = "costs-";
+
+/// Where costs come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Read from this file.
+    Read(PathBuf),
+    /// Measured now and written to this file.
+    Measured(PathBuf),
+    /// Measured now; they could not be written, for this reason.
+    NotKept(String),
+}
+
+/// The costs of this machine: from the file if it is there and whole and `refresh` is false, else measured and written.
+#[must_use]
+pub fn costs(refresh: bool) -> (Costs, Origin) {
+    let Some(folder) = folder() else {
+        let why = "there is no cache folder: set RCC_CACHE_DIR".to_owned();
+        return (Costs::measure(), Origin::NotKept(why));
+    };
+    costs_in(&folder, refresh)
+}
+
+/// As [`costs`], with another folder.
+#[must_use]
+pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, Origin) {
+    let key = key();
+    let path = folder.join(format!("{PREFIX}{:016x}", fnv(&key)));
+    let kept = fs::read_to_string(&path).ok();
+    if let Some(costs) = kept.filter(|_| !refresh).and_then(|text| read(&text, &key)) {
+        return (costs, Origin::Read(path));
+    }
+    let costs = Costs::measure();
+    match write(folder, &path, &key, &costs) {
+        Ok(()) => (costs, Origin::Measured(path)),
+        Err(error) => (
+            costs,
+            Origin::NotKept(format!("{}: {error}", path.display())),
+        ),
+    }
+}
+
+/// What the costs depend on, in one line.
+fn key() -> String {
+    let build = env!("RCC_BUILD");
+    format!(
+        "rcc-costs 1 {build} {:016x} {}",
+        primitives::fingerprint(),
+        processor()
+    )
+}
+
+/// The kind of processor, as the kernel names it.
+fn processor() -> String {
+    let all = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = all.lines().find(|line| line.starts_with("model name"));
+    let model = model.and_then(|line| line.split_once(':')).map(|row| row.1);
+    model.unwrap_or_default().trim().to_owned()
+}
+
+/// A file is its key, the costs, and a line with the hash of both.
+fn read(text: &str, key: &str) -> Option<Costs> {
+    let (body, end) = text.trim_end().rsplit_once('\n')?;
+    let body = format!("{body}\n");
+    let whole = end == format!("end {:016x}", fnv(&body));
+    let costs = body.strip_prefix(key)?.strip_prefix('\n')?;
+    if whole { Costs::parse(costs) } else { None }
+}
+
+/// Replaces the file at once: whoever reads meanwhile has the old one or the new one.
+fn write(folder: &Path, path: &Path, key: &str, costs: &Costs) -> io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let body = format!("{key}\n{}", costs.text());
+    let new = path.with_extension(format!("new-{}", std::process::id()));
+    let mut options = fs::OpenOptions::new();
+    let mut file = options
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(&new)?;
+    let written = file
+        .write_all(format!("{body}end {:016x}\n", fnv(&body)).as_bytes())
+        .and_then(|()| fs::rename(&new, path));
+    if written.is_err() {
+        // Nothing more can be done for it.
+        let _ = fs::remove_file(&new);
+    }
+    written?;
+    forget_oldest(folder)
+}
+
+/// Other builds leave their files; the newest are enough.
+fn forget_oldest(folder: &Path) -> io::Result<()> {
+    let mut files: Vec<(SystemTime, PathBuf)> = fs::read_dir(folder)?
+        .flatten()
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX))
+        .filter_map(|entry| Some((entry.metadata().ok()?.modified().ok()?, entry.path())))
+        .collect();
+    files.sort();
+    let surplus = files.len().saturating_sub(FILES_MAX);
+    files
+        .iter()
+        .take(surplus)
+        .try_for_each(|(_, path)| fs::remove_file(path))
+}
+
+fn folder() -> Option<PathBuf> {
+    let variable = |name| {
+        let value = std::env::var_os(name).filter(|value| !value.is_empty());
+        value.map(PathBuf::from).filter(|path| path.is_absolute())
+    };
+    let root = || {
+        let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let uid = status.lines().find_map(|line| line.strip_prefix("Uid:"));
+        let root = uid.and_then(|ids| ids.split_whitespace().nth(1)) == Some("0");
+        root.then(|| PathBuf::from("/var/cache/rcc"))
+    };
+    variable("RCC_CACHE_DIR")
+        .or_else(|| variable("CACHE_DIRECTORY"))
+        .or_else(root)
+        .or_else(|| Some(variable("XDG_CACHE_HOME")?.join("rcc")))
+        .or_else(|| Some(variable("HOME")?.join(".cache/rcc")))
+}
+
+/// FNV-1a, 64 bits.
+fn fnv(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> Folder {
+            let folder =
+                std::env::temp_dir().join(format!("rcc-costs-{name}-{}", std::process::id()));
+            Folder(folder)
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn file(origin: &Origin) -> PathBuf {
+        match origin {
+            Origin::Read(path) | Origin::Measured(path) => path.clone(),
+            Origin::NotKept(why) => panic!("{why}"),
+        }
+    }
+
+    #[test]
+    fn costs_are_measured_once_and_again_when_the_file_is_damaged() {
+        let folder = Folder::new("damaged");
+        let (measured, origin) = costs_in(&folder.0, false);
+        assert!(matches!(origin, Origin::Measured(_)), "{origin:?}");
+        let path = file(&origin);
+        let (read, origin) = costs_in(&folder.0, false);
+        assert_eq!((read, origin), (measured, Origin::Read(path.clone())));
+        let good = fs::read_to_string(&path).unwrap();
+        let (half, digit) = (&good[..good.len() / 2], good.replacen("net ", "net 9", 1));
+        for bad in [
+            half,
+            "",
+            &digit,
+            &good.replacen("rcc-costs 1", "rcc-costs 2", 1),
+        ] {
+            fs::write(&path, bad).unwrap();
+            let (_, origin) = costs_in(&folder.0, false);
+            assert!(matches!(origin, Origin::Measured(_)), "{origin:?}");
+        }
+        let (_, origin) = costs_in(&folder.0, true);
+        assert!(matches!(origin, Origin::Measured(_)), "refreshed");
+        assert_eq!(
+            fs::read_dir(&folder.0).unwrap().count(),
+            1,
+            "one file, no leftovers"
+        );
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_costs_only_time() {
+        let (_, origin) = costs_in(Path::new("/proc/rcc"), false);
+        assert!(matches!(origin, Origin::NotKept(_)), "{origin:?}");
+    }
+
+    #[test]
+    fn only_the_newest_files_are_kept() {
+        let folder = Folder::new("newest");
+        fs::create_dir_all(&folder.0).unwrap();
+        for number in 0..FILES_MAX + 3 {
+            fs::write(folder.0.join(format!("{PREFIX}{number:016x}")), "old").unwrap();
+        }
+        let (_, origin) = costs_in(&folder.0, false);
+        assert_eq!(fs::read_dir(&folder.0).unwrap().count(), FILES_MAX);
+        assert!(file(&origin).exists());
+    }
+}
