@@ -37,10 +37,8 @@ pub fn cycle_timed(
 
 fn run_all(plan: &Plan<'_>, frame: &mut Frame<'_>, runs: &[Run]) {
     for run in runs {
-        if let (Some((_, kernel)), Some(operands)) =
-            (primitives::kernel(run.kernel), plan.operands_of(run))
-        {
-            (kernel.run)(frame, operands);
+        if let Some(operands) = plan.operands_of(run) {
+            primitives::run(run.kernel, frame, operands);
         }
     }
 }

@@ -90,6 +90,61 @@ pub struct Frame<'a> {
     pub motion_failed: bool,
 }
 
+// For primitives that nets have by the hundred: without a value to go on with for a slot that is not there.
+impl Frame<'_> {
+    /// Reads a `Real`; `None` outside of the arena.
+    #[inline(always)]
+    pub fn get_real(&self, slot: u32) -> Option<f64> {
+        self.reals.get(slot as usize).copied()
+    }
+
+    /// Reads a `Bool`: 0, 1 or 2 (null); `None` outside of the arena.
+    #[inline(always)]
+    pub fn get_bool(&self, slot: u32) -> Option<u8> {
+        self.bools.get(slot as usize).copied()
+    }
+
+    /// Reads an `Int`; `None` outside of the arena.
+    #[inline(always)]
+    pub fn get_int(&self, slot: u32) -> Option<i64> {
+        self.ints.get(slot as usize).copied()
+    }
+
+    /// Reads `N` contiguous reals, as they are; `None` outside of the arena.
+    #[inline(always)]
+    pub fn get_reals<const N: usize>(&self, slot: u32) -> Option<[f64; N]> {
+        self.reals.get(slot as usize..)?.first_chunk().copied()
+    }
+
+    /// Writes a `Real`; `None` outside of the arena.
+    #[inline(always)]
+    pub fn put_real(&mut self, slot: u32, value: f64) -> Option<()> {
+        *self.reals.get_mut(slot as usize)? = value;
+        Some(())
+    }
+
+    /// Writes a `Bool`: 0, 1 or 2 (null); `None` outside of the arena.
+    #[inline(always)]
+    pub fn put_bool(&mut self, slot: u32, value: u8) -> Option<()> {
+        *self.bools.get_mut(slot as usize)? = value;
+        Some(())
+    }
+
+    /// Writes an `Int`; `None` outside of the arena.
+    #[inline(always)]
+    pub fn put_int(&mut self, slot: u32, value: i64) -> Option<()> {
+        *self.ints.get_mut(slot as usize)? = value;
+        Some(())
+    }
+
+    /// Writes `N` contiguous reals; `None` outside of the arena.
+    #[inline(always)]
+    pub fn put_reals<const N: usize>(&mut self, slot: u32, values: [f64; N]) -> Option<()> {
+        *self.reals.get_mut(slot as usize..)?.first_chunk_mut()? = values;
+        Some(())
+    }
+}
+
 impl Frame<'_> {
     /// Reads a `Real`.
     #[inline(always)]

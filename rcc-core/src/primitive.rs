@@ -576,4 +576,6 @@ impl Entry {
 
 mod step;
 
-pub use step::{compare_int, compare_real, each, each_int, each_real};
+pub use step::{
+    Outcome, choose, compare_int, compare_real, each, each_bool, each_int, each_real, real_unless,
+};

@@ -1,5 +1,6 @@
 //! The catalogue: one `mod` line and one row a primitive, sorted by name.
 
+use crate::frame::Frame;
 pub use crate::primitive::Entry;
 use crate::primitive::Kernel;
 
@@ -124,6 +125,38 @@ pub fn kernel(number: u16) -> Option<(&'static Entry, &'static Kernel)> {
     let number = usize::from(number);
     let entry = CATALOGUE.get(number / KERNELS_MAX)?;
     Some((entry, entry.kernels.get(number % KERNELS_MAX)?))
+}
+
+/// Runs all primitives of a run of one kernel.
+pub type RunKernel = fn(&mut Frame<'_>, operands: &[u32]);
+
+/// What each kernel's number runs: the cycle's way to a kernel, one look instead of four.
+static RUNS: [RunKernel; CATALOGUE.len() * KERNELS_MAX] = runs();
+
+// Runs when this is compiled: what is outside does not compile.
+#[allow(clippy::indexing_slicing)]
+const fn runs() -> [RunKernel; CATALOGUE.len() * KERNELS_MAX] {
+    let mut runs = [nothing as RunKernel; CATALOGUE.len() * KERNELS_MAX];
+    let mut number = 0;
+    while number < runs.len() {
+        let kernels = CATALOGUE[number / KERNELS_MAX].kernels;
+        if number % KERNELS_MAX < kernels.len() {
+            runs[number] = kernels[number % KERNELS_MAX].run;
+        }
+        number += 1;
+    }
+    runs
+}
+
+/// What a number without a kernel runs.
+fn nothing(_: &mut Frame<'_>, _: &[u32]) {}
+
+/// Runs the kernel with this number; without one, nothing.
+#[inline]
+pub fn run(number: u16, frame: &mut Frame<'_>, operands: &[u32]) {
+    if let Some(run) = RUNS.get(usize::from(number)) {
+        run(frame, operands);
+    }
 }
 
 /// A hash of names, ports and parameters: two builds with equal fingerprints mean the same by the

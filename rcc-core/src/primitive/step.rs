@@ -1,28 +1,65 @@
-//! Runs of equal primitives: one dispatch, then the same step for each group of operands. Steps have no branch that
-//! depends on values: null is chosen, not jumped to. The real-time thread.
+//! Runs of equal primitives: one dispatch, then the same step for each group of operands. Steps have no jump that depends
+//! on values: null is chosen, not jumped to. The real-time thread.
 
 use crate::frame::Frame;
-use crate::types::{NULL_BOOL, NULL_INT};
+use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
+
+/// What a step returns: nothing, or `None` for a slot outside of its arena, which ends the run. `Plan::check` excludes
+/// such slots; that nothing must be found to go on with makes the step a straight line.
+pub trait Outcome {
+    /// False ends the run.
+    fn goes_on(self) -> bool;
+}
+
+impl Outcome for () {
+    #[inline(always)]
+    fn goes_on(self) -> bool {
+        true
+    }
+}
+
+impl Outcome for Option<()> {
+    #[inline(always)]
+    fn goes_on(self) -> bool {
+        self.is_some()
+    }
+}
 
 /// Calls `step` for each group of `N` operands: one dispatch for a whole run of equal primitives.
 #[inline(always)]
-pub fn each<const N: usize>(
+pub fn each<const N: usize, R: Outcome>(
     frame: &mut Frame<'_>,
     operands: &[u32],
-    step: impl Fn(&mut Frame<'_>, [u32; N]),
+    step: impl Fn(&mut Frame<'_>, [u32; N]) -> R,
 ) {
-    let (groups, _) = operands.as_chunks::<N>();
-    for group in groups {
-        step(frame, *group);
+    let mut rest = operands;
+    while let Some((group, after)) = rest.split_first_chunk() {
+        if !step(frame, *group).goes_on() {
+            return;
+        }
+        rest = after;
     }
+}
+
+/// One of two slots, truth values or whole numbers, without a jump: which one is often as good as chance, and a wrong
+/// guess of the processor costs more than ten primitives.
+#[inline(always)]
+pub fn choose<T>(condition: bool, yes: T, no: T) -> T {
+    core::hint::select_unpredictable(condition, yes, no)
+}
+
+/// The number, or null: NaN has all bits of [`NULL_REAL`] and perhaps more.
+#[inline(always)]
+pub fn real_unless(null: bool, value: f64) -> f64 {
+    f64::from_bits(value.to_bits() | choose(null, NULL_REAL.to_bits(), 0))
 }
 
 /// `Real, Real → Real`; NaN must come out if NaN goes in.
 #[inline(always)]
 pub fn each_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {
     each(frame, operands, |frame, [a, b, out]| {
-        let result = operation(frame.real(a), frame.real(b));
-        frame.set_real(out, result);
+        let result = operation(frame.get_real(a)?, frame.get_real(b)?);
+        frame.put_real(out, result)
     });
 }
 
@@ -34,10 +71,22 @@ pub fn each_int(
     operation: impl Fn(i64, i64) -> (i64, bool),
 ) {
     each(frame, operands, |frame, [a, b, out]| {
-        let (a, b) = (frame.int(a), frame.int(b));
+        let (a, b) = (frame.get_int(a)?, frame.get_int(b)?);
         let (result, out_of_range) = operation(a, b);
         let null = (a == NULL_INT) | (b == NULL_INT) | out_of_range;
-        frame.set_int(out, if null { NULL_INT } else { result });
+        frame.put_int(out, choose(null, NULL_INT, result))
+    });
+}
+
+/// `Bool, Bool → Bool`, by the lowest bit: null if either is null.
+#[inline(always)]
+pub fn each_bool(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(u8, u8) -> u8) {
+    each(frame, operands, |frame, [a, b, out]| {
+        let (a, b) = (frame.get_bool(a)?, frame.get_bool(b)?);
+        // Bit 1 is null, bit 0 the value: with a null, no value.
+        let null = (a | b) & NULL_BOOL;
+        let value = operation(a, b) & !(null >> 1) & 1;
+        frame.put_bool(out, null | value)
     });
 }
 
@@ -45,10 +94,10 @@ pub fn each_int(
 #[inline(always)]
 pub fn compare_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> bool) {
     each(frame, operands, |frame, [a, b, out]| {
-        let (a, b) = (frame.real(a), frame.real(b));
+        let (a, b) = (frame.get_real(a)?, frame.get_real(b)?);
         let result = u8::from(operation(a, b));
         let null = a.is_nan() | b.is_nan();
-        frame.set_bool(out, if null { NULL_BOOL } else { result });
+        frame.put_bool(out, choose(null, NULL_BOOL, result))
     });
 }
 
@@ -56,9 +105,9 @@ pub fn compare_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(
 #[inline(always)]
 pub fn compare_int(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(i64, i64) -> bool) {
     each(frame, operands, |frame, [a, b, out]| {
-        let (a, b) = (frame.int(a), frame.int(b));
+        let (a, b) = (frame.get_int(a)?, frame.get_int(b)?);
         let result = u8::from(operation(a, b));
         let null = (a == NULL_INT) | (b == NULL_INT);
-        frame.set_bool(out, if null { NULL_BOOL } else { result });
+        frame.put_bool(out, choose(null, NULL_BOOL, result))
     });
 }

@@ -1,8 +1,6 @@
 //! `And`: both are true; null if either is null (strict, as every primitive unless it says otherwise).
 
-use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, each};
-use crate::types::NULL_BOOL;
+use crate::primitive::{Entry, Kernel, Port, Spec, each_bool};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -16,21 +14,10 @@ pub const ENTRY: Entry = Entry::new(
         outputs: &[Port::bool("out", "a and b")],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::new(|frame, operands| {
+        each_bool(frame, operands, |a, b| a & b);
+    })],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let (a, b) = (frame.bool(a), frame.bool(b));
-    frame.set_bool(
-        out,
-        if (a | b) & NULL_BOOL != 0 {
-            NULL_BOOL
-        } else {
-            a & b
-        },
-    );
-}
 
 #[cfg(test)]
 mod tests {

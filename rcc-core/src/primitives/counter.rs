@@ -3,7 +3,7 @@
 //! Behind a `RisingEdge` it counts events.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, State, each};
+use crate::primitive::{Entry, Kernel, Port, Spec, State, choose, each};
 use crate::types::{NULL_BOOL, NULL_INT};
 
 /// The row of the catalogue.
@@ -24,13 +24,13 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, count]: [u32; 3]) {
-    let value = frame.bool(input);
+fn step(frame: &mut Frame<'_>, [input, out, count]: [u32; 3]) -> Option<()> {
+    let value = frame.get_bool(input)?;
     // At a cycle every 125 µs it would be full after 36 million years.
-    let counted = frame.int(count).saturating_add(i64::from(value & 1));
+    let counted = frame.get_int(count)?.saturating_add(i64::from(value & 1));
     let null = value & NULL_BOOL != 0;
-    frame.set_int(out, if null { NULL_INT } else { counted });
-    frame.set_int(count, counted);
+    frame.put_int(out, choose(null, NULL_INT, counted))?;
+    frame.put_int(count, counted)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! `Divide`: out = a / b, rounded once; a division by zero has no meaningful result and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each, real_unless};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -19,9 +19,9 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let (a, b) = (frame.real(a), frame.real(b));
-    frame.set_real(out, if b == 0.0 { f64::NAN } else { a / b });
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) -> Option<()> {
+    let (a, b) = (frame.get_real(a)?, frame.get_real(b)?);
+    frame.put_real(out, real_unless(b == 0.0, a / b))
 }
 
 #[cfg(test)]

@@ -45,21 +45,21 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.real(input);
-    frame.set_bool(out, u8::from(value.is_nan()));
+fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    frame.put_bool(out, u8::from(value.is_nan()))
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.bool(input);
-    frame.set_bool(out, u8::from(value & NULL_BOOL != 0));
+fn step_bool(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_bool(input)?;
+    frame.put_bool(out, u8::from(value & NULL_BOOL != 0))
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.int(input);
-    frame.set_bool(out, u8::from(value == NULL_INT));
+fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_int(input)?;
+    frame.put_bool(out, u8::from(value == NULL_INT))
 }
 
 #[inline]

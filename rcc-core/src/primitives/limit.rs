@@ -3,8 +3,8 @@
 //! A lower bound above the upper one leaves no number and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
-use crate::types::{NULL_INT, NULL_REAL, Store};
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, choose, each, real_unless};
+use crate::types::{NULL_INT, Store};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -35,20 +35,23 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) {
-    let (value, low, high) = (frame.real(input), frame.real(low), frame.real(high));
+fn step_real(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
     // A NaN is neither less nor greater and goes through; a NaN bound is not in order with the other.
     let raised = if value < low { low } else { value };
     let limited = if raised > high { high } else { raised };
-    frame.set_real(out, if low <= high { limited } else { NULL_REAL });
+    let in_order = low <= high;
+    frame.put_real(out, real_unless(!in_order, limited))
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) {
-    let (value, low, high) = (frame.int(input), frame.int(low), frame.int(high));
+fn step_int(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
+    let value = frame.get_int(input)?;
+    let (low, high) = (frame.get_int(low)?, frame.get_int(high)?);
     let limited = value.max(low).min(high);
     let null = (value == NULL_INT) | (low == NULL_INT) | (low > high);
-    frame.set_int(out, if null { NULL_INT } else { limited });
+    frame.put_int(out, choose(null, NULL_INT, limited))
 }
 
 #[cfg(test)]

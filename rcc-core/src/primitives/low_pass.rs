@@ -6,7 +6,7 @@ use crate::frame::Frame;
 use crate::primitive::{
     Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
 };
-use crate::types::{NULL_REAL, Type};
+use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
@@ -42,14 +42,14 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, gain, last]: [u32; 4]) {
-    let (value, before) = (frame.real(input), frame.real(last));
-    let moved = before + (value - before) * frame.real(gain);
+fn step(frame: &mut Frame<'_>, [input, out, gain, last]: [u32; 4]) -> Option<()> {
+    let (value, before) = (frame.get_real(input)?, frame.get_real(last)?);
+    let moved = before + (value - before) * frame.get_real(gain)?;
     // Without a state, at the beginning or after an infinite one, it begins at the input.
-    let known = if before.is_nan() { value } else { moved };
-    let null = value.is_nan();
-    frame.set_real(out, if null { NULL_REAL } else { known });
-    frame.set_real(last, if null { before } else { known });
+    let now = if before.is_nan() { value } else { moved };
+    // A null input makes it NaN.
+    frame.put_real(out, now)?;
+    frame.put_real(last, if value.is_nan() { before } else { now })
 }
 
 #[cfg(test)]

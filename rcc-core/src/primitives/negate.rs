@@ -24,16 +24,16 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.real(input);
-    frame.set_real(out, -value);
+fn step_real(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    frame.put_real(out, -value)
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.int(input);
+fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_int(input)?;
     // Null, `i64::MIN`, is its own negative.
-    frame.set_int(out, value.wrapping_neg());
+    frame.put_int(out, value.wrapping_neg())
 }
 
 #[cfg(test)]

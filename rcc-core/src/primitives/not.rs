@@ -1,7 +1,7 @@
 //! `Not`: out = not in; null if it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, each};
+use crate::primitive::{Entry, Kernel, Port, Spec, choose, each};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
@@ -17,16 +17,9 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.bool(input);
-    frame.set_bool(
-        out,
-        if value & NULL_BOOL != 0 {
-            NULL_BOOL
-        } else {
-            value ^ 1
-        },
-    );
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_bool(input)?;
+    frame.put_bool(out, choose(value & NULL_BOOL != 0, NULL_BOOL, value ^ 1))
 }
 
 #[cfg(test)]

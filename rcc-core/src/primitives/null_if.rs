@@ -3,8 +3,8 @@
 //! With `OrElse` and `IsNull` it is how a net makes, meets and asks for null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, each};
-use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, choose, each, real_unless};
+use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -47,42 +47,45 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) {
-    let (value, condition) = (frame.real(input), frame.bool(condition));
-    frame.set_real(out, if condition == 0 { value } else { NULL_REAL });
+fn step_real(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) -> Option<()> {
+    let (value, condition) = (frame.get_real(input)?, frame.get_bool(condition)?);
+    frame.put_real(out, real_unless(condition != 0, value))
 }
 
 #[inline]
-fn wide_real(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) {
+fn wide_real(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> Option<()> {
     for i in 0..width {
-        step_real(frame, [input + i, condition, out + i]);
+        step_real(frame, [input + i, condition, out + i])?;
     }
+    Some(())
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) {
-    let (value, condition) = (frame.bool(input), frame.bool(condition));
-    frame.set_bool(out, if condition == 0 { value } else { NULL_BOOL });
+fn step_bool(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) -> Option<()> {
+    let (value, condition) = (frame.get_bool(input)?, frame.get_bool(condition)?);
+    frame.put_bool(out, choose(condition != 0, NULL_BOOL, value))
 }
 
 #[inline]
-fn wide_bool(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) {
+fn wide_bool(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> Option<()> {
     for i in 0..width {
-        step_bool(frame, [input + i, condition, out + i]);
+        step_bool(frame, [input + i, condition, out + i])?;
     }
+    Some(())
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) {
-    let (value, condition) = (frame.int(input), frame.bool(condition));
-    frame.set_int(out, if condition == 0 { value } else { NULL_INT });
+fn step_int(frame: &mut Frame<'_>, [input, condition, out]: [u32; 3]) -> Option<()> {
+    let (value, condition) = (frame.get_int(input)?, frame.get_bool(condition)?);
+    frame.put_int(out, choose(condition != 0, NULL_INT, value))
 }
 
 #[inline]
-fn wide_int(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) {
+fn wide_int(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> Option<()> {
     for i in 0..width {
-        step_int(frame, [input + i, condition, out + i]);
+        step_int(frame, [input + i, condition, out + i])?;
     }
+    Some(())
 }
 
 #[cfg(test)]

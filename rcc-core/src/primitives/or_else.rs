@@ -1,7 +1,7 @@
 //! `OrElse`: a value, or another one while it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -51,21 +51,24 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) {
-    let (value, other) = (frame.real(input), frame.real(other));
-    frame.set_real(out, if value.is_nan() { other } else { value });
+fn step_real(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    let value = frame.get_real(choose(value.is_nan(), other, input))?;
+    frame.put_real(out, value)
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) {
-    let (value, other) = (frame.bool(input), frame.bool(other));
-    frame.set_bool(out, if value & NULL_BOOL != 0 { other } else { value });
+fn step_bool(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> {
+    let value = frame.get_bool(input)?;
+    let value = frame.get_bool(choose(value & NULL_BOOL != 0, other, input))?;
+    frame.put_bool(out, value)
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) {
-    let (value, other) = (frame.int(input), frame.int(other));
-    frame.set_int(out, if value == NULL_INT { other } else { value });
+fn step_int(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> {
+    let value = frame.get_int(input)?;
+    let value = frame.get_int(choose(value == NULL_INT, other, input))?;
+    frame.put_int(out, value)
 }
 
 #[inline]

@@ -5,7 +5,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
+    Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -33,18 +33,12 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) {
-    let (now, before) = (frame.bool(input), frame.bool(last));
+fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) -> Option<()> {
+    let (now, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
     let null = now & NULL_BOOL != 0;
-    frame.set_bool(
-        out,
-        if null {
-            NULL_BOOL
-        } else {
-            u8::from((now == 1) & (before == 0))
-        },
-    );
-    frame.set_bool(last, if null { before } else { now });
+    let edge = u8::from((now == 1) & (before == 0));
+    frame.put_bool(out, choose(null, NULL_BOOL, edge))?;
+    frame.put_bool(last, choose(null, before, now))
 }
 
 #[cfg(test)]

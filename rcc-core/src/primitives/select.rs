@@ -3,7 +3,9 @@
 //! Only the condition and the chosen value matter for null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, real_unless,
+};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
 /// The row of the catalogue.
@@ -59,27 +61,24 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) {
-    let (condition, yes, no) = (frame.bool(condition), frame.real(yes), frame.real(no));
-    let chosen = if condition == 1 { yes } else { no };
-    let null = condition & NULL_BOOL != 0;
-    frame.set_real(out, if null { NULL_REAL } else { chosen });
+fn step_real(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) -> Option<()> {
+    let condition = frame.get_bool(condition)?;
+    let value = frame.get_real(choose(condition == 1, yes, no))?;
+    frame.put_real(out, real_unless(condition & NULL_BOOL != 0, value))
 }
 
 #[inline(always)]
-fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) {
-    let (condition, yes, no) = (frame.bool(condition), frame.bool(yes), frame.bool(no));
-    let chosen = if condition == 1 { yes } else { no };
-    let null = condition & NULL_BOOL != 0;
-    frame.set_bool(out, if null { NULL_BOOL } else { chosen });
+fn step_bool(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) -> Option<()> {
+    let condition = frame.get_bool(condition)?;
+    let value = frame.get_bool(choose(condition == 1, yes, no))?;
+    frame.put_bool(out, choose(condition & NULL_BOOL != 0, NULL_BOOL, value))
 }
 
 #[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) {
-    let (condition, yes, no) = (frame.bool(condition), frame.int(yes), frame.int(no));
-    let chosen = if condition == 1 { yes } else { no };
-    let null = condition & NULL_BOOL != 0;
-    frame.set_int(out, if null { NULL_INT } else { chosen });
+fn step_int(frame: &mut Frame<'_>, [condition, yes, no, out]: [u32; 4]) -> Option<()> {
+    let condition = frame.get_bool(condition)?;
+    let value = frame.get_int(choose(condition == 1, yes, no))?;
+    frame.put_int(out, choose(condition & NULL_BOOL != 0, NULL_INT, value))
 }
 
 #[inline]

@@ -17,10 +17,10 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
     // NaN for a negative number (IEEE 754-2019, 5.4.1).
-    let root = libm::sqrt(frame.real(input));
-    frame.set_real(out, root);
+    let root = libm::sqrt(frame.get_real(input)?);
+    frame.put_real(out, root)
 }
 
 #[cfg(test)]

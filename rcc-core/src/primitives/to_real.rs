@@ -1,8 +1,8 @@
 //! `ToReal`: a whole number as a Real; beyond ±2^53 the nearest one, ties to even.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
-use crate::types::{NULL_INT, NULL_REAL};
+use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::types::NULL_INT;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -21,10 +21,9 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let value = frame.int(input);
-    let real = value as f64;
-    frame.set_real(out, if value == NULL_INT { NULL_REAL } else { real });
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let value = frame.get_int(input)?;
+    frame.put_real(out, real_unless(value == NULL_INT, value as f64))
 }
 
 #[cfg(test)]

@@ -39,38 +39,34 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
-    let (a, b): ([f64; 16], [f64; 16]) = (frame.reals(a), frame.reals(b));
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) -> Option<()> {
+    let [a, b] = [frame.get_reals::<16>(a)?, frame.get_reals::<16>(b)?];
     let ([.., last_a], [.., last_b]) = (a, b);
-    let null = last_a.is_nan() | last_b.is_nan();
-    let product = product(bytemuck::cast(a), bytemuck::cast(b));
-    frame.set_reals(
-        out,
-        if null {
-            [NULL_REAL; 16]
-        } else {
-            bytemuck::cast(product)
-        },
-    );
+    let [a0, a1, a2, a3]: [[f64; 4]; 4] = bytemuck::cast(a);
+    let b: [[f64; 4]; 4] = bytemuck::cast(b);
+    let product = if last_a.is_nan() | last_b.is_nan() {
+        [[NULL_REAL; 4]; 4]
+    } else {
+        [row(a0, &b), row(a1, &b), row(a2, &b), row(a3, &b)]
+    };
+    frame.put_reals::<16>(out, bytemuck::cast(product))
 }
 
-/// By rows.
+/// A row of the product.
 #[inline(always)]
-fn product(a: [[f64; 4]; 4], b: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
+fn row([a0, a1, a2, a3]: [f64; 4], b: &[[f64; 4]; 4]) -> [f64; 4] {
     let [
         [b00, b01, b02, b03],
         [b10, b11, b12, b13],
         [b20, b21, b22, b23],
         [b30, b31, b32, b33],
-    ] = b;
-    a.map(|[a0, a1, a2, a3]| {
-        [
-            a0 * b00 + a1 * b10 + a2 * b20 + a3 * b30,
-            a0 * b01 + a1 * b11 + a2 * b21 + a3 * b31,
-            a0 * b02 + a1 * b12 + a2 * b22 + a3 * b32,
-            a0 * b03 + a1 * b13 + a2 * b23 + a3 * b33,
-        ]
-    })
+    ] = *b;
+    [
+        a0 * b00 + a1 * b10 + a2 * b20 + a3 * b30,
+        a0 * b01 + a1 * b11 + a2 * b21 + a3 * b31,
+        a0 * b02 + a1 * b12 + a2 * b22 + a3 * b32,
+        a0 * b03 + a1 * b13 + a2 * b23 + a3 * b33,
+    ]
 }
 
 #[cfg(test)]

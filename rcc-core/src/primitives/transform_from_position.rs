@@ -34,12 +34,12 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [x, y, z, out, rotation]: [u32; 5]) {
-    let [a, b, c, d, e, f, g, h, i] = frame.reals(rotation);
-    let (x, y, z) = (frame.real(x), frame.real(y), frame.real(z));
+fn step(frame: &mut Frame<'_>, [x, y, z, out, rotation]: [u32; 5]) -> Option<()> {
+    let [a, b, c, d, e, f, g, h, i] = frame.get_reals(rotation)?;
+    let (x, y, z) = (frame.get_real(x)?, frame.get_real(y)?, frame.get_real(z)?);
     let null = x.is_nan() | y.is_nan() | z.is_nan();
     let transform = [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0];
-    frame.set_reals(out, if null { [NULL_REAL; 16] } else { transform });
+    frame.put_reals(out, if null { [NULL_REAL; 16] } else { transform })
 }
 
 #[cfg(test)]

@@ -31,8 +31,8 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
-    let [a, b, c, x, d, e, f, y, g, h, i, z, .., last] = frame.reals::<16>(input);
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
+    let [a, b, c, x, d, e, f, y, g, h, i, z, _, _, _, last] = frame.get_reals(input)?;
     let back = |p: f64, q: f64, r: f64| -(p * x + q * y + r * z);
     let inverse = [
         [a, d, g, back(a, d, g)],
@@ -41,14 +41,14 @@ fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
         [0.0, 0.0, 0.0, 1.0],
     ];
     let null = last.is_nan();
-    frame.set_reals::<16>(
+    frame.put_reals(
         out,
         if null {
             [NULL_REAL; 16]
         } else {
             bytemuck::cast(inverse)
         },
-    );
+    )
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
-//! The order of evaluation: sources before readers, and as many primitives of one kernel in a row as that allows.
-//! Kahn, "Topological sorting of large networks", CACM 5 (1962), with one ready list a kernel. The loader's threads.
+//! The order of evaluation: sources before readers, and as many primitives of one kernel in a row as that allows: each
+//! change of the kernel is a jump that the processor cannot foresee. Kahn, "Topological sorting of large networks",
+//! CACM 5 (1962), with one ready list a kernel; Hu, "Parallel sequencing and assembly line problems", Operations Research
+//! 9 (1961), for which list is next: the one whose first item has the longest way to go. The loader's threads.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use rcc_core::primitives;
 use rcc_core::types::Type;
@@ -29,15 +31,67 @@ fn kernel_of(net: Typed<'_>, number: usize, item: &Item<'_>) -> Option<usize> {
     item.entry.kernel_for(ty.and_then(Type::store), width)
 }
 
+/// Items of one kernel.
+#[derive(Default)]
 struct Ready {
-    /// Items whose sources are all done, first of the file first.
-    items: BinaryHeap<Reverse<usize>>,
-    /// Items of this kernel that are not done.
+    /// Those whose sources are all done, by their height, the highest first; then the first of the file.
+    items: BTreeSet<(Reverse<u32>, usize)>,
+    /// How many are not done.
     left: usize,
 }
 
+/// What the schedule knows of the links.
+struct Links {
+    /// By item: sources that are not done.
+    waits: Vec<usize>,
+    /// By item: those that read it in the same cycle.
+    readers: Vec<Vec<usize>>,
+}
+
+fn links(items: &[Item<'_>], kernels: &[Option<u16>]) -> Links {
+    let mut links = Links {
+        waits: vec![0; items.len()],
+        readers: vec![Vec::new(); items.len()],
+    };
+    for (number, item) in items.iter().enumerate() {
+        for (_, wire) in item.wires() {
+            let source = wire.from.item;
+            if !wire.delayed && kernels[source].is_some() {
+                links.waits[number] += 1;
+                links.readers[source].push(number);
+            }
+        }
+    }
+    links
+}
+
+/// By item: the most changes of the kernel on any way from it to a result that nobody reads.
+fn heights(links: &Links, kernels: &[Option<u16>]) -> Vec<u32> {
+    let mut waits = links.waits.clone();
+    let mut order: Vec<usize> = (0..waits.len()).filter(|item| waits[*item] == 0).collect();
+    let mut done = 0;
+    while let Some(item) = order.get(done).copied() {
+        done += 1;
+        for reader in &links.readers[item] {
+            waits[*reader] -= 1;
+            if waits[*reader] == 0 {
+                order.push(*reader);
+            }
+        }
+    }
+    let mut heights = vec![0; waits.len()];
+    for item in order.into_iter().rev() {
+        let above = links.readers[item].iter().map(|reader| {
+            let changes = kernels[*reader] != kernels[item];
+            heights[*reader] + u32::from(changes)
+        });
+        heights[item] = above.max().unwrap_or(0);
+    }
+    heights
+}
+
 /// Orders the items that have a kernel. Of the kernels with ready items that one comes first which will be finished for
-/// good, then that with most ready ones, then that of the smallest number; items in the order of the file.
+/// good, then the one with the highest item, then that with most ready ones, then that of the smallest number.
 pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     let items = &net.graph.items;
     let kernels: Vec<Option<u16>> = items
@@ -48,27 +102,15 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
             Some(primitives::kernel_number(item.row, kernel))
         })
         .collect();
-    let mut waits = vec![0usize; items.len()];
-    let mut readers = vec![Vec::new(); items.len()];
-    for (number, item) in items.iter().enumerate() {
-        for (_, wire) in item.wires() {
-            let source = wire.from.item;
-            if !wire.delayed && kernels[source].is_some() {
-                waits[number] += 1;
-                readers[source].push(number);
-            }
-        }
-    }
+    let mut links = links(items, &kernels);
+    let heights = heights(&links, &kernels);
     let mut ready: BTreeMap<u16, Ready> = BTreeMap::new();
     for (number, kernel) in kernels.iter().enumerate() {
         let Some(kernel) = kernel else { continue };
-        let row = ready.entry(*kernel).or_insert_with(|| Ready {
-            items: BinaryHeap::new(),
-            left: 0,
-        });
+        let row = ready.entry(*kernel).or_default();
         row.left += 1;
-        if waits[number] == 0 {
-            row.items.push(Reverse(number));
+        if links.waits[number] == 0 {
+            row.items.insert((Reverse(heights[number]), number));
         }
     }
     let mut batches = Vec::new();
@@ -79,13 +121,13 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
         };
         while let Some(number) = take(&mut ready, kernel) {
             batch.items.push(number);
-            for reader in &readers[number] {
-                waits[*reader] -= 1;
-                if waits[*reader] == 0
-                    && let Some(kernel) = kernels[*reader]
+            for reader in std::mem::take(&mut links.readers[number]) {
+                links.waits[reader] -= 1;
+                if links.waits[reader] == 0
+                    && let Some(kernel) = kernels[reader]
                     && let Some(row) = ready.get_mut(&kernel)
                 {
-                    row.items.push(Reverse(*reader));
+                    row.items.insert((Reverse(heights[reader]), reader));
                 }
             }
         }
@@ -95,17 +137,17 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
 }
 
 fn next_kernel(ready: &BTreeMap<u16, Ready>) -> Option<u16> {
-    let candidates = ready.iter().filter(|(_, row)| !row.items.is_empty());
-    let rated = candidates.map(|(kernel, row)| {
+    let rated = ready.iter().filter_map(|(kernel, row)| {
+        let (Reverse(height), _) = row.items.first()?;
         let finishes = row.items.len() == row.left;
-        ((finishes, row.items.len(), Reverse(*kernel)), *kernel)
+        Some(((finishes, *height, row.items.len(), Reverse(*kernel)), *kernel))
     });
     rated.max().map(|(_, kernel)| kernel)
 }
 
 fn take(ready: &mut BTreeMap<u16, Ready>, kernel: u16) -> Option<usize> {
     let row = ready.get_mut(&kernel)?;
-    let Reverse(number) = row.items.pop()?;
+    let (_, number) = row.items.pop_first()?;
     row.left -= 1;
     Some(number)
 }
