@@ -7,7 +7,13 @@ mod common;
 
 use common::{Bench, Plan, endless_net, line_net};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use rcc_bench::executor::Executor;
+use rcc_bench::graph::Graph;
+use rcc_bench::instance::cell;
+use rcc_bench::net::net;
 use rcc_ipc::control::PlanData;
+use rcc_loader::compile_for;
+use std::time::Duration;
 
 /// A chain of `count` additions, each reading the one before.
 fn chain(count: u32) -> PlanData {
@@ -63,7 +69,7 @@ fn executor(criterion: &mut Criterion) {
     });
     group.bench_function("line, kinematics, guard, command, monitor", |b| {
         b.iter_custom(|iterations| {
-            let mut total = std::time::Duration::ZERO;
+            let mut total = Duration::ZERO;
             let mut left = iterations;
             while left > 0 {
                 let mut bench = Bench::new();
@@ -81,5 +87,24 @@ fn executor(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, primitives, executor);
+/// Latch, evaluate, guard, write and record, with boards in shared memory, as the executor itself measures it.
+fn whole(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("whole cycle");
+    let text = net(&Graph::load("full", 50).expect("a graph of this package")).text;
+    let plan = compile_for(&text, "graph.json", &cell())
+        .expect("the tests compile it")
+        .plan;
+    for nets in [0, 1, 10, 50] {
+        let mut executor = Executor::new(cell(), [0.0; 8]).expect("room for a cell");
+        for _ in 0..nets {
+            executor.start(plan.clone()).expect("a good plan");
+        }
+        group.bench_function(BenchmarkId::new("nets of 50", nets), |b| {
+            b.iter_custom(|iterations| Duration::from_nanos(executor.cycles(iterations as usize)));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, primitives, executor, whole);
 criterion_main!(benches);

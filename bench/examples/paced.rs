@@ -1,5 +1,5 @@
-//! A graph in a 1 kHz SCHED_FIFO loop, as the executor would run it: `paced GRAPH [--seconds S] [--core N]` prints one line
-//! of JSON with the median time of a cycle. For `bench/hal`, which runs LinuxCNC HAL in turns with it.
+//! A graph in a SCHED_FIFO loop, as the executor would run it: `paced GRAPH [--seconds S] [--core N] [--period US]` prints one
+//! line of JSON with the median time of a cycle. For `bench/hal`, which runs LinuxCNC HAL in turns with it.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -10,7 +10,6 @@ use rcc_bench::measure::median;
 use rcc_exec::setup::{FIFO, Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
 
-const PERIOD_NS: u64 = 1_000_000;
 /// Below the watchdogs of the kernel, as an executor.
 const PRIORITY: u8 = 80;
 
@@ -34,7 +33,9 @@ fn main() -> ExitCode {
     lock_memory(&mut grants);
     promote_thread(PRIORITY, core, &mut grants);
     prefault_stack();
-    let cycle_ns = run(instance, (seconds * 1e3) as usize);
+    let period_us = option("--period").unwrap_or(1e3).max(1.0);
+    let cycles = (seconds * 1e6 / period_us) as usize;
+    let cycle_ns = run(instance, cycles, (period_us * 1e3) as u64);
     println!(
         "{{\"cycle_ns\": {cycle_ns}, \"fifo\": {}}}",
         grants.bits & FIFO != 0
@@ -43,11 +44,11 @@ fn main() -> ExitCode {
 }
 
 /// Median time of so many cycles, two looks at the clock included.
-fn run(mut instance: Instance, cycles: usize) -> f64 {
+fn run(mut instance: Instance, cycles: usize, period_ns: u64) -> f64 {
     let mut times = Vec::with_capacity(cycles);
     let mut deadline_ns = monotonic_ns();
     for _ in 0..cycles {
-        deadline_ns += PERIOD_NS;
+        deadline_ns += period_ns;
         sleep_until(deadline_ns);
         let begun = Instant::now();
         instance.evaluate();

@@ -1,5 +1,6 @@
 //! How punctually a running executor was woken, from its own histogram: `wake_histogram CELL` prints one line of JSON, µs.
-//! For `bench/wakeup`, which runs cyclictest in turns with it.
+//! `wake_histogram CELL remove` removes what the cell left in shared memory, after its end. For `bench/wakeup`, which runs
+//! cyclictest in turns with an executor.
 
 use std::error::Error;
 
@@ -14,6 +15,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .nth(1)
         .ok_or("which cell? wake_histogram CELL")?;
     let cell = Cell::find(&name)?.ok_or_else(|| format!("there is no cell {name}"))?;
+    if std::env::args().nth(2).as_deref() == Some("remove") {
+        rcc_bench::executor::remove(&cell);
+        return Ok(());
+    }
     let announced = cell
         .announced(Role::Executor, "exec")?
         .ok_or("no executor is announced")?;

@@ -92,13 +92,19 @@ struct Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        // Whatever cannot be removed stays in temporary folders; nothing else can be done about it here.
-        for path in self.cell.leftovers().unwrap_or_default() {
-            let _ = fs::remove_file(path);
-        }
-        let _ = fs::remove_dir_all(self.cell.iox_root());
+        remove(&self.cell);
+        // As below.
         let _ = fs::remove_dir_all(&self.folder);
     }
+}
+
+/// Removes what a cell without processes left in shared memory.
+pub fn remove(cell: &Cell) {
+    // Whatever cannot be removed stays in temporary folders; nothing else can be done about it here.
+    for path in cell.leftovers().unwrap_or_default() {
+        let _ = fs::remove_file(path);
+    }
+    let _ = fs::remove_dir_all(cell.iox_root());
 }
 
 impl Executor {

@@ -19,8 +19,8 @@ use crate::table::{digits, table};
 
 /// Each size is loaded so often.
 const ROUNDS: usize = 7;
-/// Nets whose memory is measured together.
-const NETS: usize = 32;
+/// So many bytes of nets are made at once to be measured: much more than what loading left free in the heap.
+const MEASURED: usize = 512 << 20;
 const STAGES: [&str; 6] = [
     "text",
     "net",
@@ -61,8 +61,8 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         "## Loading\n\n\
          ms, medians of {ROUNDS}: *text* to a tree, the tree to a *net*, *names, types, rules*, lowering and sorting to a *plan*, \
          its *check*, and what the *executor* does off its real-time thread (check again, start values, memory).\n\n{}\n\
-         kB of a loaded net: its plan, the arena that a cycle works on, and what the process grows by, measured over {NETS} nets \
-         (a net keeps its plan and a second arena to start again from).\n\n{}",
+         kB of a loaded net: its plan, the arena that a cycle works on, and what the process grows by for each of many (a net keeps \
+         its plan, which has the arena to start from, beside the one it works on).\n\n{}",
         table(&head, &times),
         table(&["net", "plan", "arena", "measured"], &memory)
     ))
@@ -113,22 +113,16 @@ fn plan_bytes(plan: &PlanData) -> usize {
 
 /// Resident bytes a net.
 fn measured(plan: &PlanData) -> Result<f64, Box<dyn Error>> {
+    let count = MEASURED / (plan_bytes(plan) + arena_bytes(plan));
+    let (models, fingerprint) = (cell().models(), cell().fingerprint);
     let before = resident()?;
-    let nets: Result<Vec<_>, _> = (0..NETS)
-        .map(|_| {
-            Net::build(
-                plan.clone(),
-                &cell().models(),
-                cell().fingerprint,
-                &[None],
-                1e-3,
-            )
-        })
+    let nets: Result<Vec<_>, _> = (0..count)
+        .map(|_| Net::build(plan.clone(), &models, fingerprint, &[None], 1e-3))
         .collect();
     let nets = nets.map_err(|refusal| format!("{refusal:?}"))?;
     let grown = resident()?.saturating_sub(before);
     drop(nets);
-    Ok(grown as f64 / NETS as f64)
+    Ok(grown as f64 / count as f64)
 }
 
 /// Resident bytes of this process.

@@ -29,10 +29,11 @@ pub fn section(effort: &Effort) -> Result<String, Box<dyn Error>> {
          Made by a program; do not edit:\n\n\
          ```console\n\
          $ bench/hal --json target/hal.json; bench/wakeup --json target/wakeup.json      # as root, where installed\n\
-         $ cargo run --release -p rcc-bench --features straight-line --example performance -- \\\n    \
-         --hal target/hal.json --wakeup target/wakeup.json\n\
+         $ cargo build --release -p rcc-bench --features straight-line --example performance\n\
+         $ chrt -f 10 taskset -c 1 target/release/examples/performance --hal target/hal.json --wakeup target/wakeup.json\n\
          ```\n\n\
-         {date}, commit {commit}, {compiler}; {model}, {cores} cores{vm}, Linux {kernel}{rt}; load average when it began: {load}.\n\n\
+         {date}, commit {commit}, {compiler}; {model}, {cores} cores{vm}, Linux {kernel}{rt}; load average when it began: {load}; \
+         this program {policy}.\n\n\
          Only ratios within one run carry over to other machines. Subjects are measured in turns, {rounds} rounds of {stretches} \
          stretches of {stretch} ms, hot: a round's figure is the median of its stretches, the figure in a table the median of the \
          rounds, in brackets the fastest and the slowest round. A load above 1 means that other programs ran meanwhile: it widens \
@@ -46,6 +47,11 @@ pub fn section(effort: &Effort) -> Result<String, Box<dyn Error>> {
             ""
         },
         kernel = kernel.trim(),
+        policy = if real_time()? {
+            "under SCHED_FIFO"
+        } else {
+            "not real-time"
+        },
         rt = if preempt_rt {
             " PREEMPT_RT"
         } else {
@@ -56,6 +62,13 @@ pub fn section(effort: &Effort) -> Result<String, Box<dyn Error>> {
         stretches = effort.stretches,
         stretch = effort.stretch.as_millis(),
     ))
+}
+
+/// This process is SCHED_FIFO: field 41 of proc_pid_stat(5), the 39th after the name.
+fn real_time() -> Result<bool, Box<dyn Error>> {
+    let stat = fs::read_to_string("/proc/self/stat")?;
+    let (_, fields) = stat.rsplit_once(')').ok_or("no name in /proc/self/stat")?;
+    Ok(fields.split_whitespace().nth(38) == Some("1"))
 }
 
 /// What a program prints.

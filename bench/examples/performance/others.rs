@@ -16,6 +16,7 @@ const WAKEUP_GOAL: f64 = 1.3;
 #[derive(Deserialize)]
 struct Hal {
     nodes: usize,
+    period_us: u64,
     rounds: usize,
     hal_ns: f64,
     rcc_ns: f64,
@@ -37,6 +38,7 @@ struct Wakeup {
     ratio_p99: f64,
     ratio_low: f64,
     ratio_high: f64,
+    load_average: f64,
 }
 
 /// See the module.
@@ -80,7 +82,7 @@ fn hal_text(rows: Option<&[Hal]>) -> String {
     let fair = rows.iter().all(|row| row.fifo);
     let cells = rows.iter().map(|row| {
         vec![
-            format!("scalar_{}", row.nodes),
+            format!("scalar_{}, every {} µs", row.nodes, row.period_us),
             digits(row.hal_ns),
             digits(row.rcc_ns),
             digits(row.ratio),
@@ -88,10 +90,11 @@ fn hal_text(rows: Option<&[Hal]>) -> String {
         ]
     });
     format!(
-        "ns a component, the same graph in both, {} rounds in turns, each in a loop of 1 kHz under SCHED_FIFO on the same core{}; \
+        "ns a component, the same graph in both, {} rounds in turns, each in a loop under SCHED_FIFO on the same core{}; \
          *ratio* is the median of the rounds' ratios. HAL's results were compared with the graph's. HAL reads the clock before and \
          after every component, as it is shipped: that is most of what a component costs it, and the comparison is with HAL as it \
-         is used, no more. The pause of a millisecond cools the caches, of both.\n\n{}",
+         is used, no more. A long pause between cycles cools the caches, of both, and \
+         whatever else runs on that core cools them more.\n\n{}",
         rows.first().map_or(0, |row| row.rounds),
         if fair {
             ""
@@ -113,7 +116,11 @@ fn wakeup_text(rows: Option<&[Wakeup]>) -> String {
     let three = |figures: [f64; 3]| figures.map(digits).join(" / ");
     let cells = rows.iter().map(|row| {
         vec![
-            row.condition.clone(),
+            format!(
+                "{}, load average {}",
+                row.condition,
+                digits(row.load_average)
+            ),
             three(row.cyclictest_us),
             three(row.rcc_us),
             format!(
@@ -133,7 +140,8 @@ fn wakeup_text(rows: Option<&[Wakeup]>) -> String {
     format!(
         "How long after its deadline the thread runs, µs: p50 / p99 / max, medians of {} runs of {} s each, in turns, period 1 ms, \
          SCHED_FIFO {} on core {}{}. Ours is the real executor in a cell of its own, idle, by its own histogram. *Ratio* is that of \
-         the p99, the median of the pairs and their range. The tails are the machine's.\n\n{}",
+         the p99, the median of the pairs and their range. The tails are the machine's, and a load \
+         average above what stress-ng alone makes means that other programs ran on these cores.\n\n{}",
         first.rounds,
         first.seconds,
         first.priority,
