@@ -41,3 +41,12 @@ fn graphs_with_transforms_and_feedback_agree_with_the_reference() {
 fn graphs_with_null_agree_with_the_reference() {
     SIZES.iter().for_each(|size| agrees(MIXES[2], *size));
 }
+
+#[test]
+fn equal_primitives_come_one_after_the_other() {
+    // Three a run at least, in the mix with the deepest graphs and the fewest kinds; 2.2 by the longest ready list.
+    let graph = Graph::load("scalar", 2000).unwrap();
+    let instance = Instance::new(&graph).unwrap_or_else(|faults| panic!("{faults}"));
+    let runs = instance.net.plan.runs.len();
+    assert!(runs * 3 < instance.primitives(), "{runs} runs");
+}

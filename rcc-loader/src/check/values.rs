@@ -79,8 +79,14 @@ fn other_type(net: Typed<'_>, wire: &Wire<'_>, input: &str, have: Type, want: Ty
     let fault =
         Diagnostic::error(fault::TYPE_MISMATCH, wire.span, message).label(format!("a {have}"));
     let is_element = wire.index.is_none() && have.element() == Some(want);
-    fault.help_if(is_element.then(|| format!("pick an element: `{output}[0]`")))
+    fault.help_if(match (have, want) {
+        _ if is_element => Some(format!("pick an element: `{output}[0]`")),
+        (Type::Int, Type::Real) | (Type::Real, Type::Int) => Some(WHOLE_AND_REAL.to_string()),
+        _ => None,
+    })
 }
+
+const WHOLE_AND_REAL: &str = "whole and real numbers do not mix: lead the whole one through `{type: ToReal, inputs: {in: …}}`";
 
 /// Constants at inputs and parameters are of the type and unit of their places.
 pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
@@ -144,6 +150,13 @@ fn example_of(literal: &Literal, ty: Type) -> Option<String> {
         }
         (Type::Rotation, _) => Some("write `{rpy: [deg(180), 0, 0]}`".to_string()),
         (Type::Bool, _) => Some("write true or false".to_string()),
+        (Type::Int, Shape::Real(..)) => Some(WHOLE_AND_REAL.to_string()),
+        (Type::Matrix(rows, columns), Shape::List(_)) => {
+            let row = format!("[{}]", vec!["…"; usize::from(columns)].join(", "));
+            Some(format!(
+                "write {rows} rows of {columns} numbers: `[{row}, …]`"
+            ))
+        }
         (ty, Shape::List(_)) if ty.width() > 1 => Some(format!("write a list of {}", ty.width())),
         _ => None,
     }

@@ -140,7 +140,10 @@ fn next_kernel(ready: &BTreeMap<u16, Ready>) -> Option<u16> {
     let rated = ready.iter().filter_map(|(kernel, row)| {
         let (Reverse(height), _) = row.items.first()?;
         let finishes = row.items.len() == row.left;
-        Some(((finishes, *height, row.items.len(), Reverse(*kernel)), *kernel))
+        Some((
+            (finishes, *height, row.items.len(), Reverse(*kernel)),
+            *kernel,
+        ))
     });
     rated.max().map(|(_, kernel)| kernel)
 }

@@ -1,0 +1,147 @@
+//! Types, units and first values that the catalogue leaves open, from the text to what a cycle computes.
+
+mod bench;
+
+use bench::{Bench, cell};
+use rcc_loader::compile;
+
+/// Runs a net of these primitives for the golden cell.
+fn run(primitives: &str, discard: &str) -> Bench {
+    let text = format!(
+        "net: example\nprimitives:\n  end: {{type: Termination, inputs: {{done: false}}}}\n{primitives}\ndiscard: [{discard}]\n"
+    );
+    let cell = cell("tests/nets/cell.yaml");
+    let net = compile(&text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}"));
+    Bench::new(net, &cell, [0.0; 7])
+}
+
+/// The unit that an output is found to have.
+fn unit(bench: &Bench, id: &str) -> Option<String> {
+    let mut primitives = bench.net.names.primitives.iter();
+    let primitive = primitives.find(|primitive| primitive.id == id)?;
+    primitive.outputs[0].unit.clone()
+}
+
+#[test]
+fn links_decide_between_whole_and_real_numbers() {
+    let mut bench = run(
+        "  ticks: {type: Counter, inputs: {in: true}}
+  twice: {type: Multiply, inputs: {a: ticks.out, b: 2}}
+  more: {type: Greater, inputs: {a: twice.out, b: 3}}
+  half: {type: ToReal, inputs: {in: ticks.out}}
+  scaled: {type: Multiply, inputs: {a: half.out, b: 0.5}}
+  plain: {type: Add, inputs: {a: 1, b: 2}}",
+        "more.out, scaled.out, plain.out",
+    );
+    bench.step();
+    assert_eq!(
+        (bench.value("twice.out"), bench.value("more.out")),
+        (2.0, 0.0)
+    );
+    bench.step();
+    assert_eq!(
+        (bench.value("twice.out"), bench.value("more.out")),
+        (4.0, 1.0)
+    );
+    assert_eq!(
+        (bench.value("scaled.out"), bench.value("plain.out")),
+        (1.0, 3.0)
+    );
+    let types = |id: &str| {
+        let mut primitives = bench.net.names.primitives.iter();
+        let primitive = primitives.find(|primitive| primitive.id == id);
+        primitive.map(|primitive| primitive.outputs[0].type_name.clone())
+    };
+    assert_eq!(types("twice").as_deref(), Some("Int"));
+    assert_eq!(types("plain").as_deref(), Some("Real"));
+}
+
+#[test]
+fn a_state_begins_with_its_initial_value() {
+    let mut bench = run(
+        "  edge: {type: RisingEdge, inputs: {in: true}}
+  first: {type: RisingEdge, parameters: {initial: false}, inputs: {in: true}}
+  soft: {type: LowPass, parameters: {gain: 0.5}, inputs: {in: 4}}
+  warm: {type: LowPass, parameters: {gain: 0.5, initial: 2}, inputs: {in: 4}}
+  hot: {type: LowPass, parameters: {gain: 0.5, initial: null}, inputs: {in: 4}}",
+        "edge.out, first.out, soft.out, warm.out, hot.out",
+    );
+    bench.step();
+    assert_eq!(
+        (bench.value("edge.out"), bench.value("first.out")),
+        (0.0, 1.0)
+    );
+    let out = ["soft.out", "warm.out", "hot.out"].map(|name| bench.value(name));
+    assert_eq!(out, [2.0, 3.0, 4.0]);
+}
+
+#[test]
+fn units_go_through_roots_limits_and_transforms() {
+    let bench = run(
+        "  ft: {type: ForceTorque, parameters: {device: lwr}}
+  square: {type: Multiply, inputs: {a: ft.fx, b: ft.fx}}
+  size: {type: SquareRoot, inputs: {in: square.out}}
+  soft: {type: LowPass, parameters: {gain: 0.1}, inputs: {in: size.out}}
+  bound: {type: Limit, inputs: {in: soft.out, low: 0, high: 20}}
+  frame:
+    type: TransformFromPosition
+    parameters: {rotation: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}
+    inputs: {x: 1 m, y: 2 m, z: 3 m}
+  back: {type: TransformInvert, inputs: {in: frame.out}}
+  both: {type: TransformCompose, inputs: {a: frame.out, b: back.out}}
+  height: {type: Abs, inputs: {in: 'back.out[11]'}}
+  axis: {type: Abs, inputs: {in: 'frame.out[1]'}}",
+        "ft.fy, ft.fz, ft.tx, ft.ty, ft.tz, bound.out, both.out, height.out, axis.out",
+    );
+    for (id, want) in [
+        ("size", "N"),
+        ("bound", "N"),
+        ("both", "m"),
+        ("height", "m"),
+        ("axis", "1"),
+    ] {
+        assert_eq!(unit(&bench, id).as_deref(), Some(want), "{id}");
+    }
+}
+
+#[test]
+fn a_transform_and_its_inverse_cancel() {
+    let mut bench = run(
+        "  frame:
+    type: TransformFromPosition
+    parameters: {rotation: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}
+    inputs: {x: 1 m, y: 2 m, z: 3 m}
+  back: {type: TransformInvert, inputs: {in: frame.out}}
+  both: {type: TransformCompose, inputs: {a: frame.out, b: back.out}}",
+        "both.out",
+    );
+    bench.step();
+    let identity: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
+    assert_eq!(bench.values("both.out"), identity);
+    assert_eq!(
+        bench.values("back.out")[3..12],
+        [-2.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -3.0]
+    );
+}
+
+#[test]
+fn links_that_carry_the_same_value_share_one_copy() {
+    let mut bench = run(
+        "  ticks: {type: Counter, inputs: {in: true}}
+  a: {type: ToReal, inputs: {in: {from: ticks.out, delayed: true, initial: 0}}}
+  b: {type: Negate, inputs: {in: {from: ticks.out, delayed: true, initial: 0}}}
+  c: {type: Negate, inputs: {in: {from: ticks.out, delayed: true, initial: 7}}}",
+        "a.out, b.out, c.out",
+    );
+    assert_eq!(bench.net.plan.delays.len(), 2);
+    bench.step();
+    assert_eq!(
+        ["a.out", "b.out", "c.out"].map(|name| bench.value(name)),
+        [0.0, 0.0, -7.0]
+    );
+    bench.step();
+    assert_eq!(
+        ["a.out", "b.out", "c.out"].map(|name| bench.value(name)),
+        [1.0, -1.0, -1.0]
+    );
+}
