@@ -10,3 +10,4 @@ pub mod engine;
 pub mod net;
 pub mod queue;
 pub mod record;
+pub mod replay;

@@ -110,6 +110,8 @@ pub struct Recorder {
     /// Bit r: the net in row r is due for a snapshot.
     due: u64,
     snapshot_step: u64,
+    /// Words written when all nets were due last.
+    round_at: u64,
     snapshot_words_max: usize,
     post_cycles: u64,
     hold_off_cycles: u64,
@@ -133,7 +135,7 @@ impl Recorder {
         let (spare, spares) = rtrb::RingBuffer::new(2);
         let ring = Ring::new(words, cycles);
         let recorder = Recorder {
-            snapshot_words_max: ring.capacity() / 4,
+            snapshot_words_max: ring.capacity() / 8,
             spare: Some(Ring::new(words, cycles)),
             ring,
             recordings: recording_in,
@@ -148,6 +150,7 @@ impl Recorder {
             ]
             .into(),
             due: 0,
+            round_at: 0,
             snapshot_step: (SNAPSHOT_EVERY_NS / period_ns / COMMANDS_MAX as u64).max(1),
             post_cycles: POST_TRIGGER_NS.div_ceil(period_ns),
             hold_off_cycles: HOLD_OFF_NS / period_ns,
@@ -169,6 +172,11 @@ impl Recorder {
         if cycle.checked_rem(self.snapshot_step) == Some(0) {
             let row = cycle.checked_div(self.snapshot_step).unwrap_or(0) % COMMANDS_MAX as u64;
             self.due |= 1 << row;
+        }
+        // A small ring is overwritten within less: something in it must be a beginning.
+        let written = self.ring.written();
+        if written.saturating_sub(self.round_at) > self.ring.capacity() as u64 / 4 {
+            (self.due, self.round_at) = (u64::MAX, written);
         }
         let all = std::mem::take(&mut self.blank);
         for (index, (device, input)) in self.devices.iter_mut().zip(inputs).enumerate() {
@@ -327,7 +335,7 @@ impl Recorder {
             self.spare = Some(recording.ring);
         }
         self.earliest_cycle = self.cycle + self.hold_off_cycles;
-        (self.due, self.blank) = (u64::MAX, true);
+        (self.due, self.round_at, self.blank) = (u64::MAX, 0, true);
     }
 }
 

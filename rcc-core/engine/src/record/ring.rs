@@ -39,6 +39,11 @@ impl Ring {
         self.words.len()
     }
 
+    /// Words written since it was cleared.
+    pub fn written(&self) -> u64 {
+        self.written
+    }
+
     /// Forgets everything; the memory stays.
     pub fn clear(&mut self) {
         (self.place, self.written, self.cycles) = (0, 0, 0);

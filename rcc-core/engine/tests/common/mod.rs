@@ -15,6 +15,7 @@ use rcc_core::types::Store;
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::record::Recorder;
 use rcc_ipc::control::{Answer, PlanData, Refusal, SWITCH_MAX};
 
 pub const PERIOD_NS: u64 = 1_000_000;
@@ -159,6 +160,12 @@ impl Bench {
         };
         bench.step();
         bench
+    }
+
+    /// With a flight recorder in its engine.
+    pub fn recorded_by(self, recorder: Recorder) -> Bench {
+        let engine = self.engine.recorded_by(recorder);
+        Bench { engine, ..self }
     }
 
     /// One cycle: the driver exchanges, then the executor.

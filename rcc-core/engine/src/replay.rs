@@ -1,0 +1,376 @@
+//! Replay: the nets of a recording are rebuilt from their plans and evaluated on the recorded inputs, and the hash of all
+//! their slots is compared in every cycle. Run by whoever looks at an incident, in virtual time; the recording may come
+//! from anywhere, so nothing in it is trusted.
+
+use std::collections::BTreeMap;
+
+use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::plan::PlanError;
+use rcc_core::primitive::{Operand, Width};
+use rcc_core::primitives;
+use rcc_core::types::Store;
+
+use crate::net::{Evaluation, Net, Origin};
+use crate::record::entry::{Entries, Entry, NoRecord, Snapshot, input_of};
+use crate::record::hash::{hash, real_word};
+
+/// What is replayed.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// The devices.
+    pub models: &'a [DeviceModel],
+    /// Fingerprint of the configuration that the plans were made for.
+    pub configuration: u64,
+    /// The nets by id.
+    pub nets: &'a BTreeMap<u64, Origin>,
+    /// The records.
+    pub words: &'a [u64],
+}
+
+/// Why there is no replay.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ReplayError {
+    /// The recording is damaged.
+    #[error(transparent)]
+    NoRecord(#[from] NoRecord),
+    /// A net cannot be evaluated by this build.
+    #[error(
+        "the plan of net {id} does not check here ({error:?}): replay it with the build that recorded it"
+    )]
+    Plan {
+        /// Its id.
+        id: u64,
+        /// Why.
+        error: PlanError,
+    },
+    /// An input of a device that the cell does not have.
+    #[error("cycle {cycle} has an input of device {device}, which the cell does not have")]
+    NoDevice {
+        /// The cycle.
+        cycle: u64,
+        /// Index of the device.
+        device: usize,
+    },
+}
+
+/// What a replayed net did otherwise than the recorded one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mismatch {
+    /// Executor cycle.
+    pub cycle: u64,
+    /// Cycle of the net, from 1.
+    pub net_cycle: u64,
+    /// What differs.
+    pub what: Different,
+    /// The first slot that differs, if a later snapshot tells.
+    pub slot: Option<SlotDifference>,
+}
+
+/// What differs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Different {
+    /// At least one slot.
+    Slots,
+    /// What came of the evaluation.
+    Evaluation {
+        /// Then.
+        recorded: Evaluation,
+        /// Now.
+        replayed: Evaluation,
+    },
+    /// The number of its cycles: records are missing.
+    Cycles {
+        /// Then.
+        recorded: u64,
+        /// Now.
+        replayed: u64,
+    },
+}
+
+/// A slot that differs at a snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotDifference {
+    /// Executor cycle of the snapshot.
+    pub cycle: u64,
+    /// Which arena.
+    pub store: Store,
+    /// Index of the slot.
+    pub slot: u32,
+    /// The type of the primitive that writes it, the first of all that wrote something different; `None`: a delayed
+    /// link does, or nobody.
+    pub writer: Option<&'static str>,
+    /// Its bits then.
+    pub recorded: u64,
+    /// Its bits now.
+    pub replayed: u64,
+}
+
+/// What came of the replay of one net.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Replayed {
+    /// Its id.
+    pub id: u64,
+    /// Cycles in which it was evaluated, according to the recording.
+    pub recorded: u64,
+    /// Cycles that were compared.
+    pub compared: u64,
+    /// Cycles of these that differ.
+    pub different: u64,
+    /// First and last executor cycle that was compared; 0 = none.
+    pub span: [u64; 2],
+    /// The first difference.
+    pub mismatch: Option<Mismatch>,
+    /// The recording has its plan.
+    pub has_plan: bool,
+    /// Words of a snapshot that was too large for the ring, 0 = none was.
+    pub too_large: u64,
+}
+
+/// One evaluation in a replay.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<'a> {
+    /// Executor cycle.
+    pub cycle: u64,
+    /// CLOCK_MONOTONIC at which it woke.
+    pub woke_ns: u64,
+    /// Id of the net.
+    pub id: u64,
+    /// The net, after it.
+    pub net: &'a Net,
+    /// It did the same as the recorded one.
+    pub same: bool,
+}
+
+struct Track {
+    net: Option<Box<Net>>,
+    /// The net has a state that was recorded or follows from one.
+    known: bool,
+    result: Replayed,
+}
+
+/// Replays all records up to and with cycle `until` and shows each evaluation to `watch`.
+///
+/// # Errors
+/// The recording cannot be read, or this build cannot evaluate its nets.
+pub fn replay(
+    source: &Source<'_>,
+    until: Option<u64>,
+    mut watch: impl FnMut(Step<'_>),
+) -> Result<Vec<Replayed>, ReplayError> {
+    let absent = input_of(None);
+    let mut inputs: Vec<DeviceInput> = vec![absent; source.models.len()];
+    let mut tracks: BTreeMap<u64, Track> = BTreeMap::new();
+    let (mut cycle, mut woke_ns) = (0, 0);
+    for entry in Entries::new(source.words) {
+        match entry? {
+            Entry::Cycle { cycle: next, .. } if until.is_some_and(|until| next > until) => break,
+            Entry::Cycle {
+                cycle: next,
+                woke_ns: at,
+            } => (cycle, woke_ns) = (next, at),
+            Entry::Input { device, words } => {
+                let place = inputs.get_mut(device);
+                *place.ok_or(ReplayError::NoDevice { cycle, device })? = input_of(words);
+            }
+            entry @ Entry::Net { id, .. } => {
+                let track = track(&mut tracks, source, id)?;
+                let same = track.evaluate(source, &inputs, cycle, &entry);
+                if let (Some(same), Some(net)) = (same, &track.net) {
+                    watch(Step {
+                        cycle,
+                        woke_ns,
+                        id,
+                        net,
+                        same,
+                    });
+                }
+            }
+            Entry::Snapshot(snapshot) => {
+                track(&mut tracks, source, snapshot.id)?.meet(&snapshot, cycle);
+            }
+            Entry::TooLarge { id, words } => {
+                track(&mut tracks, source, id)?.result.too_large = words;
+            }
+            Entry::Order { .. } | Entry::State { .. } | Entry::Times { .. } => {}
+        }
+    }
+    Ok(tracks.into_values().map(|track| track.result).collect())
+}
+
+fn track<'t>(
+    tracks: &'t mut BTreeMap<u64, Track>,
+    source: &Source<'_>,
+    id: u64,
+) -> Result<&'t mut Track, ReplayError> {
+    use std::collections::btree_map::Entry as Place;
+    let place = match tracks.entry(id) {
+        Place::Occupied(place) => return Ok(place.into_mut()),
+        Place::Vacant(place) => place,
+    };
+    let net = match source.nets.get(&id) {
+        None => None,
+        Some(origin) => {
+            let net = Net::rebuild(origin, source.models, source.configuration);
+            Some(net.map_err(|error| ReplayError::Plan { id, error })?)
+        }
+    };
+    let result = Replayed {
+        id,
+        recorded: 0,
+        compared: 0,
+        different: 0,
+        span: [0; 2],
+        mismatch: None,
+        has_plan: net.is_some(),
+        too_large: 0,
+    };
+    Ok(place.insert(Track {
+        net,
+        known: false,
+        result,
+    }))
+}
+
+impl Track {
+    /// Evaluates and compares; `None` while the state is not known.
+    fn evaluate(
+        &mut self,
+        source: &Source<'_>,
+        inputs: &[DeviceInput],
+        cycle: u64,
+        entry: &Entry<'_>,
+    ) -> Option<bool> {
+        let &Entry::Net {
+            begins,
+            cancel,
+            evaluation,
+            dt_s,
+            cycles,
+            hash: recorded,
+            ..
+        } = entry
+        else {
+            return None;
+        };
+        self.result.recorded += 1;
+        let net = self.net.as_mut()?;
+        if begins {
+            net.reset();
+            self.known = true;
+        }
+        if !self.known {
+            return None;
+        }
+        net.cancel_requested = cancel;
+        let replayed = net.evaluate(source.models, inputs, dt_s);
+        let (reals, bools, ints) = net.arenas();
+        let different = if replayed != evaluation {
+            let recorded = evaluation;
+            Some(Different::Evaluation { recorded, replayed })
+        } else if net.cycles != cycles {
+            let (recorded, replayed) = (cycles, net.cycles);
+            Some(Different::Cycles { recorded, replayed })
+        } else {
+            (hash(reals, bools, ints) != recorded).then_some(Different::Slots)
+        };
+        let result = &mut self.result;
+        result.compared += 1;
+        let [first, last] = &mut result.span;
+        *first = if *first == 0 { cycle } else { *first };
+        *last = cycle;
+        if let Some(what) = different {
+            result.different += 1;
+            result.mismatch.get_or_insert(Mismatch {
+                cycle,
+                net_cycle: cycles,
+                what,
+                slot: None,
+            });
+        }
+        Some(different.is_none())
+    }
+
+    /// At a snapshot: where the first difference is, if there was one; from here on the recorded state counts.
+    fn meet(&mut self, snapshot: &Snapshot<'_>, cycle: u64) {
+        let Some(net) = &mut self.net else { return };
+        if let Some(mismatch) = &mut self.result.mismatch
+            && mismatch.slot.is_none()
+            && self.known
+        {
+            mismatch.slot =
+                first_difference(net, snapshot).map(|slot| SlotDifference { cycle, ..slot });
+        }
+        self.known |= net.restore(snapshot).is_some();
+    }
+}
+
+/// The first slot that differs, in the order in which the net writes them.
+fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference> {
+    let origin = net.origin();
+    let plan = origin.data.plan();
+    for run in plan.runs {
+        let (entry, kernel) = primitives::kernel(run.kernel)?;
+        let group = entry.spec.operands(kernel.store).count().max(1);
+        for operands in plan.operands_of(run)?.chunks_exact(group) {
+            let whole = operands.last().copied().unwrap_or(0);
+            for (operand, &slot) in entry.spec.operands(kernel.store).zip(operands) {
+                let Operand::Slot {
+                    store,
+                    width,
+                    written: true,
+                } = operand
+                else {
+                    continue;
+                };
+                let width = match width {
+                    Width::Fixed(width) => width,
+                    Width::Operand => whole,
+                };
+                let found =
+                    (slot..slot + width).find_map(|slot| differs(net, snapshot, store, slot));
+                if let Some(found) = found {
+                    let writer = Some(entry.spec.name);
+                    return Some(SlotDifference { writer, ..found });
+                }
+            }
+        }
+    }
+    let (reals, bools, ints) = net.arenas();
+    let arenas = [
+        (Store::Real, reals.len()),
+        (Store::Bool, bools.len()),
+        (Store::Int, ints.len()),
+    ];
+    let all = arenas
+        .into_iter()
+        .flat_map(|(store, count)| (0..count as u32).map(move |slot| (store, slot)));
+    all.into_iter()
+        .find_map(|(store, slot)| differs(net, snapshot, store, slot))
+}
+
+fn differs(net: &Net, snapshot: &Snapshot<'_>, store: Store, slot: u32) -> Option<SlotDifference> {
+    let (reals, bools, ints) = net.arenas();
+    let index = slot as usize;
+    let (recorded, replayed) = match store {
+        Store::Real => {
+            let recorded = f64::from_bits(*snapshot.reals.get(index)?);
+            (real_word(recorded), real_word(*reals.get(index)?))
+        }
+        Store::Int => (*snapshot.ints.get(index)?, ints.get(index)?.cast_unsigned()),
+        Store::Bool => {
+            let bytes = snapshot.bools.get(index / 8)?.to_le_bytes();
+            (
+                u64::from(*bytes.get(index % 8)?),
+                u64::from(*bools.get(index)?),
+            )
+        }
+    };
+    (recorded != replayed).then_some(SlotDifference {
+        cycle: 0,
+        store,
+        slot,
+        writer: None,
+        recorded,
+        replayed,
+    })
+}

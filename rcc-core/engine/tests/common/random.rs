@@ -1,0 +1,304 @@
+//! Random nets over the whole catalogue, and random inputs: whatever a seed gives is the same everywhere.
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::message::{DeviceState, MAGIC, Measurement};
+use rcc_core::plan::{Delay, Rate, Run};
+use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Width};
+use rcc_core::primitives::{self, CATALOGUE, Entry};
+use rcc_core::types::{NULL_INT, Store};
+use rcc_ipc::control::PlanData;
+
+use super::{HOLD, model};
+
+/// Xorshift64*: enough for tests.
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Random {
+        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.next() >> 33) as usize % count.max(1)
+    }
+
+    /// True once in so many times.
+    pub fn once_in(&mut self, times: usize) -> bool {
+        self.below(times) == 0
+    }
+
+    pub fn real(&mut self, lower: f64, upper: f64) -> f64 {
+        lower + (upper - lower) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Mostly a usual number, now and then one that is not.
+    pub fn any_real(&mut self) -> f64 {
+        match self.below(12) {
+            0 => f64::NAN,
+            1 => *[0.0, -0.0, 1e300, -1e-300, 1.0].get(self.below(5)).unwrap(),
+            _ => self.real(-3.0, 3.0),
+        }
+    }
+
+    fn any_int(&mut self) -> i64 {
+        match self.below(8) {
+            0 => NULL_INT,
+            1 => i64::MAX,
+            _ => self.below(20) as i64 - 10,
+        }
+    }
+}
+
+/// Consecutive slots that can be read.
+#[derive(Clone, Copy)]
+struct Block {
+    store: Store,
+    slot: u32,
+    width: u32,
+}
+
+struct Maker<'a> {
+    random: &'a mut Random,
+    models: &'a [DeviceModel],
+    data: PlanData,
+    blocks: Vec<Block>,
+    /// Copies of delayed links whose source is chosen at the end.
+    copies: Vec<Block>,
+    claimed: Vec<(usize, usize, u32)>,
+    arm_taken: bool,
+}
+
+/// A net of 3 to 40 random primitives that keeps every rule of `Plan::check`; its start values may not exist.
+pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> PlanData {
+    let data = PlanData {
+        catalogue: primitives::fingerprint(),
+        configuration,
+        survives_device_loss: !random.once_in(3),
+        ..PlanData::default()
+    };
+    let mut maker = Maker {
+        random,
+        models,
+        data,
+        blocks: Vec::new(),
+        copies: Vec::new(),
+        claimed: Vec::new(),
+        arm_taken: false,
+    };
+    for _ in 0..3 + maker.random.below(38) {
+        maker.add_any();
+    }
+    maker.end()
+}
+
+impl Maker<'_> {
+    fn add_any(&mut self) {
+        let number = self.random.below(CATALOGUE.len());
+        let entry = CATALOGUE[number];
+        let unwanted = match entry.spec.role {
+            Role::Termination => true,
+            Role::CommandsArm => self.arm_taken || !self.random.once_in(4),
+            Role::Motion => !self.random.once_in(2) || self.data.clocks > 3,
+            _ => entry.kernels.is_empty(),
+        };
+        if !unwanted {
+            self.add(number, entry);
+        }
+    }
+
+    fn add(&mut self, number: usize, entry: &Entry) {
+        let kernel = self.random.below(entry.kernels.len());
+        let store = entry.kernels[kernel].store;
+        let ports = || entry.spec.inputs.iter().chain(entry.spec.outputs);
+        let width = if ports().any(|port| port.ty == PortType::Joints) {
+            self.models[0].joints
+        } else if ports().any(|port| port.ty == PortType::Any) {
+            1 + self.random.below(9) as u32
+        } else {
+            1
+        };
+        let mut operands = Vec::new();
+        let mut device = 0;
+        for operand in entry.spec.operands(store) {
+            operands.push(match operand {
+                Operand::Slot {
+                    store,
+                    width: wide,
+                    written,
+                } => {
+                    let wide = match wide {
+                        Width::Fixed(fixed) => fixed,
+                        Width::Operand => width,
+                    };
+                    match written {
+                        true => self.fresh(store, wide),
+                        false if entry.spec.role == Role::Motion => self.of_motion(store, wide),
+                        false => self.source(store, wide),
+                    }
+                }
+                Operand::Arm => 0,
+                Operand::Device => {
+                    device = self.random.below(self.models.len());
+                    device as u32
+                }
+                Operand::Channel(kind) => match self.channel(entry.spec.role, kind, device) {
+                    Some(channel) => channel,
+                    // Nothing was written but slots that nobody computes.
+                    None => return,
+                },
+                Operand::Clock => {
+                    self.data.clocks += 1;
+                    self.data.clocks - 1
+                }
+                Operand::Width => width,
+            });
+        }
+        self.arm_taken |= entry.spec.role == Role::CommandsArm;
+        self.run(primitives::kernel_number(number, kernel), &operands);
+    }
+
+    fn run(&mut self, kernel: u16, operands: &[u32]) {
+        let first = self.data.operands.len() as u32;
+        self.data.operands.extend(operands);
+        let operands = operands.len() as u32;
+        self.data.runs.push(Run {
+            kernel,
+            first,
+            operands,
+        });
+    }
+
+    fn channel(&mut self, role: Role, kind: ChannelKind, device: usize) -> Option<u32> {
+        let count = self.models[device].channels[kind as usize];
+        let channel = self.random.below(count as usize) as u32;
+        let claim = (device, kind as usize, channel);
+        if role == Role::CommandsChannel {
+            if self.claimed.contains(&claim) {
+                return None;
+            }
+            self.claimed.push(claim);
+        }
+        (channel < count).then_some(channel)
+    }
+
+    /// New slots that something writes.
+    fn fresh(&mut self, store: Store, width: u32) -> u32 {
+        let slot = match store {
+            Store::Real => grow(&mut self.data.reals, width, || f64::NAN),
+            Store::Bool => grow(&mut self.data.bools, width, || 2),
+            Store::Int => grow(&mut self.data.ints, width, || 0),
+        };
+        self.blocks.push(Block { store, slot, width });
+        slot
+    }
+
+    fn constant(&mut self, store: Store, width: u32) -> Block {
+        let random = &mut *self.random;
+        let slot = match store {
+            Store::Real => grow(&mut self.data.reals, width, || random.any_real()),
+            Store::Bool => grow(&mut self.data.bools, width, || random.below(3) as u8),
+            Store::Int => grow(&mut self.data.ints, width, || random.any_int()),
+        };
+        Block { store, slot, width }
+    }
+
+    /// What an input reads: something computed before, a delayed link, or a constant.
+    fn source(&mut self, store: Store, width: u32) -> u32 {
+        let fits = |block: &&Block| block.store == store && block.width >= width;
+        let computed: Vec<Block> = self.blocks.iter().filter(fits).copied().collect();
+        if !computed.is_empty() && !self.random.once_in(5) {
+            let block = computed[self.random.below(computed.len())];
+            let room = (block.width - width + 1) as usize;
+            return block.slot + self.random.below(room) as u32;
+        }
+        let block = self.constant(store, width);
+        if self.random.once_in(2) {
+            self.copies.push(block);
+        }
+        block.slot
+    }
+
+    /// Parameters of a motion: most random ones would be refused.
+    fn of_motion(&mut self, store: Store, width: u32) -> u32 {
+        match (store, width) {
+            (Store::Real, 7) => {
+                let joints: [f64; 7] = HOLD[..7].try_into().expect("seven joints");
+                let mut pose = model().arm.expect("an arm").forward(&joints);
+                let offset = [(); 3].map(|()| self.random.real(-0.05, 0.05));
+                for (place, offset) in pose.position.iter_mut().zip(offset) {
+                    *place += offset;
+                }
+                let mut slots = pose.to_slots().into_iter();
+                grow(&mut self.data.reals, 7, || slots.next().unwrap_or(0.0))
+            }
+            (Store::Real, _) => {
+                let random = &mut *self.random;
+                grow(&mut self.data.reals, width, || random.real(0.5, 3.0))
+            }
+            _ => self.source(store, width),
+        }
+    }
+
+    fn end(mut self) -> PlanData {
+        let done = match self.random.below(3) {
+            0 => self.source(Store::Bool, 1),
+            _ => grow(&mut self.data.bools, 1, || 0),
+        };
+        let (number, _) = primitives::find("Termination").expect("it is there");
+        self.run(primitives::kernel_number(number, 0), &[done]);
+        for copy in std::mem::take(&mut self.copies) {
+            let fits = |block: &&Block| block.store == copy.store && block.width >= copy.width;
+            let sources: Vec<Block> = self.blocks.iter().filter(fits).copied().collect();
+            if !sources.is_empty() {
+                self.data.delays.push(Delay {
+                    store: copy.store,
+                    from: sources[self.random.below(sources.len())].slot,
+                    to: copy.slot,
+                    width: copy.width,
+                });
+            }
+        }
+        if !self.arm_taken && self.random.once_in(4) {
+            let every = 1 + self.random.below(5) as u32;
+            let phase = self.random.below(every as usize) as u32;
+            self.data.rate = Rate { every, phase };
+        }
+        self.data
+    }
+}
+
+fn grow<T>(arena: &mut Vec<T>, width: u32, mut value: impl FnMut() -> T) -> u32 {
+    let slot = arena.len() as u32;
+    arena.extend((0..width).map(|_| value()));
+    slot
+}
+
+/// Changes what a device measures, as real ones do and a little more.
+pub fn measure(random: &mut Random, measurement: &mut Measurement) {
+    measurement.magic = MAGIC;
+    for group in [
+        &mut measurement.position[..],
+        &mut measurement.torque,
+        &mut measurement.external_torque,
+        &mut measurement.wrench,
+        &mut measurement.analog,
+    ] {
+        for value in group {
+            if random.once_in(3) {
+                *value = random.any_real();
+            }
+        }
+    }
+    measurement.digital = random.next();
+    measurement.digital_known = random.next() | random.next();
+    if random.once_in(100) {
+        measurement.state = DeviceState::Online as u32;
+    }
+}

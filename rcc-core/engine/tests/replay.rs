@@ -1,0 +1,388 @@
+//! Recording and replaying in virtual time: 1,000 random nets, what a full ring keeps, and that a difference is found.
+
+mod common;
+#[path = "common/random.rs"]
+mod random;
+
+use std::collections::BTreeMap;
+
+use common::{Bench, HOLD, line_net, model, output_net, time_net};
+use random::Random;
+use rcc_core::frame::DeviceModel;
+use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
+use rcc_core::plan::Rate;
+use rcc_core::types::Store;
+use rcc_engine::net::Origin;
+use rcc_engine::queue::Order;
+use rcc_engine::record::{Reason, Recorder, RecorderConfig, RecorderHelper, Recording};
+use rcc_engine::replay::{Different, Replayed, Source, replay};
+use rcc_ipc::control::{Answer, PlanData};
+
+const CONFIGURATION: u64 = 5;
+const ROOM: usize = 64 << 20;
+
+/// A bench whose engine is recorded, and the origins of its nets.
+struct Recorded {
+    bench: Bench,
+    helper: RecorderHelper,
+    nets: BTreeMap<u64, Origin>,
+}
+
+/// What a helper thread would write to a file.
+struct Tape {
+    words: Vec<u64>,
+    recording: Recording,
+}
+
+impl Recorded {
+    fn new(memory: usize) -> Recorded {
+        let io = DeviceModel {
+            joints: 0,
+            arm: None,
+            ..model()
+        };
+        Recorded::of(vec![model(), io], memory)
+    }
+
+    fn of(models: Vec<DeviceModel>, memory: usize) -> Recorded {
+        let bench = Bench::of_cell(models, CONFIGURATION, HOLD);
+        let config = RecorderConfig {
+            span_ns: 10_000_000_000,
+            memory,
+            period_ns: bench.period_ns,
+        };
+        let (recorder, helper) = Recorder::new(config, bench.models.len());
+        Recorded {
+            bench: bench.recorded_by(recorder),
+            helper,
+            nets: BTreeMap::new(),
+        }
+    }
+
+    /// Makes a net ready; `None`: its start values do not exist.
+    fn load(&mut self, plan: PlanData) -> Option<u64> {
+        let net = self.bench.build(plan).ok()?;
+        let origin = net.origin();
+        let Answer::Reserved { id } = self.bench.ask(|ticket| Order::Reserve { ticket }) else {
+            panic!("no row")
+        };
+        self.bench.ask(|ticket| Order::Install { ticket, id, net });
+        self.nets.insert(id, origin);
+        Some(id)
+    }
+
+    fn start(&mut self, id: u64) {
+        self.bench.order(|ticket| Order::Start { ticket, id });
+    }
+
+    /// Freezes the recording and takes it.
+    fn freeze(&mut self) -> Tape {
+        self.bench.order(|ticket| Order::Record { ticket });
+        self.bench.steps(202);
+        self.tape().expect("a recording")
+    }
+
+    fn tape(&mut self) -> Option<Tape> {
+        let recording = self.helper.recordings.pop().ok()?;
+        let words = recording.ring.newest().concat();
+        Some(Tape { words, recording })
+    }
+
+    /// The ring of a tape goes back.
+    fn give_back(&mut self, tape: Tape) {
+        let mut ring = tape.recording.ring;
+        ring.clear();
+        self.helper.spare.push(ring).expect("room for both rings");
+    }
+
+    fn replay(&self, words: &[u64]) -> Vec<Replayed> {
+        let source = Source {
+            models: &self.bench.models,
+            configuration: CONFIGURATION,
+            nets: &self.nets,
+            words,
+        };
+        replay(&source, None, |_| ()).expect("a recording of this build")
+    }
+}
+
+/// Of one recording: nets, compared cycles, and that all are the same.
+fn identical(results: &[Replayed], seed: u64) -> u64 {
+    for result in results {
+        assert_eq!(result.mismatch, None, "seed {seed}: {result:?}");
+        assert!(result.has_plan, "seed {seed}");
+    }
+    results.iter().map(|result| result.compared).sum()
+}
+
+#[test]
+fn a_thousand_random_nets_are_replayed_to_the_bit() {
+    let (mut nets, mut compared, mut recorded, mut with_motion, mut ended) = (0, 0, 0, 0, 0);
+    let mut seed = 0;
+    while nets < 1000 {
+        seed += 1;
+        let mut random = Random::new(seed);
+        let mut stage = Recorded::new(4 << 20);
+        let mut ids = Vec::new();
+        while ids.len() < 8 {
+            let plan = random::net(&mut random, &stage.bench.models, CONFIGURATION);
+            let checked = plan.plan().check(&stage.bench.models, CONFIGURATION);
+            assert!(checked.is_ok(), "seed {seed}: {checked:?}");
+            with_motion += usize::from(plan.clocks > 0);
+            ids.extend(stage.load(plan));
+        }
+        nets += ids.len();
+        ids.iter().for_each(|id| stage.start(*id));
+        for part in 0..2 {
+            live(&mut random, &mut stage, &ids);
+            let tape = stage.freeze();
+            let results = stage.replay(&tape.words);
+            compared += identical(&results, seed);
+            recorded += results.iter().map(|result| result.recorded).sum::<u64>();
+            // From START on in the first recording, from snapshots in the second.
+            assert!(
+                part == 1
+                    || results
+                        .iter()
+                        .all(|result| result.compared == result.recorded)
+            );
+            stage.give_back(tape);
+        }
+        let over = |id: &&u64| stage.bench.state(**id) == CommandState::Terminated;
+        ended += ids.iter().filter(over).count();
+    }
+    println!(
+        "{seed} seeds, {nets} nets, {with_motion} with motions, {ended} ended; {compared} of {recorded} cycles compared"
+    );
+    assert!(with_motion > 50 && ended > 100, "{with_motion} {ended}");
+    assert!(
+        compared > 200_000 && compared * 10 > recorded * 9,
+        "{compared} of {recorded}"
+    );
+}
+
+/// Some cycles with random inputs, losses and orders.
+fn live(random: &mut Random, stage: &mut Recorded, ids: &[u64]) {
+    for _ in 0..100 + random.below(100) {
+        let bench = &mut stage.bench;
+        random::measure(random, &mut bench.driver.measurement);
+        bench
+            .others
+            .iter_mut()
+            .for_each(|other| random::measure(random, other));
+        bench.driver.alive = !random.once_in(300);
+        if random.once_in(20) {
+            bench.driver.measurement.state = DeviceState::Ready as u32;
+        }
+        if random.once_in(40) {
+            let id = ids[random.below(ids.len())];
+            match random.below(3) {
+                0 => bench.order(|ticket| Order::Cancel { ticket, id }),
+                1 => bench.order(|ticket| Order::Start { ticket, id }),
+                _ => bench.order(|ticket| Order::Abort { ticket, id }),
+            };
+        }
+        bench.step();
+        while bench.ends.outcomes.pop().is_ok() {}
+    }
+}
+
+#[test]
+fn a_motion_is_replayed_from_start_through_cancel_to_its_end() {
+    let mut stage = Recorded::new(ROOM);
+    let id = stage.load(line_net()).expect("a line");
+    stage.start(id);
+    stage.bench.steps(300);
+    stage.bench.order(|ticket| Order::Cancel { ticket, id });
+    stage.bench.steps(500);
+    assert_eq!(stage.bench.reason(id), EndReason::Canceled);
+    let cycles = stage.bench.entry(id).cycles;
+    let tape = stage.freeze();
+    let results = stage.replay(&tape.words);
+    assert_eq!(identical(&results, 0), cycles);
+}
+
+#[test]
+fn a_motion_is_replayed_from_a_snapshot_on_its_way() {
+    let mut stage = Recorded::new(ROOM);
+    let id = stage.load(line_net()).expect("a line");
+    stage.start(id);
+    stage.bench.steps(50);
+    let first = stage.freeze();
+    stage.give_back(first);
+    stage.bench.order(|ticket| Order::Cancel { ticket, id });
+    stage.bench.steps(500);
+    let tape = stage.freeze();
+    let results = stage.replay(&tape.words);
+    assert!(identical(&results, 0) > 50, "{results:?}");
+    assert_eq!(
+        results[0].compared + 1,
+        results[0].recorded,
+        "all after the snapshot"
+    );
+}
+
+#[test]
+fn a_full_ring_keeps_the_newest_cycles() {
+    let mut stage = Recorded::new(2 << 20);
+    let id = stage
+        .load(time_net(Rate { every: 3, phase: 1 }))
+        .expect("a net");
+    stage.start(id);
+    stage.bench.steps(20_000);
+    let tape = stage.freeze();
+    let results = stage.replay(&tape.words);
+    assert!(identical(&results, 0) > 100, "{results:?}");
+    let last = stage.bench.engine.status().cycle;
+    assert!(results[0].span[1] + 5 > last, "{results:?}, now {last}");
+    assert!(results[0].span[0] > 10_000, "{results:?}");
+}
+
+#[test]
+fn a_fault_freezes_the_recording_and_a_storm_of_them_makes_one_more() {
+    let mut stage = Recorded::new(ROOM);
+    let line = stage.load(line_net()).expect("a line");
+    stage.start(line);
+    stage.bench.steps(100);
+    stage.bench.driver.alive = false;
+    stage.bench.steps(400);
+    let tape = stage.tape().expect("an incident");
+    let Reason::Fault { id, fault } = tape.recording.trigger.reason else {
+        panic!("{:?}", tape.recording.trigger)
+    };
+    assert_eq!((id, fault.device), (line, 0));
+    assert_eq!(fault.cycle, tape.recording.trigger.cycle);
+    stage.give_back(tape);
+    stage.bench.driver.alive = true;
+    for _ in 0..20 {
+        let net = stage.load(output_net(0)).expect("a net");
+        stage.start(net);
+        stage.bench.steps(5);
+        stage.bench.driver.alive = false;
+        stage.bench.steps(60);
+        assert_eq!(stage.bench.reason(net), EndReason::Fault);
+        stage.bench.driver.alive = true;
+        stage.bench.steps(5);
+    }
+    assert!(stage.tape().is_none(), "they wait for their time");
+    stage.bench.steps(5000);
+    let tape = stage.tape().expect("one for all of them");
+    assert_eq!(tape.recording.trigger.others, 19);
+    assert!(identical(&stage.replay(&tape.words), 0) > 0);
+    assert!(stage.tape().is_none());
+}
+
+#[test]
+fn while_no_ring_is_free_a_trigger_waits_for_one() {
+    let mut stage = Recorded::new(ROOM);
+    let tape = stage.freeze();
+    stage.bench.order(|ticket| Order::Record { ticket });
+    stage.bench.steps(1000);
+    assert!(stage.tape().is_none());
+    stage.give_back(tape);
+    stage.bench.steps(2);
+    assert!(stage.tape().is_some());
+}
+
+/// Where the words of the n-th record of a kind begin, by the low byte of its head.
+fn records(words: &[u64], tag: u8) -> Vec<usize> {
+    let (mut at, mut found) = (0, Vec::new());
+    while at < words.len() {
+        if words[at] as u8 == tag {
+            found.push(at);
+        }
+        at += 1 + (words[at] >> 32) as usize;
+    }
+    found
+}
+
+/// A net that shows an analog input through a delay and an addition.
+fn analog_net() -> PlanData {
+    let mut plan = common::Plan::new();
+    let (no, value) = (plan.bool(0), plan.reals(&[f64::NAN]));
+    let (before, sum) = (plan.reals(&[0.0]), plan.reals(&[f64::NAN]));
+    plan.add("AnalogInput", &[value, 1, 2]);
+    plan.add("Add", &[value, before, sum]);
+    plan.add("Termination", &[no]);
+    plan.data.delays.push(rcc_core::plan::Delay {
+        store: Store::Real,
+        from: sum,
+        to: before,
+        width: 1,
+    });
+    plan.data
+}
+
+/// A recording of `analog_net` in which the input changes every cycle.
+fn analog_tape() -> (Recorded, Tape) {
+    let mut stage = Recorded::new(ROOM);
+    let id = stage.load(analog_net()).expect("a net");
+    stage.start(id);
+    for cycle in 0..1500 {
+        stage.bench.others[0].analog[2] = f64::from(cycle);
+        stage.bench.step();
+    }
+    let tape = stage.freeze();
+    (stage, tape)
+}
+
+#[test]
+fn a_changed_input_is_found_at_its_cycle_and_a_snapshot_names_the_slot() {
+    let (stage, mut tape) = analog_tape();
+    assert_eq!(stage.replay(&tape.words)[0].mismatch, None);
+    // The input of device 1 in the middle, one bit of the value.
+    let inputs = records(&tape.words, 2);
+    let of_io: Vec<usize> = inputs
+        .into_iter()
+        .filter(|at| (tape.words[*at] >> 8) as u8 == 1)
+        .collect();
+    let at = of_io[of_io.len() / 2];
+    let offset = std::mem::offset_of!(Measurement, analog) / 8 + 2;
+    tape.words[at + 1 + offset] ^= 1 << 40;
+    let cycles = records(&tape.words, 1);
+    let cycle = cycles.iter().rfind(|start| **start < at).expect("a cycle");
+    let cycle = tape.words[cycle + 1];
+    let results = stage.replay(&tape.words);
+    let mismatch = results[0].mismatch.expect("it is found");
+    assert_eq!((mismatch.cycle, mismatch.what), (cycle, Different::Slots));
+    let slot = mismatch.slot.expect("a later snapshot names it");
+    assert_eq!((slot.store, slot.writer), (Store::Real, Some("Add")));
+    assert!(slot.cycle > cycle);
+}
+
+#[test]
+fn a_changed_hash_is_found_at_its_cycle() {
+    let (stage, mut tape) = analog_tape();
+    let nets = records(&tape.words, 5);
+    tape.words[nets[777] + 4] ^= 1;
+    let results = stage.replay(&tape.words);
+    assert_eq!(results[0].different, 1);
+    assert_eq!(results[0].mismatch.expect("it is found").net_cycle, 778);
+}
+
+#[test]
+fn a_damaged_recording_is_an_error_or_a_difference_and_never_a_panic() {
+    let (stage, tape) = analog_tape();
+    let mut random = Random::new(1);
+    for _ in 0..300 {
+        let length = 1 + random.below(3000);
+        let from = random.below(tape.words.len() - length);
+        let mut words = tape.words[from..from + length].to_vec();
+        for _ in 0..4 {
+            let at = random.below(words.len());
+            words[at] = match random.below(3) {
+                0 => random.next(),
+                1 => words[at] ^ 1 << random.below(64),
+                _ => u64::MAX,
+            };
+        }
+        let source = Source {
+            models: &stage.bench.models,
+            configuration: CONFIGURATION,
+            nets: &stage.nets,
+            words: &words,
+        };
+        // Either is right: that it comes back is the test.
+        let _ = replay(&source, None, |_| ());
+    }
+}
