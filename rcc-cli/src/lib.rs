@@ -7,6 +7,7 @@ pub mod demo;
 pub mod doctor;
 pub mod failure;
 pub mod follow;
+pub mod incident;
 pub mod interrupt;
 pub mod simulate;
 pub mod supervisor;

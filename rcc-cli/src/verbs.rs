@@ -69,6 +69,10 @@ verbs! {
     Top = top;
     /// What happened: who died, what was lost, what ended and why.
     Events = events;
+    /// List what the flight recorder wrote, or have it write now.
+    Incidents = incidents;
+    /// Run the nets of an incident file again and compare every cycle.
+    Replay = replay;
     /// Break something on purpose, in a simulated cell only.
     Fault = fault;
     /// What this machine grants and how punctual it is; why a device is not connected.

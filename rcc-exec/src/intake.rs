@@ -2,6 +2,7 @@
 //! thread gives back. Allocates and waits as it likes.
 
 use std::collections::HashMap;
+use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use rcc_core::frame::DeviceModel;
@@ -14,6 +15,7 @@ use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
+use crate::incidents::Made;
 use rcc_engine::costs::Costs;
 use rcc_engine::net::Net;
 use rcc_engine::queue::{Order, Outcome};
@@ -47,6 +49,7 @@ pub struct Intake {
     watched_at: Option<Instant>,
     complaints: Seldom,
     recorder: Option<Recorder>,
+    scribe: Option<Sender<Made>>,
 }
 
 /// What the intake thread must know about the cell.
@@ -98,7 +101,15 @@ impl Intake {
             watched_at: None,
             complaints: Seldom::default(),
             recorder: None,
+            scribe: None,
         }
+    }
+
+    /// Tells every net that it makes to whoever writes incident files.
+    #[must_use]
+    pub fn telling(mut self, scribe: Option<Sender<Made>>) -> Intake {
+        self.scribe = scribe;
+        self
     }
 
     /// Writes what happens to the cell's event log, too.
@@ -204,6 +215,10 @@ impl Intake {
                 ) {
                     Ok(mut net) => {
                         net.expected_ns = self.costs.expected_ns(&net.plan());
+                        if let Some(scribe) = &self.scribe {
+                            // Gone only when the executor ends.
+                            let _ = scribe.send((id, net.origin()));
+                        }
                         Order::Install { ticket, id, net }
                     }
                     Err(refusal) => {

@@ -5,7 +5,7 @@
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, Sender};
 use std::thread;
 use std::time::Instant;
 
@@ -16,7 +16,9 @@ use rcc_engine::costs::Costs;
 use rcc_engine::costs::cache::{self, Origin};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::queue::{HelperEnds, RtEnds, rings};
+use rcc_engine::record::{Recorder as FlightRecorder, RecorderConfig as FlightConfig};
 use rcc_exec::clock::{Clock, Follow};
+use rcc_exec::incidents::{About, Made, Scribe};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
@@ -94,12 +96,21 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         records,
         events,
     } = helper_ends;
+    let (flight, scribe, made) = flight_recorder(config, &cell, session.incarnation());
+    let scribe = scribe.map(|scribe| scribe.recording(recorder.clone()));
     let intake = Intake::new(session, server, orders, outcomes, intake_config);
-    let intake = intake.recording(recorder.clone());
+    let intake = intake.recording(recorder.clone()).telling(made);
     let pump = Pump::new(records, events, publisher, names);
     let pump = pump.recording(&cell, recorder.clone());
     let stop = Arc::new(AtomicBool::new(false));
-    let (rt, grants) = start_rt(engine_config, rt_ends, boards, config, grants, &stop)?;
+    let (rt, grants) = start_rt(
+        engine_config,
+        (rt_ends, flight),
+        boards,
+        config,
+        grants,
+        &stop,
+    )?;
     info!("{grants}");
     if config.executor.rt == RealTime::Required && !grants.refusals.is_empty() {
         stop.store(true, Ordering::Release);
@@ -114,7 +125,12 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         predecessor,
     });
     let supervisor = Notifier::ready(move || pulse(&status.read(), &grants))?;
-    run_helpers(intake, pump, rt, &stop, &signals, &supervisor, &recorder);
+    let helpers = Helpers {
+        intake,
+        pump,
+        scribe,
+    };
+    run_helpers(helpers, rt, &stop, &signals, &supervisor, &recorder);
     drop(announced);
     Ok(())
 }
@@ -137,6 +153,40 @@ fn costs() -> Costs {
         }
     }
     costs
+}
+
+/// The flight recorder and who writes its files, unless the configuration gives it no memory.
+fn flight_recorder(
+    config: &CellConfig,
+    cell: &Cell,
+    incarnation: u64,
+) -> (Option<FlightRecorder>, Option<Scribe>, Option<Sender<Made>>) {
+    let recorder = &config.recorder;
+    if recorder.memory == 0 {
+        return (None, None, None);
+    }
+    let wanted = FlightConfig {
+        span_ns: recorder.span_ns,
+        memory: recorder.memory,
+        period_ns: config.period_ns,
+    };
+    let (flight, helper) = FlightRecorder::new(wanted, config.devices.len());
+    let about = About {
+        cell: cell.clone(),
+        config: config.source.display().to_string(),
+        configuration: config.fingerprint(),
+        incarnation,
+        period_ns: config.period_ns,
+        devices: config
+            .devices
+            .iter()
+            .map(|device| device.name.clone())
+            .collect(),
+        models: config.models(),
+        recorder: recorder.clone(),
+    };
+    let (scribe, made) = Scribe::new(about, helper);
+    (Some(flight), Some(scribe), Some(made))
 }
 
 /// What becomes of a cell that must be real-time on a system that does not let it.
@@ -186,7 +236,7 @@ fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardEr
 /// Starts the real-time thread, which tells what it was granted before its first cycle.
 fn start_rt(
     engine_config: EngineConfig,
-    ends: RtEnds,
+    (ends, flight): (RtEnds, Option<FlightRecorder>),
     boards: Boards,
     config: &CellConfig,
     mut grants: Grants,
@@ -207,6 +257,10 @@ fn start_rt(
             promote_thread(executor.priority, executor.core, &mut grants);
             prefault_stack();
             let engine = Engine::new(engine_config, ends, grants.bits).with_budget(budget_ns);
+            let engine = match flight {
+                Some(flight) => engine.recorded_by(flight),
+                None => engine,
+            };
             // The receiver waits for it; if it is gone the process is ending.
             let _ = told.send(grants);
             drop(told);
@@ -216,10 +270,20 @@ fn start_rt(
     Ok((rt, tell.recv()?))
 }
 
+/// What the helper threads own.
+struct Helpers {
+    intake: Intake,
+    pump: Pump,
+    scribe: Option<Scribe>,
+}
+
 /// Runs the helper threads until a signal arrives and the real-time thread has ended.
 fn run_helpers(
-    mut intake: Intake,
-    mut pump: Pump,
+    Helpers {
+        mut intake,
+        mut pump,
+        scribe,
+    }: Helpers,
     rt: thread::JoinHandle<()>,
     stop: &Arc<AtomicBool>,
     signals: &Stop,
@@ -245,6 +309,10 @@ fn run_helpers(
             }
             pump.round();
         });
+        if let Some(scribe) = scribe {
+            let done = Arc::clone(&over);
+            scope.spawn(move || scribe.run(|| done.load(Ordering::Acquire)));
+        }
         match signals.wait() {
             Ok(signal) => {
                 info!("{signal}: stopping");

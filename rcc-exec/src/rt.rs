@@ -56,6 +56,7 @@ pub fn run(mut engine: Engine, mut boards: Boards, mut clock: Clock, stop: &Arc<
             if engine.is_idle() {
                 // One more cycle, so that drivers see that nothing is commanded.
                 engine.cycle(monotonic_ns());
+                engine.end_recording();
                 return write(&engine, &mut boards);
             }
             if ended_ns - since_ns > STOP_MAX_NS {

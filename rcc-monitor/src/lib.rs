@@ -2,7 +2,6 @@
 //! Run by one thread of a process of its own: whatever happens here, no cycle notices.
 
 pub mod names;
-pub mod pattern;
 pub mod reader;
 pub mod signals;
 pub mod stream;

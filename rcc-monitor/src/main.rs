@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
-use rcc_monitor::pattern::Pattern;
+use rcc_ipc::pattern::Pattern;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
 use rcc_monitor::tail::{Format, Options, tail};

@@ -8,10 +8,10 @@ use rcc_core::message::MonitorRecord;
 use serde_json::{Value, json};
 
 use crate::names::{Command, Monitor};
-use crate::pattern::Pattern;
 use crate::signals::Signals;
 use crate::stream::{Follower, StreamError};
 use crate::value::Kind;
+use rcc_ipc::pattern::Pattern;
 
 /// How often the stream is looked at; its buffers hold more than 100 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(5);

@@ -11,6 +11,7 @@ mod endurance;
 mod events;
 mod examples;
 mod handover;
+mod incidents;
 mod life;
 mod plans;
 mod readme;

@@ -9,6 +9,7 @@ pub mod cell;
 pub mod door;
 pub mod engine;
 pub mod fri;
+pub mod incident;
 pub mod judge;
 pub mod krc;
 pub mod modbus;
@@ -26,6 +27,7 @@ pub const TARGETS: &[Target] = &[
     ("cell", cell::run),
     ("door", door::run),
     ("fri", fri::run),
+    ("incident", incident::run),
     ("krc", krc::run),
     ("modbus", modbus::run),
     ("net", net::run),

@@ -57,6 +57,7 @@ replayed! {
     texts_as_cells_are_accepted_or_refused_with_a_place: "cell";
     requests_of_any_bytes_are_carried_out_or_refused: "door";
     datagrams_of_any_bytes_move_nothing_out_of_its_limits: "fri";
+    incidents_of_any_words_are_refused_or_replayed: "incident";
     answers_of_any_bytes_leave_the_simulators_alive: "krc";
     servers_that_say_anything_leave_the_modbus_driver_alive: "modbus";
     texts_as_nets_are_accepted_or_refused_with_a_place: "net";

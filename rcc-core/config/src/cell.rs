@@ -12,6 +12,7 @@ use crate::device::{ChannelConfig, DeviceConfig, kind_name};
 use crate::diagnostic::Faults;
 use crate::file::{self, Text};
 use crate::ports::Numbers;
+use crate::recorder::RecorderConfig;
 use crate::robot::RobotConfig;
 
 mod clock;
@@ -30,6 +31,8 @@ pub struct CellConfig {
     pub clock: Option<ClockConfig>,
     /// The real-time thread.
     pub executor: ExecutorConfig,
+    /// The flight recorder.
+    pub recorder: RecorderConfig,
     /// What supervisors do with processes that die or hang.
     pub supervision: SupervisionConfig,
     /// Who may use the cell beside the user that runs it.

@@ -10,6 +10,7 @@ mod file;
 pub mod ports;
 pub mod quantity;
 mod reader;
+pub mod recorder;
 pub mod robot;
 pub mod yaml;
 
@@ -17,4 +18,5 @@ pub use access::{AccessConfig, TcpAccess};
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
 pub use ports::{Protocol, auto_ports, free_port};
+pub use recorder::RecorderConfig;
 pub use robot::{JointConfig, RobotConfig};

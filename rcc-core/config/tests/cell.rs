@@ -58,6 +58,43 @@ fn what_is_left_out_has_its_documented_value() {
 }
 
 #[test]
+fn the_recorder_is_on_unless_it_has_no_memory() {
+    let with = |recorder: &str| {
+        let rest = "devices:\n  b: {driver: c, robot: robots/good.yaml}\n";
+        parse(&format!("cell: a\nperiod: 1 ms\n{recorder}{rest}"))
+    };
+    let usual = with("").expect("valid").recorder;
+    assert_eq!(
+        (usual.span_ns, usual.memory >> 20, usual.files),
+        (10_000_000_000, 64, 16)
+    );
+    assert_eq!(usual.folder, None);
+    let own = "recorder: {seconds: 2.5, memory: 8 MB, files: 3, folder: kept}\n";
+    let own = with(own).expect("valid").recorder;
+    assert_eq!(
+        (own.span_ns, own.memory >> 20, own.files),
+        (2_500_000_000, 8, 3)
+    );
+    assert!(own.folder.is_some_and(|folder| folder.ends_with("kept")));
+    assert_eq!(
+        with("recorder: {memory: 0 MB}\n")
+            .expect("valid")
+            .recorder
+            .memory,
+        0
+    );
+    for (bad, count) in [
+        ("recorder: {memory: 64}\n", 1),
+        ("recorder: {memory: -1 MB, seconds: 0, files: 0}\n", 3),
+        ("recorder: {memory: 64 GB}\n", 1),
+        ("recorder: {second: 3}\n", 1),
+    ] {
+        let faults = with(bad).expect_err("refused");
+        assert_eq!(faults.diagnostics.len(), count, "{bad}: {faults}");
+    }
+}
+
+#[test]
 fn supervision_is_as_the_file_has_it_and_sensible_without() {
     let devices = "devices:\n  b: {driver: c}\n";
     let usual = cell(&format!("cell: a\nperiod: 1 ms\n{devices}"));

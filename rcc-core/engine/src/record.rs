@@ -180,12 +180,13 @@ impl Recorder {
         }
         let all = std::mem::take(&mut self.blank);
         for (index, (device, input)) in self.devices.iter_mut().zip(inputs).enumerate() {
-            let words = bytemuck::cast_ref(&input.measurement);
-            let same =
-                device.present == input.present && (!input.present || device.words == *words);
+            let words: &[u64] = bytemuck::cast_slice(std::slice::from_ref(&input.measurement));
+            let same = device.present == input.present
+                && (!input.present || device.words.as_slice() == words);
             device.fresh = !same || all;
             if device.fresh {
-                (device.present, device.words) = (input.present, *words);
+                device.present = input.present;
+                device.words.copy_from_slice(words);
                 push_input(&mut self.ring, index, device);
             }
         }

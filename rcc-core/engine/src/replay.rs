@@ -310,10 +310,10 @@ fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference
     let plan = origin.data.plan();
     for run in plan.runs {
         let (entry, kernel) = primitives::kernel(run.kernel)?;
-        let group = entry.spec.operands(kernel.store).count().max(1);
+        let group = entry.spec.operands(kernel).count().max(1);
         for operands in plan.operands_of(run)?.chunks_exact(group) {
             let whole = operands.last().copied().unwrap_or(0);
-            for (operand, &slot) in entry.spec.operands(kernel.store).zip(operands) {
+            for (operand, &slot) in entry.spec.operands(kernel).zip(operands) {
                 let Operand::Slot {
                     store,
                     width,

@@ -10,6 +10,7 @@ use common::{Bench, HOLD, Plan, endless_net, line_net, output_net};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
 use rcc_engine::queue::Order;
+use rcc_engine::record::{Recorder, RecorderConfig};
 use rcc_ipc::control::Answer;
 
 /// Counts the heap operations of a thread.
@@ -83,6 +84,36 @@ fn a_whole_life_makes_no_heap_operation() {
         obey(&mut bench, |ticket| Order::Unload { ticket, id }, 10);
         bench.driver.measurement.hold = HOLD;
     }
+}
+
+#[test]
+fn the_flight_recorder_makes_none() {
+    let config = RecorderConfig {
+        span_ns: 2_000_000_000,
+        memory: 2 << 20,
+        period_ns: 1_000_000,
+    };
+    let (recorder, mut helper) = Recorder::new(config, 1);
+    let mut bench = Bench::new().recorded_by(recorder);
+    let mut incidents = 0;
+    for round in 0..6 {
+        let id = bench.load(line_net());
+        obey(&mut bench, |ticket| Order::Start { ticket, id }, 300);
+        obey(&mut bench, |ticket| Order::Record { ticket }, 300);
+        bench.driver.alive = round % 2 == 0;
+        obey(&mut bench, |ticket| Order::Cancel { ticket, id }, 6000);
+        bench.driver.alive = true;
+        bench.driver.measurement.state = DeviceState::Ready as u32;
+        bench.driver.measurement.hold = HOLD;
+        obey(&mut bench, |ticket| Order::Unload { ticket, id }, 10);
+        while let Ok(recording) = helper.recordings.pop() {
+            incidents += 1;
+            let mut ring = recording.ring;
+            ring.clear();
+            helper.spare.push(ring).unwrap();
+        }
+    }
+    assert!(incidents >= 6, "{incidents}");
 }
 
 #[test]

@@ -12,8 +12,10 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
 use rcc_core::types::Store;
+use rcc_engine::incident::{self, Head, Incident, Parts};
 use rcc_engine::net::Origin;
 use rcc_engine::queue::Order;
+use rcc_engine::record::hash::Sum;
 use rcc_engine::record::{Reason, Recorder, RecorderConfig, RecorderHelper, Recording};
 use rcc_engine::replay::{Different, Replayed, Source, replay};
 use rcc_ipc::control::{Answer, PlanData};
@@ -358,6 +360,110 @@ fn a_changed_hash_is_found_at_its_cycle() {
     let results = stage.replay(&tape.words);
     assert_eq!(results[0].different, 1);
     assert_eq!(results[0].mismatch.expect("it is found").net_cycle, 778);
+}
+
+/// The words of the incident file of a tape.
+fn file(stage: &Recorded, tape: &Tape) -> Vec<u64> {
+    let nets: Vec<_> = stage
+        .nets
+        .iter()
+        .map(|(id, origin)| (*id, origin))
+        .collect();
+    let head = Head {
+        format: incident::FORMAT,
+        layout: incident::layout(),
+        catalogue: incident::digits(rcc_core::primitives::fingerprint()),
+        configuration: incident::digits(CONFIGURATION),
+        ..Head::default()
+    };
+    let parts = Parts {
+        files: &[(1, b"{\"net\": \"odd length\"}")],
+        models: &stage.bench.models,
+        nets: &nets,
+        ring: &tape.recording.ring,
+    };
+    let mut bytes = Vec::new();
+    incident::write(&mut bytes, head, &parts).expect("a Vec takes everything");
+    let words = bytes
+        .chunks(8)
+        .map(|word| word.try_into().expect("whole words"));
+    words.map(u64::from_le_bytes).collect()
+}
+
+fn replay_file(words: &[u64]) -> Result<Vec<Replayed>, String> {
+    let incident = Incident::parse(words).map_err(|error| error.to_string())?;
+    let source = Source {
+        models: &incident.models,
+        configuration: incident.configuration,
+        nets: &incident.nets,
+        words: &incident.records,
+    };
+    replay(&source, None, |_| ()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn an_incident_file_is_replayed_as_the_recording_was() {
+    for seed in 1..40 {
+        let mut random = Random::new(seed);
+        let mut stage = Recorded::new(4 << 20);
+        let mut ids = Vec::new();
+        while ids.len() < 4 {
+            let plan = random::net(&mut random, &stage.bench.models, CONFIGURATION);
+            ids.extend(stage.load(plan));
+        }
+        ids.extend(stage.load(line_net()));
+        ids.iter().for_each(|id| stage.start(*id));
+        live(&mut random, &mut stage, &ids);
+        let tape = stage.freeze();
+        let words = file(&stage, &tape);
+        assert_eq!(
+            replay_file(&words),
+            Ok(stage.replay(&tape.words)),
+            "seed {seed}"
+        );
+        let found = incident::overview(&tape.recording.ring);
+        let evaluated = stage
+            .replay(&tape.words)
+            .into_iter()
+            .map(|result| result.id);
+        assert!(found.nets.iter().copied().eq(evaluated), "{found:?}");
+        assert_eq!(found.last_cycle, tape.recording.trigger.cycle + 200);
+    }
+}
+
+#[test]
+fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
+    let (stage, tape) = analog_tape();
+    let words = file(&stage, &tape);
+    let mut random = Random::new(7);
+    for _ in 0..200 {
+        let mut bad = words.clone();
+        let at = random.below(bad.len());
+        bad[at] ^= 1 << random.below(64);
+        assert!(Incident::parse(&bad).is_err(), "word {at}");
+        assert!(Incident::parse(&words[..random.below(words.len())]).is_err());
+    }
+    // With a checksum that fits, whatever it says: mostly in the part before the records.
+    let early = 200;
+    for round in 0..2000 {
+        let mut bad = words.clone();
+        for _ in 0..1 + random.below(3) {
+            let range = if round % 4 == 0 { bad.len() } else { early };
+            let at = 2 + random.below(range - 3);
+            bad[at] = match random.below(4) {
+                0 => random.next(),
+                1 => bad[at] ^ 1 << random.below(64),
+                2 => u64::MAX,
+                _ => random.below(1000) as u64,
+            };
+        }
+        let mut sum = Sum::default();
+        let (last, body) = bad.split_last_mut().expect("a file");
+        body.iter().for_each(|word| sum.take(*word));
+        *last = sum.end();
+        // Words, a difference or nothing: that it comes back is the test.
+        let _ = replay_file(&bad);
+    }
 }
 
 #[test]

@@ -164,6 +164,12 @@ impl Cell {
         self.runtime_dir.join("commands")
     }
 
+    /// What the executor's flight recorder wrote, unless the configuration names another folder.
+    #[must_use]
+    pub fn incidents_dir(&self) -> PathBuf {
+        self.runtime_dir.join("incidents")
+    }
+
     /// What each driver knows about its device's connection, one JSON file a device; see `rcc-cli doctor device`.
     #[must_use]
     pub fn drivers_dir(&self) -> PathBuf {

@@ -376,6 +376,8 @@ pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
     for path in ours.into_iter().chain(cell.life_files()) {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
     }
+    let path = cell.incidents_dir();
+    remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
     // Not empty: somebody else's files; they are not ours to remove.
     let _ = fs::remove_dir(cell.runtime_dir());
     if let Some(base) = cell.own_base() {

@@ -27,6 +27,7 @@ pub mod events;
 pub mod life;
 pub mod lock;
 pub mod parcel;
+pub mod pattern;
 mod reap;
 pub mod request;
 pub mod room;

@@ -118,6 +118,15 @@ pub struct Switched {
     pub started: Vec<Done>,
 }
 
+/// Answer to a request for an incident file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Frozen {
+    /// Executor cycle in which the recording was frozen; the file holds the seconds before it and a little after.
+    pub cycle: u64,
+    /// The executor's life, 16 hexadecimal digits: the file's name begins with it.
+    pub executor: String,
+}
+
 /// A command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct CommandView {

@@ -17,8 +17,8 @@ use utoipa::OpenApi;
 
 use super::api;
 use super::api::{
-    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Loaded, PrimitiveView,
-    StatusView, Switched, TimingView,
+    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, Loaded,
+    PrimitiveView, StatusView, Switched, TimingView,
 };
 use super::catalogue;
 use super::codes;
@@ -62,6 +62,7 @@ struct Shared {
         cancel,
         abort,
         unload,
+        incident,
         devices,
         primitives,
         status,
@@ -95,6 +96,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/switch", post(switch))
         .route("/commands/{name}/cancel", post(cancel))
         .route("/commands/{name}/abort", post(abort))
+        .route("/incidents", post(incident))
         .route("/devices", get(devices))
         .route("/primitives", get(primitives))
         .route("/status", get(status))
@@ -342,6 +344,13 @@ async fn unload(
     operate(shared, name, Operation::Unload).await
 }
 
+/// Has the flight recorder write its last seconds to a file.
+#[utoipa::path(post, path = "/incidents",
+    responses((status = 200, body = Frozen), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
+async fn incident(State(shared): State<Shared>) -> Result<Json<Frozen>, ApiError> {
+    blocking(shared, Service::freeze).await.map(Json)
+}
+
 /// The devices, in the order of the cell's configuration.
 #[utoipa::path(get, path = "/devices",
     responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
@@ -409,6 +418,7 @@ mod tests {
             "/commands/{name}/cancel",
             "/commands/{name}/start",
             "/devices",
+            "/incidents",
             "/primitives",
             "/status",
             "/status/acknowledge",

@@ -10,7 +10,7 @@ use rcc_core::message::{CommandEntry, CommandState, EndReason};
 use rcc_ipc::control::{Answer, Call};
 use rcc_ipc::events::{self, Kind, Recorder};
 
-use super::api::{CommandDetail, CommandView, Done, Finding};
+use super::api::{CommandDetail, CommandView, Done, Finding, Frozen};
 use super::codes;
 use super::compile::{self, Compiled};
 use super::error::ApiError;
@@ -331,6 +331,24 @@ impl Service {
             }
             Answer::Refused(refusal) => {
                 Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+            }
+            Answer::Reserved { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
+        }
+    }
+
+    /// Freezes the flight recorder: the executor writes its last seconds to a file, soon after.
+    ///
+    /// # Errors
+    /// There is no executor, or it records nothing.
+    pub fn freeze(&self) -> Result<Frozen, ApiError> {
+        let (attached, _) = self.attach()?;
+        match self.executor.call(&Call::Record)? {
+            Answer::Done { cycle } => Ok(Frozen {
+                cycle,
+                executor: events::digits(attached.announcement.incarnation),
+            }),
+            Answer::Refused(refusal) => {
+                Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
             }
             Answer::Reserved { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
         }

@@ -17,15 +17,17 @@ use crate::diagnostic::{Faults, Span};
 use crate::file::{self, Text};
 use crate::ports::{self, Numbers};
 use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
+use crate::recorder;
 use crate::robot::{self, RobotConfig};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 10] = [
+const KEYS: [&str; 11] = [
     "cell",
     "period",
     "stale_after",
     "clock",
     "executor",
+    "recorder",
     "supervision",
     "access",
     "ports",
@@ -130,6 +132,7 @@ impl Reading<'_> {
         let stale_after_ns =
             self.timeout(&fields, "stale_after", STALE_AFTER_NS, STALE_AFTER_NS_MAX);
         let executor = self.executor(&fields);
+        let recorder = recorder::read(&mut self.reader, &fields, self.base);
         let supervision = self.supervision(&fields);
         let access = access::read(&mut self.reader, &fields, self.base, &self.ports);
         let simulators = self.simulators(&fields);
@@ -142,6 +145,7 @@ impl Reading<'_> {
             stale_after_ns: stale_after_ns?,
             clock: clock?,
             executor: executor?,
+            recorder: recorder?,
             supervision: supervision?,
             access: access?,
             devices: devices?,

@@ -40,6 +40,16 @@ pub(super) const fn head(tag: Tag, small: u8, flags: u16, words: usize) -> u64 {
     tag as u64 | (small as u64) << 8 | (flags as u64) << 16 | (words as u64) << 32
 }
 
+/// The head of a record is that of a cycle; its number follows.
+pub(crate) fn is_cycle(head: u64) -> bool {
+    head as u8 == Tag::Cycle as u8
+}
+
+/// The head of a record is that of a net's evaluation or state; its id follows.
+pub(crate) fn is_of_net(head: u64) -> bool {
+    [Tag::Net as u8, Tag::Snapshot as u8, Tag::TooLarge as u8].contains(&(head as u8))
+}
+
 /// In the flags of a net: it began in this cycle, from its initial state.
 pub(super) const BEGINS: u16 = 1;
 /// In the flags of a net or a snapshot: CANCEL was requested.
@@ -264,7 +274,9 @@ fn read(head: u64, words: &[u64]) -> Option<Entry<'_>> {
 pub fn input_of(words: Option<&[u64; MEASUREMENT_WORDS]>) -> DeviceInput {
     DeviceInput {
         present: words.is_some(),
-        measurement: words.map_or_else(Measurement::zeroed, |words| bytemuck::cast(*words)),
+        measurement: words.map_or_else(Measurement::zeroed, |words| {
+            bytemuck::pod_read_unaligned(bytemuck::cast_slice(words))
+        }),
     }
 }
 

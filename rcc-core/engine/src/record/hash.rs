@@ -54,12 +54,7 @@ fn arena<T: Copy>(lanes: &mut [u64; LANES], values: &[T], word: impl Fn(T) -> u6
 /// The hash of three arenas.
 #[inline]
 pub fn hash(reals: &[f64], bools: &[u8], ints: &[i64]) -> u64 {
-    let mut lanes = [0; LANES];
-    let mut seed = SEED;
-    for lane in &mut lanes {
-        *lane = seed;
-        seed = seed.wrapping_add(STEP);
-    }
+    let mut lanes = lanes();
     arena(&mut lanes, reals, real_word);
     arena(&mut lanes, ints, i64::cast_unsigned);
     let (words, rest) = bools.as_chunks::<8>();
@@ -72,6 +67,22 @@ pub fn hash(reals: &[f64], bools: &[u8], ints: &[i64]) -> u64 {
         }
     }
     let lengths = reals.len() as u64 | (ints.len() as u64) << 21 | (bools.len() as u64) << 42;
+    end(lanes, lengths)
+}
+
+#[inline(always)]
+fn lanes() -> [u64; LANES] {
+    let mut lanes = [0; LANES];
+    let mut seed = SEED;
+    for lane in &mut lanes {
+        *lane = seed;
+        seed = seed.wrapping_add(STEP);
+    }
+    lanes
+}
+
+#[inline(always)]
+fn end(lanes: [u64; LANES], lengths: u64) -> u64 {
     let all = lanes.into_iter().fold(lengths, take);
     all ^ all >> 32
 }
@@ -85,9 +96,33 @@ pub fn packed(bytes: &[u8]) -> u64 {
     u64::from_le_bytes(word)
 }
 
-/// The same over bytes, for files: where they end and whether they are whole.
-pub fn of_bytes(bytes: &[u8]) -> u64 {
-    hash(&[], bytes, &[])
+/// The same hash of Ints alone, word by word: the checksum of files.
+#[derive(Clone, Copy, Debug)]
+pub struct Sum {
+    lanes: [u64; LANES],
+    count: u64,
+}
+
+impl Default for Sum {
+    fn default() -> Sum {
+        let lanes = lanes();
+        Sum { lanes, count: 0 }
+    }
+}
+
+impl Sum {
+    /// The next word.
+    pub fn take(&mut self, word: u64) {
+        if let Some(lane) = self.lanes.get_mut((self.count % LANES as u64) as usize) {
+            *lane = take(*lane, word);
+        }
+        self.count += 1;
+    }
+
+    /// The hash of all words so far.
+    pub fn end(&self) -> u64 {
+        end(self.lanes, self.count << 21)
+    }
 }
 
 #[cfg(test)]
@@ -142,6 +177,18 @@ mod tests {
                     "{count}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn a_sum_is_the_hash_of_ints() {
+        let ints: Vec<i64> = (0..100).map(|i| i * i - 50).collect();
+        for count in 0..ints.len() {
+            let mut sum = Sum::default();
+            ints[..count]
+                .iter()
+                .for_each(|value| sum.take(value.cast_unsigned()));
+            assert_eq!(sum.end(), hash(&[], &[], &ints[..count]));
         }
     }
 

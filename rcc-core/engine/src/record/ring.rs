@@ -86,11 +86,7 @@ impl Ring {
 
     /// The records of the oldest cycle that is whole and of all after it, in order, in two pieces.
     pub fn newest(&self) -> [&[u64]; 2] {
-        let remembered = self.cycles.min(self.starts.len() as u64);
-        let first = (self.cycles - remembered..self.cycles)
-            .map(|cycle| self.starts[(cycle % self.starts.len() as u64) as usize])
-            .find(|start| self.written - start <= self.words.len() as u64);
-        let Some(start) = first else {
+        let Some(start) = self.oldest() else {
             return [&[], &[]];
         };
         let length = (self.written - start) as usize;
@@ -101,6 +97,14 @@ impl Ring {
                 &self.words[..self.place],
             ],
         }
+    }
+
+    /// `written` when the oldest cycle began that is still whole.
+    fn oldest(&self) -> Option<u64> {
+        let remembered = self.cycles.min(self.starts.len() as u64);
+        (self.cycles - remembered..self.cycles)
+            .map(|cycle| self.starts[(cycle % self.starts.len() as u64) as usize])
+            .find(|start| self.written - start <= self.words.len() as u64)
     }
 }
 

@@ -115,7 +115,6 @@ impl Maker<'_> {
 
     fn add(&mut self, number: usize, entry: &Entry) {
         let kernel = self.random.below(entry.kernels.len());
-        let store = entry.kernels[kernel].store;
         let ports = || entry.spec.inputs.iter().chain(entry.spec.outputs);
         let width = if ports().any(|port| port.ty == PortType::Joints) {
             self.models[0].joints
@@ -126,7 +125,7 @@ impl Maker<'_> {
         };
         let mut operands = Vec::new();
         let mut device = 0;
-        for operand in entry.spec.operands(store) {
+        for operand in entry.spec.operands(&entry.kernels[kernel]) {
             operands.push(match operand {
                 Operand::Slot {
                     store,

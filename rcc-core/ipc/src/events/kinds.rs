@@ -161,6 +161,24 @@ kinds! {
         /// How many.
         late: u64,
     }
+    /// The flight recorder wrote its last seconds to a file (`rcc-cli incidents`, `rcc-cli replay`).
+    IncidentWritten = "incident-written", "executor", Warning {
+        /// Fault, late or request.
+        reason: String,
+        /// The command that is the reason, if one is.
+        command: Option<u64>,
+        /// The file.
+        file: String,
+        /// What it holds, ms.
+        span_ms: u64,
+        /// Further faults in the same file.
+        others: u64,
+    }
+    /// The flight recorder's last seconds could not be written; they are lost.
+    IncidentLost = "incident-lost", "executor", Error {
+        /// Why.
+        why: String,
+    }
     /// A text was compiled and its plan goes to the executor; this names the command.
     Loaded = "loaded", "loader", Info {
         /// The command.
@@ -429,6 +447,7 @@ impl Kind {
             Kind::Command { command, .. }
             | Kind::Loaded { command, .. }
             | Kind::Rejected { command, .. } => Some(*command),
+            Kind::IncidentWritten { command, .. } => *command,
             _ => None,
         }
     }

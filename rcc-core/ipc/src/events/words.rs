@@ -109,6 +109,23 @@ impl Kind {
             Kind::Acknowledged { late } => {
                 format!("{late} late cycles are acknowledged: what is latched begins anew")
             }
+            Kind::IncidentWritten {
+                reason,
+                file,
+                span_ms,
+                others,
+                ..
+            } => {
+                let more = match others {
+                    0 => String::new(),
+                    others => format!(", and {others} more reasons"),
+                };
+                format!(
+                    "incident ({reason}{more}): the last {:.1} s are in {file}; `rcc-cli replay` runs them again",
+                    *span_ms as f64 / 1e3
+                )
+            }
+            Kind::IncidentLost { why } => format!("an incident was not written: {why}"),
             Kind::ExecutorFound { pid, .. } => format!("works with the executor (pid {pid})"),
             Kind::ExecutorLost { pid, .. } => format!(
                 "the executor (pid {pid}) is gone, and with it every command: load your nets again when it is back"

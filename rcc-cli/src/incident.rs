@@ -1,0 +1,287 @@
+//! Names for the numbers of an incident: nets, ports and slots, from the command files in it. Pure.
+
+use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
+use rcc_engine::net::Net;
+use rcc_engine::replay::SlotDifference;
+use rcc_ipc::pattern::Pattern;
+use rcc_loader::names::{Names, PortNames};
+use rcc_loader::server::store::CommandFile;
+use serde_json::{Number, Value};
+
+/// What is known of a net beside its plan.
+#[derive(Clone, Debug, Default)]
+pub struct Named {
+    /// Its id.
+    pub id: u64,
+    /// Its name; empty if nobody knows.
+    pub net: String,
+    /// Where its ports are.
+    pub names: Names,
+}
+
+/// One or more elements of an arena that are shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// `line/move.pose`, `line/ik.joints[2]`.
+    pub name: String,
+    /// Which arena.
+    pub store: Store,
+    /// First slot.
+    pub slot: u32,
+    /// Number of slots.
+    pub width: u32,
+}
+
+impl Named {
+    /// From a net's command file, if there is one that can be read.
+    #[must_use]
+    pub fn of(id: u64, command: Option<&[u8]>) -> Named {
+        let file = command.and_then(|bytes| serde_json::from_slice::<CommandFile>(bytes).ok());
+        let file = file.unwrap_or_default();
+        Named {
+            id,
+            net: file.net,
+            names: serde_json::from_value(file.names).unwrap_or_default(),
+        }
+    }
+
+    /// `line#3`, or `#3`.
+    #[must_use]
+    pub fn title(&self) -> String {
+        format!("{}#{}", self.net, self.id)
+    }
+
+    /// The name before the slash.
+    fn prefix(&self) -> String {
+        match self.net.as_str() {
+            "" => format!("#{}", self.id),
+            name => name.to_owned(),
+        }
+    }
+
+    /// Outputs that a pattern means, by their port or by the monitor that watches them.
+    #[must_use]
+    pub fn shown(&self, patterns: &[Pattern]) -> Vec<Shown> {
+        let net = self.prefix();
+        let ports = self.names.primitives.iter().flat_map(|primitive| {
+            let outputs = primitive.outputs.iter();
+            outputs.map(|port| {
+                let name = format!("{net}/{}.{}", primitive.id, port.name);
+                (name.clone(), name, port.store, port.slot, port.width)
+            })
+        });
+        let monitors = self.names.monitors.iter().map(|monitor| {
+            let name = format!("{net}/{}", monitor.primitive);
+            let shown = format!("{net}/{}", monitor.source);
+            (name, shown, monitor.store, monitor.slot, monitor.width)
+        });
+        let mut all = Vec::new();
+        for (name, shown, store, slot, width) in ports.chain(monitors) {
+            let Some(pattern) = patterns.iter().find(|pattern| pattern.matches(&name)) else {
+                continue;
+            };
+            let one = match pattern
+                .element
+                .and_then(|element| u32::try_from(element).ok())
+            {
+                None => Shown {
+                    name: shown,
+                    store,
+                    slot,
+                    width,
+                },
+                Some(element) if element < width => Shown {
+                    name: format!("{shown}[{element}]"),
+                    store,
+                    slot: slot + element,
+                    width: 1,
+                },
+                Some(_) => continue,
+            };
+            if !all.contains(&one) {
+                all.push(one);
+            }
+        }
+        all
+    }
+
+    /// The name of a slot that differs.
+    #[must_use]
+    pub fn slot(&self, difference: &SlotDifference) -> String {
+        let net = self.prefix();
+        let at = |port: &&PortNames| {
+            let from = port.slot;
+            port.store == difference.store && (from..from + port.width).contains(&difference.slot)
+        };
+        let element = |port: &PortNames| match port.width {
+            1 => String::new(),
+            _ => format!("[{}]", difference.slot - port.slot),
+        };
+        for primitive in &self.names.primitives {
+            if let Some(port) = primitive.outputs.iter().find(at) {
+                return format!("{net}/{}.{}{}", primitive.id, port.name, element(port));
+            }
+        }
+        for primitive in &self.names.primitives {
+            if let Some(port) = primitive.inputs.iter().find(at) {
+                let name = format!("{net}/{}.{}{}", primitive.id, port.name, element(port));
+                return format!("{name} (input)");
+            }
+        }
+        let place = format!("{:?} slot {}", difference.store, difference.slot);
+        match difference.writer {
+            Some(writer) => format!("{net}: a state of a {writer} ({place})"),
+            None => format!("{net}: {place}"),
+        }
+    }
+}
+
+impl Shown {
+    /// Names of its elements.
+    #[must_use]
+    pub fn columns(&self) -> Vec<String> {
+        match self.width {
+            1 => vec![self.name.clone()],
+            width => (0..width).map(|i| format!("{}[{i}]", self.name)).collect(),
+        }
+    }
+
+    /// Its elements now, null as `null`.
+    #[must_use]
+    pub fn values(&self, net: &Net) -> Vec<Value> {
+        let (reals, bools, ints) = net.arenas();
+        let range = self.slot as usize..(self.slot + self.width) as usize;
+        let all = match self.store {
+            Store::Real => reals
+                .get(range)
+                .map(|all| all.iter().map(|x| real(*x)).collect()),
+            Store::Bool => bools
+                .get(range)
+                .map(|all| all.iter().map(|x| bool(*x)).collect()),
+            Store::Int => ints
+                .get(range)
+                .map(|all| all.iter().map(|x| int(*x)).collect()),
+        };
+        all.unwrap_or_else(|| vec![Value::Null; self.width as usize])
+    }
+}
+
+fn real(value: f64) -> Value {
+    match Number::from_f64(value) {
+        Some(number) => Value::Number(number),
+        // Infinite is no number in JSON, and not null either.
+        None if value.is_infinite() => Value::String(value.to_string()),
+        None => Value::Null,
+    }
+}
+
+fn bool(value: u8) -> Value {
+    match value {
+        value if value & NULL_BOOL != 0 => Value::Null,
+        value => Value::Bool(value != 0),
+    }
+}
+
+fn int(value: i64) -> Value {
+    match value {
+        NULL_INT => Value::Null,
+        value => Value::from(value),
+    }
+}
+
+/// Bits of a slot as its store reads them.
+#[must_use]
+pub fn value_of(store: Store, bits: u64) -> Value {
+    match store {
+        Store::Real => real(f64::from_bits(bits)),
+        Store::Bool => bool(bits as u8),
+        Store::Int => int(bits.cast_signed()),
+    }
+}
+
+/// A value for people and tables: null is empty, or a dash.
+#[must_use]
+pub fn text(value: &Value, null: &str) -> String {
+    match value {
+        Value::Null => null.to_owned(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_loader::names::PrimitiveNames;
+
+    fn port(name: &str, store: Store, slot: u32, width: u32) -> PortNames {
+        PortNames {
+            name: name.into(),
+            store,
+            slot,
+            width,
+            type_name: String::new(),
+            unit: None,
+            source: None,
+        }
+    }
+
+    fn named() -> Named {
+        let primitives = vec![PrimitiveNames {
+            id: "move".into(),
+            type_name: "LinearMotion".into(),
+            inputs: vec![port("stop", Store::Bool, 3, 1)],
+            outputs: vec![
+                port("pose", Store::Real, 4, 7),
+                port("done", Store::Bool, 0, 1),
+            ],
+        }];
+        let names = Names {
+            net: "line".into(),
+            primitives,
+            monitors: Vec::new(),
+        };
+        Named {
+            id: 3,
+            net: "line".into(),
+            names,
+        }
+    }
+
+    fn patterns(text: &str) -> Vec<Pattern> {
+        vec![text.parse().expect("a pattern")]
+    }
+
+    #[test]
+    fn a_pattern_means_outputs_and_their_elements() {
+        let all = named().shown(&patterns("line/move.*"));
+        assert_eq!(all.len(), 2);
+        assert_eq!(all[0].columns()[6], "line/move.pose[6]");
+        let one = named().shown(&patterns("move.pose[2]"));
+        assert_eq!((one[0].slot, one[0].width), (6, 1));
+        assert!(named().shown(&patterns("move.pose[7]")).is_empty());
+        assert!(named().shown(&patterns("other/*")).is_empty());
+    }
+
+    #[test]
+    fn a_slot_has_the_name_of_its_port_or_of_its_writer() {
+        let at = |store, slot| SlotDifference {
+            cycle: 1,
+            store,
+            slot,
+            writer: Some("LinearMotion"),
+            recorded: 0,
+            replayed: 1,
+        };
+        assert_eq!(named().slot(&at(Store::Real, 5)), "line/move.pose[1]");
+        assert_eq!(named().slot(&at(Store::Bool, 3)), "line/move.stop (input)");
+        let state = named().slot(&at(Store::Real, 30));
+        assert_eq!(state, "line: a state of a LinearMotion (Real slot 30)");
+    }
+
+    #[test]
+    fn a_net_without_a_command_file_is_named_by_its_id() {
+        assert_eq!(Named::of(7, None).title(), "#7");
+        assert_eq!(Named::of(7, Some(b"{")).title(), "#7");
+    }
+}

@@ -1,0 +1,179 @@
+//! `incidents`: what the flight recorder wrote; `incidents record`: has it write now. The list reads files, so it works
+//! while every process of the cell is dead.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rcc_engine::incident::{EXTENSION, Head, IncidentError, read_head};
+use rcc_ipc::Cell;
+use rcc_loader::server::api::Frozen;
+use rcc_loader::server::codes;
+use serde::Serialize;
+
+use crate::context::{Context, of_cell};
+use crate::failure::Failure;
+use crate::incident::Named;
+use crate::table;
+
+/// How often the folder is looked at for the file that was asked for.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// The recording goes on for a fifth of a second, and a disk may be slow.
+const WRITTEN_WITHIN: Duration = Duration::from_secs(20);
+
+/// Which incidents.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Look into this folder instead of the cell's.
+    #[arg(long, value_name = "FOLDER")]
+    folder: Option<PathBuf>,
+    #[command(subcommand)]
+    what: Option<What>,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Write the last seconds to a file now, although nothing failed.
+    Record,
+}
+
+/// A row of the list.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    file: PathBuf,
+    /// The net that is the reason, `line#3`.
+    net: Option<String>,
+    span_s: f64,
+    #[serde(flatten)]
+    head: Head,
+}
+
+/// Does it.
+///
+/// # Errors
+/// There is no such cell or folder, or nothing can be recorded.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    match arguments.what {
+        None => {
+            let folder = match arguments.folder {
+                Some(folder) => folder,
+                None => of(context)?,
+            };
+            let rows = rows(&folder)?;
+            context.print(&rows, |rows| list(rows));
+            Ok(())
+        }
+        Some(What::Record) => record(context),
+    }
+}
+
+/// The cell's folder of incidents.
+fn of(context: &Context) -> Result<PathBuf, Failure> {
+    let name = context.cell_name();
+    let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
+    let cell = cell.ok_or_else(|| {
+        Failure::new(
+            codes::NO_LOADER,
+            format!("there is no cell '{name}', and no incident of it: an orderly end takes them away"),
+            "look elsewhere with --folder; `recorder: {folder: …}` in the configuration keeps them",
+        )
+    })?;
+    Ok(cell.incidents_dir())
+}
+
+/// The incidents of a folder, the oldest first. What is none is left out, what cannot be read is told.
+fn rows(folder: &Path) -> Result<Vec<Row>, Failure> {
+    let entries = match std::fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(Failure::unreadable(&folder.display().to_string(), &error)),
+    };
+    let mut rows = Vec::new();
+    for path in entries.flatten().map(|entry| entry.path()) {
+        if path.extension().is_none_or(|is| is != EXTENSION) {
+            continue;
+        }
+        match read_head(&path) {
+            Ok((head, command)) => rows.push(row(path, head, command.as_deref())),
+            // One of the oldest that has just been removed.
+            Err(IncidentError::Read(error)) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => eprintln!("{}: {error}", path.display()),
+        }
+    }
+    rows.sort_by(|a, b| a.head.time.cmp(&b.head.time));
+    Ok(rows)
+}
+
+fn row(file: PathBuf, head: Head, command: Option<&[u8]>) -> Row {
+    let net = head.net.map(|id| Named::of(id, command).title());
+    let cycles = (head.last_cycle + 1).saturating_sub(head.first_cycle);
+    Row {
+        file,
+        net,
+        span_s: cycles as f64 * head.period_ns as f64 * 1e-9,
+        head,
+    }
+}
+
+fn list(rows: &[Row]) -> String {
+    if rows.is_empty() {
+        return "no incidents".to_owned();
+    }
+    let heads = ["TIME (UTC)", "CELL", "REASON", "NET", "CYCLE", "SPAN", "FILE"];
+    let mut lines = table::table(&heads);
+    for row in rows {
+        // The files may come from anywhere: nothing of them may steer a terminal.
+        let clean = |text: &str| text.replace(char::is_control, " ");
+        lines.add_row([
+            clean(row.head.time.get(..19).unwrap_or(&row.head.time)),
+            clean(&row.head.cell),
+            clean(&reason(&row.head)),
+            clean(row.net.as_deref().unwrap_or("–")),
+            table::grouped(row.head.cycle),
+            format!("{:.1} s", row.span_s),
+            row.file.display().to_string(),
+        ]);
+    }
+    table::text(&lines)
+}
+
+/// Why a recording was frozen, in words.
+pub(super) fn reason(head: &Head) -> String {
+    let mut words = head.reason.clone();
+    if let Some(fault) = &head.fault {
+        words = format!("{words}: {fault}");
+    }
+    match head.others {
+        0 => words,
+        others => format!("{words} (and {others} more)"),
+    }
+}
+
+fn record(context: &Context) -> Result<(), Failure> {
+    let frozen: Frozen = context.client()?.post("/incidents", String::new())?;
+    if context.remote.is_some() {
+        context.print(&frozen, |frozen| {
+            format!("frozen at cycle {}; the file is on the cell's machine", table::grouped(frozen.cycle))
+        });
+        return Ok(());
+    }
+    let folder = of(context)?;
+    let begun = Instant::now();
+    while begun.elapsed() < WRITTEN_WITHIN {
+        let written = rows(&folder)?.into_iter().find(|row| {
+            let span = row.head.first_cycle..=row.head.last_cycle;
+            row.head.executor == frozen.executor && span.contains(&frozen.cycle)
+        });
+        if let Some(row) = written {
+            context.print(&row, |row| {
+                format!("{:.1} s are in {}", row.span_s, row.file.display())
+            });
+            return Ok(());
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+    Err(Failure::new(
+        codes::EXECUTOR_SILENT,
+        format!("no file was written within {WRITTEN_WITHIN:?}"),
+        "`rcc-cli events` says whether it could not be; `rcc-cli incidents` lists what comes later",
+    ))
+}

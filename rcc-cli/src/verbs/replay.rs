@@ -1,0 +1,351 @@
+//! `replay FILE`: evaluates the nets of an incident again on the recorded inputs and compares every cycle. Needs nothing
+//! but the file: no cell, and not the machine it comes from.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use rcc_engine::incident::{Incident, IncidentError};
+use rcc_engine::net::Evaluation;
+use rcc_engine::replay::{Different, Mismatch, Replayed, Source, Step, replay};
+use rcc_ipc::pattern::Pattern;
+use rcc_loader::server::codes::{self, exit};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::incidents::reason;
+use crate::context::{Context, Format, say};
+use crate::failure::Failure;
+use crate::incident::{Named, Shown, text, value_of};
+use crate::table::{self, grouped};
+
+/// What is replayed and shown.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// The incident file (`rcc-cli incidents` lists them).
+    file: PathBuf,
+    /// Stop after this cycle of the executor.
+    #[arg(long, value_name = "CYCLE")]
+    until: Option<u64>,
+    /// Show values from this cycle of the executor on.
+    #[arg(long, value_name = "CYCLE", requires = "show")]
+    from: Option<u64>,
+    /// Show these values in each cycle: net/primitive.port, with * and ? for any characters.
+    #[arg(long, value_name = "PATTERN")]
+    show: Vec<Pattern>,
+    /// Write the values to this file as a table (comma-separated) instead.
+    #[arg(long, value_name = "FILE", requires = "show")]
+    csv: Option<PathBuf>,
+}
+
+/// What came of a net, with names.
+#[derive(Clone, Debug, Serialize)]
+struct NetResult {
+    net: String,
+    recorded: u64,
+    compared: u64,
+    different: u64,
+    first_cycle: u64,
+    last_cycle: u64,
+    identical: bool,
+    words: String,
+    mismatch: Option<Value>,
+}
+
+/// Does it.
+///
+/// # Errors
+/// The file cannot be replayed, or the replay differs.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let path = arguments.file.display().to_string();
+    let incident = Incident::read(&arguments.file).map_err(|error| unusable(&path, error))?;
+    let named: BTreeMap<u64, Named> = incident
+        .nets
+        .keys()
+        .map(|id| (*id, Named::of(*id, incident.files.get(id).map(Vec::as_slice))))
+        .collect();
+    let mut show = Show::new(context.format, &arguments, &named)?;
+    let source = Source {
+        models: &incident.models,
+        configuration: incident.configuration,
+        nets: &incident.nets,
+        words: &incident.records,
+    };
+    let from = arguments.from.unwrap_or(0);
+    let mut shown = Ok(());
+    let results = replay(&source, arguments.until, |step| {
+        if step.cycle >= from && shown.is_ok() {
+            shown = show.step(&step);
+        }
+    });
+    let results = results.map_err(|error| {
+        Failure::new(codes::NO_INCIDENT, format!("{path}: {error}"), "copy the file again")
+    })?;
+    shown.and_then(|()| show.end()).map_err(|error| {
+        let what = arguments.csv.as_deref().unwrap_or(Path::new("the output"));
+        Failure::new(codes::NOT_STORED, format!("{}: {error}", what.display()), "make room there")
+    })?;
+    tell(context, &incident, &results, &named)
+}
+
+fn unusable(path: &str, error: IncidentError) -> Failure {
+    match error {
+        IncidentError::Read(error) => Failure::unreadable(path, &error),
+        IncidentError::NotOne => Failure::new(
+            codes::NO_INCIDENT,
+            format!("{path}: {error}"),
+            "`rcc-cli incidents` lists them",
+        ),
+        other => Failure::new(codes::NO_INCIDENT, format!("{path}: {other}"), ""),
+    }
+}
+
+/// Prints the result.
+fn tell(
+    context: &Context,
+    incident: &Incident,
+    results: &[Replayed],
+    named: &BTreeMap<u64, Named>,
+) -> Result<(), Failure> {
+    let unnamed = Named::default();
+    let rows: Vec<NetResult> = results
+        .iter()
+        .map(|result| result_of(result, named.get(&result.id).unwrap_or(&unnamed)))
+        .collect();
+    let head = &incident.head;
+    let value = json!({
+        "cell": head.cell, "build": head.build, "time": head.time, "reason": reason(head), "cycle": head.cycle,
+        "first_cycle": head.first_cycle, "last_cycle": head.last_cycle, "nets": rows,
+    });
+    let clean = |text: &str| text.replace(char::is_control, " ");
+    context.print(&value, |_| {
+        let mut lines = table::table(&["NET", "RECORDED", "COMPARED", "CYCLES", "RESULT"]);
+        for row in &rows {
+            lines.add_row([
+                clean(&row.net),
+                grouped(row.recorded),
+                grouped(row.compared),
+                match row.first_cycle {
+                    0 => "–".to_owned(),
+                    first => format!("{} to {}", grouped(first), grouped(row.last_cycle)),
+                },
+                clean(&row.words),
+            ]);
+        }
+        let of = format!(
+            "{}, {}, cycle {}: {}",
+            clean(&head.cell),
+            clean(&head.time),
+            grouped(head.cycle),
+            clean(&reason(head))
+        );
+        if rows.is_empty() {
+            return format!("{of}\nno net was evaluated");
+        }
+        format!("{of}\n{}", table::text(&lines))
+    });
+    match rows.iter().any(|row| row.different > 0) {
+        true => Err(Failure::said(exit::FAILED)),
+        false => Ok(()),
+    }
+}
+
+fn result_of(result: &Replayed, named: &Named) -> NetResult {
+    let net = match named.id {
+        0 => format!("#{}", result.id),
+        _ => named.title(),
+    };
+    let words = match (&result.mismatch, result.compared) {
+        (Some(mismatch), _) => mismatch_words(mismatch, result, named),
+        (None, 0) if !result.has_plan => {
+            "not compared: it was unloaded so early that its plan is not in the file".to_owned()
+        }
+        (None, 0) if result.too_large > 0 => format!(
+            "not compared: its beginning is overwritten, and a snapshot of {} MB does not fit; give the recorder more \
+             memory",
+            (result.too_large * 8) >> 20
+        ),
+        (None, 0) => "not compared: neither its beginning nor a snapshot is recorded".to_owned(),
+        (None, _) => "identical".to_owned(),
+    };
+    NetResult {
+        net,
+        recorded: result.recorded,
+        compared: result.compared,
+        different: result.different,
+        first_cycle: result.span[0],
+        last_cycle: result.span[1],
+        identical: result.different == 0,
+        words,
+        mismatch: result.mismatch.as_ref().map(|mismatch| mismatch_json(mismatch, named)),
+    }
+}
+
+fn mismatch_words(mismatch: &Mismatch, result: &Replayed, named: &Named) -> String {
+    let what = match mismatch.what {
+        Different::Slots => String::new(),
+        Different::Evaluation { recorded, replayed } => {
+            format!(", it {} then and {} now", ended(recorded), ended(replayed))
+        }
+        Different::Cycles { recorded, replayed } => {
+            format!(", its cycle {recorded} is cycle {replayed} of the replay: records are missing")
+        }
+    };
+    let mut words = format!(
+        "DIFFERS in {} cycles, first in cycle {} (the net's {}th){what}",
+        grouped(result.different),
+        grouped(mismatch.cycle),
+        grouped(mismatch.net_cycle)
+    );
+    if let Some(slot) = &mismatch.slot {
+        let value = |bits| text(&value_of(slot.store, bits), "null");
+        words.push_str(&format!(
+            "; at the snapshot of cycle {} {} was {} and is {} now",
+            grouped(slot.cycle),
+            named.slot(slot),
+            value(slot.recorded),
+            value(slot.replayed)
+        ));
+    }
+    words
+}
+
+fn ended(evaluation: Evaluation) -> String {
+    match evaluation {
+        Evaluation::Running => "went on".to_owned(),
+        Evaluation::Terminated => "was over".to_owned(),
+        Evaluation::Fault(code) => format!("ended by a fault ({})", code.name()),
+    }
+}
+
+fn mismatch_json(mismatch: &Mismatch, named: &Named) -> Value {
+    let slot = mismatch.slot.as_ref().map(|slot| {
+        json!({
+            "cycle": slot.cycle, "name": named.slot(slot), "recorded": value_of(slot.store, slot.recorded),
+            "replayed": value_of(slot.store, slot.replayed),
+        })
+    });
+    json!({"cycle": mismatch.cycle, "net_cycle": mismatch.net_cycle, "slot": slot})
+}
+
+/// Values by name, cycle by cycle.
+struct Show {
+    format: Format,
+    /// By net what is shown of it, and the first of its columns.
+    nets: BTreeMap<u64, (Vec<Shown>, usize)>,
+    columns: usize,
+    csv: Option<BufWriter<File>>,
+    first_ns: Option<u64>,
+    /// The row of the table that is being filled: cycle, time, values.
+    row: Option<(u64, f64, Vec<String>)>,
+}
+
+impl Show {
+    fn new(
+        format: Format,
+        arguments: &Arguments,
+        named: &BTreeMap<u64, Named>,
+    ) -> Result<Show, Failure> {
+        let mut show = Show {
+            format,
+            nets: BTreeMap::new(),
+            columns: 0,
+            csv: None,
+            first_ns: None,
+            row: None,
+        };
+        let mut heads = vec!["cycle".to_owned(), "time_s".to_owned()];
+        for (id, named) in named {
+            let shown = named.shown(&arguments.show);
+            let first = show.columns;
+            let columns: Vec<String> = shown.iter().flat_map(Shown::columns).collect();
+            show.columns += columns.len();
+            heads.extend(columns);
+            show.nets.insert(*id, (shown, first));
+        }
+        if show.columns == 0 && !arguments.show.is_empty() {
+            let names: Vec<&str> = named.values().map(|named| named.net.as_str()).collect();
+            return Err(Failure::new(
+                codes::BAD_REQUEST,
+                "no port of a recorded net fits --show",
+                format!("the nets are: {}; write net/primitive.port, * and ? are allowed", names.join(", ")),
+            ));
+        }
+        if let Some(path) = &arguments.csv {
+            let failed = |error| {
+                let help = "name a file that can be written";
+                Failure::new(codes::NOT_STORED, format!("{}: {error}", path.display()), help)
+            };
+            let mut file = BufWriter::new(File::create(path).map_err(failed)?);
+            writeln!(file, "{}", heads.join(",")).map_err(failed)?;
+            show.csv = Some(file);
+        }
+        Ok(show)
+    }
+
+    fn step(&mut self, step: &Step<'_>) -> std::io::Result<()> {
+        let Some((shown, first)) = self.nets.get(&step.id) else {
+            return Ok(());
+        };
+        if shown.is_empty() {
+            return Ok(());
+        }
+        let since_ns = step.woke_ns.saturating_sub(*self.first_ns.get_or_insert(step.woke_ns));
+        let seconds = since_ns as f64 * 1e-9;
+        if self.csv.is_some() {
+            let values = shown.iter().flat_map(|one| one.values(step.net));
+            let values: Vec<String> = values.map(|value| text(&value, "")).collect();
+            let first = *first;
+            if self.row.as_ref().is_none_or(|(cycle, ..)| *cycle != step.cycle) {
+                self.end_row()?;
+                self.row = Some((step.cycle, seconds, vec![String::new(); self.columns]));
+            }
+            if let Some((_, _, row)) = &mut self.row {
+                for (place, value) in row.iter_mut().skip(first).zip(values) {
+                    *place = value;
+                }
+            }
+            return Ok(());
+        }
+        match self.format {
+            Format::Human => {
+                for one in shown {
+                    let values = one.values(step.net);
+                    let values: Vec<String> = values.iter().map(|value| text(value, "–")).collect();
+                    let mark = if step.same { ' ' } else { '≠' };
+                    let (cycle, name) = (grouped(step.cycle), &one.name);
+                    say(&format!("{cycle:>10} {mark} {name:<24} {}", values.join(" ")));
+                }
+            }
+            Format::Json => {
+                let values = shown.iter().map(|one| {
+                    let mut all = one.values(step.net);
+                    let value = match (all.len(), all.pop()) {
+                        (1, Some(one)) => one,
+                        (_, last) => all.into_iter().chain(last).collect(),
+                    };
+                    (one.name.clone(), value)
+                });
+                let values: Map<String, Value> = values.collect();
+                let line = json!({
+                    "cycle": step.cycle, "time_s": seconds, "command": step.id, "same": step.same, "values": values,
+                });
+                say(&line.to_string());
+            }
+        }
+        Ok(())
+    }
+
+    fn end_row(&mut self) -> std::io::Result<()> {
+        if let (Some(file), Some((cycle, seconds, row))) = (&mut self.csv, self.row.take()) {
+            writeln!(file, "{cycle},{seconds:.6},{}", row.join(","))?;
+        }
+        Ok(())
+    }
+
+    fn end(&mut self) -> std::io::Result<()> {
+        self.end_row()?;
+        self.csv.as_mut().map_or(Ok(()), Write::flush)
+    }
+}

@@ -1,0 +1,402 @@
+//! Incident files: a frozen recording with everything that replay needs, so that another machine without the cell can
+//! replay it. Written by a helper thread of the executor, read by `rcc-cli incidents` and `replay`.
+//!
+//! A file is a sequence of 64-bit words, little-endian: the mark, the length of the head in bytes, the head (JSON, filled
+//! up with spaces), the command files of the nets (as the loader wrote them, filled up with zeros), the devices, the
+//! plans with their start values, the records of the ring ([`crate::record::entry`]), and a checksum of all of it
+//! ([`crate::record::hash`], as of Ints).
+
+mod words;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::message::MAGIC;
+use rcc_core::primitives;
+use serde::{Deserialize, Serialize};
+
+use crate::net::Origin;
+use crate::record::entry;
+use crate::record::hash::Sum;
+use crate::record::ring::Ring;
+use words::{Damaged, Words};
+
+/// What the names of incident files end in.
+pub const EXTENSION: &str = "rcc-incident";
+/// The first word of an incident file.
+const MARK: u64 = u64::from_le_bytes(*b"RCC-incd");
+/// The form of the file.
+pub const FORMAT: u32 = 1;
+/// Longest head, bytes.
+const HEAD_MAX: u64 = 4 << 20;
+/// Longest command file, bytes; a longer one is left out.
+pub const COMMAND_FILE_MAX: usize = 16 << 20;
+/// Longest file that is read, bytes.
+const FILE_MAX: u64 = 3 << 30;
+
+/// What is known of an incident without reading all of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Head {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// Version of the executor.
+    pub build: String,
+    /// Layout of what crosses processes.
+    pub layout: String,
+    /// Fingerprint of the catalogue, 16 hexadecimal digits.
+    pub catalogue: String,
+    /// Fingerprint of the devices' configuration, 16 hexadecimal digits.
+    pub configuration: String,
+    /// Name of the cell.
+    pub cell: String,
+    /// Its configuration's file.
+    pub config: String,
+    /// The life of the executor, 16 hexadecimal digits.
+    pub executor: String,
+    /// Base period.
+    pub period_ns: u64,
+    /// Names of the devices, in order of their index.
+    pub devices: Vec<String>,
+    /// `fault`, `late` or `request`.
+    pub reason: String,
+    /// Of a fault: the net's id.
+    pub net: Option<u64>,
+    /// Of a fault: what happened, in words without names.
+    pub fault: Option<String>,
+    /// Cycle of the reason.
+    pub cycle: u64,
+    /// Wall-clock time of the reason, UTC.
+    pub time: String,
+    /// Further reasons in this recording.
+    pub others: u64,
+    /// First recorded cycle.
+    pub first_cycle: u64,
+    /// Last recorded cycle.
+    pub last_cycle: u64,
+    /// Nets that were evaluated and whose plan is here.
+    pub nets: Vec<u64>,
+    /// Nets that were evaluated and whose plan was forgotten before the file was written.
+    pub without_plan: Vec<u64>,
+    /// Command files: id and bytes.
+    pub files: Vec<(u64, u64)>,
+}
+
+/// Why a file is no incident that can be read.
+#[derive(Debug, thiserror::Error)]
+pub enum IncidentError {
+    /// The system refuses.
+    #[error("it cannot be read: {0}")]
+    Read(#[from] io::Error),
+    /// Not ours.
+    #[error("it is no incident file")]
+    NotOne,
+    /// Too large.
+    #[error("it has {0} bytes, more than any incident file")]
+    TooLarge(u64),
+    /// Of another format or layout.
+    #[error(
+        "it was written by {build} (format {format}, layout {layout}); replay it with that build"
+    )]
+    Other {
+        /// The build.
+        build: String,
+        /// Its format.
+        format: u32,
+        /// Its layout.
+        layout: String,
+    },
+    /// Its plans are of another catalogue.
+    #[error(
+        "its nets were made for another catalogue of primitives ({theirs}, here {ours}): replay it with the build that wrote it, {build}"
+    )]
+    OtherCatalogue {
+        /// Then.
+        theirs: String,
+        /// Now.
+        ours: String,
+        /// The build.
+        build: String,
+    },
+    /// Its checksum is wrong.
+    #[error("it is damaged: its checksum does not fit; was it copied completely?")]
+    Checksum,
+    /// Something in it cannot be.
+    #[error(transparent)]
+    Damaged(#[from] Damaged),
+}
+
+/// What goes into a file beside its head.
+#[derive(Clone, Copy, Debug)]
+pub struct Parts<'a> {
+    /// Command files by id, as the loader wrote them.
+    pub files: &'a [(u64, &'a [u8])],
+    /// The devices.
+    pub models: &'a [DeviceModel],
+    /// The nets by id.
+    pub nets: &'a [(u64, &'a Origin)],
+    /// The recording.
+    pub ring: &'a Ring,
+}
+
+/// An incident, read whole.
+#[derive(Debug)]
+pub struct Incident {
+    /// Its head.
+    pub head: Head,
+    /// Command files by id.
+    pub files: BTreeMap<u64, Vec<u8>>,
+    /// The devices.
+    pub models: Vec<DeviceModel>,
+    /// The nets by id.
+    pub nets: BTreeMap<u64, Origin>,
+    /// The records.
+    pub records: Vec<u64>,
+    /// Fingerprint of the devices' configuration.
+    pub configuration: u64,
+}
+
+/// What a ring has, at a glance.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Overview {
+    /// Nets that were evaluated.
+    pub nets: BTreeSet<u64>,
+    /// First cycle, 0 = none.
+    pub first_cycle: u64,
+    /// Last cycle, 0 = none.
+    pub last_cycle: u64,
+}
+
+/// Looks through a ring that is not written any more.
+pub fn overview(ring: &Ring) -> Overview {
+    let [first, second] = ring.newest();
+    let word = |at: usize| match first.get(at) {
+        Some(word) => Some(*word),
+        None => second.get(at - first.len()).copied(),
+    };
+    let (mut at, mut found) = (0, Overview::default());
+    while let Some(head) = word(at) {
+        let about = word(at + 1).unwrap_or(0);
+        if entry::is_cycle(head) {
+            found.last_cycle = about;
+            if found.first_cycle == 0 {
+                found.first_cycle = about;
+            }
+        } else if entry::is_of_net(head) {
+            found.nets.insert(about);
+        }
+        at += 1 + (head >> 32) as usize;
+    }
+    found
+}
+
+/// The layout of this build, as in [`Head::layout`].
+pub fn layout() -> String {
+    String::from_utf8_lossy(&MAGIC.to_le_bytes()).into_owned()
+}
+
+/// A word as 16 hexadecimal digits.
+pub fn digits(word: u64) -> String {
+    format!("{word:016x}")
+}
+
+/// Writes words and sums them up.
+struct Out<W: Write> {
+    out: BufWriter<W>,
+    sum: Sum,
+}
+
+impl<W: Write> Out<W> {
+    fn words(&mut self, words: &[u64]) -> io::Result<()> {
+        for word in words {
+            self.sum.take(*word);
+            self.out.write_all(&word.to_le_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// Bytes, filled up to whole words.
+    fn bytes(&mut self, bytes: &[u8], filling: u8) -> io::Result<()> {
+        for chunk in bytes.chunks(8) {
+            let mut word = [filling; 8];
+            for (place, byte) in word.iter_mut().zip(chunk) {
+                *place = *byte;
+            }
+            self.words(&[u64::from_le_bytes(word)])?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes an incident; `head.files` and `head.nets` are made to fit `parts`.
+///
+/// # Errors
+/// What the system says.
+pub fn write(out: impl Write, mut head: Head, parts: &Parts<'_>) -> io::Result<()> {
+    head.files = parts
+        .files
+        .iter()
+        .map(|(id, file)| (*id, file.len() as u64))
+        .collect();
+    head.nets = parts.nets.iter().map(|(id, _)| *id).collect();
+    let mut out = Out {
+        out: BufWriter::with_capacity(1 << 16, out),
+        sum: Sum::default(),
+    };
+    let text = serde_json::to_vec(&head)?;
+    out.words(&[MARK, text.len() as u64])?;
+    out.bytes(&text, b' ')?;
+    for (_, file) in parts.files {
+        out.bytes(file, 0)?;
+    }
+    out.words(&words::of_models(parts.models))?;
+    for (_, origin) in parts.nets {
+        out.words(&words::of_origin(origin))?;
+    }
+    let [first, second] = parts.ring.newest();
+    out.words(&[(first.len() + second.len()) as u64])?;
+    out.words(first)?;
+    out.words(second)?;
+    let sum = out.sum.end();
+    out.words(&[sum])?;
+    out.out.flush()
+}
+
+/// Reads the head of a file, and the command file of the net that is its reason, if it has one.
+///
+/// # Errors
+/// It cannot be read, or is no incident.
+pub fn read_head(path: &Path) -> Result<(Head, Option<Vec<u8>>), IncidentError> {
+    let mut file = File::open(path)?;
+    let mut start = [0; 16];
+    file.read_exact(&mut start)
+        .map_err(|_| IncidentError::NotOne)?;
+    let [mark, length] = bytemuck::cast::<_, [u64; 2]>(start).map(u64::from_le);
+    if mark != MARK || length > HEAD_MAX {
+        return Err(IncidentError::NotOne);
+    }
+    let mut text = vec![0; length as usize];
+    file.read_exact(&mut text)?;
+    let head = parse_head(&text)?;
+    let mut place = 16 + length.div_ceil(8) * 8;
+    for (id, bytes) in &head.files {
+        if head.net == Some(*id) && *bytes <= COMMAND_FILE_MAX as u64 {
+            let mut command = vec![0; *bytes as usize];
+            file.seek(SeekFrom::Start(place))?;
+            file.read_exact(&mut command)?;
+            return Ok((head, Some(command)));
+        }
+        place = place.saturating_add(bytes.div_ceil(8).saturating_mul(8));
+    }
+    Ok((head, None))
+}
+
+fn parse_head(text: &[u8]) -> Result<Head, IncidentError> {
+    let head: Head = serde_json::from_slice(text).map_err(|_| Damaged("the head"))?;
+    if head.format == FORMAT {
+        return Ok(head);
+    }
+    let Head {
+        build,
+        format,
+        layout,
+        ..
+    } = head;
+    Err(IncidentError::Other {
+        build,
+        format,
+        layout,
+    })
+}
+
+impl Incident {
+    /// Reads a file whole.
+    ///
+    /// # Errors
+    /// It cannot be read, is no incident, is damaged, or is of a build whose nets this one cannot evaluate.
+    pub fn read(path: &Path) -> Result<Incident, IncidentError> {
+        let mut file = File::open(path)?;
+        let size = file.metadata()?.len();
+        if size > FILE_MAX {
+            return Err(IncidentError::TooLarge(size));
+        }
+        let mut words = vec![0; (size / 8) as usize];
+        file.read_exact(bytemuck::cast_slice_mut(&mut words))?;
+        for word in &mut words {
+            *word = u64::from_le(*word);
+        }
+        if size % 8 != 0 && words.first() == Some(&MARK) {
+            return Err(IncidentError::Checksum);
+        }
+        Incident::parse(&words)
+    }
+
+    /// From the words of a file.
+    ///
+    /// # Errors
+    /// As [`Incident::read`].
+    pub fn parse(all: &[u64]) -> Result<Incident, IncidentError> {
+        let Some((sum, body)) = all.split_last() else {
+            return Err(IncidentError::NotOne);
+        };
+        if body.first() != Some(&MARK) {
+            return Err(IncidentError::NotOne);
+        }
+        let mut summed = Sum::default();
+        body.iter().for_each(|word| summed.take(*word));
+        if summed.end() != *sum {
+            return Err(IncidentError::Checksum);
+        }
+        let mut words = Words(body);
+        let [_, length] = words.some("the head")?;
+        let head = parse_head(&bytes(&mut words, length, "the head")?)?;
+        let (theirs, ours) = (head.catalogue.clone(), digits(primitives::fingerprint()));
+        let build = head.build.clone();
+        if head.layout != layout() {
+            let (format, layout) = (head.format, head.layout);
+            return Err(IncidentError::Other {
+                build,
+                format,
+                layout,
+            });
+        }
+        if theirs != ours {
+            return Err(IncidentError::OtherCatalogue {
+                theirs,
+                ours,
+                build,
+            });
+        }
+        let configuration = u64::from_str_radix(&head.configuration, 16);
+        let configuration = configuration.map_err(|_| Damaged("the configuration's number"))?;
+        let files = head.files.iter().map(|(id, length)| {
+            let file = bytes(&mut words, *length, "a command file")?;
+            Ok((*id, file))
+        });
+        let files = files.collect::<Result<_, Damaged>>()?;
+        let models = words::models(&mut words)?;
+        let nets = head
+            .nets
+            .iter()
+            .map(|id| Ok((*id, words::origin(&mut words)?)));
+        let nets = nets.collect::<Result<_, Damaged>>()?;
+        let records = words.list("the records")?.to_vec();
+        Ok(Incident {
+            head,
+            files,
+            models,
+            nets,
+            records,
+            configuration,
+        })
+    }
+}
+
+fn bytes(words: &mut Words<'_>, length: u64, what: &'static str) -> Result<Vec<u8>, Damaged> {
+    let length = usize::try_from(length).map_err(|_| Damaged(what))?;
+    let taken = words.take(length.div_ceil(8), what)?;
+    let bytes = taken.iter().flat_map(|word| word.to_le_bytes());
+    Ok(bytes.take(length).collect())
+}

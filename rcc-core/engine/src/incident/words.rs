@@ -1,0 +1,282 @@
+//! Plans, path clocks and device models as words, for incident files: written by the executor's helper thread, read by
+//! whoever looks at them. A reader never allocates more than the file has.
+
+use std::sync::Arc;
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::SrsArm;
+use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
+use rcc_core::plan::{Delay, MonitorPoint, Rate, Run};
+use rcc_core::types::Store;
+use rcc_ipc::control::PlanData;
+use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
+
+use crate::net::Origin;
+use crate::record::hash::packed;
+
+/// Words that end early, or say what cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the file is damaged or of another build: {0} cannot be read")]
+pub struct Damaged(pub &'static str);
+
+/// Reads words from front to back.
+#[derive(Clone, Copy, Debug)]
+pub struct Words<'a>(pub &'a [u64]);
+
+impl<'a> Words<'a> {
+    /// The next words, as many as asked for.
+    pub fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u64], Damaged> {
+        let (taken, rest) = self.0.split_at_checked(count).ok_or(Damaged(what))?;
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    /// The next `N` words.
+    pub fn some<const N: usize>(&mut self, what: &'static str) -> Result<[u64; N], Damaged> {
+        let taken = self.take(N, what)?;
+        taken.try_into().map_err(|_| Damaged(what))
+    }
+
+    /// The next word as a length.
+    pub fn count(&mut self, what: &'static str) -> Result<usize, Damaged> {
+        let [count] = self.some(what)?;
+        usize::try_from(count).map_err(|_| Damaged(what))
+    }
+
+    /// Words after their number.
+    pub fn list(&mut self, what: &'static str) -> Result<&'a [u64], Damaged> {
+        let count = self.count(what)?;
+        self.take(count, what)
+    }
+}
+
+fn list(out: &mut Vec<u64>, words: impl ExactSizeIterator<Item = u64>) {
+    out.push(words.len() as u64);
+    out.extend(words);
+}
+
+fn pair(low: u32, high: u32) -> u64 {
+    u64::from(low) | u64::from(high) << 32
+}
+
+fn parts(word: u64) -> [u32; 2] {
+    [word as u32, (word >> 32) as u32]
+}
+
+/// What a net begins from.
+pub fn of_origin(origin: &Origin) -> Vec<u64> {
+    let PlanData {
+        catalogue,
+        configuration,
+        reals,
+        bools,
+        ints,
+        runs,
+        operands,
+        delays,
+        monitors,
+        clocks,
+        survives_device_loss,
+        rate,
+    } = &*origin.data;
+    let mut out = vec![
+        *catalogue,
+        *configuration,
+        pair(*clocks, u32::from(*survives_device_loss)),
+        pair(rate.every, rate.phase),
+    ];
+    list(&mut out, reals.iter().map(|value| value.to_bits()));
+    out.push(bools.len() as u64);
+    out.extend(bools.chunks(8).map(packed));
+    list(&mut out, ints.iter().map(|value| value.cast_unsigned()));
+    out.push(runs.len() as u64);
+    for run in runs {
+        out.push(pair(u32::from(run.kernel), run.first));
+        out.push(u64::from(run.operands));
+    }
+    list(&mut out, operands.iter().map(|value| u64::from(*value)));
+    out.push(delays.len() as u64);
+    for delay in delays {
+        out.push(pair(delay.store as u32, delay.from));
+        out.push(pair(delay.to, delay.width));
+    }
+    out.push(monitors.len() as u64);
+    for monitor in monitors {
+        out.push(pair(monitor.store as u32, monitor.slot));
+        out.push(pair(monitor.width, monitor.every));
+    }
+    for clock in &origin.clocks.0 {
+        out.extend(clock.words());
+    }
+    out
+}
+
+fn store(number: u32) -> Result<Store, Damaged> {
+    let all = [Store::Real, Store::Bool, Store::Int];
+    let found = all.into_iter().find(|store| *store as u32 == number);
+    found.ok_or(Damaged("the kind of a slot"))
+}
+
+/// Pairs of words after their number.
+fn pairs<'a>(words: &mut Words<'a>, what: &'static str) -> Result<&'a [[u64; 2]], Damaged> {
+    let count = words.count(what)?;
+    let taken = words.take(count.checked_mul(2).ok_or(Damaged(what))?, what)?;
+    Ok(taken.as_chunks().0)
+}
+
+/// The contrary of [`of_origin`]. Whether the plan makes sense is for `Plan::check`.
+pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
+    let [catalogue, configuration, numbers, rate] = words.some("a plan")?;
+    let ([clocks, survives], [every, phase]) = (parts(numbers), parts(rate));
+    let reals = words.list("a plan's reals")?;
+    let bools = words.count("a plan's bools")?;
+    let packed = words.take(bools.div_ceil(8), "a plan's bools")?;
+    let bools = packed
+        .iter()
+        .flat_map(|word| word.to_le_bytes())
+        .take(bools);
+    let ints = words.list("a plan's ints")?;
+    let runs = pairs(words, "a plan's runs")?.iter().map(|[first, count]| {
+        let [kernel, first] = parts(*first);
+        Ok(Run {
+            kernel: u16::try_from(kernel).map_err(|_| Damaged("a kernel's number"))?,
+            first,
+            operands: parts(*count)[0],
+        })
+    });
+    let runs = runs.collect::<Result<_, _>>()?;
+    let operands = words.list("a plan's operands")?;
+    let delays = pairs(words, "a plan's delays")?.iter().map(|[from, to]| {
+        let ([number, from], [to, width]) = (parts(*from), parts(*to));
+        let store = store(number)?;
+        Ok(Delay {
+            store,
+            from,
+            to,
+            width,
+        })
+    });
+    let delays = delays.collect::<Result<_, _>>()?;
+    let monitors = pairs(words, "a plan's monitors")?.iter();
+    let monitors = monitors.map(|[place, rest]| {
+        let ([number, slot], [width, every]) = (parts(*place), parts(*rest));
+        let store = store(number)?;
+        Ok(MonitorPoint {
+            store,
+            slot,
+            width,
+            every,
+        })
+    });
+    let monitors = monitors.collect::<Result<_, _>>()?;
+    let clock_words = (clocks as usize).checked_mul(CLOCK_WORDS);
+    let all = words.take(clock_words.ok_or(Damaged("path clocks"))?, "path clocks")?;
+    let all = all.as_chunks::<CLOCK_WORDS>().0;
+    let data = PlanData {
+        catalogue,
+        configuration,
+        reals: reals.iter().map(|word| f64::from_bits(*word)).collect(),
+        bools: bools.collect(),
+        ints: ints.iter().map(|word| word.cast_signed()).collect(),
+        runs,
+        operands: operands.iter().map(|word| *word as u32).collect(),
+        delays,
+        monitors,
+        clocks,
+        survives_device_loss: survives != 0,
+        rate: Rate { every, phase },
+    };
+    Ok(Origin {
+        data: Arc::new(data),
+        clocks: Clocks(all.iter().map(PathClock::from_words).collect()),
+    })
+}
+
+const ARM: usize = 4 + 7;
+const LIMITS: usize = 4 * JOINTS_MAX + 1;
+
+/// The devices of a cell.
+pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
+    let mut out = vec![models.len() as u64];
+    for model in models {
+        out.push(pair(model.joints, u32::from(model.arm.is_some())));
+        if let Some(arm) = &model.arm {
+            let lengths = [
+                arm.shoulder_height,
+                arm.upper_arm,
+                arm.forearm,
+                arm.wrist_to_flange,
+            ];
+            let numbers = lengths.iter().chain(&arm.signs);
+            out.extend(numbers.map(|value| value.to_bits()));
+        }
+        let JointLimits {
+            lower,
+            upper,
+            velocity_max,
+            acceleration_max,
+            joints,
+        } = &model.limits;
+        let groups = [lower, upper, velocity_max, acceleration_max];
+        out.extend(groups.into_iter().flatten().map(|value| value.to_bits()));
+        out.push(*joints as u64);
+        out.push(model.first_tolerance_rad.to_bits());
+        out.extend(model.channels.map(u64::from));
+    }
+    out
+}
+
+/// The contrary of [`of_models`].
+pub fn models(words: &mut Words<'_>) -> Result<Vec<DeviceModel>, Damaged> {
+    let count = words.count("the devices")?;
+    if count > DEVICES_MAX {
+        return Err(Damaged("the number of devices"));
+    }
+    (0..count).map(|_| model(words)).collect()
+}
+
+fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
+    let [head] = words.some("a device")?;
+    let [joints, has_arm] = parts(head);
+    let arm = match has_arm {
+        0 => None,
+        _ => {
+            let [shoulder, upper, forearm, wrist, signs @ ..] =
+                words.some::<ARM>("an arm")?.map(f64::from_bits);
+            Some(SrsArm {
+                shoulder_height: shoulder,
+                upper_arm: upper,
+                forearm,
+                wrist_to_flange: wrist,
+                signs,
+            })
+        }
+    };
+    let limits = words.some::<LIMITS>("joint limits")?;
+    let group = |index: usize| {
+        let mut group = [0.0; JOINTS_MAX];
+        for (place, word) in group.iter_mut().zip(limits.iter().skip(index * JOINTS_MAX)) {
+            *place = f64::from_bits(*word);
+        }
+        group
+    };
+    let number = usize::try_from(limits[LIMITS - 1]).unwrap_or(usize::MAX);
+    if joints as usize > JOINTS_MAX || number > JOINTS_MAX {
+        return Err(Damaged("the number of joints"));
+    }
+    let [tolerance, channels @ ..] = words.some::<5>("a device's channels")?;
+    Ok(DeviceModel {
+        joints,
+        arm,
+        limits: JointLimits {
+            lower: group(0),
+            upper: group(1),
+            velocity_max: group(2),
+            acceleration_max: group(3),
+            joints: number,
+        },
+        first_tolerance_rad: f64::from_bits(tolerance),
+        channels: channels.map(|count| count as u32),
+    })
+}
