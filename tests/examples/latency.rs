@@ -219,7 +219,7 @@ fn measure(mode: Mode, seconds: u64) -> io::Result<Figures> {
     let row = cell.state(id);
     let state = match &row["reason"] {
         Value::String(reason) => reason.clone(),
-        _ => row["state"].to_string(),
+        _ => row["state"].as_str().unwrap_or("?").to_owned(),
     };
     drop(watch);
     if cell.operate(id, "cancel").status == 200 {
@@ -283,7 +283,7 @@ it to an output (`$FRI_FRM_REA[1]`) while it commands the arm; the relay sees it
 millisecond; so does a cycle. This page is what the program prints:
 
 ```console
-$ cargo build --release --workspace --bins && cargo run --release -p rcc-tests --example latency -- 10
+$ cargo build{profile} --workspace --bins && cargo run{profile} -p rcc-tests --example latency -- {seconds}
 ```
 ";
 
@@ -312,12 +312,18 @@ On a machine that does not stall, `delay: 2 ms` is enough. What `rcc-cli doctor`
 fn main() -> io::Result<()> {
     let seconds = std::env::args()
         .nth(1)
-        .map_or(Ok(10), |text| text.parse())
+        .map_or(Ok(10_u64), |text| text.parse())
         .map_err(|error| io::Error::other(format!("latency [SECONDS]: {error}")))?;
     let cores = std::thread::available_parallelism()?;
     let date = rcc_ipc::events::wall_time();
     let date = date.split('T').next().unwrap_or_default();
-    println!("{HEAD}");
+    let profile = if cfg!(debug_assertions) {
+        ""
+    } else {
+        " --release"
+    };
+    let head = HEAD.replace("{profile}", profile);
+    println!("{}", head.replace("{seconds}", &seconds.to_string()));
     println!(
         "Milliseconds, {seconds} s each, on {date}, on a machine with {cores} cores whose own stalls (the late cycles)"
     );

@@ -4,6 +4,7 @@
 mod arrows;
 mod bad_input;
 mod cells;
+mod clock;
 mod crash;
 mod crash_others;
 mod doctor;

@@ -23,7 +23,12 @@ pub fn run(data: &[u8]) {
     // Bytes that end early end the input.
     let _ = match bool::arbitrary(&mut bytes) {
         Ok(true) => measurements(&mut bytes),
-        Ok(false) => images(&mut bytes),
+        Ok(false) => {
+            // The same for a device that the executor's clock follows.
+            let rest = bytes.peek_bytes(bytes.len()).unwrap_or_default();
+            let _ = images(&mut Unstructured::new(rest), true);
+            images(&mut bytes, false)
+        }
         Err(error) => Err(error),
     };
 }
@@ -74,7 +79,7 @@ fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
 }
 
 /// An executor that writes anything, at a driver whose arm can be commanded.
-fn images(bytes: &mut Unstructured<'_>) -> Result<()> {
+fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
     let (_, device) = shipped()
         .cell
         .device("lwr")
@@ -86,7 +91,7 @@ fn images(bytes: &mut Unstructured<'_>) -> Result<()> {
         delay_ns: device.delay_ns,
         command_timeout_ns: device.command_timeout_ns,
     });
-    if bool::arbitrary(bytes)? {
+    if leads {
         player = player.leading();
     }
     let mut image = CommandImage {

@@ -90,9 +90,11 @@ fn change(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
         }
         _ => {
             plan.clocks = bytes.int_in_range(0..=65)?;
-            plan.rate.every = bytes.int_in_range(0..=12_000)?;
-            plan.rate.phase = bytes.int_in_range(0..=12_000)?;
             plan.survives_device_loss = bool::arbitrary(bytes)?;
+            if bool::arbitrary(bytes)? {
+                plan.rate.every = bytes.int_in_range(0..=12_000)?;
+                plan.rate.phase = bytes.int_in_range(0..=12_000)?;
+            }
             Ok(())
         }
     }

@@ -1,0 +1,126 @@
+//! Clocks and rates through every process: a cell whose clock follows its robot, base periods from 125 µs to 20 ms, and
+//! nets at a lower rate. Each test has a cell of its own.
+
+use rcc_core::message::ClockState;
+use rcc_ipc::Role;
+use rcc_tests::place::Watch;
+use rcc_tests::{TestCell, await_some, nets};
+
+/// The demo cell with another period, whose clock follows the robot.
+fn following(period: &str, robot_ms: u32) -> TestCell {
+    TestCell::changed(|text| {
+        let text = text.replace("period: 1 ms", &format!("period: {period}"));
+        // What is left of the line is its comment.
+        let text = text.replace("    delay: 10 ms", "    #");
+        let period = format!("      - --period-ms={robot_ms}\n      - --krl=first-app");
+        let text = text.replace("      - --krl=first-app", &period);
+        format!("{text}\nclock: {{device: lwr}}\n")
+    })
+}
+
+fn await_clock(watch: &Watch, state: ClockState) {
+    await_some(state.name(), || {
+        (watch.status().clock.state == state as u32).then_some(())
+    });
+}
+
+/// A line there and one back, each in its time.
+fn move_there_and_back(cell: &TestCell) {
+    for (name, y) in [("there", 0.15), ("back", 0.0)] {
+        let id = cell.run(&nets::line(name, y, 0.1));
+        cell.assert_ends(id, "finished");
+    }
+}
+
+#[test]
+fn a_clock_that_follows_the_robot_is_locked_and_says_so() {
+    let cell = following("1 ms", 1);
+    let watch = cell.watch();
+    await_clock(&watch, ClockState::Locked);
+    move_there_and_back(&cell);
+    let words = cell.cli(&["status"]).stdout;
+    let words = String::from_utf8_lossy(&words).into_owned();
+    assert!(words.contains("clock     lwr: "), "{words}");
+    let clock = watch.status().clock;
+    let ratio = clock.device_period_ns / 1e6;
+    assert!((ratio - 1.0).abs() < 2.1e-3, "{clock:?}");
+    drop(watch);
+    cell.stop();
+}
+
+#[test]
+fn without_its_robot_the_clock_goes_on_alone_and_finds_it_again() {
+    let cell = following("1 ms", 1);
+    let watch = cell.watch();
+    await_clock(&watch, ClockState::Locked);
+    let lamp = cell.run(&nets::lamp("lamp"));
+    cell.kill(Role::Driver, "lwr");
+    await_clock(&watch, ClockState::Searching);
+    let before = watch.status().cycle;
+    await_some("cycles", || {
+        (watch.status().cycle > before + 100).then_some(())
+    });
+    await_clock(&watch, ClockState::Locked);
+    assert!(watch.status().clock.losses >= 1);
+    cell.done(lamp, "cancel");
+    cell.assert_ends(lamp, "canceled");
+    cell.await_device("lwr", "ready");
+    move_there_and_back(&cell);
+    drop(watch);
+    cell.stop();
+}
+
+#[test]
+fn a_cell_of_125_us_moves_its_robot_of_1_ms() {
+    let cell = following("125 us", 1);
+    let watch = cell.watch();
+    await_clock(&watch, ClockState::Locked);
+    move_there_and_back(&cell);
+    drop(watch);
+    cell.stop();
+}
+
+#[test]
+fn a_cell_of_20_ms_moves_its_robot_of_20_ms() {
+    let cell = following("20 ms", 20);
+    let watch = cell.watch();
+    await_clock(&watch, ClockState::Locked);
+    move_there_and_back(&cell);
+    drop(watch);
+    cell.stop();
+}
+
+#[test]
+fn a_cell_of_20_ms_with_two_clocks_moves_its_robot() {
+    let cell = TestCell::changed(|text| {
+        let text = text.replace("period: 1 ms", "period: 20 ms");
+        let text = text.replace("delay: 10 ms", "delay: 60 ms");
+        text.replace(
+            "      - --krl=first-app",
+            "      - --period-ms=20\n      - --krl=first-app",
+        )
+    });
+    move_there_and_back(&cell);
+    cell.stop();
+}
+
+#[test]
+fn a_net_of_a_lower_rate_starts_in_its_own_cycle() {
+    let cell = TestCell::demo();
+    let slow = nets::clock("slow").replace("net: slow", "net: slow\nperiod: 50 ms\nphase: 7 ms");
+    let slow = slow.replace("1000 Hz", "20 Hz");
+    let id = cell.load(&slow);
+    let reply = cell.operate(id, "start");
+    assert_eq!(reply.status, 200, "{reply:?}");
+    let started = reply.body["cycle"].as_u64().expect("a cycle");
+    assert_eq!(started % 50, 7, "{reply:?}");
+    await_some("three evaluations", || {
+        (cell.state(id)["cycles"].as_u64()? >= 3).then_some(())
+    });
+    cell.done(id, "cancel");
+    cell.assert_ends(id, "canceled");
+    let (_, refused) = cell.load_any(&slow.replace("50 ms", "2.5 ms"));
+    assert_eq!(refused["state"], "rejected", "{refused}");
+    assert!(refused.to_string().contains("RCC1306"), "{refused}");
+    cell.stop();
+}
