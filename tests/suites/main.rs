@@ -18,3 +18,4 @@ mod plans;
 mod readme;
 mod services;
 mod syscalls;
+mod timing;

@@ -65,7 +65,7 @@ pub struct ExecutorConfig {
     pub core: Option<usize>,
     /// After this many late cycles in a row the most expensive net ends; 0 = never.
     pub late_in_a_row_max: u32,
-    /// What nets may need of a cycle together, in thousandths of the period.
+    /// What nets may need of a cycle together, in thousandths of the period; more than 1000 admits what is too much.
     pub budget_permille: u32,
     /// What becomes of an executor that is not real-time.
     pub rt: RealTime,
@@ -173,7 +173,7 @@ impl CellConfig {
     /// What nets may need together in one cycle, ns.
     #[must_use]
     pub fn budget_ns(&self) -> u64 {
-        // No overflow: a period is at most a second, the share at most 1000.
+        // No overflow: a period is at most a second, the share at most 100000.
         self.period_ns * u64::from(self.executor.budget_permille) / 1000
     }
 

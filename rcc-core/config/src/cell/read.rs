@@ -48,6 +48,8 @@ const DEVICE_KEYS: [&str; 7] = [
 ];
 
 const MS: u64 = 1_000_000;
+/// Beyond 100 % nets are admitted that cannot keep their period: the rule of late cycles in a row is left to end them.
+const BUDGET_MAX: f64 = 100.0;
 const PERIOD_NS: [u64; 2] = [MS / 10, 1000 * MS];
 const STALE_AFTER_NS: u64 = 50 * MS;
 const STALE_AFTER_NS_MAX: u64 = 10_000 * MS;
@@ -203,7 +205,7 @@ impl Reading<'_> {
             let wanted = Wanted {
                 unit: Unit::ONE,
                 least: 0.01,
-                most: 1.0,
+                most: BUDGET_MAX,
             };
             let share = self.reader.quantity(node, "budget", wanted)?;
             executor.budget_permille = (share * 1e3).round() as u32;
