@@ -60,6 +60,15 @@ fn carry_over(frame: &mut Frame<'_>, delay: &Delay) {
 }
 
 fn copy_within<T: Copy>(arena: &mut [T], from: usize, to: usize, width: usize) {
+    // Most links carry one value; a call to copy it would cost more than the primitive that reads it.
+    if width == 1 {
+        if let Some(value) = arena.get(from).copied()
+            && let Some(place) = arena.get_mut(to)
+        {
+            *place = value;
+        }
+        return;
+    }
     // `copy_within` panics outside the slice; `Plan::check` excludes it and this makes it certain.
     if from + width <= arena.len() && to + width <= arena.len() {
         arena.copy_within(from..from + width, to);

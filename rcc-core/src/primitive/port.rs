@@ -1,0 +1,273 @@
+//! Ports and parameters in specs: names, types, units, defaults and ranges. For the loader and for people; the cycle never
+//! looks at them.
+
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The type of a port in a spec.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortType {
+    /// Exactly this type.
+    Is(Type),
+    /// Any type that can be in the arena; the same for all `Any` ports of one primitive.
+    Any,
+    /// `Bool`, `Int` or `Real`; the same for all `Scalar` ports of one primitive.
+    Scalar,
+    /// `Int` or `Real`; the same for all `Number` ports of one primitive.
+    Number,
+    /// `Real[n]` with n the number of joints of the primitive's device.
+    Joints,
+}
+
+impl PortType {
+    /// True if links and literals decide the type.
+    pub const fn is_open(self) -> bool {
+        matches!(self, PortType::Any | PortType::Scalar | PortType::Number)
+    }
+
+    /// True if values of more than one width can be at the port.
+    pub const fn is_wide(self) -> bool {
+        matches!(self, PortType::Any | PortType::Joints)
+    }
+}
+
+/// The unit of a port in a spec. `Var(i)` stands for any unit, the same wherever it occurs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnitRule {
+    /// Exactly this unit.
+    Is(Unit),
+    /// Any unit, the same for all ports with this number.
+    Var(u8),
+    /// The product of two variables.
+    Product(u8, u8),
+    /// The quotient of two variables.
+    Quotient(u8, u8),
+    /// The square root of a variable: a unit whose powers are odd has none.
+    Root(u8),
+    /// A variable per second.
+    PerSecond(u8),
+    /// The unit that the cell's configuration gives to the channel.
+    Channel,
+    /// The type says it all (`Pose`, `Twist`, `Wrench`, `Rotation`) or there is none (`Bool`, `Int`).
+    Typed,
+}
+
+/// A default value in a spec.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Literal {
+    /// A real number in SI units.
+    Real(f64),
+    /// An integer.
+    Int(i64),
+    /// A truth value.
+    Bool(bool),
+    /// No value.
+    Null,
+}
+
+/// An input or output port.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    /// As written in nets.
+    pub name: &'static str,
+    /// Type.
+    pub ty: PortType,
+    /// Unit.
+    pub unit: UnitRule,
+    /// One phrase with frame and element order.
+    pub doc: &'static str,
+    /// Value of an input that no link feeds; `None`: it must be connected.
+    pub default: Option<Literal>,
+    /// An output that may be left unread without `discard`.
+    pub diagnostic: bool,
+}
+
+impl Port {
+    /// A port that must be connected (input) or read (output).
+    pub const fn new(name: &'static str, ty: PortType, unit: UnitRule, doc: &'static str) -> Port {
+        Port {
+            name,
+            ty,
+            unit,
+            doc,
+            default: None,
+            diagnostic: false,
+        }
+    }
+
+    /// A `Real` port.
+    pub const fn real(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
+        Port::new(name, PortType::Is(Type::Real), unit, doc)
+    }
+
+    /// An `Int` port.
+    pub const fn int(name: &'static str, doc: &'static str) -> Port {
+        Port::new(name, PortType::Is(Type::Int), UnitRule::Typed, doc)
+    }
+
+    /// A port for numbers, `Int` or `Real`, of one unit with all others of the variable.
+    pub const fn number(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
+        Port::new(name, PortType::Number, unit, doc)
+    }
+
+    /// A `Bool` port.
+    pub const fn bool(name: &'static str, doc: &'static str) -> Port {
+        Port::new(name, PortType::Is(Type::Bool), UnitRule::Typed, doc)
+    }
+
+    /// A port of a composite whose type says the unit.
+    pub const fn typed(name: &'static str, ty: Type, doc: &'static str) -> Port {
+        Port::new(name, PortType::Is(ty), UnitRule::Typed, doc)
+    }
+
+    /// This input may be left unconnected and then has this value.
+    pub const fn default(self, value: Literal) -> Port {
+        Port {
+            default: Some(value),
+            ..self
+        }
+    }
+
+    /// This output may be left unread.
+    pub const fn diagnostic(self) -> Port {
+        Port {
+            diagnostic: true,
+            ..self
+        }
+    }
+}
+
+/// What a channel of a device carries, seen from the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ChannelKind {
+    /// A Bool that the device measures.
+    DigitalInput,
+    /// A Bool that the device is told.
+    DigitalOutput,
+    /// A Real that the device measures.
+    AnalogInput,
+    /// A Real that the device is told.
+    AnalogOutput,
+}
+
+/// What a parameter is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParameterKind {
+    /// A value; it gets a constant slot, as if it were an input nobody connected.
+    Value(PortType, UnitRule),
+    /// The start value of the primitive's state in the arena of this type; it may be null. No operand: it is in the
+    /// initial arena and costs the cycle nothing.
+    Start(Type, UnitRule),
+    /// The name of a device that has an arm.
+    Arm,
+    /// The name of any device.
+    Device,
+    /// The name of a channel of the device that the parameter `device` names.
+    Channel(ChannelKind),
+    /// How often per second; becomes a whole number of cycles.
+    Rate,
+}
+
+impl ParameterKind {
+    /// Type and unit of a parameter that is a value.
+    pub const fn value(self) -> Option<(PortType, UnitRule)> {
+        match self {
+            ParameterKind::Value(ty, unit) => Some((ty, unit)),
+            ParameterKind::Start(ty, unit) => Some((PortType::Is(ty), unit)),
+            _ => None,
+        }
+    }
+}
+
+/// A parameter of a primitive, set once when the net is loaded.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// As written in nets.
+    pub name: &'static str,
+    /// What it is.
+    pub kind: ParameterKind,
+    /// One phrase.
+    pub doc: &'static str,
+    /// `None`: it must be given.
+    pub default: Option<Literal>,
+    /// A `Real` must be greater than this, `Some(0.0)` for speeds and the like.
+    pub above: Option<f64>,
+    /// A `Real` must not be less than this.
+    pub at_least: Option<f64>,
+    /// A `Real` must not be greater than this.
+    pub at_most: Option<f64>,
+}
+
+impl Parameter {
+    /// A parameter that must be given.
+    pub const fn new(name: &'static str, kind: ParameterKind, doc: &'static str) -> Parameter {
+        Parameter {
+            name,
+            kind,
+            doc,
+            default: None,
+            above: None,
+            at_least: None,
+            at_most: None,
+        }
+    }
+
+    /// A `Real` that must be given.
+    pub const fn real(name: &'static str, unit: UnitRule, doc: &'static str) -> Parameter {
+        Parameter::new(
+            name,
+            ParameterKind::Value(PortType::Is(Type::Real), unit),
+            doc,
+        )
+    }
+
+    /// The device with an arm that the primitive belongs to.
+    pub const fn arm() -> Parameter {
+        Parameter::new(
+            "device",
+            ParameterKind::Arm,
+            "name of an arm in the cell's configuration",
+        )
+    }
+
+    /// The device that the primitive belongs to.
+    pub const fn device() -> Parameter {
+        Parameter::new(
+            "device",
+            ParameterKind::Device,
+            "name of a device in the cell's configuration",
+        )
+    }
+
+    /// It may be left out and then has this value.
+    pub const fn default(self, value: Literal) -> Parameter {
+        Parameter {
+            default: Some(value),
+            ..self
+        }
+    }
+
+    /// It must be greater than `bound`.
+    pub const fn above(self, bound: f64) -> Parameter {
+        Parameter {
+            above: Some(bound),
+            ..self
+        }
+    }
+
+    /// It must not be less than `bound`.
+    pub const fn at_least(self, bound: f64) -> Parameter {
+        Parameter {
+            at_least: Some(bound),
+            ..self
+        }
+    }
+
+    /// It must not be greater than `bound`.
+    pub const fn at_most(self, bound: f64) -> Parameter {
+        Parameter {
+            at_most: Some(bound),
+            ..self
+        }
+    }
+}
