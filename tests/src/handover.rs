@@ -1,8 +1,8 @@
 //! Hand-overs in a living cell, counted: the arm goes from net to net in consecutive cycles while a large net is loading.
 //! Run by a test's thread.
 
-use rcc_core::message::CommandImage;
-use rcc_ipc::control::command_board;
+use rcc_core::message::{CommandImage, Measurement};
+use rcc_ipc::control::{MEASUREMENT, command_board};
 use rcc_ipc::{BoardReader, Role, Session};
 use serde_json::{Value, json};
 
@@ -56,7 +56,7 @@ pub fn hand_over(
     large: usize,
     mut tell: impl FnMut(&Report),
 ) -> Report {
-    let (_session, image) = image(place);
+    let arm = Arm::of(place);
     let large = large_net(large);
     let mut report = Report::default();
     let mut old = place.run(HOLD);
@@ -65,7 +65,7 @@ pub fn hand_over(
     });
     for _ in 0..times {
         let new = place.load(HOLD);
-        let owner = newest_owner(&image.read());
+        let owner = newest_owner(&arm.image());
         let loading = place.rest("POST", "/commands", &large);
         assert_eq!(loading.status, 202, "{loading:?}");
         let body = json!({"stop": [old], "start": [new]}).to_string();
@@ -76,7 +76,7 @@ pub fn hand_over(
         report.while_loading += usize::from(place.state(large_id)["state"] == "loading");
         let cycle = switched.body["cycle"].as_u64().expect("a cycle");
         report.consecutive += usize::from(is_consecutive(place, (old, new), cycle));
-        report.unbroken += usize::from(is_unbroken(&image, cycle, owner));
+        report.unbroken += usize::from(is_unbroken(&arm, cycle, owner));
         await_some("the large net to be loaded", || {
             (place.state(large_id)["state"] == "ready").then_some(())
         });
@@ -108,9 +108,9 @@ fn is_consecutive(place: &Place, (old, new): (u64, u64), cycle: u64) -> bool {
 
 /// The set-points of the cycles around the hand-over, looked at before the ring forgets them, else those that are left:
 /// since an engagement never comes back, its number tells.
-fn is_unbroken(image: &BoardReader<CommandImage>, cycle: u64, owner: u64) -> bool {
+fn is_unbroken(arm: &Arm, cycle: u64, owner: u64) -> bool {
     let image = await_some("the set-point of that cycle", || {
-        let image = image.read();
+        let image = arm.image();
         (image.sequence >= cycle).then_some(image)
     });
     let points = (0..image.sequence + 1)
@@ -126,9 +126,35 @@ fn newest_owner(image: &CommandImage) -> u64 {
     image.at(image.sequence).map_or(0, |point| point.owner)
 }
 
-fn image(place: &Place) -> (Session, BoardReader<CommandImage>) {
-    let session = Session::join(place.cell(), Role::Monitor, "image").expect("a cell");
-    let executor = place.announced(Role::Executor, "exec");
-    let board = session.open_board(&executor.services[&command_board("lwr")]);
-    (session, board.expect("the arm's board"))
+/// What the arm of the demo cell is told, and what its driver tells.
+pub struct Arm {
+    image: BoardReader<CommandImage>,
+    measurement: BoardReader<Measurement>,
+    _session: Session,
+}
+
+impl Arm {
+    /// Opens the boards of the living executor and driver.
+    pub fn of(place: &Place) -> Arm {
+        let session = Session::join(place.cell(), Role::Monitor, "arm").expect("a cell");
+        let executor = place.announced(Role::Executor, "exec");
+        let driver = place.announced(Role::Driver, "lwr");
+        let image = session.open_board(&executor.services[&command_board("lwr")]);
+        let measurement = session.open_board(&driver.services[MEASUREMENT]);
+        Arm {
+            image: image.expect("the executor's board"),
+            measurement: measurement.expect("the driver's board"),
+            _session: session,
+        }
+    }
+
+    /// The newest set-points.
+    pub fn image(&self) -> CommandImage {
+        self.image.read()
+    }
+
+    /// The newest measurement.
+    pub fn measurement(&self) -> Measurement {
+        self.measurement.read()
+    }
 }

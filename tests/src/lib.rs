@@ -17,6 +17,7 @@ pub mod programs;
 pub mod records;
 pub mod reference;
 pub mod rest;
+pub mod rt_calls;
 pub mod simulator;
 
 pub use cell::TestCell;

@@ -1,8 +1,19 @@
 //! Hand-over through every process: consecutive cycles, one stream of set-points, or nothing changed and the reason told.
 //! Each test has a cell of its own.
 
-use rcc_tests::handover::hand_over;
-use rcc_tests::{TestCell, nets};
+use rcc_core::guard::ViolationKind;
+use rcc_core::message::{CommandState, DeviceState};
+use rcc_core::plan::Run;
+use rcc_core::primitives;
+use rcc_ipc::control::{Answer, Call, PlanData, Refusal};
+use rcc_tests::handover::{Arm, hand_over};
+use rcc_tests::{TestCell, await_some, nets};
+
+use crate::plans::Control;
+
+/// Velocity of the moving arm, rad/s: what the guard allows as a step of acceleration is 40 cycles of it.
+const VELOCITY: f64 = 5e-4;
+const PERIOD_S: f64 = 1e-3;
 
 #[test]
 fn an_arm_goes_from_net_to_net_in_consecutive_cycles_while_a_large_net_is_loading() {
@@ -81,4 +92,121 @@ primitives:
 discard: [state.position]
 "
     )
+}
+
+/// J1 goes from `from` (rad) on with [`VELOCITY`], the others stay; for ever.
+fn drift(from: f64, configuration: u64) -> PlanData {
+    let mut plan = PlanData {
+        catalogue: primitives::fingerprint(),
+        configuration,
+        reals: vec![from, VELOCITY, f64::NAN, f64::NAN],
+        bools: vec![0],
+        ..PlanData::default()
+    };
+    plan.reals.extend(nets::START);
+    let runs: [(&str, &[u32]); 5] = [
+        ("Time", &[2]),
+        ("Multiply", &[2, 1, 3]),
+        ("Add", &[0, 3, 4]),
+        ("JointPositionCommand", &[4, 0, 7]),
+        ("Termination", &[0]),
+    ];
+    for (name, operands) in runs {
+        let (entry, row) = primitives::find(name).expect("a primitive");
+        let fits = |kernel| row.spec.operands(kernel).count() == operands.len();
+        let kernel = row.kernels.iter().position(fits).expect("a kernel");
+        plan.runs.push(Run {
+            kernel: primitives::kernel_number(entry, kernel),
+            first: plan.operands.len() as u32,
+            operands: operands.len() as u32,
+        });
+        plan.operands.extend(operands);
+    }
+    plan
+}
+
+fn install(control: &Control, from: f64) -> u64 {
+    let id = control.reserve();
+    let plan = drift(from, control.config.fingerprint());
+    let answer = control.call(&Call::Install { id, plan });
+    assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
+    id
+}
+
+/// Asks until the arm has come to where `new` begins; `None` if it was missed.
+fn take_over(control: &Control, old: u64, new: u64, refusals: &mut u32) -> Option<u64> {
+    loop {
+        let (stop, start) = (vec![old], vec![new]);
+        match control.call(&Call::Switch { stop, start }) {
+            Answer::Done { cycle } => return Some(cycle),
+            Answer::RefusedFor {
+                id,
+                refusal:
+                    Refusal::Continuation {
+                        value, violation, ..
+                    },
+            } => {
+                assert_eq!(id, new);
+                assert!(ViolationKind::from_number(violation).is_some());
+                *refusals += 1;
+                if value < 0.0 {
+                    return None;
+                }
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_moving_arm_is_handed_over_where_the_next_net_continues_and_nowhere_else() {
+    let cell = TestCell::demo();
+    let control = Control::of(&cell);
+    let (watch, arm) = (cell.watch(), Arm::of(&cell));
+    let old = install(&control, nets::START[0]);
+    let started = await_some("the arm to be ready", || {
+        let answer = control.call(&Call::Start { id: old });
+        matches!(answer, Answer::Done { .. }).then_some(answer)
+    });
+    let Answer::Done { cycle: first } = started else {
+        unreachable!("it is Done");
+    };
+    let mut refusals = 0;
+    let (new, from, cycle) = await_some("a hand-over in motion", || {
+        let ahead = (watch.status().cycle - first + 300) as f64 * PERIOD_S;
+        let from = nets::START[0] + ahead * VELOCITY;
+        let new = install(&control, from);
+        let taken = take_over(&control, old, new, &mut refusals);
+        if taken.is_none() {
+            // The machine was away while the arm passed.
+            control.call(&Call::Unload { id: new });
+        }
+        taken.map(|cycle| (new, from, cycle))
+    });
+    eprintln!("{refusals} refusals before the arm was there");
+    assert!(refusals > 0, "it was asked before the arm was there");
+    let rows = watch.tables().commands;
+    let row = |id: u64| *rows.iter().find(|row| row.id == id).expect("a row");
+    assert_eq!(
+        (row(old).ended_cycle, row(new).started_cycle),
+        (cycle - 1, cycle)
+    );
+    await_some("the new net to go on", || {
+        (watch.status().cycle > cycle + 300).then_some(())
+    });
+    // On its line, still followed, and the arm is there.
+    let image = arm.image();
+    let wanted = |sequence: u64| from + (sequence - cycle) as f64 * PERIOD_S * VELOCITY;
+    for point in (0..16).filter_map(|back| image.at(image.sequence - back)) {
+        let sequence = point.logical_ns / image.period_ns;
+        assert!((point.position[0] - wanted(sequence)).abs() < 1e-12 && point.has_position == 1);
+    }
+    let measured = arm.measurement();
+    assert_eq!(measured.state, DeviceState::Commanded as u32);
+    assert!((measured.position[0] - wanted(image.sequence)).abs() < 1e-3);
+    assert_eq!(cell.state(new)["state"], CommandState::Running.name());
+    control.call(&Call::Abort { id: new });
+    cell.assert_ends(new, "aborted");
+    drop((watch, arm, control));
+    cell.stop();
 }

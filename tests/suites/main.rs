@@ -16,6 +16,7 @@ mod incidents;
 mod life;
 mod plans;
 mod readme;
+mod rt_calls;
 mod services;
 mod syscalls;
 mod timing;

@@ -11,14 +11,14 @@ use rcc_tests::place::Place;
 use rcc_tests::{TestCell, await_some, nets};
 
 /// The executor's control service, as only the loader uses it.
-struct Control {
+pub struct Control {
     client: Client,
-    config: CellConfig,
+    pub config: CellConfig,
     _session: Session,
 }
 
 impl Control {
-    fn of(cell: &Place) -> Control {
+    pub fn of(cell: &Place) -> Control {
         let session = Session::join(cell.cell(), Role::Loader, "stranger").expect("a cell");
         let executor = cell.announced(Role::Executor, "exec");
         let client = session
@@ -40,11 +40,11 @@ impl Control {
         wire::decode_serde(&answer).expect("an answer of this build")
     }
 
-    fn call(&self, call: &Call) -> Answer {
+    pub fn call(&self, call: &Call) -> Answer {
         self.bytes(&wire::encode_serde(call).expect("a call"))
     }
 
-    fn reserve(&self) -> u64 {
+    pub fn reserve(&self) -> u64 {
         match self.call(&Call::Reserve) {
             Answer::Reserved { id } => id,
             other => panic!("{other:?}"),

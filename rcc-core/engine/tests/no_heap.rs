@@ -6,12 +6,13 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 
-use common::{Bench, HOLD, Plan, endless_net, line_net, output_net};
+use common::{Bench, HOLD, Plan, drift_net, endless_net, line_net, named, output_net};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
+use rcc_core::types::Store;
 use rcc_engine::queue::Order;
 use rcc_engine::record::{Recorder, RecorderConfig};
-use rcc_ipc::control::Answer;
+use rcc_ipc::control::{Answer, PlanData};
 
 /// Counts the heap operations of a thread.
 struct Counting;
@@ -169,6 +170,79 @@ fn an_unreachable_pose_and_null_inputs_make_none() {
     obey(&mut bench, |ticket| Order::Start { ticket, id }, 100);
     bench.driver.measurement.state = DeviceState::Online as u32;
     obey(&mut bench, |ticket| Order::Abort { ticket, id }, 3);
+}
+
+/// A net that commands the arm to stay, watched in every cycle.
+fn stay() -> PlanData {
+    let mut plan = Plan {
+        data: drift_net(HOLD[0], 0.0),
+    };
+    plan.monitor(Store::Real, 0, 1, 1);
+    plan.data
+}
+
+/// One round of everything: nets start, end, are cancelled, aborted, handed over, refused, and fault; cycles are late.
+fn live(bench: &mut Bench) {
+    let ids = [line_net(), stay(), stay(), drift_net(0.0, 0.0)].map(|plan| bench.load(plan));
+    let outputs = [output_net(1), output_net(1), endless_net(2)].map(|plan| bench.load(plan));
+    let [line, stay, again, elsewhere] = ids;
+    let [lamp, other, endless] = outputs;
+    obey(bench, |ticket| Order::Start { ticket, id: lamp }, 10);
+    obey(bench, |ticket| Order::Start { ticket, id: line }, 150);
+    obey(bench, |ticket| Order::Cancel { ticket, id: line }, 600);
+    assert_eq!(bench.reason(line), EndReason::Canceled);
+    bench.driver.measurement.hold = HOLD;
+    let switch = |stop: &[u64], start: &[u64]| {
+        let (stop, start) = (named(stop), named(start));
+        move |ticket| Order::Switch {
+            ticket,
+            stop,
+            start,
+        }
+    };
+    obey(bench, switch(&[lamp], &[other, stay, endless]), 50);
+    assert_eq!(bench.reason(lamp), EndReason::Aborted);
+    obey(bench, switch(&[stay], &[elsewhere]), 20);
+    obey(bench, switch(&[lamp], &[again]), 20);
+    assert_eq!(bench.state(stay), CommandState::Running);
+    obey(bench, switch(&[stay], &[again]), 50);
+    assert_eq!(bench.state(again), CommandState::Running);
+    obey(bench, |ticket| Order::Start { ticket, id: 12345 }, 5);
+    obey(bench, |ticket| Order::Record { ticket }, 5);
+    // Each of the others ends by a fault: the device is lost.
+    bench.driver.alive = false;
+    obey(bench, |ticket| Order::Cancel { ticket, id: 999 }, 100);
+    assert_eq!(bench.reason(again), EndReason::Fault);
+    bench.driver.alive = true;
+    bench.driver.measurement.state = DeviceState::Ready as u32;
+    let late = operations(|| (0..10).for_each(|_| bench.engine.account(5_000_000, 1, 5)));
+    assert_eq!(late, 0);
+    for id in ids.into_iter().chain(outputs) {
+        obey(bench, |ticket| Order::Unload { ticket, id }, 3);
+    }
+}
+
+#[test]
+fn a_hundred_thousand_cycles_of_everything_with_the_flight_recorder_make_none() {
+    let mut bench = Bench::new();
+    let config = RecorderConfig {
+        span_ns: 1_000_000_000,
+        memory: 4 << 20,
+        period_ns: bench.period_ns,
+    };
+    let (recorder, mut helper) = Recorder::new(config, 1);
+    bench.engine = bench.engine.recorded_by(recorder);
+    let mut incidents = 0;
+    // One cycle in a hundred is one in which something is loaded, which is not counted.
+    while bench.engine.status().cycle < 102_000 {
+        live(&mut bench);
+        // The helper's work: a ring that was handed over goes back.
+        while let Ok(recording) = helper.recordings.pop() {
+            incidents += 1;
+            helper.spare.push(recording.ring).unwrap();
+        }
+    }
+    assert!(incidents > 1, "{incidents} incidents");
 }
 
 /// The start of the demo's arm (`configs/cells/demo.yaml`).

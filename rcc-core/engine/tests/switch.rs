@@ -490,3 +490,121 @@ fn a_hand_over_that_waits_is_checked_again_and_only_one_waits() {
     );
     assert_eq!(bench.state(new), CommandState::Ready);
 }
+
+/// Numbers from a seed (Marsaglia, xorshift64).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % bound as u64) as usize
+    }
+}
+
+/// One net of several kinds; some fit where the arm is, some do not.
+fn any_net(bench: &Bench, random: &mut Random) -> PlanData {
+    let here = match bench.told().has_position {
+        1 => bench.told().position[0],
+        _ => bench.driver.measurement.hold[0],
+    };
+    match random.below(8) {
+        0 => line_net(),
+        1 => drift_net(here + 0.01e-3, 0.01),
+        2 => drift_net(here, -0.012),
+        3 => drift_net(here + 0.1, 0.0),
+        4 => drift_net(f64::NAN, 0.0),
+        5 => slow(1, 1 + random.below(7) as u32, 0),
+        6 => output_net(random.below(4) as u32),
+        _ => endless_net(random.below(4) as u32),
+    }
+}
+
+#[test]
+fn whatever_is_handed_over_the_arms_set_points_keep_its_limits() {
+    let mut all = 0;
+    for seed in 1..=60 {
+        let mut random = Random(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed));
+        let mut bench = Bench::new();
+        let mut ids: Vec<u64> = Vec::new();
+        let (mut history, mut switched) = (Vec::new(), 0);
+        for _ in 0..400 {
+            let pick = |random: &mut Random, ids: &[u64]| match ids.len() {
+                0 => 1,
+                len => ids[random.below(len)],
+            };
+            match random.below(10) {
+                0..=2 if ids.len() < 20 => {
+                    let plan = any_net(&bench, &mut random);
+                    ids.push(bench.load(plan));
+                }
+                3 => {
+                    let id = pick(&mut random, &ids);
+                    bench.order(|ticket| Order::Start { ticket, id });
+                }
+                4 => {
+                    let id = pick(&mut random, &ids);
+                    bench.order(|ticket| Order::Cancel { ticket, id });
+                }
+                5 => {
+                    let id = pick(&mut random, &ids);
+                    bench.order(|ticket| Order::Unload { ticket, id });
+                }
+                6..=8 => {
+                    let active = |id: &&u64| {
+                        let row = bench
+                            .engine
+                            .tables()
+                            .commands
+                            .iter()
+                            .find(|row| row.id == **id);
+                        row.is_some_and(|row| CommandState::from_number(row.state).is_active())
+                    };
+                    let stop: Vec<u64> = ids.iter().filter(active).take(3).copied().collect();
+                    let start = [pick(&mut random, &ids)];
+                    let (stop, start) = (named(&stop), named(&start));
+                    let ticket = bench.order(|ticket| Order::Switch {
+                        ticket,
+                        stop,
+                        start,
+                    });
+                    bench.step();
+                    history.push(bench.told());
+                    let answer = bench.answer(ticket);
+                    switched += u32::from(matches!(answer, Some(Answer::Done { .. })));
+                }
+                _ => {}
+            }
+            for _ in 0..random.below(30) {
+                bench.step();
+                history.push(bench.told());
+            }
+            bench.records();
+            while bench.ends.outcomes.pop().is_ok() {}
+            while bench.ends.events.pop().is_ok() {}
+            let rows = bench.engine.tables().commands;
+            ids.retain(|id| rows.iter().any(|row| row.id == *id));
+        }
+        all += switched;
+        // Three set-points of one engagement, in consecutive cycles, give two velocities and an acceleration.
+        for three in history.windows(3) {
+            let one = |point: &rcc_core::message::SetPoint| {
+                point.has_position == 1 && point.owner == three[0].owner
+            };
+            let gap = three[2].logical_ns - three[0].logical_ns != 2 * bench.period_ns;
+            if gap || !three.iter().all(one) {
+                continue;
+            }
+            for joint in 0..7 {
+                let [a, b, c] = [0, 1, 2].map(|index| three[index].position[joint]);
+                let acceleration = (c - 2.0 * b + a) / 1e-6;
+                assert!(
+                    acceleration.abs() <= 20.1,
+                    "seed {seed}: {acceleration} rad/s²"
+                );
+            }
+        }
+    }
+    assert!(all > 600, "{all} hand-overs");
+}
