@@ -25,7 +25,7 @@ use rcc_ipc::BoardReader;
 use crate::net::Nets;
 use crate::queue::{Event, Order, Outcome, RtEnds};
 use crate::record::Recorder;
-use switch::Switch;
+use switch::{Switch, rows};
 use timing::Timekeeper;
 
 /// Orders taken in one cycle.
@@ -101,6 +101,8 @@ pub struct Engine {
     boards: Vec<Option<(u64, Box<BoardReader<Measurement>>)>>,
     nets: Box<Nets>,
     pending: [Pending; COMMANDS_MAX],
+    /// Bit r: row r is active or waits for something; no other row has anything to do in a cycle.
+    busy: u64,
     /// A hand-over that is tried before the rows are evaluated, as soon as all that begin are due.
     switch: Option<Switch>,
     status: CycleStatus,
@@ -153,6 +155,7 @@ impl Engine {
             boards: config.models.iter().map(|_| None).collect(),
             nets: Box::new([const { None }; COMMANDS_MAX]),
             pending: [Pending::Nothing; COMMANDS_MAX],
+            busy: 0,
             switch: None,
             status,
             tables,
@@ -247,7 +250,7 @@ impl Engine {
         }
         self.take_orders();
         let begun = self.run_switch(now_ns);
-        for row in (0..COMMANDS_MAX).filter(|row| begun >> row & 1 == 0) {
+        for row in rows(self.busy & !begun) {
             self.run_row(row, now_ns);
         }
         self.move_on_sampling();
@@ -314,14 +317,14 @@ impl Engine {
 
     fn write_tables(&mut self) {
         self.tables.cycle = self.status.cycle;
-        let active = |pending: &Pending| *pending != Pending::Nothing;
-        self.status.running = self
-            .tables
-            .commands
-            .iter()
-            .zip(&self.pending)
-            .filter(|(entry, pending)| is_active(entry.state) || active(pending))
-            .count() as u32;
+        for row in rows(self.busy) {
+            let entry = self.tables.commands.get(row);
+            let active = entry.is_some_and(|entry| is_active(entry.state));
+            if !active && self.pending.get(row) == Some(&Pending::Nothing) {
+                self.busy &= !(1 << row);
+            }
+        }
+        self.status.running = self.busy.count_ones();
     }
 
     /// What a net claims, by row.

@@ -127,6 +127,7 @@ impl Engine {
         self.check_devices(row, 0)?;
         self.check_budget(row, 0, 0)?;
         self.pending[row] = Pending::Start { ticket };
+        self.busy |= 1 << row;
         Ok(())
     }
 
@@ -495,6 +496,9 @@ impl Engine {
             return;
         };
         entry.state = state as u32;
+        if state.is_active() {
+            self.busy |= 1 << row;
+        }
         let event = Event::Command {
             cycle,
             id: entry.id,
