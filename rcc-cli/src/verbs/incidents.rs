@@ -40,8 +40,8 @@ enum What {
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     file: PathBuf,
-    /// The net that is the reason, `line#3`.
-    net: Option<String>,
+    /// The net that is the reason, `line#3`; its id is in the head.
+    name: Option<String>,
     span_s: f64,
     #[serde(flatten)]
     head: Head,
@@ -104,11 +104,11 @@ fn rows(folder: &Path) -> Result<Vec<Row>, Failure> {
 }
 
 fn row(file: PathBuf, head: Head, command: Option<&[u8]>) -> Row {
-    let net = head.net.map(|id| Named::of(id, command).title());
+    let name = head.net.map(|id| Named::of(id, command).title());
     let cycles = (head.last_cycle + 1).saturating_sub(head.first_cycle);
     Row {
         file,
-        net,
+        name,
         span_s: cycles as f64 * head.period_ns as f64 * 1e-9,
         head,
     }
@@ -127,7 +127,7 @@ fn list(rows: &[Row]) -> String {
             clean(row.head.time.get(..19).unwrap_or(&row.head.time)),
             clean(&row.head.cell),
             clean(&reason(&row.head)),
-            clean(row.net.as_deref().unwrap_or("–")),
+            clean(row.name.as_deref().unwrap_or("–")),
             table::grouped(row.head.cycle),
             format!("{:.1} s", row.span_s),
             row.file.display().to_string(),
