@@ -24,7 +24,7 @@ pub struct Census {
     pub shared_files: u64,
     /// Their bytes.
     pub shared_bytes: u64,
-    /// Files in the cell's runtime folder, logs and drivers' diaries excepted.
+    /// Files in the cell's runtime folder, without those that come by design.
     pub runtime_files: u64,
     /// Processes of the cell.
     pub processes: u64,
@@ -101,12 +101,13 @@ impl Census {
     }
 }
 
-/// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, and what each
-/// driver knows about its device, which it writes once a second.
+/// Files of the runtime folder, without what grows or comes by design and is bounded: logs, the event log, incident files,
+/// and what each driver knows about its device, which it writes once a second.
 pub fn runtime_files(folder: &Path) -> u64 {
     let by_design = |path: &Path| {
         let below = path.strip_prefix(folder).unwrap_or(path);
         below.starts_with("logs")
+            || below.starts_with("incidents")
             || below.starts_with("drivers")
             || below.to_string_lossy().starts_with("events.")
     };

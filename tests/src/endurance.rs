@@ -54,7 +54,15 @@ pub struct Options {
 pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
     let begun = Instant::now();
     let pin = format!("{{priority: {PRIORITY}, core: {CORE}}}");
-    let mut cell = HandCell::new(move |text| text.replace("{priority: 80}", &pin));
+    // Plans of nets that are gone are kept as long as a recording may need them: not beyond a quiet moment.
+    let mut cell = HandCell::new(move |text| {
+        let text = text.replace("{priority: 80}", &pin);
+        text.replacen(
+            "period: 1 ms\n",
+            "period: 1 ms\nrecorder: {seconds: 1}\n",
+            1,
+        )
+    });
     for name in ["lwr-sim", "io-sim"] {
         cell.start_simulator(name);
     }

@@ -10,7 +10,7 @@ use rcc_engine::incident::{Incident, IncidentError};
 use rcc_engine::net::Evaluation;
 use rcc_engine::replay::{Different, Mismatch, Replayed, Source, Step, replay};
 use rcc_ipc::pattern::Pattern;
-use rcc_loader::server::codes::{self, exit};
+use rcc_loader::server::codes;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -145,9 +145,13 @@ fn tell(
         }
         format!("{of}\n{}", table::text(&lines))
     });
-    match rows.iter().any(|row| row.different > 0) {
-        true => Err(Failure::said(exit::FAILED)),
-        false => Ok(()),
+    match rows.iter().filter(|row| row.different > 0).count() {
+        0 => Ok(()),
+        different => Err(Failure::new(
+            codes::REPLAY_DIFFERS,
+            format!("{different} of {} nets differ from what was recorded", rows.len()),
+            "same plan and inputs must give the same bits: report it with the file",
+        )),
     }
 }
 
@@ -176,7 +180,7 @@ fn result_of(result: &Replayed, named: &Named) -> NetResult {
         different: result.different,
         first_cycle: result.span[0],
         last_cycle: result.span[1],
-        identical: result.different == 0,
+        identical: result.compared > 0 && result.different == 0,
         words,
         mismatch: result.mismatch.as_ref().map(|mismatch| mismatch_json(mismatch, named)),
     }

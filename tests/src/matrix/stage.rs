@@ -504,7 +504,9 @@ fn configured(text: String) -> String {
         .find("  io-sim:")
         .expect("the simulator of the station");
     let text = text[..from].to_owned() + &text[to..];
-    let patient = "period: 1 ms\nsupervision: {restarts: 20, within: 1 s}\n";
+    // Plans of nets that are gone are kept as long as a recording may need them: shorter than a leak is waited for.
+    let patient =
+        "period: 1 ms\nsupervision: {restarts: 20, within: 1 s}\nrecorder: {seconds: 1}\n";
     text.replace(
         "{priority: 80}",
         &format!("{{priority: {PRIORITY}, core: {CORE}}}"),

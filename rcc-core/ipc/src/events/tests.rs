@@ -226,3 +226,18 @@ fn the_table_in_the_docs_is_that_of_the_program() {
         assert_eq!(table, expected, "run with RCC_BLESS=1");
     }
 }
+
+#[test]
+fn a_fault_without_device_and_numbers_is_a_clean_sentence() {
+    let fault = Fault {
+        code: "overrun".into(),
+        device: None,
+        joint: None,
+        rule: None,
+        value: None,
+        limit: None,
+        unit: None,
+    };
+    let words = fault.words();
+    assert!(words.starts_with("overrun; make the net"), "{words}");
+}

@@ -327,6 +327,10 @@ impl Fault {
             "panic" => "a fault of ours: report it with the net",
             _ => "correct the net's parameters",
         };
-        format!("{}:{device}{numbers}; {advice}", self.code)
+        let details = match (device.is_empty(), numbers.is_empty()) {
+            (true, true) => "",
+            _ => ":",
+        };
+        format!("{}{details}{device}{numbers}; {advice}", self.code)
     }
 }
