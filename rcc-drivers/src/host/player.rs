@@ -239,11 +239,14 @@ impl Player {
     pub fn arrive(&mut self, tick: &Tick) {
         self.startable = tick.startable;
         self.period_s = tick.period_s();
-        if tick.commandable {
-            self.commandable = true;
-        } else {
-            self.follow_the_device(tick);
+        if !tick.commandable {
+            return self.follow_the_device(tick);
         }
+        if !self.commandable {
+            // Also in the first exchange of all: a driver may be started while its device still follows a dead one.
+            self.sent = Sent::at_rest(tick.mirror);
+        }
+        self.commandable = true;
     }
 
     /// The second half: what it is told.

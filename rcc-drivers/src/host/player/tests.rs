@@ -1,6 +1,8 @@
 //! The rules of the player in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
 //! Test code only.
 
+use rcc_core::message::JOINTS_MAX;
+
 use super::*;
 
 mod bench;
@@ -446,4 +448,21 @@ fn equal_set_points_that_piled_up_at_rest_are_left_out_at_once() {
         bench.positions()[DELAY as usize..],
         points[..points.len() - DELAY as usize]
     );
+}
+
+#[test]
+fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_itself() {
+    let elsewhere = [0.7; JOINTS_MAX];
+    let mut bench = Bench::new();
+    let tick = Tick {
+        mirror: elsewhere,
+        ..bench.tick
+    };
+    let mut player = Player::new(bench.player.settings);
+    player.tick(&tick);
+    assert_eq!(*player.position(), elsewhere);
+    // And after it was out of reach for so long that nobody knows where it is.
+    bench.player.lose();
+    bench.player.tick(&tick);
+    assert_eq!(*bench.player.position(), elsewhere);
 }
