@@ -143,6 +143,8 @@ pub struct Player {
     commandable: bool,
     startable: bool,
     sent: Sent,
+    /// `sent` is where the device is or was sent: not before its first exchange, nor after it was lost.
+    placed: bool,
     /// The device's, s.
     period_s: f64,
     /// Whose outputs hold now.
@@ -181,6 +183,7 @@ impl Player {
             commandable: false,
             startable: false,
             sent: Sent::default(),
+            placed: false,
             period_s: 1e-3,
             outputs: SetPoint::NONE,
             entry: 0,
@@ -242,9 +245,10 @@ impl Player {
         if !tick.commandable {
             return self.follow_the_device(tick);
         }
-        if !self.commandable {
-            // Also in the first exchange of all: a driver may be started while its device still follows a dead one.
+        if !self.placed {
+            // A driver may be started while its device still follows a dead one.
             self.sent = Sent::at_rest(tick.mirror);
+            self.placed = true;
         }
         self.commandable = true;
     }
@@ -268,6 +272,7 @@ impl Player {
 
     /// The device was not reached for so long that nobody knows where it is.
     pub fn lose(&mut self) {
+        self.placed = false;
         self.commandable = false;
         self.startable = false;
         self.give_up(reason::DEVICE_STOPPED);
@@ -404,6 +409,7 @@ impl Player {
     }
 
     fn follow_the_device(&mut self, tick: &Tick) {
+        self.placed = true;
         self.commandable = false;
         self.give_up(reason::DEVICE_STOPPED);
         self.sent = Sent::at_rest(tick.mirror);
