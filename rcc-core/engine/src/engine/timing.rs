@@ -10,6 +10,7 @@ use rcc_core::primitives::{self, KERNELS_MAX};
 use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime, Timing};
 use rcc_ipc::clock::monotonic_ns;
 
+use super::switch::rows;
 use super::{Engine, is_active};
 use crate::net::{Evaluation, Net, RunTime};
 use crate::queue::Event;
@@ -151,12 +152,13 @@ impl Engine {
         // A net that was not due has its turn when the others had theirs: what runs seldom is timed seldom.
         let sampled = std::mem::take(&mut self.time.sampled);
         let first = (self.time.next_row + usize::from(!sampled)) % COMMANDS_MAX;
-        let mut rows = (first..COMMANDS_MAX).chain(0..first);
+        // Every active row is busy: nothing else need be looked at. Those from `first` on, then the others.
+        let mut turns = rows(self.busy >> first << first).chain(rows(self.busy));
         let active = |row: &usize| {
             let entry = self.tables.commands.get(*row);
             entry.is_some_and(|entry| is_active(entry.state))
         };
-        self.time.next_row = rows.find(active).unwrap_or(0);
+        self.time.next_row = turns.find(active).unwrap_or(0);
     }
 
     /// After the cycle: how long after its deadline it woke, how long it took, and how many periods it skipped; any
