@@ -13,6 +13,7 @@ use rcc_engine::record::hash::Sum;
 use rcc_engine::record::{Evaluated, Reason, Recorder, RecorderConfig};
 use rcc_engine::replay::{Source, replay};
 use rcc_ipc::control::PlanData;
+use rcc_ipc::events;
 
 use crate::shipped::{HOLD, shipped};
 
@@ -69,8 +70,8 @@ fn make() -> Vec<u64> {
     let head = Head {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: incident::digits(rcc_core::primitives::fingerprint()),
-        configuration: incident::digits(cell.plans[0].configuration),
+        catalogue: events::digits(rcc_core::primitives::fingerprint()),
+        configuration: events::digits(cell.plans[0].configuration),
         ..Head::default()
     };
     let nets: Vec<_> = (1..).zip(&origins).collect();

@@ -16,6 +16,7 @@ use std::path::Path;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::MAGIC;
 use rcc_core::primitives;
+use rcc_ipc::events;
 use serde::{Deserialize, Serialize};
 
 use crate::net::Origin;
@@ -197,11 +198,6 @@ pub fn layout() -> String {
     String::from_utf8_lossy(&MAGIC.to_le_bytes()).into_owned()
 }
 
-/// A word as 16 hexadecimal digits.
-pub fn digits(word: u64) -> String {
-    format!("{word:016x}")
-}
-
 /// Writes words and sums them up.
 struct Out<W: Write> {
     out: BufWriter<W>,
@@ -352,7 +348,10 @@ impl Incident {
         let mut words = Words(body);
         let [_, length] = words.some("the head")?;
         let head = parse_head(&bytes(&mut words, length, "the head")?)?;
-        let (theirs, ours) = (head.catalogue.clone(), digits(primitives::fingerprint()));
+        let (theirs, ours) = (
+            head.catalogue.clone(),
+            events::digits(primitives::fingerprint()),
+        );
         let build = head.build.clone();
         if head.layout != layout() {
             let (format, layout) = (head.format, head.layout);

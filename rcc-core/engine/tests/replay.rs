@@ -372,8 +372,8 @@ fn file(stage: &Recorded, tape: &Tape) -> Vec<u64> {
     let head = Head {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: incident::digits(rcc_core::primitives::fingerprint()),
-        configuration: incident::digits(CONFIGURATION),
+        catalogue: rcc_ipc::events::digits(rcc_core::primitives::fingerprint()),
+        configuration: rcc_ipc::events::digits(CONFIGURATION),
         ..Head::default()
     };
     let parts = Parts {

@@ -321,10 +321,10 @@ pub fn reason_words(cell: &Cell, device: &str, number: u32) -> String {
     found.map_or_else(|| format!("reason {number}"), |(_, words)| text(words))
 }
 
-/// A life as 16 hexadecimal digits.
+/// A life or a fingerprint as 16 hexadecimal digits: JSON numbers are not exact so far.
 #[must_use]
-pub fn digits(incarnation: u64) -> String {
-    format!("{incarnation:016x}")
+pub fn digits(word: u64) -> String {
+    format!("{word:016x}")
 }
 
 /// A text that fits into an event: short, one line, no control characters (readers print it on terminals).
