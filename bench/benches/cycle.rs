@@ -12,7 +12,7 @@ use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
 use rcc_bench::net::net;
 use rcc_ipc::control::PlanData;
-use rcc_loader::compile_for;
+use rcc_language::compile_for;
 use std::time::Duration;
 
 /// A chain of `count` additions, each reading the one before.

@@ -7,7 +7,7 @@ use rcc_bench::graph::{Graph, SIZES};
 use rcc_bench::instance::cell;
 use rcc_bench::net::net;
 use rcc_engine::net::Net;
-use rcc_loader::compile_for;
+use rcc_language::compile_for;
 
 fn load(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("load");

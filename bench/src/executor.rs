@@ -17,7 +17,7 @@ use rcc_ipc::{
     BoardError, BoardReader, BoardWriter, Cell, CellError, Role, Session, SessionError,
     monotonic_ns,
 };
-use rcc_loader::devices::DeviceTable;
+use rcc_language::devices::DeviceTable;
 
 /// As a cell's configuration has it by default.
 const RECORDER_MEMORY: usize = 64 << 20;
@@ -297,7 +297,7 @@ mod tests {
     use crate::graph::Graph;
     use crate::instance::cell;
     use crate::net::net;
-    use rcc_loader::compile_for;
+    use rcc_language::compile_for;
 
     #[test]
     fn nets_run_in_it_and_nothing_is_left_of_it() {

@@ -11,8 +11,8 @@ use rcc_core::message::Measurement;
 use rcc_core::path::{PathClocks, PathState};
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_core::unit::Unit;
-use rcc_loader::devices::{Channel, Device, DeviceTable};
-use rcc_loader::{Compiled, compile_for};
+use rcc_language::devices::{Channel, Device, DeviceTable};
+use rcc_language::{Compiled, compile_for};
 
 use crate::graph::{Graph, Hash, NULL_WORD, Value, external_bool, external_real};
 use crate::net::{DEVICE, net};
@@ -114,7 +114,7 @@ impl Instance {
     ///
     /// # Errors
     /// What the loader says about the net: a mistake of this package.
-    pub fn new(graph: &Graph) -> Result<Instance, rcc_loader::Faults> {
+    pub fn new(graph: &Graph) -> Result<Instance, rcc_language::Faults> {
         let text = net(graph);
         let cell = cell();
         let net = compile_for(&text.text, "graph.json", &cell)?;

@@ -4,7 +4,7 @@ use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_engine::net::Net;
 use rcc_engine::replay::SlotDifference;
 use rcc_ipc::pattern::Pattern;
-use rcc_loader::names::{Names, PortNames};
+use rcc_language::names::{Names, PortNames};
 use rcc_loader::server::store::CommandFile;
 use serde_json::{Number, Value};
 
@@ -212,7 +212,7 @@ pub fn text(value: &Value, null: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_loader::names::PrimitiveNames;
+    use rcc_language::names::PrimitiveNames;
 
     fn port(name: &str, store: Store, slot: u32, width: u32) -> PortNames {
         PortNames {

@@ -9,7 +9,7 @@ use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_loader::names::Names;
+use rcc_language::names::Names;
 use thiserror::Error;
 
 pub mod arm;

@@ -43,13 +43,17 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-engine", &["rcc-core", "rcc-motion", "rcc-ipc"]),
     ("rcc-process", &["rcc-core", "rcc-config"]),
     (
+        "rcc-language",
+        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+    ),
+    (
         "rcc-loader",
         &[
             "rcc-core",
-            "rcc-motion",
             "rcc-config",
             "rcc-ipc",
             "rcc-process",
+            "rcc-language",
         ],
     ),
     (
@@ -82,6 +86,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-config",
             "rcc-ipc",
             "rcc-process",
+            "rcc-language",
             "rcc-loader",
             // `replay` and `simulate` run the same cycle in virtual time.
             "rcc-engine",

@@ -52,7 +52,7 @@ impl Control {
     }
 
     fn plan(&self, text: &str) -> PlanData {
-        let compiled = rcc_loader::compile(text, "net", &self.config);
+        let compiled = rcc_language::compile(text, "net", &self.config);
         compiled.unwrap_or_else(|faults| panic!("{faults}")).plan
     }
 }

@@ -91,6 +91,7 @@ fn every_net_of_the_readme_is_valid() {
     {
         let config = rcc_config::CellConfig::load_offline(&config)
             .unwrap_or_else(|faults| panic!("{faults}"));
-        rcc_loader::compile(text, "README.md", &config).unwrap_or_else(|faults| panic!("{faults}"));
+        rcc_language::compile(text, "README.md", &config)
+            .unwrap_or_else(|faults| panic!("{faults}"));
     }
 }

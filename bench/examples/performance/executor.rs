@@ -9,8 +9,8 @@ use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
 use rcc_bench::measure::{Effort, Subject, alternate};
 use rcc_bench::net::net;
-use rcc_loader::compile_for;
-use rcc_loader::devices::{Device, DeviceTable};
+use rcc_language::compile_for;
+use rcc_language::devices::{Device, DeviceTable};
 
 use crate::table::{digits, spread, table, verdict};
 

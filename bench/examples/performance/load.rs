@@ -11,9 +11,9 @@ use rcc_bench::net::net;
 use rcc_config::yaml;
 use rcc_engine::net::Net;
 use rcc_ipc::control::PlanData;
-use rcc_loader::check::{Typed, check};
-use rcc_loader::devices::DeviceTable;
-use rcc_loader::{compile_for, infer, lower, resolve, syntax};
+use rcc_language::check::{Typed, check};
+use rcc_language::devices::DeviceTable;
+use rcc_language::{compile_for, infer, lower, resolve, syntax};
 
 use crate::table::{digits, table};
 

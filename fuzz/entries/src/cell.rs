@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use rcc_config::CellConfig;
-use rcc_loader::devices::DeviceTable;
+use rcc_language::devices::DeviceTable;
 
 use crate::shipped::repository;
 

@@ -16,7 +16,7 @@ pub fn run(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else {
         return;
     };
-    match rcc_loader::compile_for(text, "net.yaml", &shipped().table) {
+    match rcc_language::compile_for(text, "net.yaml", &shipped().table) {
         Ok(compiled) => {
             judge_faults(&compiled.warnings, false);
             let mut bench = Bench::new();

@@ -9,7 +9,7 @@ use rcc_config::CellConfig;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::Joints;
 use rcc_ipc::control::PlanData;
-use rcc_loader::devices::DeviceTable;
+use rcc_language::devices::DeviceTable;
 
 /// The demo's cell, with the loader's view of it.
 pub struct Shipped {
@@ -67,7 +67,7 @@ fn read() -> Shipped {
     texts.sort();
     let plan = |path: &PathBuf| {
         let text = fs::read_to_string(path).ok()?;
-        rcc_loader::compile_for(&text, "net", &table)
+        rcc_language::compile_for(&text, "net", &table)
             .ok()
             .map(|compiled| compiled.plan)
     };

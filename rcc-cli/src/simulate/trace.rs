@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::types::Store;
-use rcc_loader::names::{MonitorNames, Names};
+use rcc_language::names::{MonitorNames, Names};
 
 /// Buckets of a series before two neighbours are merged; at least two for each point of a plot.
 const BUCKETS_MAX: usize = 4096;

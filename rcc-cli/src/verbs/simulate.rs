@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
-use rcc_loader::names::Names;
+use rcc_language::names::Names;
 use rcc_loader::server::api::FaultView;
 use rcc_loader::server::codes::{self, exit};
 use rcc_loader::server::compile::compile;

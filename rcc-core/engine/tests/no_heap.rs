@@ -260,7 +260,7 @@ fn with_example_nets(live: impl Fn(&str, &mut Bench, u64)) {
     for path in files.map(|file| file.unwrap().path()) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let text = std::fs::read_to_string(&path).unwrap();
-        let compiled = rcc_loader::compile(&text, &name, &config);
+        let compiled = rcc_language::compile(&text, &name, &config);
         let plan = compiled.unwrap_or_else(|faults| panic!("{faults}")).plan;
         let mut bench = Bench::of_cell(config.models(), config.fingerprint(), DEMO_START);
         let id = bench.load(plan);

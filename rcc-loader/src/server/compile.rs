@@ -35,7 +35,7 @@ pub struct Compiled {
 /// # Errors
 /// All faults of the text.
 pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Vec<Finding>> {
-    let compiled = crate::compile(text, file, cell).map_err(|faults| findings(&faults))?;
+    let compiled = rcc_language::compile(text, file, cell).map_err(|faults| findings(&faults))?;
     let checked = compiled
         .plan
         .plan()

@@ -3,7 +3,7 @@
 mod bench;
 
 use bench::{Bench, cell};
-use rcc_loader::compile;
+use rcc_language::compile;
 
 /// Runs a net of these primitives for the golden cell.
 fn run(primitives: &str, discard: &str) -> Bench {

@@ -5,7 +5,7 @@ mod bench;
 use bench::{Bench, cell, example, folder};
 use rcc_config::CellConfig;
 use rcc_core::pose::Pose;
-use rcc_loader::fault;
+use rcc_language::fault;
 use rcc_motion::stop_time;
 
 /// The start of the demo's arm, see `configs/cells/demo.yaml`.

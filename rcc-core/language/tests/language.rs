@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use bench::{Bench, cell, folder};
 use proptest::prelude::*;
 use rcc_config::{CellConfig, yaml};
-use rcc_loader::{Compiled, compile, fault};
+use rcc_language::{Compiled, compile, fault};
 
 fn golden() -> CellConfig {
     cell("tests/nets/cell.yaml")
@@ -73,7 +73,7 @@ fn names_point_at_the_slots_of_the_plan() {
         let compiled = compile(&text, "net", &cell).unwrap();
         let json = serde_json::to_string(&compiled.names).unwrap();
         assert_eq!(
-            serde_json::from_str::<rcc_loader::names::Names>(&json).unwrap(),
+            serde_json::from_str::<rcc_language::names::Names>(&json).unwrap(),
             compiled.names
         );
         assert_eq!(

@@ -6,11 +6,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
-use rcc_loader::compile;
-use rcc_loader::fault::RULES;
+use rcc_language::compile;
+use rcc_language::fault::RULES;
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/nets")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/nets")
 }
 
 fn cell() -> CellConfig {

@@ -10,7 +10,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation
 use rcc_core::message::{Joints, Measurement};
 use rcc_core::path::PathLimits;
 use rcc_core::types::Store;
-use rcc_loader::{Compiled, compile};
+use rcc_language::{Compiled, compile};
 use rcc_motion::{Clocks, PathClock};
 
 /// The configuration of a cell of the repository.
@@ -20,7 +20,9 @@ pub fn cell(path: &str) -> CellConfig {
 
 /// A path of the repository.
 pub fn folder(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../..")
+        .join(path)
 }
 
 /// Compiles an example net for the demo.

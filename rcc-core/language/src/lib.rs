@@ -1,0 +1,16 @@
+//! The language of nets: from a text to a checked net and its plan, with all faults of the text at once.
+//! Run by the loader's threads and by `rcc-cli check`; nothing here is real-time.
+
+pub mod check;
+pub mod compile;
+pub mod devices;
+pub mod fault;
+pub mod infer;
+pub mod lower;
+pub mod names;
+pub mod rate;
+pub mod resolve;
+pub mod syntax;
+
+pub use compile::{Compiled, compile, compile_for};
+pub use rcc_config::diagnostic::Faults;
