@@ -44,6 +44,8 @@ pub enum Role {
     Monitor,
     /// Its `value` is put into a constant slot that stands for its output; it has no kernel.
     Constant,
+    /// Its output is a slot of its own that begins as its `initial` and is written from outside between cycles.
+    Input,
     /// Every net needs one.
     Termination,
     /// A net with one can be cancelled.
@@ -83,6 +85,12 @@ pub struct Spec {
     pub null: &'static str,
     /// The same for the loader.
     pub null_rule: NullRule,
+    /// Which known inputs give null ("a negative input", "the device is not there"); empty: known inputs, known outputs.
+    pub undefined: &'static str,
+    /// The formula with its source (book, paper, standard); empty where the summary says it all.
+    pub formula: &'static str,
+    /// Worked values: the manual shows them, and a test runs every one through the whole language.
+    pub examples: &'static [Example],
     /// Inputs, in operand order.
     pub inputs: &'static [Port],
     /// Outputs, in operand order.
@@ -95,6 +103,42 @@ pub struct Spec {
     pub role: Role,
 }
 
+/// Worked values of a primitive: a table with one row a cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct Example {
+    /// What it shows, one phrase.
+    pub shows: &'static str,
+    /// Parameters as in a net, `{gain: 0.25}`; empty if there are none.
+    pub parameters: &'static str,
+    /// The period of the net, ms.
+    pub period_ms: u32,
+    /// The first line names ports with `|` between them; each further line is a cycle and has a literal of the language
+    /// below each name: what the inputs are, and what the outputs must then be (to 1e-12). Inputs without a column are
+    /// left unconnected.
+    pub table: &'static str,
+}
+
+impl Example {
+    /// At a period of 1 ms.
+    pub const fn new(
+        shows: &'static str,
+        parameters: &'static str,
+        table: &'static str,
+    ) -> Example {
+        Example {
+            shows,
+            parameters,
+            period_ms: 1,
+            table,
+        }
+    }
+
+    /// At another period.
+    pub const fn every_ms(self, period_ms: u32) -> Example {
+        Example { period_ms, ..self }
+    }
+}
+
 /// The null rule of most primitives.
 pub const PROPAGATES: &str = "a null input gives null outputs";
 
@@ -105,6 +149,9 @@ impl Spec {
         summary: "",
         null: PROPAGATES,
         null_rule: NullRule::Propagates,
+        undefined: "",
+        formula: "",
+        examples: &[],
         inputs: &[],
         outputs: &[],
         parameters: &[],

@@ -20,6 +20,7 @@ mod equals;
 mod force_torque;
 mod forward_kinematics;
 mod greater;
+mod input;
 mod inverse_kinematics;
 mod is_null;
 mod joint_position_command;
@@ -70,6 +71,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
     &greater::ENTRY,
+    &input::ENTRY,
     &inverse_kinematics::ENTRY,
     &is_null::ENTRY,
     &joint_position_command::ENTRY,
@@ -248,7 +250,7 @@ mod tests {
     fn kernels_fit_the_role_and_the_ports() {
         for entry in CATALOGUE {
             let spec = &entry.spec;
-            let without = matches!(spec.role, Role::Monitor | Role::Constant);
+            let without = matches!(spec.role, Role::Monitor | Role::Constant | Role::Input);
             assert_eq!(entry.kernels.is_empty(), without, "{}", spec.name);
             assert!(entry.kernels.len() <= KERNELS_MAX, "{}", spec.name);
             let any = spec

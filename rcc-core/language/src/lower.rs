@@ -233,12 +233,14 @@ impl<'a> Lowering<'a> {
         let outputs = item.spec().outputs.iter();
         let slots = outputs.map(|port| {
             let ty = self.port_type(number, port);
-            if item.spec().role == Role::Constant {
-                let value = item.parameters.iter().flatten().next();
-                let value = value.and_then(|literal| literal.stored(ty));
-                return self.arena.constant(&value.unwrap_or(Stored::null(ty)));
+            let value = item.parameters.iter().flatten().next();
+            let value = value.and_then(|literal| literal.stored(ty));
+            let value = value.unwrap_or(Stored::null(ty));
+            match item.spec().role {
+                Role::Constant => self.arena.constant(&value),
+                Role::Input => self.arena.variable(&value),
+                _ => self.arena.variable(&Stored::null(ty)),
             }
-            self.arena.variable(&Stored::null(ty))
         });
         self.slots[number].outputs = slots.collect();
     }

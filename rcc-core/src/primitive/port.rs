@@ -80,6 +80,10 @@ pub struct Port {
     pub default: Option<Literal>,
     /// An output that may be left unread without `discard`.
     pub diagnostic: bool,
+    /// Of an output: it is never less than this.
+    pub least: Option<f64>,
+    /// Of an output: it is never greater than this.
+    pub greatest: Option<f64>,
 }
 
 impl Port {
@@ -92,6 +96,8 @@ impl Port {
             doc,
             default: None,
             diagnostic: false,
+            least: None,
+            greatest: None,
         }
     }
 
@@ -124,6 +130,15 @@ impl Port {
     pub const fn default(self, value: Literal) -> Port {
         Port {
             default: Some(value),
+            ..self
+        }
+    }
+
+    /// This output is null or in this range, whatever the inputs are.
+    pub const fn within(self, least: f64, greatest: f64) -> Port {
+        Port {
+            least: Some(least),
+            greatest: Some(greatest),
             ..self
         }
     }

@@ -111,6 +111,7 @@ pub const ENTRY: Entry = Entry::new(
             ..State::NONE
         },
         role: Role::Motion,
+        ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
 )
