@@ -3,7 +3,7 @@
 //! Behind a `RisingEdge` it counts events.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, State, choose, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, State, choose, each};
 use crate::types::{NULL_BOOL, NULL_INT};
 
 /// The row of the catalogue.
@@ -12,6 +12,18 @@ pub const ENTRY: Entry = Entry::new(
         name: "Counter",
         summary: "Counts the cycles in which its input is true, this one included.",
         null: "a null input gives null and is not counted",
+        examples: &[Example::new(
+            "null is not counted",
+            "",
+            "
+            in    | out
+            false | 0
+            true  | 1
+            true  | 2
+            null  | null
+            true  | 3
+        ",
+        )],
         inputs: &[Port::bool("in", "condition to count")],
         outputs: &[Port::int("out", "cycles so far; 0 before the first")],
         state: State {

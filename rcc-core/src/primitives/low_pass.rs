@@ -4,7 +4,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -15,6 +15,18 @@ pub const ENTRY: Entry = Entry::new(
         name: "LowPass",
         summary: "Smooths a number by a first-order low-pass filter.",
         null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        formula: "y += (x - y) * gain; gain = 1 - exp(-dt / T) for a time constant T",
+        examples: &[Example::new(
+            "takes over a part of the difference",
+            "{gain: 0.25}",
+            "
+                in   | out
+                4    | 1
+                4    | 1.75
+                null | null
+                4    | 2.3125
+            ",
+        )],
         inputs: &[Port::real("in", UnitRule::Var(0), "number to smooth")],
         outputs: &[Port::real("out", UnitRule::Var(0), "smoothed number")],
         parameters: &[

@@ -1,7 +1,7 @@
 //! `PoseCompose`: the pose of c in a, from b in a and c in b: out = a · b.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
 use crate::types::Type;
 
 /// The row of the catalogue.
@@ -9,6 +9,10 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "PoseCompose",
         summary: "Chains two poses: the second is given in the frame of the first.",
+        examples: &[Example::new("a step ahead after a turn to the left", "", "
+            a                                       | b                | out
+            {xyz: [1, 2, 0], rpy: [0, 0, deg(90)]} | {xyz: [3, 0, 0], rpy: [0, 0, 0]} | {xyz: [1, 5, 0], rpy: [0, 0, deg(90)]}
+        ")],
         inputs: &[
             Port::typed("a", Type::Pose, "pose of frame B in frame A"),
             Port::typed("b", Type::Pose, "pose of frame C in frame B"),

@@ -167,9 +167,25 @@ impl Bench {
                 Store::Real => self.reals[slot],
                 Store::Bool if self.bools[slot] > 1 => f64::NAN,
                 Store::Bool => f64::from(self.bools[slot]),
+                Store::Int if self.ints[slot] == i64::MIN => f64::NAN,
                 Store::Int => self.ints[slot] as f64,
             })
             .collect()
+    }
+
+    /// Takes the elements of a port over from another net, or makes them null.
+    #[allow(dead_code)]
+    pub fn copy_from(&mut self, other: &Bench, name: &str, null: bool) {
+        let (store, slot, width) = self.slot(name);
+        let (_, from, _) = other.slot(name);
+        for index in 0..width {
+            let (to, from) = (slot + index, from + index);
+            match store {
+                Store::Real => self.reals[to] = if null { f64::NAN } else { other.reals[from] },
+                Store::Bool => self.bools[to] = if null { 2 } else { other.bools[from] },
+                Store::Int => self.ints[to] = if null { i64::MIN } else { other.ints[from] },
+            }
+        }
     }
 
     /// The first element of a port.
