@@ -6,7 +6,6 @@ use bench::{Bench, cell};
 use rcc_config::CellConfig;
 use rcc_core::primitive::{Example, Spec};
 use rcc_core::primitives::CATALOGUE;
-use rcc_core::types::Store;
 use rcc_language::compile;
 
 /// How far an output may be from its worked value, relative to the larger of that and 1.

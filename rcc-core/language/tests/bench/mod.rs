@@ -189,6 +189,7 @@ impl Bench {
     }
 
     /// The first element of a port.
+    #[allow(dead_code)]
     pub fn value(&self, name: &str) -> f64 {
         self.values(name)[0]
     }
