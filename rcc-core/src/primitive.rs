@@ -85,7 +85,9 @@ pub struct Spec {
     pub null: &'static str,
     /// The same for the loader.
     pub null_rule: NullRule,
-    /// Which known inputs give null ("a negative input", "the device is not there"); empty: known inputs, known outputs.
+    /// Which known inputs give null; empty: known inputs, known outputs. Clauses with "; " between them. The loader
+    /// understands `PORT OP NUMBER` and `PORT OP PORT` with `= < > <= >=` ("b = 0", "low > high") and rules them out where
+    /// constants and ranges of ports do; one that begins with "overflow" it never counts; others are words for people.
     pub undefined: &'static str,
     /// The formula with its source (book, paper, standard); empty where the summary says it all.
     pub formula: &'static str,

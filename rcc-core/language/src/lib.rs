@@ -8,6 +8,7 @@ pub mod fault;
 pub mod infer;
 pub mod lower;
 pub mod names;
+pub mod nulls;
 pub mod rate;
 pub mod resolve;
 pub mod syntax;

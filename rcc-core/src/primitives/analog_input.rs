@@ -12,6 +12,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "AnalogInput",
         summary: "The value of an analog input.",
         null: "null while the device is lost or does not know the channel",
+        undefined: "the device is lost; it does not know the channel",
         outputs: &[Port::real(
             "out",
             UnitRule::Channel,

@@ -10,6 +10,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "DigitalInput",
         summary: "The value of a digital input.",
         null: "null while the device is lost or does not know the channel",
+        undefined: "the device is lost; it does not know the channel",
         outputs: &[Port::bool("out", "value of the channel")],
         parameters: &[
             Parameter::device(),

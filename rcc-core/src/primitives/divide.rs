@@ -8,6 +8,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Divide",
         summary: "The quotient of two numbers; its unit is the quotient of theirs.",
+        undefined: "b = 0",
         inputs: &[
             Port::real("a", UnitRule::Var(0), "first operand"),
             Port::real("b", UnitRule::Var(1), "second operand"),

@@ -14,6 +14,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "ForceTorque",
         summary: "External force and torque at the flange of an arm.",
         null: "null while the device is lost",
+        undefined: "the device is lost",
         outputs: &[
             Port::real("fx", FORCE, "force along x of the device's task frame"),
             Port::real("fy", FORCE, "force along y"),

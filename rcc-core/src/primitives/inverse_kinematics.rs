@@ -17,6 +17,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "InverseKinematics",
         summary: "Joint positions for a flange pose, with the arm angle and branch of the start.",
         null: "a null or unreachable pose gives null; joint limits are the guard's business",
+        undefined: "the pose cannot be reached",
         inputs: &[Port::typed("pose", Type::Pose, "flange in the arm's base")],
         outputs: &[Port::new(
             "joints",

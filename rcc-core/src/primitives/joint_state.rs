@@ -11,6 +11,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "JointState",
         summary: "Joint positions and torques that an arm measures.",
         null: "null while the device is lost",
+        undefined: "the device is lost",
         outputs: &[
             Port::new(
                 "position",

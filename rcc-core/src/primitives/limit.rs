@@ -12,6 +12,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "Limit",
         summary: "Keeps a number between two bounds.",
         null: "a null input gives null, and so do bounds with nothing between them",
+        undefined: "low > high",
         inputs: &[
             Port::number("in", UnitRule::Var(0), "number to limit"),
             Port::number("low", UnitRule::Var(0), "least result"),

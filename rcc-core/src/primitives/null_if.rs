@@ -12,6 +12,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "NullIf",
         summary: "A value, or null while a condition is true.",
         null: "a null value gives null, and so does a null condition",
+        undefined: "the condition is true",
         inputs: &[
             Port::new("in", PortType::Any, UnitRule::Var(0), "value to pass on"),
             Port::bool("condition", "while it is true there is no value"),

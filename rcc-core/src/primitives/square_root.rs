@@ -9,6 +9,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "SquareRoot",
         summary: "The square root of a number; its unit is the root of the number's.",
         null: "a null input gives null, and so does a negative one",
+        undefined: "in < 0",
         inputs: &[Port::real("in", UnitRule::Var(0), "operand, at least 0")],
         outputs: &[Port::real("out", UnitRule::Root(0), "result")],
         ..Spec::PLAIN

@@ -9,6 +9,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "Subtract",
         summary: "The difference of two numbers of the same unit.",
         null: "a null input gives null, and so does a whole number out of range",
+        undefined: "overflow of whole numbers",
         inputs: &[
             Port::number("a", UnitRule::Var(0), "first operand"),
             Port::number("b", UnitRule::Var(0), "second operand"),
