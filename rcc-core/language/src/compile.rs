@@ -8,6 +8,7 @@ use rcc_ipc::control::PlanData;
 
 use crate::check::{Typed, check};
 use crate::devices::DeviceTable;
+use crate::expand;
 use crate::fault;
 use crate::infer::infer;
 use crate::lower::lower;
@@ -48,6 +49,7 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
     let Some(net) = net else {
         return Err(finished(file, text, faults));
     };
+    expand::refuse(&net, &mut faults);
     let graph = resolve(&net, cell, &mut faults);
     let inferred = infer(&graph);
     let typed = Typed {

@@ -1,6 +1,7 @@
 //! A net as it is written: the tree of the text turned into primitives, inputs and literals, each with its place.
 //! Knows the shape of the language, not the catalogue; all faults of shape and of names at once. The loader's threads.
 
+pub mod fragment;
 pub mod literal;
 pub mod reference;
 
@@ -8,6 +9,7 @@ use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::{Entry, Key, Node, Value};
 
 use crate::fault;
+use crate::syntax::fragment::Fragment;
 use crate::syntax::literal::Literal;
 use crate::syntax::reference::Reference;
 
@@ -25,7 +27,11 @@ pub struct Net {
     pub survives_device_loss: bool,
     /// When it is evaluated.
     pub timing: Timing,
-    /// Primitives in the order of the file.
+    /// `use: [library/filters.yaml]`: files whose fragments the net uses, relative to its own file.
+    pub uses: Vec<Key>,
+    /// Its own fragments in the order of the file.
+    pub fragments: Vec<Fragment>,
+    /// Primitives and instances of fragments in the order of the file.
     pub primitives: Vec<Primitive>,
     /// Outputs that nobody reads.
     pub discard: Vec<Reference>,
@@ -42,17 +48,31 @@ pub struct Timing {
     pub phase: Option<Literal>,
 }
 
-/// One primitive.
+/// One primitive, or one instance of a fragment.
 #[derive(Clone, Debug)]
 pub struct Primitive {
     /// Its id.
     pub id: Key,
-    /// Its type as written; empty if that is missing.
+    /// What `type_name` names.
+    pub kind: Kind,
+    /// Its type, or the fragment, as written; empty if that is missing.
     pub type_name: Key,
     /// Parameters in the order of the file.
     pub parameters: Vec<(Key, Literal)>,
-    /// Inputs in the order of the file.
+    /// Inputs in the order of the file. In a fragment a link from a name without a port (`x`) is one from its input.
     pub inputs: Vec<(Key, Source)>,
+    /// `active: touch.out`: while this is false or null it is not evaluated, and its outputs are null.
+    pub active: Option<Source>,
+}
+
+/// What an entry of `primitives` is made from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// `type: Add`: a type of the catalogue.
+    #[default]
+    Type,
+    /// `fragment: smooth`: a fragment of the net or of a library.
+    Fragment,
 }
 
 /// What feeds an input.
@@ -86,10 +106,12 @@ const NET_KEYS: &[&str] = &[
     "period",
     "rate",
     "phase",
+    "use",
+    "fragments",
     "primitives",
     "discard",
 ];
-const PRIMITIVE_KEYS: &[&str] = &["type", "parameters", "inputs"];
+const PRIMITIVE_KEYS: &[&str] = &["type", "fragment", "parameters", "inputs", "active"];
 const LINK_KEYS: &[&str] = &["from", "delayed", "initial"];
 
 /// Reads a net from the tree of its text.
@@ -104,14 +126,7 @@ pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
     }
     report_unknown_keys(root, NET_KEYS, "a net", faults);
     let name = read_name(root, faults);
-    let description = match root.get("description").map(|node| (node, node.text())) {
-        None => String::new(),
-        Some((_, Some(text))) => text.to_string(),
-        Some((node, None)) => {
-            faults.push(shape(node, "`description`", "text"));
-            String::new()
-        }
-    };
+    let description = read_description(root, faults);
     let survives_device_loss = match root.get("on_device_loss") {
         None => false,
         Some(node) if node.value == Value::Null => true,
@@ -130,9 +145,22 @@ pub fn read(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Net> {
         description,
         survives_device_loss,
         timing: read_timing(root, faults),
+        uses: fragment::read_uses(root, faults),
+        fragments: fragment::read_all(root, faults),
         primitives: read_primitives(root, faults),
         discard: read_discard(root, faults),
     })
+}
+
+fn read_description(node: &Node, faults: &mut Vec<Diagnostic>) -> String {
+    match node.get("description").map(|node| (node, node.text())) {
+        None => String::new(),
+        Some((_, Some(text))) => text.to_string(),
+        Some((node, None)) => {
+            faults.push(shape(node, "`description`", "text"));
+            String::new()
+        }
+    }
 }
 
 fn read_timing(root: &Node, faults: &mut Vec<Diagnostic>) -> Timing {
@@ -228,23 +256,29 @@ fn is_id(name: &str) -> bool {
         && name.chars().all(allowed)
 }
 
-fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
-    let (id, node) = (&entry.key, &entry.value);
+fn report_bad_id(id: &Key, what: &str, faults: &mut Vec<Diagnostic>) {
     if !is_id(&id.name) {
-        let message = format!("`{}` cannot be the id of a primitive", id.name);
+        let message = format!("`{}` cannot be {what}", id.name);
         let fault = Diagnostic::error(fault::BAD_NAME, id.span, message);
         faults.push(fault.help(format!(
             "use small letters, digits and `_`, at most {NAME_MAX}, beginning with a letter"
         )));
     }
+}
+
+fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
+    let (id, node) = (&entry.key, &entry.value);
+    report_bad_id(id, "the id of a primitive", faults);
     let mut primitive = Primitive {
         id: id.clone(),
+        kind: Kind::Type,
         type_name: Key {
             name: String::new(),
             span: id.span,
         },
         parameters: Vec::new(),
         inputs: Vec::new(),
+        active: None,
     };
     if node.map().is_none() {
         let wanted = "a mapping such as `{type: Time}`";
@@ -252,20 +286,7 @@ fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
         return primitive;
     }
     report_unknown_keys(node, PRIMITIVE_KEYS, "a primitive", faults);
-    match node.get("type").map(|node| (node, node.text())) {
-        Some((node, Some(text))) => {
-            primitive.type_name = Key {
-                name: text.to_string(),
-                span: node.span,
-            };
-        }
-        Some((node, None)) => faults.push(shape(node, "`type`", "the name of a primitive type")),
-        None => {
-            let message = format!("primitive `{}` has no type", id.name);
-            let fault = Diagnostic::error(fault::MISSING_KEY, id.span, message);
-            faults.push(fault.help("add `type: …`"));
-        }
-    }
+    read_kind(&mut primitive, node, faults);
     for entry in entries_of(node, "parameters", faults) {
         let value = literal::read(&entry.value, faults);
         primitive.parameters.push((entry.key.clone(), value));
@@ -274,7 +295,42 @@ fn read_primitive(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Primitive {
         let source = read_source(&entry.value, faults);
         primitive.inputs.push((entry.key.clone(), source));
     }
+    primitive.active = node.get("active").map(|node| read_source(node, faults));
     primitive
+}
+
+/// `type: Add` or `fragment: smooth`.
+fn read_kind(primitive: &mut Primitive, node: &Node, faults: &mut Vec<Diagnostic>) {
+    let (kind, what, given) = match (node.get("type"), node.get("fragment")) {
+        (Some(given), None) => (Kind::Type, "a primitive type", given),
+        (None, Some(given)) => (Kind::Fragment, "a fragment", given),
+        (None, None) => {
+            let message = format!("primitive `{}` has no type", primitive.id.name);
+            let fault = Diagnostic::error(fault::MISSING_KEY, primitive.id.span, message);
+            return faults.push(fault.help("add `type: …`"));
+        }
+        (Some(_), Some(given)) => {
+            let message = format!(
+                "`{}` has a type and a fragment: it is made from one of them",
+                primitive.id.name
+            );
+            let fault = Diagnostic::error(fault::WRONG_SHAPE, given.span, message);
+            return faults.push(fault.help("take `type` or `fragment` out"));
+        }
+    };
+    let Some(name) = given.text() else {
+        let key = if kind == Kind::Type {
+            "`type`"
+        } else {
+            "`fragment`"
+        };
+        return faults.push(shape(given, key, &format!("the name of {what}")));
+    };
+    primitive.kind = kind;
+    primitive.type_name = Key {
+        name: name.to_string(),
+        span: given.span,
+    };
 }
 
 /// The entries of the mapping under `key`; nothing counts as an empty one.
@@ -299,6 +355,7 @@ fn entries_of<'a>(node: &'a Node, key: &str, faults: &mut Vec<Diagnostic>) -> &'
 fn read_source(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
     if let Some(text) = node.text()
         && !rcc_config::quantity::looks_like(text)
+        && !literal::is_parameter(text)
     {
         let from = reference::read(node, text, faults);
         return from.map_or(Source::Refused, |from| {

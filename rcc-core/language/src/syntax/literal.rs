@@ -44,6 +44,9 @@ pub enum Shape {
     Pose([f64; 7]),
     /// A list of constants of one kind.
     List(Vec<Literal>),
+    /// In a fragment: a constant that is or contains parameters of it (`$gain`, `[$x, 0, 0]`), as written. Instances have
+    /// none any more.
+    Open(Node),
     /// Something that was refused; its fault is reported, and it fits everywhere.
     Refused,
 }
@@ -234,14 +237,32 @@ impl fmt::Display for Literal {
             Shape::Rotation(_) => f.write_str("a rotation"),
             Shape::Pose(_) => f.write_str("a pose"),
             Shape::List(elements) => write!(f, "a list of {}", elements.len()),
+            Shape::Open(node) => write!(f, "`{}`", node.text().unwrap_or("parameters")),
             Shape::Refused => f.write_str("something refused"),
         }
+    }
+}
+
+/// True for `$gain`: a parameter of the fragment that it stands in.
+#[must_use]
+pub fn is_parameter(text: &str) -> bool {
+    text.starts_with('$')
+}
+
+/// True if a text is or contains parameters of a fragment.
+fn is_open(node: &Node) -> bool {
+    match &node.value {
+        Value::Text(text) => is_parameter(text),
+        Value::List(nodes) => nodes.iter().any(is_open),
+        Value::Map(entries) => entries.iter().any(|entry| is_open(&entry.value)),
+        _ => false,
     }
 }
 
 /// Reads a constant; text that is no quantity is taken as a name.
 pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
     let shape = match &node.value {
+        _ if is_open(node) => Shape::Open(node.clone()),
         Value::Null => Shape::Null,
         Value::Bool(value) => Shape::Bool(*value),
         Value::Int(value) => Shape::Int(*value),

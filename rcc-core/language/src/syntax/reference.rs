@@ -8,12 +8,13 @@ use rcc_config::yaml::Node;
 
 use crate::fault;
 
-/// The name of an output or of one of its elements.
+/// The name of an output or of one of its elements; in a fragment also of an input of it, or of one of its elements.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reference {
-    /// Id of the primitive.
+    /// Id of the primitive, or name of the fragment's input.
     pub primitive: String,
-    /// Name of the output; empty if only a primitive is named, which the resolver refuses with a list of outputs.
+    /// Name of the output; empty for an input of a fragment, and if only a primitive is named, which is refused with a
+    /// list of its outputs.
     pub port: String,
     /// Element, counted from 0.
     pub index: Option<u32>,
@@ -50,29 +51,29 @@ pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Ref
 }
 
 fn parse(text: &str, span: Span) -> Option<Reference> {
-    let (primitive, rest) = text.split_once('.').unwrap_or((text, ""));
-    let (port, index) = match rest.split_once('[') {
-        None => (rest, None),
-        Some((port, index)) => {
+    let (name, index) = match text.split_once('[') {
+        None => (text, None),
+        Some((name, index)) => {
             let index = index.strip_suffix(']')?;
             let digits = !index.is_empty() && index.bytes().all(|byte| byte.is_ascii_digit());
-            (port, Some(index.parse().ok().filter(|_| digits)?))
+            (name, Some(index.parse().ok().filter(|_| digits)?))
         }
     };
+    let (primitive, port) = name.split_once('.').unwrap_or((name, ""));
     let word = |name: &str| {
         !name.is_empty()
             && name
                 .chars()
                 .all(|c| c.is_alphanumeric() || c == '_' || c == '-')
     };
-    let whole = primitive.len() == text.len();
+    let whole = primitive.len() == name.len();
     if !word(primitive) || !(word(port) || whole) {
         return None;
     }
     // Quotes are in the place but not in the text; with escapes the parts have no places of their own.
     let extra = (span.end - span.start).checked_sub(text.len());
     let split = match extra {
-        Some(extra @ (0 | 2)) => {
+        Some(extra @ (0 | 2)) if !whole => {
             let start = span.start + extra / 2;
             let dot = start + primitive.len();
             Some((
@@ -124,6 +125,19 @@ mod tests {
             "a.b[+1]",
         ] {
             assert_eq!(place(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn an_input_of_a_fragment_is_one_word() {
+        let reference = parse("x[2]", Span::new(0, 4)).unwrap();
+        assert_eq!(
+            (reference.primitive.as_str(), reference.port.as_str()),
+            ("x", "")
+        );
+        assert_eq!(reference.to_string(), "x[2]");
+        for text in ["[1]", "x[1].y", "x.[1]"] {
+            assert_eq!(parse(text, Span::new(0, text.len())), None, "{text}");
         }
     }
 

@@ -1,0 +1,448 @@
+//! Fragments: sub-nets with parameters, inputs and outputs, in the file of a net or in a library. Read here as they are
+//! written; `crate::expand` puts a copy in place of each instance. The loader's threads.
+
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::yaml::{Entry, Key, Node, Value};
+use rcc_core::types::{ELEMENTS_MAX, Type};
+use rcc_core::unit::Unit;
+
+use super::literal::{self, Literal};
+use super::reference::{self, Reference};
+use super::{Primitive, entries_of, report_bad_id, report_unknown_keys, shape};
+use crate::fault;
+
+/// A sub-net that is used by instances.
+#[derive(Clone, Debug)]
+pub struct Fragment {
+    /// Its name, and where that stands.
+    pub name: Key,
+    /// What people should know about it; may be empty.
+    pub description: String,
+    /// What its instances may set, in the order of the file: `$gain` within it.
+    pub parameters: Vec<FragmentParameter>,
+    /// What its instances feed, in the order of the file: `x` within it.
+    pub inputs: Vec<FragmentInput>,
+    /// What its instances offer, in the order of the file.
+    pub outputs: Vec<FragmentOutput>,
+    /// Its primitives, and instances of other fragments.
+    pub primitives: Vec<Primitive>,
+    /// Outputs within it that nobody reads.
+    pub discard: Vec<Reference>,
+    /// From the first to the last character of its text.
+    pub span: Span,
+}
+
+/// A parameter of a fragment.
+#[derive(Clone, Debug)]
+pub struct FragmentParameter {
+    /// Its name, without `$`.
+    pub name: Key,
+    /// What it means; may be empty.
+    pub description: String,
+    /// What an instance may set it to; `None`: what its places take. Names of devices and channels are `Text`.
+    pub ty: Option<(Type, Span)>,
+    /// Its unit; `None`: that of its places.
+    pub unit: Option<(Unit, Span)>,
+    /// Its value where an instance sets none; `None`: each must.
+    pub default: Option<Literal>,
+}
+
+/// An input of a fragment.
+#[derive(Clone, Debug)]
+pub struct FragmentInput {
+    /// Its name.
+    pub name: Key,
+    /// What it means; may be empty.
+    pub description: String,
+    /// Its type; `None`: each instance has that of what feeds it.
+    pub ty: Option<(Type, Span)>,
+    /// Its unit; `None`: each instance has that of what feeds it.
+    pub unit: Option<(Unit, Span)>,
+    /// The constant that feeds it where an instance does not; `None`: each must.
+    pub default: Option<Literal>,
+}
+
+/// An output of a fragment.
+#[derive(Clone, Debug)]
+pub struct FragmentOutput {
+    /// Its name.
+    pub name: Key,
+    /// What it means; may be empty.
+    pub description: String,
+    /// The output within the fragment that it shows, or one of its elements.
+    pub from: Reference,
+}
+
+/// A file of fragments.
+#[derive(Clone, Debug)]
+pub struct Library {
+    /// Its name.
+    pub name: Key,
+    /// What people should know about it; may be empty.
+    pub description: String,
+    /// Other libraries that it uses, relative to its own file.
+    pub uses: Vec<Key>,
+    /// Its fragments in the order of the file.
+    pub fragments: Vec<Fragment>,
+}
+
+const LIBRARY_KEYS: &[&str] = &["library", "description", "use", "fragments"];
+const FRAGMENT_KEYS: &[&str] = &[
+    "description",
+    "parameters",
+    "inputs",
+    "outputs",
+    "primitives",
+    "discard",
+];
+const PORT_KEYS: &[&str] = &["type", "unit", "default", "description"];
+const OUTPUT_KEYS: &[&str] = &["from", "description"];
+
+/// Reads a library from the tree of its text.
+pub fn read_library(root: &Node, faults: &mut Vec<Diagnostic>) -> Option<Library> {
+    if root.map().is_none() {
+        let message = format!(
+            "a library is a mapping with the keys `library` and `fragments`, this is {}",
+            root.kind()
+        );
+        faults.push(Diagnostic::error(fault::WRONG_SHAPE, root.span, message));
+        return None;
+    }
+    report_unknown_keys(root, LIBRARY_KEYS, "a library", faults);
+    let name = match root.get("library").map(|node| (node, node.text())) {
+        Some((node, Some(name))) => Key {
+            name: name.to_string(),
+            span: node.span,
+        },
+        Some((node, None)) => {
+            faults.push(shape(node, "the name of a library", "text"));
+            return None;
+        }
+        None => {
+            let message = "the library has no name";
+            let fault = Diagnostic::error(fault::MISSING_KEY, root.span, message);
+            faults.push(fault.help("begin with `library: NAME`"));
+            return None;
+        }
+    };
+    Some(Library {
+        name,
+        description: super::read_description(root, faults),
+        uses: read_uses(root, faults),
+        fragments: read_all(root, faults),
+    })
+}
+
+/// The libraries that a file names.
+pub fn read_uses(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Key> {
+    let Some(node) = root.get("use") else {
+        return Vec::new();
+    };
+    let wanted = "a list of library files such as `[library/filters.yaml]`";
+    let Some(nodes) = node.list() else {
+        faults.push(shape(node, "`use`", wanted));
+        return Vec::new();
+    };
+    let mut uses = Vec::new();
+    for node in nodes {
+        match node.text() {
+            Some(path) => uses.push(Key {
+                name: path.to_string(),
+                span: node.span,
+            }),
+            None => faults.push(shape(node, "an element of `use`", "the path of a library")),
+        }
+    }
+    uses
+}
+
+/// The fragments of a file.
+pub fn read_all(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Fragment> {
+    let entries = entries_of(root, "fragments", faults).iter();
+    entries
+        .filter_map(|entry| read_fragment(entry, faults))
+        .collect()
+}
+
+fn read_fragment(entry: &Entry, faults: &mut Vec<Diagnostic>) -> Option<Fragment> {
+    let (name, node) = (&entry.key, &entry.value);
+    report_bad_id(name, "the name of a fragment", faults);
+    if node.map().is_none() {
+        let what = format!("fragment `{}`", name.name);
+        let wanted = "a mapping with `primitives` and its ports";
+        faults.push(shape(node, &what, wanted));
+        return None;
+    }
+    report_unknown_keys(node, FRAGMENT_KEYS, "a fragment", faults);
+    if node.get("primitives").is_none() {
+        let message = format!("the fragment `{}` has no primitives", name.name);
+        let fault = Diagnostic::error(fault::MISSING_KEY, name.span, message);
+        faults.push(fault.help("add `primitives:`"));
+    }
+    let primitives = entries_of(node, "primitives", faults).iter();
+    let primitives = primitives
+        .map(|entry| super::read_primitive(entry, faults))
+        .collect();
+    Some(Fragment {
+        name: name.clone(),
+        description: super::read_description(node, faults),
+        parameters: read_parameters(node, faults),
+        inputs: read_inputs(node, faults),
+        outputs: read_outputs(node, faults),
+        primitives,
+        discard: super::read_discard(node, faults),
+        span: Span::new(name.span.start, node.span.end.max(name.span.end)),
+    })
+}
+
+/// What parameters and inputs of a fragment say.
+struct Port {
+    name: Key,
+    description: String,
+    ty: Option<(Type, Span)>,
+    unit: Option<(Unit, Span)>,
+    default: Option<Literal>,
+}
+
+fn read_parameters(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentParameter> {
+    let ports = read_ports(node, "parameters", "a parameter of a fragment", faults).into_iter();
+    ports
+        .map(|port| FragmentParameter {
+            name: port.name,
+            description: port.description,
+            ty: port.ty,
+            unit: port.unit,
+            default: port.default,
+        })
+        .collect()
+}
+
+fn read_inputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentInput> {
+    let ports = read_ports(node, "inputs", "an input of a fragment", faults).into_iter();
+    ports
+        .map(|port| FragmentInput {
+            name: port.name,
+            description: port.description,
+            ty: port.ty,
+            unit: port.unit,
+            default: port.default,
+        })
+        .collect()
+}
+
+fn read_ports(node: &Node, key: &str, what: &str, faults: &mut Vec<Diagnostic>) -> Vec<Port> {
+    let mut ports = Vec::new();
+    for Entry { key: name, value } in entries_of(node, key, faults) {
+        report_bad_id(name, what, faults);
+        if value.map().is_none() && value.value != Value::Null {
+            let what = format!("`{}`", name.name);
+            let wanted = "a mapping such as `{type: Real, unit: m, default: 0}`, or nothing";
+            faults.push(shape(value, &what, wanted));
+            continue;
+        }
+        report_unknown_keys(value, PORT_KEYS, what, faults);
+        ports.push(Port {
+            name: name.clone(),
+            description: super::read_description(value, faults),
+            ty: value.get("type").and_then(|node| read_type(node, faults)),
+            unit: value.get("unit").and_then(|node| read_unit(node, faults)),
+            default: value
+                .get("default")
+                .map(|node| literal::read(node, faults))
+                .filter(|literal| !literal.is_refused()),
+        });
+    }
+    ports
+}
+
+fn read_outputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentOutput> {
+    let mut outputs = Vec::new();
+    for Entry { key: name, value } in entries_of(node, "outputs", faults) {
+        report_bad_id(name, "an output of a fragment", faults);
+        let is_map = value.map().is_some();
+        if is_map {
+            report_unknown_keys(value, OUTPUT_KEYS, "an output of a fragment", faults);
+        }
+        let from = if is_map {
+            value.get("from")
+        } else {
+            Some(value)
+        };
+        let Some((from, text)) = from.and_then(|node| Some((node, node.text()?))) else {
+            let what = format!("the output `{}`", name.name);
+            let wanted = "an output within the fragment such as `filter.out`";
+            faults.push(shape(value, &what, wanted));
+            continue;
+        };
+        if let Some(from) = reference::read(from, text, faults) {
+            outputs.push(FragmentOutput {
+                name: name.clone(),
+                description: super::read_description(value, faults),
+                from,
+            });
+        }
+    }
+    outputs
+}
+
+fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> {
+    let ty = node.text().and_then(parse_type);
+    if ty.is_none() {
+        let what = match node.text() {
+            Some(text) => format!("there is no type `{text}`"),
+            None => format!("a type is a name, not {}", node.kind()),
+        };
+        let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, what);
+        faults.push(fault.help(
+            "types: Bool, Int, Real, Text, Vector3, Rotation, Pose, Twist, Wrench, Bool[n], Int[n], Real[n], Real[r,c]",
+        ));
+    }
+    Some((ty?, node.span))
+}
+
+/// Reads a type as it is printed: `Real`, `Real[7]`, `Real[4,4]`, `Pose`.
+#[must_use]
+pub fn parse_type(text: &str) -> Option<Type> {
+    let text = text.trim();
+    let Some((name, sizes)) = text.split_once('[') else {
+        return Some(match text {
+            "Bool" => Type::Bool,
+            "Int" => Type::Int,
+            "Real" => Type::Real,
+            "Text" => Type::Text,
+            "Vector3" => Type::Vector3,
+            "Rotation" => Type::Rotation,
+            "Pose" => Type::Pose,
+            "Twist" => Type::Twist,
+            "Wrench" => Type::Wrench,
+            _ => return None,
+        });
+    };
+    let sizes = sizes.strip_suffix(']')?;
+    if let Some((rows, columns)) = sizes.split_once(',') {
+        let size = |text: &str| text.trim().parse().ok().filter(|size: &u8| *size > 0);
+        return (name == "Real").then_some(Type::Matrix(size(rows)?, size(columns)?));
+    }
+    let length = sizes.trim().parse().ok()?;
+    let length = Some(length).filter(|length| (1..=ELEMENTS_MAX).contains(length))?;
+    match name {
+        "Bool" => Some(Type::Bools(length)),
+        "Int" => Some(Type::Ints(length)),
+        "Real" => Some(Type::Reals(length)),
+        _ => None,
+    }
+}
+
+fn read_unit(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> {
+    let text = match &node.value {
+        Value::Text(text) => Some(text.as_str()),
+        Value::Int(1) => Some("1"),
+        _ => None,
+    };
+    let unit = text.and_then(Unit::parse);
+    #[allow(clippy::float_cmp)] // The factor of a unit of the SI is exactly 1.
+    let is_si = unit.is_some_and(|(_, factor)| factor == 1.0);
+    if !is_si {
+        let (message, help) = match (text, unit) {
+            (Some(text), Some((unit, _))) => (
+                format!("`{text}` is not the unit in which values travel"),
+                format!("write `unit: {unit}`; constants may be in any unit: `20 mm`"),
+            ),
+            (Some(text), None) => (
+                format!("there is no unit `{text}`"),
+                "write a unit such as `m/s`, `N`, `rad`, or `1`".to_string(),
+            ),
+            (None, _) => (
+                format!("a unit is a name, not {}", node.kind()),
+                "write a unit such as `m/s`, `N`, `rad`, or `1`".to_string(),
+            ),
+        };
+        let fault = Diagnostic::error(fault::BAD_QUANTITY, node.span, message);
+        faults.push(fault.help(help));
+        return None;
+    }
+    Some((unit?.0, node.span))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_type_is_read_as_it_is_printed() {
+        for ty in [
+            Type::Bool,
+            Type::Int,
+            Type::Real,
+            Type::Text,
+            Type::Vector3,
+            Type::Rotation,
+            Type::Pose,
+            Type::Twist,
+            Type::Wrench,
+            Type::Reals(7),
+            Type::Bools(1),
+            Type::Ints(1024),
+            Type::TRANSFORM,
+        ] {
+            assert_eq!(parse_type(&ty.to_string()), Some(ty));
+        }
+        for text in [
+            "real",
+            "Real[0]",
+            "Real[1025]",
+            "Real[2",
+            "Pose[2]",
+            "Bool[2,2]",
+            "Real[-1]",
+        ] {
+            assert_eq!(parse_type(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_fragment_is_read_as_it_is_written() {
+        let text = "\
+fragments:
+  smooth:
+    description: low pass
+    parameters: {gain: {type: Real, default: 0.2}, device: {type: Text}}
+    inputs: {x: {type: Real, unit: m}, y: null}
+    outputs: {out: filter.out, first: {from: \"filter.all[0]\", description: of all}}
+    primitives: {filter: {type: LowPass, parameters: {gain: $gain}, inputs: {in: x}, active: on}}
+    discard: [filter.other]
+";
+        let root = rcc_config::yaml::parse(text).unwrap();
+        let mut faults = Vec::new();
+        let fragments = read_all(&root, &mut faults);
+        assert_eq!(faults, []);
+        let [fragment] = fragments.as_slice() else {
+            panic!("one fragment")
+        };
+        assert_eq!(fragment.span, Span::new(13, text.len() - 1));
+        let [gain, device] = fragment.parameters.as_slice() else {
+            panic!("two parameters")
+        };
+        assert_eq!(gain.ty.map(|(ty, _)| ty), Some(Type::Real));
+        assert!(device.default.is_none());
+        let inputs: Vec<_> = fragment
+            .inputs
+            .iter()
+            .map(|input| input.unit.map(|(unit, _)| unit))
+            .collect();
+        assert_eq!(inputs, [Some(Unit::METRE), None]);
+        let outputs: Vec<_> = fragment
+            .outputs
+            .iter()
+            .map(|output| output.from.to_string())
+            .collect();
+        assert_eq!(outputs, ["filter.out", "filter.all[0]"]);
+        let filter = &fragment.primitives[0];
+        assert!(matches!(
+            &filter.parameters[0].1.shape,
+            literal::Shape::Open(_)
+        ));
+        assert!(filter.active.is_some());
+        assert_eq!(fragment.discard.len(), 1);
+    }
+}
