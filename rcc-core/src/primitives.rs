@@ -9,18 +9,30 @@ mod add;
 mod analog_input;
 mod analog_output;
 mod and;
+mod arc_cosine;
+mod arc_sine;
+mod arc_tangent;
 mod bit_and;
+mod bit_not;
+mod bit_or;
+mod bit_xor;
 mod cancel;
+mod ceiling;
 mod constant;
+mod cosine;
 mod counter;
 mod digital_input;
 mod digital_output;
 mod divide;
 mod equals;
+mod exponential;
+mod floor;
 mod force_torque;
 mod forward_kinematics;
 mod greater;
+mod hypotenuse;
 mod input;
+mod int_divide;
 mod inverse_kinematics;
 mod is_null;
 mod joint_position_command;
@@ -28,6 +40,7 @@ mod joint_state;
 mod less;
 mod limit;
 mod linear_motion;
+mod logarithm;
 mod low_pass;
 mod max;
 mod min;
@@ -40,17 +53,25 @@ mod or;
 mod or_else;
 mod pose_compose;
 mod pose_invert;
+mod power;
 mod rate_limit;
+mod remainder;
 mod rising_edge;
+mod round;
 mod select;
+mod shift;
+mod sign;
+mod sine;
 mod square_root;
 mod subtract;
+mod tangent;
 mod termination;
 mod time;
 mod to_real;
 mod transform_compose;
 mod transform_from_position;
 mod transform_invert;
+mod truncate;
 mod xor;
 
 /// Every primitive, sorted by name.
@@ -60,18 +81,30 @@ pub const CATALOGUE: &[&Entry] = &[
     &analog_input::ENTRY,
     &analog_output::ENTRY,
     &and::ENTRY,
+    &arc_cosine::ENTRY,
+    &arc_sine::ENTRY,
+    &arc_tangent::ENTRY,
     &bit_and::ENTRY,
+    &bit_not::ENTRY,
+    &bit_or::ENTRY,
+    &bit_xor::ENTRY,
     &cancel::ENTRY,
+    &ceiling::ENTRY,
     &constant::ENTRY,
+    &cosine::ENTRY,
     &counter::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
     &divide::ENTRY,
     &equals::ENTRY,
+    &exponential::ENTRY,
+    &floor::ENTRY,
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
     &greater::ENTRY,
+    &hypotenuse::ENTRY,
     &input::ENTRY,
+    &int_divide::ENTRY,
     &inverse_kinematics::ENTRY,
     &is_null::ENTRY,
     &joint_position_command::ENTRY,
@@ -79,6 +112,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &less::ENTRY,
     &limit::ENTRY,
     &linear_motion::ENTRY,
+    &logarithm::ENTRY,
     &low_pass::ENTRY,
     &max::ENTRY,
     &min::ENTRY,
@@ -91,17 +125,25 @@ pub const CATALOGUE: &[&Entry] = &[
     &or_else::ENTRY,
     &pose_compose::ENTRY,
     &pose_invert::ENTRY,
+    &power::ENTRY,
     &rate_limit::ENTRY,
+    &remainder::ENTRY,
     &rising_edge::ENTRY,
+    &round::ENTRY,
     &select::ENTRY,
+    &shift::ENTRY,
+    &sign::ENTRY,
+    &sine::ENTRY,
     &square_root::ENTRY,
     &subtract::ENTRY,
+    &tangent::ENTRY,
     &termination::ENTRY,
     &time::ENTRY,
     &to_real::ENTRY,
     &transform_compose::ENTRY,
     &transform_from_position::ENTRY,
     &transform_invert::ENTRY,
+    &truncate::ENTRY,
     &xor::ENTRY,
 ];
 

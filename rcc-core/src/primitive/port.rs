@@ -52,6 +52,17 @@ pub enum UnitRule {
     Typed,
 }
 
+impl UnitRule {
+    /// A plain number.
+    pub const ONE: UnitRule = UnitRule::Is(Unit::ONE);
+    /// An angle.
+    pub const RADIAN: UnitRule = UnitRule::Is(Unit::RADIAN);
+    /// A time.
+    pub const SECOND: UnitRule = UnitRule::Is(Unit::SECOND);
+    /// A frequency.
+    pub const HERTZ: UnitRule = UnitRule::Is(Unit::HERTZ);
+}
+
 /// A default value in a spec.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Literal {

@@ -54,6 +54,49 @@ pub fn real_unless(null: bool, value: f64) -> f64 {
     f64::from_bits(value.to_bits() | choose(null, NULL_REAL.to_bits(), 0))
 }
 
+/// The number, or null if it is infinite: what overflows, and what begins with infinity, has no meaningful result.
+#[inline(always)]
+pub fn finite(value: f64) -> f64 {
+    real_unless(!value.is_finite(), value)
+}
+
+/// The whole number, or null if it is beyond ±(2^63 - 1); `value` has no fraction.
+#[inline(always)]
+pub fn whole(value: f64) -> i64 {
+    const BOUND: f64 = 9_223_372_036_854_775_808.0;
+    let in_range = (value > -BOUND) & (value < BOUND);
+    // The cast saturates, and makes 0 of NaN.
+    choose(in_range, value as i64, NULL_INT)
+}
+
+/// `Real → Real`: null if the operand is null, or if the result is not finite.
+#[inline(always)]
+pub fn map_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64) -> f64) {
+    each(frame, operands, |frame, [input, out]| {
+        let result = operation(frame.get_real(input)?);
+        frame.put_real(out, finite(result))
+    });
+}
+
+/// `Real → Int`: null if the operand is null, or if the result is out of range; `operation` leaves no fraction.
+#[inline(always)]
+pub fn map_whole(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64) -> f64) {
+    each(frame, operands, |frame, [input, out]| {
+        let result = operation(frame.get_real(input)?);
+        frame.put_int(out, whole(result))
+    });
+}
+
+/// `Real, Real → Real`: null if either is null, or if the result is not finite.
+#[inline(always)]
+pub fn each_finite(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {
+    each(frame, operands, |frame, [a, b, out]| {
+        let (a, b) = (frame.get_real(a)?, frame.get_real(b)?);
+        let result = operation(a, b);
+        frame.put_real(out, real_unless(a.is_nan() | b.is_nan(), finite(result)))
+    });
+}
+
 /// `Real, Real → Real`; NaN must come out if NaN goes in.
 #[inline(always)]
 pub fn each_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {

@@ -1,0 +1,30 @@
+//! `ArcCosine`: the angle with a given cosine, from none to half a turn.
+
+use core::f64::consts::PI;
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ArcCosine",
+        summary: "The angle whose cosine is given.",
+        undefined: "in < -1; in > 1",
+        formula: "out = arccos(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        examples: &[Example::new(
+            "from -1 to 1, and not beyond",
+            "",
+            "in | out\n 0.5 | deg(60)\n -1 | deg(180)\n 1 | deg(0)\n -1.1 | null\n null | null",
+        )],
+        inputs: &[Port::real(
+            "in",
+            UnitRule::ONE,
+            "cosine, from -1 to 1; what rounding put beyond, a `Limit` brings back",
+        )],
+        outputs: &[Port::real("out", UnitRule::RADIAN, "angle").within(0.0, PI)],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        map_real(frame, operands, libm::acos);
+    })],
+);

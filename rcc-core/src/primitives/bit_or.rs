@@ -1,0 +1,29 @@
+//! `BitOr`: the bits that are set in either of two whole numbers, in two's complement.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "BitOr",
+        summary: "The bits that are set in one or both of two whole numbers.",
+        examples: &[Example::new(
+            "1100 or 1010; -1 has every bit",
+            "",
+            "a | b | out
+             12 | 10 | 14
+             -1 | 5 | -1
+             null | 5 | null",
+        )],
+        inputs: &[
+            Port::int("a", "first operand"),
+            Port::int("b", "second operand"),
+        ],
+        outputs: &[Port::int("out", "a | b, of 64 bits in two's complement")],
+        ..Spec::PLAIN
+    },
+    // The sign bit alone stands for null: it comes out of two numbers only if one of them is it.
+    &[Kernel::new(|frame, operands| {
+        each_int(frame, operands, |a, b| (a | b, false));
+    })],
+);

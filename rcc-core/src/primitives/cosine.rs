@@ -1,0 +1,24 @@
+//! `Cosine`: the cosine of an angle, of any size.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Cosine",
+        summary: "The cosine of an angle.",
+        undefined: "overflow: an infinite angle",
+        formula: "out = cos(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        examples: &[Example::new(
+            "the angles of a triangle, and no angle",
+            "",
+            "in | out\n 0 | 1\n deg(60) | 0.5\n deg(-90) | 0\n deg(180) | -1\n null | null",
+        )],
+        inputs: &[Port::real("in", UnitRule::RADIAN, "angle")],
+        outputs: &[Port::real("out", UnitRule::ONE, "its cosine").within(-1.0, 1.0)],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        map_real(frame, operands, libm::cos);
+    })],
+);

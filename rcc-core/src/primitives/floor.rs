@@ -1,0 +1,24 @@
+//! `Floor`: the greatest whole number that is not above a number.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_whole};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Floor",
+        summary: "A number rounded down, as a whole number.",
+        undefined: "overflow: a result beyond ±(2^63 - 1)",
+        formula: "out = ⌊in⌋",
+        examples: &[Example::new(
+            "to both sides, and beyond what an Int can be",
+            "",
+            "in | out\n 0.5 | 0\n -0.5 | -1\n 2 | 2\n 1e19 | null\n -1e19 | null\n null | null",
+        )],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number, in any unit")],
+        outputs: &[Port::int("out", "whole number, without the unit")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        map_whole(frame, operands, libm::floor);
+    })],
+);

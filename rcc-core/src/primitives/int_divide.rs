@@ -1,0 +1,32 @@
+//! `IntDivide`: how often one whole number fits into another, rounded towards zero.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "IntDivide",
+        summary: "The quotient of two whole numbers, rounded towards zero.",
+        undefined: "b = 0",
+        formula: "out = truncate(a / b): a = b · out + Remainder(a, b)",
+        examples: &[Example::new(
+            "to both sides, and by zero",
+            "",
+            "a | b | out
+             7 | 2 | 3
+             -7 | 2 | -3
+             7 | -2 | -3
+             7 | 0 | null
+             null | 1 | null",
+        )],
+        inputs: &[Port::int("a", "dividend"), Port::int("b", "divisor")],
+        outputs: &[Port::int("out", "quotient")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        each_int(frame, operands, |a, b| {
+            let quotient = a.checked_div(b);
+            (quotient.unwrap_or(0), quotient.is_none())
+        });
+    })],
+);

@@ -1,0 +1,24 @@
+//! `Logarithm`: the natural logarithm; to another base it is divided by the logarithm of that.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Logarithm",
+        summary: "The natural logarithm of a number.",
+        undefined: "in <= 0; overflow: an infinite number",
+        formula: "out = ln(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        examples: &[Example::new(
+            "of e, 1 and 0",
+            "",
+            "in | out\n 2.718281828459045 | 1\n 1 | 0\n 0.5 | -0.6931471805599453\n 0 | null\n -1 | null\n null | null",
+        )],
+        inputs: &[Port::real("in", UnitRule::ONE, "number, above 0")],
+        outputs: &[Port::real("out", UnitRule::ONE, "its logarithm")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        map_real(frame, operands, libm::log);
+    })],
+);

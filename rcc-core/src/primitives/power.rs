@@ -1,0 +1,38 @@
+//! `Power`: one plain number to the power of another.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each_finite};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Power",
+        summary: "A number to the power of another.",
+        undefined: "a negative base with an exponent that is not whole; 0 to a negative power; overflow",
+        formula: "out = base^exponent; libm (after FreeBSD msun): an error below 1 unit in the last place",
+        examples: &[Example::new(
+            "whole and broken exponents, and what has no result",
+            "",
+            "base | exponent | out
+             2 | 10 | 1024
+             2 | -1 | 0.5
+             9 | 0.5 | 3
+             -2 | 3 | -8
+             0 | 0 | 1
+             -8 | 0.5 | null
+             0 | -1 | null
+             10 | 309 | null
+             null | 0 | null
+             1 | null | null",
+        )],
+        inputs: &[
+            Port::real("base", UnitRule::ONE, "base"),
+            Port::real("exponent", UnitRule::ONE, "exponent"),
+        ],
+        outputs: &[Port::real("out", UnitRule::ONE, "result")],
+        ..Spec::PLAIN
+    },
+    // By itself pow(NaN, 0) is 1, and so is pow(1, NaN).
+    &[Kernel::new(|frame, operands| {
+        each_finite(frame, operands, libm::pow);
+    })],
+);

@@ -1,0 +1,24 @@
+//! `Tangent`: the tangent of an angle; no Real is exactly a right angle, so that every angle has one.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Tangent",
+        summary: "The tangent of an angle.",
+        undefined: "overflow: an infinite angle",
+        formula: "out = tan(in); libm (after FreeBSD msun): an error below 1 unit in the last place",
+        examples: &[Example::new(
+            "half of a right angle, to both sides",
+            "",
+            "in | out\n 0 | 0\n deg(45) | 1\n deg(-45) | -1\n null | null",
+        )],
+        inputs: &[Port::real("in", UnitRule::RADIAN, "angle")],
+        outputs: &[Port::real("out", UnitRule::ONE, "its tangent")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        map_real(frame, operands, libm::tan);
+    })],
+);

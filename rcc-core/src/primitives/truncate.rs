@@ -1,0 +1,24 @@
+//! `Truncate`: a number without its fraction.
+
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_whole};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Truncate",
+        summary: "A number rounded towards zero, as a whole number.",
+        undefined: "overflow: a result beyond ±(2^63 - 1)",
+        formula: "out = ⌊|in|⌋ with the sign of in (TRUNC of IEC 61131-3)",
+        examples: &[Example::new(
+            "to both sides, and beyond what an Int can be",
+            "",
+            "in | out\n 1.9 | 1\n -1.9 | -1\n 2 | 2\n 1e19 | null\n -1e19 | null\n null | null",
+        )],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number, in any unit")],
+        outputs: &[Port::int("out", "whole number, without the unit")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        map_whole(frame, operands, libm::trunc);
+    })],
+);
