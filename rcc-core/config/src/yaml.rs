@@ -1,6 +1,10 @@
 //! The one parser of nets and configurations, YAML by hand and JSON by machine, into a tree in which everything has a
 //! place. Refuses what would be read silently wrong (duplicate keys) or costs without bound. Never on the real-time thread.
 
+pub mod annotated;
+pub mod layout;
+pub mod scalar;
+
 use std::borrow::Cow;
 use std::collections::HashSet;
 

@@ -13,6 +13,7 @@ pub mod nulls;
 pub mod rate;
 pub mod resolve;
 pub mod syntax;
+pub mod write;
 
 pub use compile::{Compiled, compile, compile_for};
 pub use rcc_config::diagnostic::Faults;

@@ -116,10 +116,7 @@ fn literal(value: Default) -> Literal {
         Default::Bool(value) => Shape::Bool(value),
         Default::Null => Shape::Null,
     };
-    Literal {
-        shape,
-        span: Span::default(),
-    }
+    Literal::new(shape, Span::default())
 }
 
 /// The start value of an item's state in one arena, if it has a parameter for it.

@@ -12,9 +12,12 @@ use rcc_core::unit::Unit;
 
 use super::{report_unknown_keys, shape};
 use crate::fault;
+use crate::write;
 
 /// A quaternion whose length differs from 1 by more was not meant to be one.
 const LENGTH_TOLERANCE: f64 = 1e-3;
+/// One whose length differs from 1 by no more is as good as it can be; it stays as it is, to the bit.
+const LENGTH_NOISE: f64 = 4.0 * f64::EPSILON;
 
 /// A constant and where it stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +26,19 @@ pub struct Literal {
     pub shape: Shape,
     /// Its place.
     pub span: Span,
+    /// How people wrote it, where the shape alone does not say that.
+    pub written: Written,
+}
+
+/// How a constant was written; the meaning is in its shape. What is made by a program is `Usual`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Written {
+    /// As the shape says: numbers in SI, with the unit if they have one.
+    Usual,
+    /// As a text: `deg(30)`, `100 Hz`.
+    Text(String),
+    /// As a mapping: `{xyz: …, rpy: …}`.
+    Parts(Vec<(String, Literal)>),
 }
 
 /// What a constant looks like.
@@ -86,6 +102,16 @@ impl Stored {
 }
 
 impl Literal {
+    /// A constant that is written as its shape says.
+    #[must_use]
+    pub fn new(shape: Shape, span: Span) -> Literal {
+        Literal {
+            shape,
+            span,
+            written: Written::Usual,
+        }
+    }
+
     /// True if its fault is already reported.
     #[must_use]
     pub fn is_refused(&self) -> bool {
@@ -274,10 +300,30 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
         Value::List(nodes) => read_list(node, nodes, faults),
         Value::Map(_) => read_pose(node, faults).unwrap_or(Shape::Refused),
     };
-    Literal {
-        shape,
-        span: node.span,
+    let usual = Literal::new(shape, node.span);
+    let written = match &node.value {
+        _ if usual.is_refused() || matches!(usual.shape, Shape::Open(_)) => return usual,
+        Value::Text(text) if !matches!(usual.shape, Shape::Text(_)) => {
+            Written::Text(text.trim().to_string())
+        }
+        Value::Map(entries) => {
+            // They have been read without a fault.
+            let part = |node| read(node, &mut Vec::new());
+            let parts = entries.iter();
+            let parts = parts.map(|entry| (entry.key.name.clone(), part(&entry.value)));
+            Written::Parts(parts.collect())
+        }
+        _ => return usual,
+    };
+    let tree = write::literal_tree(&usual);
+    let literal = Literal { written, ..usual };
+    if write::literal_tree(&literal) == tree {
+        return Literal {
+            written: Written::Usual,
+            ..literal
+        };
     }
+    literal
 }
 
 fn read_quantity(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Quantity> {
@@ -374,6 +420,9 @@ fn read_pose(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Shape> {
 fn read_quaternion(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<[f64; 4]> {
     let elements = read_numbers::<4>(node, "`quat`", Unit::ONE, faults)?;
     let length = elements.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (length - 1.0).abs() <= LENGTH_NOISE {
+        return Some(elements);
+    }
     if (length - 1.0).abs() <= LENGTH_TOLERANCE {
         return Some(elements.map(|x| x / length));
     }
