@@ -1,5 +1,5 @@
-//! A reference thread: wakes every millisecond at a higher priority than the executor, on the same
-//! core. Where it is late too, the machine was, and not the executor. It is a thread of its own.
+//! A reference thread: wakes more often than the executor and at a higher priority, on the same core. Where it is late
+//! too, the machine was, and not the executor. It is a thread of its own.
 #![allow(unsafe_code)] // A scheduler call that has no safe wrapper.
 
 use std::sync::Arc;
@@ -10,7 +10,8 @@ use nix::sched::{CpuSet, sched_setaffinity};
 use nix::unistd::Pid;
 use rcc_ipc::{monotonic_ns, sleep_until};
 
-const PERIOD_NS: u64 = 1_000_000;
+/// An eighth of the executor's period: a stall of half a period can lie between two wake-ups that are a whole one apart.
+const PERIOD_NS: u64 = 125_000;
 /// A wake-up later than this is a stall: a tenth of the executor's period.
 const STALL_NS: u64 = 100_000;
 /// Stalls that are under way in a stream.
