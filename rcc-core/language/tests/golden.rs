@@ -12,7 +12,7 @@ use bench::{Bench, cell, example, folder};
 use rcc_config::CellConfig;
 
 /// Cycles whose values are in the trace; the last one ends the run.
-const SHOWN: [u64; 5] = [1, 10, 100, 1000, 3000];
+const SHOWN: [u64; 5] = [1, 10, 100, 950, 2950];
 /// Where the demo's arm starts, see `configs/cells/demo.yaml`.
 const START: [f64; 7] = [
     0.0,
