@@ -10,6 +10,7 @@ use crate::kinematics::SrsArm;
 use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
 use crate::path::{PathClocks, PathLimits};
 use crate::pose::Pose;
+use crate::rotation::{self, Quaternion};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
 
 /// A device as the core knows it, from the cell's configuration.
@@ -202,6 +203,45 @@ impl Frame<'_> {
         if let Some(place) = tail.first_chunk_mut() {
             *place = values;
         }
+    }
+
+    /// Reads a composite of `N` reals; `None` if an element is null or not finite.
+    #[inline(always)]
+    pub fn composite<const N: usize>(&self, slot: u32) -> Option<[f64; N]> {
+        let values = self.reals(slot);
+        values
+            .iter()
+            .all(|value: &f64| value.is_finite())
+            .then_some(values)
+    }
+
+    /// Writes a composite; `None` and what is not finite is null in every element.
+    #[inline(always)]
+    pub fn set_composite<const N: usize>(&mut self, slot: u32, value: Option<[f64; N]>) {
+        let finite = value.filter(|value| value.iter().all(|element| element.is_finite()));
+        self.set_reals(slot, finite.unwrap_or([NULL_REAL; N]));
+    }
+
+    /// Reads a `Rotation`, at length one; `None` if it is null or has no direction.
+    #[inline(always)]
+    pub fn rotation(&self, slot: u32) -> Option<Quaternion> {
+        rotation::unit(self.reals(slot))
+    }
+
+    /// Reads a `Pose` with its rotation at length one; `None` if it is null or its rotation has no direction.
+    #[inline(always)]
+    pub fn known_pose(&self, slot: u32) -> Option<Pose> {
+        let [x, y, z, qx, qy, qz, qw] = self.composite(slot)?;
+        Some(Pose {
+            position: [x, y, z],
+            orientation: rotation::unit([qx, qy, qz, qw])?,
+        })
+    }
+
+    /// Writes a `Pose`; `None` and one that is not finite is null.
+    #[inline(always)]
+    pub fn set_known_pose(&mut self, slot: u32, pose: Option<Pose>) {
+        self.set_composite(slot, pose.map(|pose| pose.to_slots()));
     }
 
     /// Reads a `Real[width]`; `None` if any element is null.

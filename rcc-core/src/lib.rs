@@ -29,9 +29,12 @@ pub mod plan;
 pub mod pose;
 pub mod primitive;
 pub mod primitives;
+pub mod rotation;
+pub mod spatial;
 pub mod timing;
 pub mod types;
 pub mod unit;
+pub mod vector;
 
 #[cfg(test)]
 mod testing;

@@ -9,6 +9,7 @@ mod add;
 mod analog_input;
 mod analog_output;
 mod and;
+mod angle_between;
 mod arc_cosine;
 mod arc_sine;
 mod arc_tangent;
@@ -21,6 +22,7 @@ mod ceiling;
 mod constant;
 mod cosine;
 mod counter;
+mod cross;
 mod digital_input;
 mod digital_output;
 mod divide;
@@ -42,26 +44,52 @@ mod limit;
 mod linear_motion;
 mod logarithm;
 mod low_pass;
+mod make_pose;
+mod make_twist;
+mod make_vector;
+mod make_wrench;
 mod max;
 mod min;
 mod monitor;
 mod multiply;
 mod negate;
+mod normalize;
 mod not;
 mod null_if;
 mod or;
 mod or_else;
+mod pose_add_twist;
 mod pose_compose;
+mod pose_error;
+mod pose_from_transform;
 mod pose_invert;
 mod power;
 mod rate_limit;
 mod remainder;
 mod rising_edge;
+mod rotation_bezier;
+mod rotation_error;
+mod rotation_from_axes;
+mod rotation_from_axis_angle;
+mod rotation_from_matrix;
+mod rotation_from_quaternion;
+mod rotation_from_rpy;
+mod rotation_from_two_vectors;
+mod rotation_from_vector;
+mod rotation_to_axis_angle;
+mod rotation_to_matrix;
+mod rotation_to_quaternion;
+mod rotation_to_rpy;
+mod rotation_to_vector;
 mod round;
 mod select;
 mod shift;
 mod sign;
 mod sine;
+mod split_pose;
+mod split_twist;
+mod split_vector;
+mod split_wrench;
 mod square_root;
 mod subtract;
 mod tangent;
@@ -69,9 +97,16 @@ mod termination;
 mod time;
 mod to_real;
 mod transform_compose;
+mod transform_from_pose;
 mod transform_from_position;
 mod transform_invert;
+mod transform_point;
 mod truncate;
+mod twist_from_poses;
+mod twist_shift;
+mod twist_transform;
+mod wrench_shift;
+mod wrench_transform;
 mod xor;
 
 /// Every primitive, sorted by name.
@@ -81,6 +116,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &analog_input::ENTRY,
     &analog_output::ENTRY,
     &and::ENTRY,
+    &angle_between::ENTRY,
     &arc_cosine::ENTRY,
     &arc_sine::ENTRY,
     &arc_tangent::ENTRY,
@@ -93,6 +129,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &constant::ENTRY,
     &cosine::ENTRY,
     &counter::ENTRY,
+    &cross::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
     &divide::ENTRY,
@@ -114,26 +151,52 @@ pub const CATALOGUE: &[&Entry] = &[
     &linear_motion::ENTRY,
     &logarithm::ENTRY,
     &low_pass::ENTRY,
+    &make_pose::ENTRY,
+    &make_twist::ENTRY,
+    &make_vector::ENTRY,
+    &make_wrench::ENTRY,
     &max::ENTRY,
     &min::ENTRY,
     &monitor::ENTRY,
     &multiply::ENTRY,
     &negate::ENTRY,
+    &normalize::ENTRY,
     &not::ENTRY,
     &null_if::ENTRY,
     &or::ENTRY,
     &or_else::ENTRY,
+    &pose_add_twist::ENTRY,
     &pose_compose::ENTRY,
+    &pose_error::ENTRY,
+    &pose_from_transform::ENTRY,
     &pose_invert::ENTRY,
     &power::ENTRY,
     &rate_limit::ENTRY,
     &remainder::ENTRY,
     &rising_edge::ENTRY,
+    &rotation_bezier::ENTRY,
+    &rotation_error::ENTRY,
+    &rotation_from_axes::ENTRY,
+    &rotation_from_axis_angle::ENTRY,
+    &rotation_from_matrix::ENTRY,
+    &rotation_from_quaternion::ENTRY,
+    &rotation_from_rpy::ENTRY,
+    &rotation_from_two_vectors::ENTRY,
+    &rotation_from_vector::ENTRY,
+    &rotation_to_axis_angle::ENTRY,
+    &rotation_to_matrix::ENTRY,
+    &rotation_to_quaternion::ENTRY,
+    &rotation_to_rpy::ENTRY,
+    &rotation_to_vector::ENTRY,
     &round::ENTRY,
     &select::ENTRY,
     &shift::ENTRY,
     &sign::ENTRY,
     &sine::ENTRY,
+    &split_pose::ENTRY,
+    &split_twist::ENTRY,
+    &split_vector::ENTRY,
+    &split_wrench::ENTRY,
     &square_root::ENTRY,
     &subtract::ENTRY,
     &tangent::ENTRY,
@@ -141,9 +204,16 @@ pub const CATALOGUE: &[&Entry] = &[
     &time::ENTRY,
     &to_real::ENTRY,
     &transform_compose::ENTRY,
+    &transform_from_pose::ENTRY,
     &transform_from_position::ENTRY,
     &transform_invert::ENTRY,
+    &transform_point::ENTRY,
     &truncate::ENTRY,
+    &twist_from_poses::ENTRY,
+    &twist_shift::ENTRY,
+    &twist_transform::ENTRY,
+    &wrench_shift::ENTRY,
+    &wrench_transform::ENTRY,
     &xor::ENTRY,
 ];
 

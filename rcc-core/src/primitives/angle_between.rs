@@ -1,0 +1,54 @@
+//! `AngleBetween`: the angle between two directions, without a sign.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+use crate::vector;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "AngleBetween",
+        summary: "The angle between two vectors, whatever their lengths.",
+        undefined: "a zero vector, an infinite input",
+        formula: "2 atan2(|a - b|, |a + b|) of the directions (Kahan, How Futile are Mindless Assessments of Roundoff, 2006)",
+        examples: &[Example::new(
+            "square, same, opposite and oblique (numpy)",
+            "",
+            "a | b | out\n\
+             [1, 0, 0] | [0, 5, 0] | deg(90)\n\
+             [1, 1, 0] | [2, 2, 0] | 0\n\
+             [1, 0, 0] | [-3, 0, 0] | deg(180)\n\
+             [1, 2, 3] | [-2, 1, 0.5] | 1.3949275767021716\n\
+             [0, 0, 0] | [1, 0, 0] | null",
+        )],
+        inputs: &[
+            Port::new(
+                "a",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(0),
+                "first vector, not zero",
+            ),
+            Port::new(
+                "b",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(1),
+                "second vector, not zero, same axes",
+            ),
+        ],
+        outputs: &[Port::real("out", UnitRule::Is(Unit::RADIAN), "angle")
+            .within(0.0, core::f64::consts::PI)],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
+    let direction = |slot| frame.composite(slot).and_then(vector::normalized);
+    let angle = direction(a).zip(direction(b)).map(|(a, b)| {
+        let (apart, together) = (vector::subtract(a, b), vector::add(a, b));
+        2.0 * libm::atan2(vector::norm(apart), vector::norm(together))
+    });
+    frame.set_real(out, angle.unwrap_or(NULL_REAL));
+}

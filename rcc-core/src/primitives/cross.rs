@@ -1,0 +1,53 @@
+//! `Cross`: the vector square to two others, a × b.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::Type;
+use crate::vector;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Cross",
+        summary: "The cross product of two vectors, right-handed.",
+        undefined: "an infinite input, a result that is too large for a number",
+        formula: "[a_y b_z - a_z b_y, a_z b_x - a_x b_z, a_x b_y - a_y b_x]",
+        examples: &[Example::new(
+            "x × y = z, and parallel vectors",
+            "",
+            "a | b | out\n\
+             [1, 0, 0] | [0, 1, 0] | [0, 0, 1]\n\
+             [0, 1, 0] | [1, 0, 0] | [0, 0, -1]\n\
+             [1, 2, 3] | [-2, 1, 0.5] | [-2, -6.5, 5]\n\
+             [1, 2, 3] | [2, 4, 6] | [0, 0, 0]\n\
+             null | [2, 4, 6] | null",
+        )],
+        inputs: &[
+            Port::new(
+                "a",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(0),
+                "first factor",
+            ),
+            Port::new(
+                "b",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(1),
+                "second factor, same axes",
+            ),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Is(Type::Vector3),
+            UnitRule::Product(0, 1),
+            "a × b, same axes",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [a, b, out]: [u32; 3]) {
+    let factors = frame.composite(a).zip(frame.composite(b));
+    frame.set_composite(out, factors.map(|(a, b)| vector::cross(a, b)));
+}

@@ -1,0 +1,49 @@
+//! `MakeTwist`: a twist from its two vectors.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::spatial;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "MakeTwist",
+        summary: "A twist from velocity of the reference point and angular velocity.",
+        undefined: "an infinite input",
+        examples: &[Example::new(
+            "both, or null",
+            "",
+            "linear | angular | out\n\
+             [1, 2, 3] | [-4, -5, -6] | [1, 2, 3, -4, -5, -6]\n\
+             [1, 2, 3] | null | null\n\
+             null | [1, 2, 3] | null",
+        )],
+        inputs: &[
+            Port::new(
+                "linear",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::METRE_PER_SECOND),
+                "velocity of the reference point",
+            ),
+            Port::new(
+                "angular",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "angular velocity, same axes",
+            ),
+        ],
+        outputs: &[Port::typed("out", Type::Twist, "both, same axes")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [linear, angular, out]: [u32; 3]) {
+    let parts = frame.composite(linear).zip(frame.composite(angular));
+    frame.set_composite(
+        out,
+        parts.map(|(linear, angular)| spatial::join(linear, angular)),
+    );
+}

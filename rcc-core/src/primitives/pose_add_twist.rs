@@ -1,0 +1,30 @@
+//! `PoseAddTwist`: where a pose is one cycle later if it moves with a twist.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::spatial;
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "PoseAddTwist",
+summary: "The pose after one period of the net with a constant twist.",
+undefined: "an infinite input, a quaternion of length zero, a result that is too large for a number",
+formula: "p + v T, exp(ω T) R with the period T: exact for a constant twist, inverse of TwistFromPoses",
+examples: &[Example::new("one period of 10 ms (scipy 1.17)", "", "pose | twist | out\n\
+             {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | {xyz: [0.401, -0.098, 0.697], quat: [0.25876811908192066, -0.1223367222833714, 0.573978712263488, 0.7672165436147178]}\n\
+             {xyz: [0, 0, 0], rpy: [0, 0, 0]} | null | null").every_ms(10),],
+inputs: &[Port::typed("pose", Type::Pose, "pose of B in A"), Port::typed("twist", Type::Twist, "in axes of A, reference point the origin of B")],
+outputs: &[Port::typed("out", Type::Pose, "pose of B in A one period later")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, twist, out]: [u32; 3]) {
+    let period = frame.dt_s;
+    let both = frame.known_pose(pose).zip(frame.composite(twist));
+    let next = both.map(|(pose, twist)| spatial::integrate(&pose, twist, period));
+    frame.set_known_pose(out, next);
+}

@@ -1,0 +1,73 @@
+//! `RotationBezier`: a smooth way between two rotations that begins and ends with given angular velocities.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+use crate::vector;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationBezier",
+        summary: "A cubic curve between two rotations, with given angular velocities at its ends.",
+        undefined: "two rotations of the construction half a turn apart, a quaternion of length zero, an infinite input, velocities too large for a number",
+        formula: "de Casteljau with Slerp of from, exp(v₀/3) from, exp(-v₁/3) to, to (Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985)",
+        examples: &[
+            Example::new(
+                "an even turn about z is its own curve",
+                "",
+                "from | to | from_velocity | to_velocity | s | out\n\
+             {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 1.2] | [0, 0, 1.2] | 0.25 | {rpy: [0, 0, 0.3]}\n\
+             {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 1.2] | [0, 0, 1.2] | 0 | {rpy: [0, 0, 0]}\n\
+             {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 1.2] | [0, 0, 1.2] | 1 | {rpy: [0, 0, 1.2]}",
+            ),
+            Example::new(
+                "from rest to rest: 3s² - 2s³ of the way",
+                "",
+                "from | to | from_velocity | to_velocity | s | out\n\
+             {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 0] | [0, 0, 0] | 0.25 | {rpy: [0, 0, 0.1875]}\n\
+             {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 0] | [0, 0, 0] | 0.5 | {rpy: [0, 0, 0.6]}\n\
+             {rpy: [0, 0, 0]} | {rpy: [0, 0, 1.2]} | [0, 0, 0] | [0, 0, 0] | null | null",
+            ),
+        ],
+        inputs: &[
+            Port::typed("from", Type::Rotation, "rotation at s = 0, in A"),
+            Port::typed("to", Type::Rotation, "rotation at s = 1, in A"),
+            Port::new(
+                "from_velocity",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::RADIAN),
+                "rotation vector per unit of s at the start, axes of A",
+            ),
+            Port::new(
+                "to_velocity",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::RADIAN),
+                "rotation vector per unit of s at the end, axes of A",
+            ),
+            Port::real(
+                "s",
+                UnitRule::Is(Unit::ONE),
+                "progress, 0 to 1; beyond, the curve goes on",
+            ),
+        ],
+        outputs: &[Port::typed("out", Type::Rotation, "rotation at s, in A")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [from, to, start, end, s, out]: [u32; 6]) {
+    let ends = frame.rotation(from).zip(frame.rotation(to));
+    let velocities = frame.composite(start).zip(frame.composite(end));
+    let s = frame.real(s);
+    let rotation = ends.zip(velocities).and_then(|((from, to), (start, end))| {
+        let third = |velocity| rotation::exp(vector::scale(velocity, 1.0 / 3.0));
+        let leaving = rotation::product(third(start), from);
+        let arriving = rotation::product(rotation::inverse(third(end)), to);
+        rotation::bezier([from, leaving, arriving, to], s)
+    });
+    frame.set_composite(out, rotation);
+}

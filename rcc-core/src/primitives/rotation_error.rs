@@ -1,0 +1,42 @@
+//! `RotationError`: what is missing from one rotation to another, as a rotation vector.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationError",
+        summary: "The turn that leads from one rotation to another, as axis times angle in the outer axes.",
+        undefined: "a quaternion of length zero",
+        formula: "log(to from⁻¹); at half a turn one of two vectors is taken (Caccavale et al., Role of Euler parameters in robot control, Asian J. Control 1(1), 1999)",
+        examples: &[Example::new(
+            "oblique (scipy 1.17), and none",
+            "",
+            "from | to | out\n\
+             {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]} | {rpy: [0.3, -0.5, 1.2]} | [-0.13329337432887994, 0.36527084124707254, 0.22884581650653762]\n\
+             {rpy: [0, 0, 1]} | {rpy: [0, 0, 1]} | [0, 0, 0]\n\
+             null | {rpy: [0, 0, 1]} | null",
+        )],
+        inputs: &[
+            Port::typed("from", Type::Rotation, "rotation that is, in A"),
+            Port::typed("to", Type::Rotation, "rotation that shall be, in A"),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Is(Type::Vector3),
+            UnitRule::Is(Unit::RADIAN),
+            "axis times angle in axes of A, at most π long",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [from, to, out]: [u32; 3]) {
+    let rotations = frame.rotation(from).zip(frame.rotation(to));
+    frame.set_composite(out, rotations.map(|(from, to)| rotation::error(from, to)));
+}

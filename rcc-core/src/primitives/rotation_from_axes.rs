@@ -1,0 +1,52 @@
+//! `RotationFromAxes`: a rotation from where its x axis points and on which side its y axis is.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationFromAxes",
+        summary: "The rotation whose x axis points along a vector and whose y axis is in the half plane of another.",
+        undefined: "a zero vector, an infinite input, parallel or opposite vectors (to 1e-9 rad)",
+        formula: "columns x/|x|, z × x and z = x × y / |x × y|",
+        examples: &[Example::new(
+            "the axes of a frame",
+            "",
+            "x | y | out\n\
+             [0, 3, 0] | [-2, 5, 0] | {rpy: [0, 0, deg(90)]}\n\
+             [1, 0, 0] | [7, 0, 2] | {rpy: [deg(90), 0, 0]}\n\
+             [1, 0, 0] | [-7, 0, 0] | null\n\
+             [1, 0, 0] | null | null",
+        )],
+        inputs: &[
+            Port::new(
+                "x",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(0),
+                "where the x axis of B points, in axes of A",
+            ),
+            Port::new(
+                "y",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(1),
+                "on which side of it y is; need not be square to it",
+            ),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Rotation,
+            "rotation of B in A, w ≥ 0",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [x, y, out]: [u32; 3]) {
+    let axes = frame.composite(x).zip(frame.composite(y));
+    let rotation = axes.and_then(|(x, y)| rotation::from_axes(x, y));
+    frame.set_composite(out, rotation);
+}

@@ -1,0 +1,49 @@
+//! `RotationFromAxisAngle`: a rotation about an axis by an angle.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationFromAxisAngle",
+        summary: "The rotation about the direction of an axis by an angle, right-handed.",
+        undefined: "the zero vector as axis, an infinite input",
+        formula: "q = [sin(angle/2) axis/|axis|, cos(angle/2)] (Solà, arXiv:1711.02508, section 2)",
+        examples: &[Example::new(
+            "about an oblique axis (scipy 1.17)",
+            "",
+            "axis | angle | out\n\
+             [1, 2, 2] | 0.9 | {quat: [0.14498851137041008, 0.28997702274082016, 0.28997702274082016, 0.9004471023526769]}\n\
+             [0, 0, 5] | deg(90) | {rpy: [0, 0, deg(90)]}\n\
+             [0, 0, 0] | 0.9 | null\n\
+             [1, 2, 2] | null | null",
+        )],
+        inputs: &[
+            Port::new(
+                "axis",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(0),
+                "axis of any length but zero",
+            ),
+            Port::real("angle", UnitRule::Is(Unit::RADIAN), "angle about it"),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Rotation,
+            "rotation of B in A; the axis is the same in both",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [axis, angle, out]: [u32; 3]) {
+    let angle = frame.real(angle);
+    let axis = frame.composite(axis);
+    let rotation = axis.and_then(|axis| rotation::from_axis_angle(axis, angle));
+    frame.set_composite(out, rotation);
+}

@@ -1,0 +1,44 @@
+//! `RotationFromQuaternion`: a rotation from the four numbers of a quaternion.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationFromQuaternion",
+        summary: "A rotation from a quaternion of any length but zero.",
+        undefined: "a quaternion whose squared length is zero or too large for a number, an infinite input",
+        formula: "q / |q|; Hamilton, ij = k (Solà, arXiv:1711.02508, table 1)",
+        examples: &[Example::new(
+            "any length but zero",
+            "",
+            "x | y | z | w | out\n\
+             0 | 0 | 0 | 2 | {quat: [0, 0, 0, 1]}\n\
+             0 | 3 | 0 | 4 | {quat: [0, 0.6, 0, 0.8]}\n\
+             0 | 0 | 0 | 0 | null\n\
+             0 | 3 | null | 4 | null",
+        )],
+        inputs: &[
+            Port::real("x", UnitRule::Is(Unit::ONE), "factor of i"),
+            Port::real("y", UnitRule::Is(Unit::ONE), "factor of j"),
+            Port::real("z", UnitRule::Is(Unit::ONE), "factor of k"),
+            Port::real("w", UnitRule::Is(Unit::ONE), "the real part"),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Rotation,
+            "rotation of B in A, of length 1, with the sign of the input",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [x, y, z, w, out]: [u32; 5]) {
+    let quaternion = [x, y, z, w].map(|slot| frame.real(slot));
+    frame.set_composite(out, rotation::unit(quaternion));
+}

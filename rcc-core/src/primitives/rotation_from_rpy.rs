@@ -1,0 +1,39 @@
+//! `RotationFromRpy`: a rotation from roll, pitch and yaw.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationFromRpy",
+        summary: "A rotation from roll, pitch and yaw about the fixed axes x, y and z, in this order.",
+        undefined: "an infinite input",
+        formula: "R = Rz(yaw) Ry(pitch) Rx(roll); the same as A = yaw, B = pitch, C = roll about moving axes z, y, x (KUKA)",
+        examples: &[Example::new(
+            "one axis, and all (scipy 1.17)",
+            "",
+            "roll | pitch | yaw | out\n\
+             0 | 0 | 0 | {quat: [0, 0, 0, 1]}\n\
+             deg(180) | 0 | 0 | {quat: [1, 0, 0, 0]}\n\
+             0.3 | -0.5 | 1.2 | {quat: [0.25762853798958335, -0.12014247631977643, 0.5714598517275828, 0.7698226806613264]}\n\
+             0.3 | null | 1.2 | null",
+        )],
+        inputs: &[
+            Port::real("roll", UnitRule::Is(Unit::RADIAN), "about x, first"),
+            Port::real("pitch", UnitRule::Is(Unit::RADIAN), "about the fixed y"),
+            Port::real("yaw", UnitRule::Is(Unit::RADIAN), "about the fixed z, last"),
+        ],
+        outputs: &[Port::typed("out", Type::Rotation, "rotation of B in A")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [roll, pitch, yaw, out]: [u32; 4]) {
+    let rotation = rotation::from_rpy([roll, pitch, yaw].map(|slot| frame.real(slot)));
+    frame.set_composite(out, Some(rotation));
+}

@@ -1,0 +1,53 @@
+//! `RotationFromTwoVectors`: the shortest turn from one direction to another.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationFromTwoVectors",
+        summary: "The shortest turn that brings the direction of one vector to that of another.",
+        undefined: "a zero vector, an infinite input, opposite directions (to 1e-9 rad): every axis square to them would do",
+        formula: "q = [a × b, |a + b|² / 2] of the directions, at length one",
+        examples: &[Example::new(
+            "oblique (numpy, scipy 1.17), and opposite",
+            "",
+            "from | to | out\n\
+             [1, 2, 3] | [-2, 1, 0.5] | {quat: [-0.1521805434638608, -0.4945867662575477, 0.3804513586596521, 0.7664735980632148]}\n\
+             [0, 0, 2] | [0, 0, 3] | {quat: [0, 0, 0, 1]}\n\
+             [0, 0, 2] | [0, 0, -3] | null\n\
+             [0, 0, 0] | [0, 0, 1] | null\n\
+             null | [0, 0, 1] | null",
+        )],
+        inputs: &[
+            Port::new(
+                "from",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(0),
+                "vector, not zero",
+            ),
+            Port::new(
+                "to",
+                PortType::Is(Type::Vector3),
+                UnitRule::Var(1),
+                "vector, not zero, same axes",
+            ),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Rotation,
+            "turn, in these axes; its axis is square to both",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [from, to, out]: [u32; 3]) {
+    let vectors = frame.composite(from).zip(frame.composite(to));
+    let turn = vectors.and_then(|(from, to)| rotation::between(from, to));
+    frame.set_composite(out, turn);
+}

@@ -1,0 +1,44 @@
+//! `RotationFromVector`: a rotation from its rotation vector, the exponential map.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationFromVector",
+        summary: "The rotation about the direction of a vector by its length: the exponential map.",
+        undefined: "an infinite input, a result that is too large for a number",
+        formula: "q = [sin(a/2) in/a, cos(a/2)] with a = |in|, a series near 0 (Grassia, J. Graphics Tools 3(3), 1998)",
+        examples: &[Example::new(
+            "oblique (scipy 1.17), and none",
+            "",
+            "in | out\n\
+             [0.4, -0.7, 1.1] | {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]}\n\
+             [0, 0, 0] | {quat: [0, 0, 0, 1]}\n\
+             [1e-300, 0, 0] | {quat: [0, 0, 0, 1]}\n\
+             null | null",
+        )],
+        inputs: &[Port::new(
+            "in",
+            PortType::Is(Type::Vector3),
+            UnitRule::Is(Unit::RADIAN),
+            "axis times angle",
+        )],
+        outputs: &[Port::typed(
+            "out",
+            Type::Rotation,
+            "rotation of B in A; the axis is the same in both",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let rotation = frame.composite(input).map(rotation::exp);
+    frame.set_composite(out, rotation);
+}

@@ -1,0 +1,45 @@
+//! `RotationToAxisAngle`: axis and angle of a rotation.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationToAxisAngle",
+        summary: "The axis, at length one, and the angle of a rotation.",
+        undefined: "a quaternion of length zero",
+        formula: "angle = 2 atan2(|u|, w) for q = [u, w] with w >= 0; at half a turn both axes are right, and the one whose last element that is not zero is positive is taken",
+        examples: &[Example::new(
+            "oblique (scipy 1.17), half a turn and none",
+            "",
+            "in | axis | angle\n\
+             {rpy: [0.3, -0.5, 1.2]} | [0.4036433731391749, -0.18823502542629336, 0.8953432875291975] | 1.3844660788463787\n\
+             {quat: [0, -1, 0, 0]} | [0, 1, 0] | deg(180)\n\
+             {quat: [0, 0, 0, 1]} | [0, 0, 1] | 0\n\
+             null | null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Rotation, "rotation of B in A")],
+        outputs: &[
+            Port::new(
+                "axis",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::ONE),
+                "axis, length 1, the same in A and B; z if nothing turns",
+            ),
+            Port::real("angle", UnitRule::Is(Unit::RADIAN), "angle about it")
+                .within(0.0, core::f64::consts::PI),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, axis, angle]: [u32; 3]) {
+    let turn = frame.rotation(input).map(rotation::to_axis_angle);
+    frame.set_composite(axis, turn.map(|(axis, _)| axis));
+    frame.set_real(angle, turn.map_or(NULL_REAL, |(_, angle)| angle));
+}

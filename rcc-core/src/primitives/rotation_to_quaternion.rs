@@ -1,0 +1,45 @@
+//! `RotationToQuaternion`: the four numbers of a rotation.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+
+/// One, and what rounding adds.
+const BOUND: f64 = 1.0 + 1e-14;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationToQuaternion",
+        summary: "The quaternion of a rotation, of the two the one with w ≥ 0.",
+        undefined: "a quaternion of length zero",
+        formula: "Hamilton, ij = k; if w = 0 the last element that is not zero is positive",
+        examples: &[Example::new(
+            "the sign",
+            "",
+            "in | x | y | z | w\n\
+             {quat: [0, 0.6, 0, 0.8]} | 0 | 0.6 | 0 | 0.8\n\
+             {quat: [0, 0.6, 0, -0.8]} | 0 | -0.6 | 0 | 0.8\n\
+             null | null | null | null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Rotation, "rotation of B in A")],
+        outputs: &[
+            Port::real("x", UnitRule::Is(Unit::ONE), "factor of i").within(-BOUND, BOUND),
+            Port::real("y", UnitRule::Is(Unit::ONE), "factor of j").within(-BOUND, BOUND),
+            Port::real("z", UnitRule::Is(Unit::ONE), "factor of k").within(-BOUND, BOUND),
+            Port::real("w", UnitRule::Is(Unit::ONE), "the real part").within(0.0, BOUND),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, x, y, z, w]: [u32; 5]) {
+    let quaternion = frame.rotation(input).map(rotation::canonical);
+    let elements = quaternion.unwrap_or([NULL_REAL; 4]);
+    for (slot, element) in [x, y, z, w].into_iter().zip(elements) {
+        frame.set_real(slot, element);
+    }
+}

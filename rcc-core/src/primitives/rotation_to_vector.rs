@@ -1,0 +1,41 @@
+//! `RotationToVector`: the rotation vector of a rotation, the logarithm.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "RotationToVector",
+        summary: "The axis of a rotation times its angle: the logarithm.",
+        undefined: "a quaternion of length zero",
+        formula: "2 atan2(|u|, w) u/|u| for q = [u, w] with w >= 0; at half a turn one of the two is taken, always the same",
+        examples: &[Example::new(
+            "oblique (scipy 1.17), half a turn and none",
+            "",
+            "in | out\n\
+             {rpy: [0.3, -0.5, 1.2]} | [0.5588305580623192, -0.26060500755348875, 1.2395724105069739]\n\
+             {quat: [1, 0, 0, 0]} | [3.141592653589793, 0, 0]\n\
+             {quat: [-1, 0, 0, 0]} | [3.141592653589793, 0, 0]\n\
+             {quat: [0, 0, 0, 1]} | [0, 0, 0]\n\
+             null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Rotation, "rotation of B in A")],
+        outputs: &[Port::new(
+            "out",
+            PortType::Is(Type::Vector3),
+            UnitRule::Is(Unit::RADIAN),
+            "axis times angle, at most π long; the same in A and B",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let vector = frame.rotation(input).map(rotation::log);
+    frame.set_composite(out, vector);
+}

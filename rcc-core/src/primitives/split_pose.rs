@@ -1,0 +1,40 @@
+//! `SplitPose`: position and rotation of a pose.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SplitPose",
+        summary: "The position and the rotation of a pose.",
+        undefined: "an infinite input, a quaternion of length zero",
+        examples: &[Example::new(
+            "both, or null",
+            "",
+            "in | position | rotation\n\
+             {xyz: [1, -2, 3.5], rpy: [0.3, -0.5, 1.2]} | [1, -2, 3.5] | {rpy: [0.3, -0.5, 1.2]}\n\
+             null | null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Pose, "pose of B in A")],
+        outputs: &[
+            Port::new(
+                "position",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::METRE),
+                "origin of B in A",
+            ),
+            Port::typed("rotation", Type::Rotation, "rotation of B in A"),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, position, rotation]: [u32; 3]) {
+    let pose = frame.known_pose(input);
+    frame.set_composite(position, pose.map(|pose| pose.position));
+    frame.set_composite(rotation, pose.map(|pose| pose.orientation));
+}

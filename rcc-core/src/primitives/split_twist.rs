@@ -1,0 +1,46 @@
+//! `SplitTwist`: the two vectors of a twist.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::spatial;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SplitTwist",
+        summary: "The two vectors of a twist: velocity of the reference point and angular velocity.",
+        undefined: "an infinite input",
+        examples: &[Example::new(
+            "both, or null",
+            "",
+            "in | linear | angular\n\
+             [1, 2, 3, -4, -5, -6] | [1, 2, 3] | [-4, -5, -6]\n\
+             null | null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Twist, "a twist")],
+        outputs: &[
+            Port::new(
+                "linear",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::METRE_PER_SECOND),
+                "velocity of the reference point, same axes",
+            ),
+            Port::new(
+                "angular",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "angular velocity, same axes",
+            ),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, linear, angular]: [u32; 3]) {
+    let parts = frame.composite(input).map(spatial::split);
+    frame.set_composite(linear, parts.map(|(linear, _)| linear));
+    frame.set_composite(angular, parts.map(|(_, angular)| angular));
+}

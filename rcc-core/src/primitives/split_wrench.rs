@@ -1,0 +1,46 @@
+//! `SplitWrench`: the two vectors of a wrench.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::spatial;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SplitWrench",
+        summary: "The two vectors of a wrench: force and torque.",
+        undefined: "an infinite input",
+        examples: &[Example::new(
+            "both, or null",
+            "",
+            "in | force | torque\n\
+             [1, 2, 3, -4, -5, -6] | [1, 2, 3] | [-4, -5, -6]\n\
+             null | null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Wrench, "a wrench")],
+        outputs: &[
+            Port::new(
+                "force",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::NEWTON),
+                "force, same axes",
+            ),
+            Port::new(
+                "torque",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::NEWTON_METRE),
+                "torque about the reference point, same axes",
+            ),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, force, torque]: [u32; 3]) {
+    let parts = frame.composite(input).map(spatial::split);
+    frame.set_composite(force, parts.map(|(force, _)| force));
+    frame.set_composite(torque, parts.map(|(_, torque)| torque));
+}

@@ -1,0 +1,42 @@
+//! `TransformFromPose`: a pose as a homogeneous transform.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TransformFromPose",
+        summary: "The homogeneous transform of a pose.",
+        undefined: "an infinite input, a quaternion of length zero",
+        formula: "[R p; 0 1]",
+        examples: &[Example::new(
+            "turned and moved",
+            "",
+            "in | out\n\
+             {xyz: [1, 2, 3], rpy: [0, 0, deg(90)]} | [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]\n\
+             null | null",
+        )],
+        inputs: &[Port::typed("in", Type::Pose, "pose of B in A")],
+        outputs: &[Port::new(
+            "out",
+            PortType::Is(Type::TRANSFORM),
+            UnitRule::Is(Unit::METRE),
+            "transform of B in A, row-major; its last column is the position",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) {
+    let transform = frame.known_pose(input).map(|pose| {
+        let [[a, b, c], [d, e, f], [g, h, i]] = rotation::to_matrix(pose.orientation);
+        let [x, y, z] = pose.position;
+        [a, b, c, x, d, e, f, y, g, h, i, z, 0.0, 0.0, 0.0, 1.0]
+    });
+    frame.set_composite(out, transform);
+}

@@ -1,0 +1,50 @@
+//! `TransformPoint`: a point of an inner frame, seen from the outer one.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::Type;
+use crate::unit::Unit;
+use crate::vector;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TransformPoint",
+        summary: "A point given in an inner frame, seen from the outer one.",
+        undefined: "an infinite input, a quaternion of length zero, a result that is too large for a number",
+        formula: "R point + p",
+        examples: &[Example::new(
+            "turned and moved (scipy 1.17)",
+            "",
+            "pose | point | out\n\
+             {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [1, 2, 3] | [-0.8370849177621283, -0.4557234146508664, 4.213272229491274]\n\
+             {xyz: [1, 2, 3], rpy: [0, 0, deg(90)]} | [1, 0, 0] | [1, 3, 3]\n\
+             null | [1, 0, 0] | null",
+        )],
+        inputs: &[
+            Port::typed("pose", Type::Pose, "pose of B in A"),
+            Port::new(
+                "point",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::METRE),
+                "point in B",
+            ),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Is(Type::Vector3),
+            UnitRule::Is(Unit::METRE),
+            "the same point in A",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, point, out]: [u32; 3]) {
+    let both = frame.known_pose(pose).zip(frame.composite(point));
+    let seen = both
+        .map(|(pose, point)| vector::add(rotation::rotate(pose.orientation, point), pose.position));
+    frame.set_composite(out, seen);
+}

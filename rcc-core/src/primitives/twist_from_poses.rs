@@ -1,0 +1,30 @@
+//! `TwistFromPoses`: the twist that leads from one pose to the next in one cycle.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::spatial;
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TwistFromPoses",
+summary: "The constant twist that leads from the pose before to this one in one period of the net.",
+undefined: "an infinite input, a quaternion of length zero, a result that is too large for a number",
+formula: "v = (p - p_previous) / T, ω = log(R R_previousᵀ) / T with the period T; at half a turn a period one of two is taken",
+examples: &[Example::new("one period of 10 ms", "", "pose | previous | out\n\
+             {xyz: [0.401, -0.098, 0.697], rpy: [0, 0, 0.31]} | {xyz: [0.4, -0.1, 0.7], rpy: [0, 0, 0.3]} | [0.1, 0.2, -0.3, 0, 0, 1]\n\
+             {xyz: [0, 0, 0], rpy: [0, 0, 0]} | null | null").every_ms(10),],
+inputs: &[Port::typed("pose", Type::Pose, "pose of B in A"), Port::typed("previous", Type::Pose, "the pose one period before, by a delayed link")],
+outputs: &[Port::typed("out", Type::Twist, "in axes of A, reference point the origin of B")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, previous, out]: [u32; 3]) {
+    let period = frame.dt_s;
+    let both = frame.known_pose(previous).zip(frame.known_pose(pose));
+    let twist = both.map(|(previous, pose)| spatial::difference(&previous, &pose, period));
+    frame.set_composite(out, twist);
+}

@@ -1,0 +1,46 @@
+//! `TwistShift`: a twist with another reference point.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::spatial;
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TwistShift",
+        summary: "The same motion as a twist with another reference point, in the same axes.",
+        undefined: "an infinite input, a result that is too large for a number",
+        formula: "v' = v + ω × by, ω' = ω (Lynch and Park, Modern Robotics, 2017, section 3.3.2)",
+        examples: &[Example::new(
+            "2 rad/s about z: half a metre along x moves along y with 1 m/s",
+            "",
+            "in | by | out\n\
+             [0, 0, 0, 0, 0, 2] | [0.5, 0, 0] | [0, 1, 0, 0, 0, 2]\n\
+             [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | [0, 0, 0] | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6]\n\
+             null | [0, 0, 0] | null",
+        )],
+        inputs: &[
+            Port::typed("in", Type::Twist, "a twist"),
+            Port::new(
+                "by",
+                PortType::Is(Type::Vector3),
+                UnitRule::Is(Unit::METRE),
+                "from its reference point to the new one, same axes",
+            ),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Twist,
+            "the twist at the new reference point, same axes",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [input, by, out]: [u32; 3]) {
+    let both = frame.composite(input).zip(frame.composite(by));
+    frame.set_composite(out, both.map(|(twist, by)| spatial::shift_twist(twist, by)));
+}

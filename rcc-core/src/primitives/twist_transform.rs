@@ -1,0 +1,47 @@
+//! `TwistTransform`: a twist in another frame.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::spatial;
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TwistTransform",
+        summary: "A twist that is given in an inner frame, in the outer one: axes and reference point both change.",
+        undefined: "an infinite input, a quaternion of length zero, a result that is too large for a number",
+        formula: "ω_A = R ω_B, v_A = R v_B + p × ω_A (the adjoint: Lynch and Park, Modern Robotics, 2017, section 3.3.2)",
+        examples: &[Example::new(
+            "turned and moved (numpy, scipy 1.17)",
+            "",
+            "pose | in | out\n\
+             {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | [-0.2553502566625213, 0.45017431028622407, -0.09039058934012492, 0.6013824871510615, 0.0029398128804087216, 0.6390074034377311]\n\
+             {xyz: [0, 0, 0], rpy: [0, 0, 0]} | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6]\n\
+             null | [0.1, 0.2, -0.3, 0.5, -0.4, 0.6] | null",
+        )],
+        inputs: &[
+            Port::typed("pose", Type::Pose, "pose of B in A"),
+            Port::typed(
+                "in",
+                Type::Twist,
+                "twist in axes of B, reference point its origin",
+            ),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Twist,
+            "the same motion in axes of A, reference point the origin of A",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, input, out]: [u32; 3]) {
+    let both = frame.known_pose(pose).zip(frame.composite(input));
+    frame.set_composite(
+        out,
+        both.map(|(pose, twist)| spatial::transform_twist(&pose, twist)),
+    );
+}

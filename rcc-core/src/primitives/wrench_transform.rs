@@ -1,0 +1,47 @@
+//! `WrenchTransform`: a wrench in another frame.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::spatial;
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "WrenchTransform",
+        summary: "A wrench that is given in an inner frame, in the outer one: axes and reference point both change.",
+        undefined: "an infinite input, a quaternion of length zero, a result that is too large for a number",
+        formula: "f_A = R f_B, t_A = R t_B + p × f_A (Lynch and Park, Modern Robotics, 2017, section 3.4)",
+        examples: &[Example::new(
+            "turned and moved (numpy, scipy 1.17)",
+            "",
+            "pose | in | out\n\
+             {xyz: [0.4, -0.1, 0.7], rpy: [0.3, -0.5, 1.2]} | [10, -5, 2, 0.3, 0.1, -0.2] | [8.107681171418623, 6.040861171946876, 5.174311772969283, -4.766703705981206, 3.979240677687767, 3.229197256788256]\n\
+             {xyz: [0, 0, 0], rpy: [0, 0, 0]} | [10, -5, 2, 0.3, 0.1, -0.2] | [10, -5, 2, 0.3, 0.1, -0.2]\n\
+             null | [10, -5, 2, 0.3, 0.1, -0.2] | null",
+        )],
+        inputs: &[
+            Port::typed("pose", Type::Pose, "pose of B in A"),
+            Port::typed(
+                "in",
+                Type::Wrench,
+                "wrench in axes of B, reference point its origin",
+            ),
+        ],
+        outputs: &[Port::typed(
+            "out",
+            Type::Wrench,
+            "the same load in axes of A, reference point the origin of A",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, input, out]: [u32; 3]) {
+    let both = frame.known_pose(pose).zip(frame.composite(input));
+    frame.set_composite(
+        out,
+        both.map(|(pose, wrench)| spatial::transform_wrench(&pose, wrench)),
+    );
+}
