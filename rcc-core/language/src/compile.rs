@@ -8,6 +8,7 @@ use rcc_ipc::control::PlanData;
 
 use crate::check::{Typed, check};
 use crate::devices::DeviceTable;
+use crate::directionet;
 use crate::expand;
 use crate::fault;
 use crate::infer::infer;
@@ -44,9 +45,8 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Fa
 /// # Errors
 /// All faults of the text, and its warnings.
 pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compiled, Faults> {
-    let (root, mut faults) = yaml::read(text);
-    let net = root.and_then(|root| syntax::read(&root, &mut faults));
-    let Some(net) = net else {
+    let mut faults = Vec::new();
+    let Some(net) = read(text, file, cell, &mut faults) else {
         return Err(finished(file, text, faults));
     };
     expand::refuse(&net, &mut faults);
@@ -85,6 +85,21 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
         plan: lowered.plan,
         warnings: finished(file, text, faults),
     })
+}
+
+/// Reads a text in whatever form it is: YAML, JSON or DirectIONet. `None`: too much is wrong to go on.
+pub fn read(
+    text: &str,
+    file: &str,
+    cell: &DeviceTable,
+    faults: &mut Vec<Diagnostic>,
+) -> Option<syntax::Net> {
+    if directionet::looks_like(text) {
+        return directionet::read(text, file, cell, faults);
+    }
+    let (root, found) = yaml::read(text);
+    faults.extend(found);
+    syntax::read(&root?, faults)
 }
 
 /// The faults of a text, each with a remedy: its own, or that of its kind.

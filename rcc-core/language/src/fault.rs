@@ -21,7 +21,7 @@ macro_rules! rules {
 }
 
 rules! {
-    BROKEN = rcc_config::yaml::BROKEN, "The text is not YAML or JSON.",
+    BROKEN = rcc_config::yaml::BROKEN, "The text is not YAML, JSON or DirectIONet.",
         "correct the text at the place shown";
     DUPLICATE_KEY = rcc_config::yaml::DUPLICATE_KEY, "A key, for example the id of a primitive, is given twice.",
         "rename one of the two";
@@ -97,10 +97,18 @@ rules! {
         "monitor some elements";
     NET_TOO_LARGE = "RCC1505", "The net needs more than an executor gives.",
         "split the net";
+    NO_COUNTERPART = "RCC1601", "Something of the predecessor has no counterpart here.",
+        "docs/from-the-predecessor.md says what becomes of each type";
+    WRONG_ARM = "RCC1602", "A net of the predecessor is made for another arm.",
+        "name the arm that it was made for: `# devices: theirs=ours` before the net";
     NOT_CANCELABLE = "RCC1901", "The net commands devices and cannot be cancelled (warning).",
         "add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion";
     RATE_ROUNDED = "RCC1902", "A rate does not divide the cycle's and was rounded (warning).",
         "choose a rate that divides the cycle's";
+    NO_HISTORY = "RCC1911", "A history for debugging is not kept (warning).",
+        "`rcc-cli watch` shows any port";
+    NEVER_ENDS = "RCC1912", "A net of the predecessor never ends by itself (warning).",
+        "name the results that end it: `# end: _1, _2` before the net";
 }
 
 /// The general remedy of a code.

@@ -4,6 +4,7 @@
 pub mod check;
 pub mod compile;
 pub mod devices;
+pub mod directionet;
 pub mod expand;
 pub mod fault;
 pub mod infer;

@@ -27,6 +27,11 @@ fn files(ending: &str) -> Vec<PathBuf> {
     files
 }
 
+/// The nets of the folder, in our form and in the predecessor's.
+fn nets() -> Vec<PathBuf> {
+    [files("yaml"), files("net")].concat()
+}
+
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap().to_string_lossy().into_owned()
 }
@@ -36,7 +41,7 @@ fn every_bad_net_is_told_what_is_wrong() {
     let cell = cell();
     let bless = std::env::var_os("RCC_BLESS").is_some();
     let mut different = Vec::new();
-    for path in files("yaml") {
+    for path in nets() {
         let text = fs::read_to_string(&path).unwrap();
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let faults = match compile(&text, &name, &cell) {
@@ -67,10 +72,7 @@ fn every_bad_net_is_told_what_is_wrong() {
 
 #[test]
 fn every_code_has_a_net() {
-    let stems = files("yaml")
-        .iter()
-        .map(|path| stem(path))
-        .collect::<Vec<_>>();
+    let stems = nets().iter().map(|path| stem(path)).collect::<Vec<_>>();
     for rule in RULES {
         let has = stems.iter().any(|stem| stem.starts_with(rule.code));
         assert!(
@@ -83,7 +85,7 @@ fn every_code_has_a_net() {
 
 #[test]
 fn nets_and_expected_texts_come_in_pairs() {
-    let nets: BTreeSet<String> = files("yaml").iter().map(|path| stem(path)).collect();
+    let nets: BTreeSet<String> = nets().iter().map(|path| stem(path)).collect();
     let texts: BTreeSet<String> = files("txt").iter().map(|path| stem(path)).collect();
     assert_eq!(nets, texts);
 }
@@ -91,7 +93,7 @@ fn nets_and_expected_texts_come_in_pairs() {
 #[test]
 fn errors_refuse_a_net_and_warnings_do_not() {
     let cell = cell();
-    for path in files("yaml") {
+    for path in nets() {
         let text = fs::read_to_string(&path).unwrap();
         let accepted = compile(&text, "net", &cell).is_ok();
         assert_eq!(

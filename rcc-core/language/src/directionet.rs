@@ -1,0 +1,147 @@
+//! DirectIONet, the predecessor's text of nets: read into the same model as YAML, so that everything behind it is the same.
+//! The loader's threads and `rcc-cli`.
+
+mod build;
+mod flatten;
+pub mod table;
+pub mod text;
+pub mod values;
+
+use rcc_config::diagnostic::{Diagnostic, Span, closest};
+
+use crate::devices::DeviceTable;
+use crate::fault;
+use crate::syntax::NAME_MAX;
+use crate::syntax::Net;
+
+pub use text::looks_like;
+
+/// What the lines before a net say: `# devices: kr=arm`.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Name of the net.
+    pub name: String,
+    /// Devices of the text and what they are called in the cell.
+    pub devices: Vec<(String, String)>,
+    /// Channels: device of the cell, type and port of the text (`InBool.8`), and the name of the channel in the cell.
+    pub channels: Vec<(String, String, String)>,
+    /// Keys of values to the application that end the net when they are true, with their places.
+    pub end: Vec<(String, Span)>,
+}
+
+impl Options {
+    fn device<'a>(&'a self, name: &'a str) -> &'a str {
+        let mut devices = self.devices.iter();
+        devices
+            .find(|(theirs, _)| theirs == name)
+            .map_or(name, |(_, ours)| ours)
+    }
+
+    fn channel(&self, device: &str, theirs: &str) -> Option<&str> {
+        let mut channels = self.channels.iter();
+        let found = channels.find(|(of, number, _)| of == device && number == theirs);
+        found.map(|(.., name)| name.as_str())
+    }
+}
+
+const HEADER_KEYS: &[&str] = &["net", "devices", "channels", "end"];
+
+/// Reads a net; `file` gives it its name if no line of the text does.
+pub fn read(
+    text: &str,
+    file: &str,
+    cell: &DeviceTable,
+    faults: &mut Vec<Diagnostic>,
+) -> Option<Net> {
+    let (header, root) = match text::parse(text) {
+        Ok(parsed) => parsed,
+        Err(fault) => {
+            faults.push(*fault);
+            return None;
+        }
+    };
+    let before = faults.len();
+    let options = options(&header, file, faults);
+    let flat = flatten::flatten(&root, faults);
+    let net = build::build(&flat, &options, cell, faults);
+    let new = faults.get(before..).unwrap_or_default();
+    let failed = new
+        .iter()
+        .any(|fault| fault.severity == rcc_config::diagnostic::Severity::Error);
+    (!failed).then_some(net)
+}
+
+/// The name of a net after its file: `lwr_lin-02.net` is `lwr-lin-02`.
+fn name_of(file: &str) -> String {
+    let stem = file.rsplit(['/', '\\']).next().unwrap_or_default();
+    let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
+    let mut name: String = stem
+        .chars()
+        .map(|c| match c.to_ascii_lowercase() {
+            c @ ('a'..='z' | '0'..='9') => c,
+            _ => '-',
+        })
+        .take(NAME_MAX)
+        .collect();
+    let begins = name.find(|c: char| c != '-').unwrap_or(name.len());
+    name.drain(..begins);
+    if name.is_empty() {
+        name.push_str("directionet");
+    }
+    name
+}
+
+fn options(header: &text::Header, file: &str, faults: &mut Vec<Diagnostic>) -> Options {
+    let mut options = Options {
+        name: name_of(file),
+        ..Options::default()
+    };
+    for (key, value) in &header.entries {
+        let parts = || {
+            value
+                .name
+                .split(',')
+                .map(str::trim)
+                .filter(|part| !part.is_empty())
+        };
+        match key.name.as_str() {
+            "net" => options.name.clone_from(&value.name),
+            "end" => options
+                .end
+                .extend(parts().map(|end| (end.to_string(), value.span))),
+            "devices" | "channels" => {
+                for part in parts() {
+                    let pair = part.split_once('=');
+                    let pair = pair.map(|(theirs, ours)| (theirs.trim(), ours.trim().to_string()));
+                    let channel = pair.as_ref().and_then(|(theirs, _)| theirs.split_once('.'));
+                    match (pair.clone(), channel) {
+                        (Some((theirs, ours)), _) if key.name == "devices" => {
+                            options.devices.push((theirs.to_string(), ours));
+                        }
+                        (Some((_, ours)), Some((device, number))) => {
+                            let row = (device.to_string(), number.to_string(), ours);
+                            options.channels.push(row);
+                        }
+                        _ => {
+                            let message = format!("`{part}` does not say what is what");
+                            let fault = Diagnostic::error(fault::WRONG_SHAPE, value.span, message);
+                            faults.push(fault.help(
+                                "write `# devices: theirs=ours` and `# channels: device.InBool.8=name`",
+                            ));
+                        }
+                    }
+                }
+            }
+            // Any other line is a comment, but not one that was nearly something else.
+            other => {
+                let near = closest(other, HEADER_KEYS.iter().copied());
+                if let Some(near) = near.filter(|_| !other.contains(' ')) {
+                    let message = format!("`# {other}:` says nothing to a net");
+                    let fault = Diagnostic::error(fault::UNKNOWN_KEY, key.span, message);
+                    faults.push(fault.help(format!("did you mean `# {near}:`?")));
+                }
+            }
+        }
+    }
+    options
+}

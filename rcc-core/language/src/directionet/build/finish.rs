@@ -1,0 +1,408 @@
+//! The net of ours as text says it: commands of whole arms, the end, ids, links, and what nobody reads.
+//! The loader's threads.
+
+use std::collections::{HashMap, HashSet};
+
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_config::yaml::Key;
+
+use super::{Build, Ours, Value, Wire};
+use crate::directionet::flatten::Source;
+use crate::fault;
+use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::reference::Reference;
+use crate::syntax::{Kind, Link, NAME_MAX, Net, Primitive, Source as Feed, Timing};
+
+/// A name of the predecessor as an id of ours: small letters, digits and `_`, beginning with a letter.
+#[must_use]
+pub fn id(name: &str) -> String {
+    let mut id = String::new();
+    for c in name.chars() {
+        match c {
+            'a'..='z' | '0'..='9' | '_' => id.push(c),
+            'A'..='Z' => id.push(c.to_ascii_lowercase()),
+            _ => id.push('_'),
+        }
+    }
+    if !id.starts_with(|c: char| c.is_ascii_lowercase()) {
+        id.insert(0, 'p');
+    }
+    id
+}
+
+impl Build<'_, '_> {
+    /// The id of a primitive of the text: its path.
+    pub(super) fn id_of(&self, number: usize) -> String {
+        let primitive = self.flat.primitives.get(number);
+        id(&primitive.map(|it| it.path.join("_")).unwrap_or_default())
+    }
+
+    pub(super) fn finish(mut self) -> Net {
+        self.command_arms();
+        self.terminate();
+        self.warn_of_debug();
+        let delayed = self.delayed_values();
+        self.lists();
+        let order = self.order_of_the_text();
+        let ids = self.ids(&order);
+        let mut read = HashSet::new();
+        let mut primitives = Vec::new();
+        for made in &order {
+            let Some(ours) = self.ours.get(*made) else {
+                continue;
+            };
+            let writer = Writer {
+                ids: &ids,
+                delayed: &delayed,
+            };
+            primitives.push(writer.primitive(*made, ours, &mut read));
+        }
+        let discard = self.discard(&order, &ids, &read);
+        Net {
+            name: Key {
+                name: self.options.name.clone(),
+                span: Span::default(),
+            },
+            description: "made from DirectIONet".to_string(),
+            survives_device_loss: false,
+            timing: Timing::default(),
+            uses: Vec::new(),
+            fragments: Vec::new(),
+            primitives,
+            discard,
+        }
+    }
+
+    /// What needs lists of links is told.
+    fn lists(&mut self) {
+        for ours in &self.ours {
+            let mut values = ours.inputs.iter();
+            if values.any(|(_, value, _)| matches!(value, Value::List(_))) {
+                let message = format!("`{}` needs a list of links", ours.ty);
+                self.faults
+                    .push(Diagnostic::error(fault::NO_COUNTERPART, ours.span, message));
+            }
+        }
+    }
+
+    fn add(&mut self, ours: Ours) -> usize {
+        self.ours.push(ours);
+        self.ours.len() - 1
+    }
+
+    /// One command for all axes of each robot.
+    fn command_arms(&mut self) {
+        for (device, arm) in std::mem::take(&mut self.arms) {
+            let joints = self
+                .cell
+                .find(&device)
+                .map_or(0, |(_, device)| device.model.joints);
+            let missing: Vec<String> = (0..joints)
+                .filter(|axis| !arm.axes.contains_key(axis))
+                .map(|axis| axis.to_string())
+                .collect();
+            if !missing.is_empty() {
+                let message = format!(
+                    "the net commands {} of the {joints} axes of `{device}`, and not {}",
+                    arm.axes.len(),
+                    missing.join(", ")
+                );
+                let fault = Diagnostic::error(fault::WRONG_ARM, arm.span, message);
+                self.faults.push(fault.help(
+                    "an arm is commanded as a whole: command all axes, or let `# devices:` name the arm that the net was made for",
+                ));
+                continue;
+            }
+            self.current = arm.made_for;
+            let made = self.add(Ours {
+                id: id(&format!("{device}_command")),
+                span: self.span(arm.made_for),
+                ty: "JointPositionCommand",
+                parameters: vec![("device", text(&device, arm.span))],
+                inputs: Vec::new(),
+                active: arm.active,
+                made_for: arm.made_for,
+            });
+            let span = arm.axes.values().next().map_or(arm.span, |(_, span)| *span);
+            let list = Value::List(arm.axes.into_values().map(|(value, _)| value).collect());
+            let port = self.spec(made).and_then(|spec| spec.input("position"));
+            let value = match port {
+                Some((_, port)) => self.fit(list, made, port),
+                None => Value::Refused,
+            };
+            if let Some(ours) = self.ours.get_mut(made) {
+                ours.inputs = vec![("position", value, span)];
+            }
+        }
+    }
+
+    /// `outTerminate` and the keys that are to end the net.
+    fn terminate(&mut self) {
+        self.current = usize::MAX;
+        let outputs = &self.flat.outputs;
+        let terminate = outputs.iter().find(|(key, _)| key.name == "outTerminate");
+        let Some((key, source)) = terminate.copied() else {
+            let message = "the net has no output `outTerminate`".to_string();
+            let help = Some("add `outTerminate=PRIMITIVE.PORT`".to_string());
+            self.faults.push(
+                Diagnostic::error(fault::NO_TERMINATION, Span::default(), message)
+                    .anywhere()
+                    .help_if(help),
+            );
+            return;
+        };
+        let mut done = self.value(source);
+        let mut never =
+            matches!(&done, Value::Constant(literal) if literal.shape == Shape::Bool(false));
+        let span = match source {
+            Source::Output { port, .. } => port.span,
+            Source::Refused => key.span,
+        };
+        for (end, place) in &self.options.end {
+            let found = self.keys.iter().find(|(key, _)| key == end);
+            let Some((_, value)) = found.cloned() else {
+                self.unknown_key(end, *place);
+                continue;
+            };
+            if never {
+                (done, never) = (value, false);
+                continue;
+            }
+            let made = self.add(Ours {
+                id: id(&format!("end_{end}")),
+                span,
+                ty: "Or",
+                parameters: Vec::new(),
+                inputs: vec![("a", done, span), ("b", value, span)],
+                active: None,
+                made_for: usize::MAX,
+            });
+            done = self.wire(made, "out");
+        }
+        if never {
+            let message = "the net never ends by itself: `outTerminate` is always false";
+            let fault = Diagnostic::warning(fault::NEVER_ENDS, span, message);
+            self.faults.push(fault.help(
+                "the predecessor's application ended it when a result came: name these results, `# end: _1, _2`, or abort it",
+            ));
+        }
+        self.add(Ours {
+            id: "end".to_string(),
+            span,
+            ty: "Termination",
+            parameters: Vec::new(),
+            inputs: vec![("done", done, span)],
+            active: None,
+            made_for: usize::MAX,
+        });
+    }
+
+    fn unknown_key(&mut self, end: &str, place: Span) {
+        let message = format!("the net gives no value with the key `{end}` to the application");
+        let keys: Vec<&str> = self.keys.iter().map(|(key, _)| key.as_str()).collect();
+        let help = match rcc_config::diagnostic::closest(end, keys.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!(
+                "keys: {}",
+                keys.iter().take(10).copied().collect::<Vec<_>>().join(", ")
+            ),
+        };
+        self.faults
+            .push(Diagnostic::error(fault::WRONG_SHAPE, place, message).help(help));
+    }
+
+    fn warn_of_debug(&mut self) {
+        let Some(first) = self.flat.debug.first() else {
+            return;
+        };
+        let count = self.flat.debug.len();
+        let message = format!(
+            "a history for debugging is asked for, here and at {} other inputs: it is not kept",
+            count - 1
+        );
+        let fault = Diagnostic::warning(fault::NO_HISTORY, *first, message);
+        self.faults.push(fault.help(
+            "every input of a device and every set-point is in the flight recorder, and `rcc-cli watch` shows any port",
+        ));
+    }
+
+    /// What each `Pre` delays, as a plain number.
+    fn delayed_values(&mut self) -> Vec<Value> {
+        let mut values = Vec::new();
+        for at in 0..self.delayed.len() {
+            let number = self.delayed[at];
+            self.current = number;
+            let value = match self.given(number, "inValue") {
+                Some((_, source)) => self.value(source),
+                None => Value::Refused,
+            };
+            let value = self.in_unit(value, rcc_core::unit::Unit::ONE);
+            values.push(match value {
+                // A constant and what is delayed already need a place of their own.
+                Value::Constant(_) | Value::Delayed(_) | Value::List(_) => self.pass(value),
+                value => value,
+            });
+        }
+        values
+    }
+
+    /// Ours as their causes stand in the text; what serves many stands before the first that it serves.
+    fn order_of_the_text(&self) -> Vec<usize> {
+        let mut place: Vec<usize> = self.ours.iter().map(|ours| ours.made_for).collect();
+        for (made, ours) in self.ours.iter().enumerate().rev() {
+            let Some(at) = place.get(made).copied() else {
+                continue;
+            };
+            for (_, value, _) in &ours.inputs {
+                for wire in wires(value) {
+                    let is_shared = self
+                        .ours
+                        .get(wire.primitive)
+                        .is_some_and(|it| it.made_for == usize::MAX);
+                    if let Some(place) = place.get_mut(wire.primitive).filter(|_| is_shared) {
+                        *place = at.min(*place);
+                    }
+                }
+            }
+        }
+        let mut order: Vec<usize> = (0..self.ours.len()).collect();
+        order.sort_by_key(|made| place.get(*made).copied());
+        order
+    }
+
+    /// Ids that differ, and that are not too long.
+    fn ids(&self, order: &[usize]) -> Vec<String> {
+        let mut ids = vec![String::new(); self.ours.len()];
+        let mut taken: HashMap<String, usize> = HashMap::new();
+        for made in order {
+            let Some(ours) = self.ours.get(*made) else {
+                continue;
+            };
+            let mut name: String = ours.id.chars().take(NAME_MAX).collect();
+            while let Some(count) = taken.get_mut(&name) {
+                *count += 1;
+                let tail = format!("_{count}");
+                name = ours.id.chars().take(NAME_MAX - tail.len()).collect();
+                name.push_str(&tail);
+            }
+            taken.insert(name.clone(), 1);
+            if let Some(place) = ids.get_mut(*made) {
+                *place = name;
+            }
+        }
+        ids
+    }
+
+    /// Every output that nobody reads and that must be named then.
+    fn discard(
+        &self,
+        order: &[usize],
+        ids: &[String],
+        read: &HashSet<(usize, &'static str)>,
+    ) -> Vec<Reference> {
+        let mut discard = Vec::new();
+        for made in order {
+            let (Some(spec), Some(ours)) = (self.spec(*made), self.ours.get(*made)) else {
+                continue;
+            };
+            for port in spec.outputs {
+                if !port.diagnostic && !read.contains(&(*made, port.name)) {
+                    let wire = (*made, port.name, None);
+                    discard.push(reference(ids, wire, ours.span));
+                }
+            }
+        }
+        discard
+    }
+}
+
+fn text(text: &str, span: Span) -> Literal {
+    Literal::new(Shape::Text(text.to_string()), span)
+}
+
+fn wires(value: &Value) -> Vec<Wire> {
+    match value {
+        Value::Wire(wire) => vec![*wire],
+        Value::List(values) => values.iter().flat_map(wires).collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn reference(
+    ids: &[String],
+    (primitive, port, index): (usize, &str, Option<u32>),
+    span: Span,
+) -> Reference {
+    Reference {
+        primitive: ids.get(primitive).cloned().unwrap_or_default(),
+        port: port.to_string(),
+        index,
+        span,
+        primitive_span: span,
+        port_span: span,
+    }
+}
+
+/// Turns what was made into the text's model.
+struct Writer<'b> {
+    ids: &'b [String],
+    delayed: &'b [Value],
+}
+
+impl Writer<'_> {
+    fn primitive(
+        &self,
+        made: usize,
+        ours: &Ours,
+        read: &mut HashSet<(usize, &'static str)>,
+    ) -> Primitive {
+        let key = |name: &str, span: Span| Key {
+            name: name.to_string(),
+            span,
+        };
+        let mut inputs = Vec::new();
+        for (name, value, span) in &ours.inputs {
+            inputs.push((key(name, *span), self.feed(value, *span, false, read)));
+        }
+        let active = ours.active.as_ref();
+        Primitive {
+            id: key(self.ids.get(made).map_or("", String::as_str), ours.span),
+            kind: Kind::Type,
+            type_name: key(ours.ty, ours.span),
+            parameters: ours
+                .parameters
+                .iter()
+                .map(|(name, literal)| (key(name, literal.span), literal.clone()))
+                .collect(),
+            inputs,
+            active: active.map(|value| self.feed(value, ours.span, false, read)),
+        }
+    }
+
+    fn feed(
+        &self,
+        value: &Value,
+        span: Span,
+        delayed: bool,
+        read: &mut HashSet<(usize, &'static str)>,
+    ) -> Feed {
+        match value {
+            Value::Wire(wire) => {
+                read.insert((wire.primitive, wire.port));
+                let wire = (wire.primitive, wire.port, wire.index);
+                Feed::Link(Link {
+                    from: reference(self.ids, wire, span),
+                    delayed,
+                    initial: delayed.then_some(Literal::new(Shape::Null, span)),
+                    span,
+                })
+            }
+            Value::Constant(literal) => Feed::Literal(literal.clone()),
+            Value::Delayed(number) => match self.delayed.get(*number) {
+                Some(value) => self.feed(value, span, true, read),
+                None => Feed::Refused,
+            },
+            Value::List(_) | Value::Refused => Feed::Refused,
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The order of the text's primitives: what feeds comes before what is fed, but for `Pre`, which gives the value of the
+//! cycle before. The loader's threads.
+
+use std::collections::VecDeque;
+
+use rcc_config::diagnostic::Diagnostic;
+
+use super::Build;
+use crate::directionet::flatten::Source;
+use crate::directionet::table::{Builtin, To};
+use crate::fault;
+
+/// Most primitives of a circle that a fault names.
+const NAMED_MAX: usize = 8;
+
+impl Build<'_, '_> {
+    /// All primitives in an order of evaluation; a circle is reported, and its primitives are left out.
+    pub(super) fn order(&mut self) -> Vec<usize> {
+        let count = self.flat.primitives.len();
+        let mut readers = vec![Vec::new(); count];
+        let mut missing = vec![0_usize; count];
+        for (number, primitive) in self.flat.primitives.iter().enumerate() {
+            let links = primitive.inputs.iter().map(|(_, source)| source);
+            for source in links.chain(&primitive.active) {
+                if let Source::Output { primitive, .. } = source
+                    && !self.is_pre(*primitive)
+                    && let (Some(readers), Some(missing)) =
+                        (readers.get_mut(*primitive), missing.get_mut(number))
+                {
+                    readers.push(number);
+                    *missing += 1;
+                }
+            }
+        }
+        let mut ready: VecDeque<usize> =
+            (0..count).filter(|n| missing.get(*n) == Some(&0)).collect();
+        let mut order = Vec::new();
+        while let Some(number) = ready.pop_front() {
+            order.push(number);
+            for reader in readers.get(number).into_iter().flatten() {
+                if let Some(missing) = missing.get_mut(*reader) {
+                    *missing -= 1;
+                    if *missing == 0 {
+                        ready.push_back(*reader);
+                    }
+                }
+            }
+        }
+        if order.len() < count {
+            self.report_circle(&missing);
+        }
+        order
+    }
+
+    pub(super) fn is_pre(&self, number: usize) -> bool {
+        let entry = self.entries.get(number).copied().flatten();
+        entry.is_some_and(|entry| entry.row.to == To::Special(Builtin::Pre))
+    }
+
+    /// Walks against the links from one primitive that waits, until one is met again: that is a circle.
+    fn report_circle(&mut self, missing: &[usize]) {
+        let waits = |number: usize| missing.get(number).is_some_and(|missing| *missing > 0);
+        let Some(mut number) = (0..missing.len()).find(|number| waits(*number)) else {
+            return;
+        };
+        let mut seen = vec![false; missing.len()];
+        let mut path = Vec::new();
+        while let Some(seen) = seen.get_mut(number).filter(|seen| !**seen) {
+            *seen = true;
+            path.push(number);
+            let Some(primitive) = self.flat.primitives.get(number) else {
+                return;
+            };
+            let links = primitive.inputs.iter().map(|(_, source)| source);
+            let next = links
+                .chain(&primitive.active)
+                .find_map(|source| match source {
+                    Source::Output { primitive, .. }
+                        if waits(*primitive) && !self.is_pre(*primitive) =>
+                    {
+                        Some(*primitive)
+                    }
+                    _ => None,
+                });
+            let Some(next) = next else { return };
+            number = next;
+        }
+        let start = path.iter().position(|it| *it == number).unwrap_or(0);
+        let circle = path.get(start..).unwrap_or_default();
+        let names: Vec<String> = circle
+            .iter()
+            .rev()
+            .take(NAMED_MAX)
+            .filter_map(|number| Some(self.flat.primitives.get(*number)?.path.join(".")))
+            .collect();
+        let more = if circle.len() > NAMED_MAX {
+            " → …"
+        } else {
+            ""
+        };
+        let message = format!(
+            "primitives wait for each other in a circle: {}{more}",
+            names.join(" → ")
+        );
+        let span = self.span(number);
+        let fault = Diagnostic::error(fault::LOOP_WITHOUT_DELAY, span, message);
+        self.faults.push(
+            fault.help("lead one link of the circle through a `Pre`, such as `Core::DoublePre`"),
+        );
+    }
+}
