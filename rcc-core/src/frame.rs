@@ -294,6 +294,16 @@ impl Frame<'_> {
     }
 }
 
+impl Frame<'_> {
+    /// The kinematics of a device with joint positions for it; `None` if one is null or not finite.
+    pub fn arm_at(&self, device: u32, joints: u32, width: u32) -> Option<(SrsArm, [f64; 7])> {
+        let [q1, q2, q3, q4, q5, q6, q7, _] = self.joints(joints, width)?;
+        let joints = [q1, q2, q3, q4, q5, q6, q7];
+        let finite = joints.iter().all(|joint| joint.is_finite());
+        self.arm(device).filter(|_| finite).map(|arm| (arm, joints))
+    }
+}
+
 /// Copies at most [`JOINTS_MAX`] values; `None` if one of them is null.
 pub fn joints_from(values: &[f64]) -> Option<Joints> {
     let mut joints = [0.0; JOINTS_MAX];

@@ -22,7 +22,7 @@ pub const COMMANDS_MAX: usize = 64;
 /// Widest value a monitor can carry.
 pub const MONITOR_WIDTH_MAX: usize = 16;
 /// Marks a record of this layout; change it with the layout.
-pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v002");
+pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v003");
 
 /// A joint vector; elements past the device's joints are 0.
 pub type Joints = [f64; JOINTS_MAX];
@@ -97,7 +97,7 @@ pub struct Measurement {
     pub joints: u32,
     /// Measured position, rad.
     pub position: Joints,
-    /// The driver's hold set-point: what it commands when no net does, rad.
+    /// The set-point that the driver sends: what a net commands, as it is played, or where it holds when no net does, rad.
     pub hold: Joints,
     /// Measured torque, N·m.
     pub torque: Joints,
@@ -111,6 +111,12 @@ pub struct Measurement {
     pub digital_known: u64,
     /// Analog inputs in SI units; NaN is unknown.
     pub analog: [f64; ANALOG_MAX],
+    /// Bit i: what the driver tells digital output i, commanded or released.
+    pub digital_out: u64,
+    /// Bit i: it tells digital output i anything; one that holds has no value before the first command.
+    pub digital_out_known: u64,
+    /// What the driver tells the analog outputs, SI units; NaN is nothing.
+    pub analog_out: [f64; ANALOG_MAX],
     /// Incarnation of the executor whose board the driver follows, 0 = none.
     pub executor: u64,
     /// Logical time of the set-point sent last, ns.

@@ -8,11 +8,13 @@ mod abs;
 mod add;
 mod analog_input;
 mod analog_output;
+mod analog_output_state;
 mod and;
 mod angle_between;
 mod arc_cosine;
 mod arc_sine;
 mod arc_tangent;
+mod arm_angle;
 mod bit_and;
 mod bit_not;
 mod bit_or;
@@ -23,8 +25,10 @@ mod constant;
 mod cosine;
 mod counter;
 mod cross;
+mod device_status;
 mod digital_input;
 mod digital_output;
+mod digital_output_state;
 mod divide;
 mod equals;
 mod exponential;
@@ -36,9 +40,14 @@ mod hypotenuse;
 mod input;
 mod int_divide;
 mod inverse_kinematics;
+mod inverse_kinematics_near;
+mod inverse_velocity_kinematics;
 mod is_null;
+mod jacobian;
 mod joint_position_command;
 mod joint_state;
+mod joint_torque_from_wrench;
+mod joint_velocity;
 mod less;
 mod limit;
 mod linear_motion;
@@ -105,6 +114,7 @@ mod truncate;
 mod twist_from_poses;
 mod twist_shift;
 mod twist_transform;
+mod velocity_kinematics;
 mod wrench_shift;
 mod wrench_transform;
 mod xor;
@@ -115,11 +125,13 @@ pub const CATALOGUE: &[&Entry] = &[
     &add::ENTRY,
     &analog_input::ENTRY,
     &analog_output::ENTRY,
+    &analog_output_state::ENTRY,
     &and::ENTRY,
     &angle_between::ENTRY,
     &arc_cosine::ENTRY,
     &arc_sine::ENTRY,
     &arc_tangent::ENTRY,
+    &arm_angle::ENTRY,
     &bit_and::ENTRY,
     &bit_not::ENTRY,
     &bit_or::ENTRY,
@@ -130,8 +142,10 @@ pub const CATALOGUE: &[&Entry] = &[
     &cosine::ENTRY,
     &counter::ENTRY,
     &cross::ENTRY,
+    &device_status::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
+    &digital_output_state::ENTRY,
     &divide::ENTRY,
     &equals::ENTRY,
     &exponential::ENTRY,
@@ -143,9 +157,14 @@ pub const CATALOGUE: &[&Entry] = &[
     &input::ENTRY,
     &int_divide::ENTRY,
     &inverse_kinematics::ENTRY,
+    &inverse_kinematics_near::ENTRY,
+    &inverse_velocity_kinematics::ENTRY,
     &is_null::ENTRY,
+    &jacobian::ENTRY,
     &joint_position_command::ENTRY,
     &joint_state::ENTRY,
+    &joint_torque_from_wrench::ENTRY,
+    &joint_velocity::ENTRY,
     &less::ENTRY,
     &limit::ENTRY,
     &linear_motion::ENTRY,
@@ -212,6 +231,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &twist_from_poses::ENTRY,
     &twist_shift::ENTRY,
     &twist_transform::ENTRY,
+    &velocity_kinematics::ENTRY,
     &wrench_shift::ENTRY,
     &wrench_transform::ENTRY,
     &xor::ENTRY,

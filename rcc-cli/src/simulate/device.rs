@@ -51,10 +51,10 @@ impl Device {
         measurement.quality_permille = 1000;
         measurement.joints = config.model().joints;
         let digital_inputs = config.channels_of(ChannelKind::DigitalInput).count();
-        measurement.digital_known = 1u64
-            .checked_shl(digital_inputs as u32)
-            .map_or(u64::MAX, |bit| bit - 1);
+        measurement.digital_known = ones(digital_inputs);
+        measurement.period_ns = period_ns;
         measurement.analog.fill(f64::NAN);
+        measurement.analog_out.fill(f64::NAN);
         for channel in config.channels_of(ChannelKind::AnalogInput) {
             if let Some(place) = measurement.analog.get_mut(channel.index as usize) {
                 *place = channel.offset;
@@ -92,7 +92,13 @@ impl Device {
         self.feed_back();
         let m = &mut self.measurement;
         m.sequence += 1;
+        m.periods += 1;
         m.stamp_ns = now_ns;
+        m.digital_out = self.digital;
+        m.digital_out_known = ones(self.digital_release.len());
+        for (place, value) in m.analog_out.iter_mut().zip(&self.analog) {
+            *place = *value;
+        }
         m.state = DeviceState::Ready as u32;
         if let Some(arm) = &self.arm {
             m.state = arm.state() as u32;
@@ -158,6 +164,12 @@ impl Device {
             }
         }
     }
+}
+
+/// The lowest bits, so many of them.
+fn ones(count: usize) -> u64 {
+    1u64.checked_shl(count as u32)
+        .map_or(u64::MAX, |bit| bit - 1)
 }
 
 fn set_bit(bits: &mut u64, index: usize, value: bool) {

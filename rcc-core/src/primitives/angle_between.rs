@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "AngleBetween",
         summary: "The angle between two vectors, whatever their lengths.",
-        undefined: "a zero vector, an infinite input",
+        undefined: "a zero vector; overflow: an infinite input",
         formula: "2 atan2(|a - b|, |a + b|) of the directions (Kahan, How Futile are Mindless Assessments of Roundoff, 2006)",
         examples: &[Example::new(
             "square, same, opposite and oblique (numpy)",

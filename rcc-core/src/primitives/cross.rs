@@ -10,7 +10,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Cross",
         summary: "The cross product of two vectors, right-handed.",
-        undefined: "an infinite input, a result that is too large for a number",
+        undefined: "overflow: an infinite input, a result too large for a number",
         formula: "[a_y b_z - a_z b_y, a_z b_x - a_x b_z, a_x b_y - a_y b_x]",
         examples: &[Example::new(
             "x × y = z, and parallel vectors",

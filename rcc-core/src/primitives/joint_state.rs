@@ -23,7 +23,7 @@ pub const ENTRY: Entry = Entry::new(
                 "hold",
                 PortType::Joints,
                 UnitRule::Is(Unit::RADIAN),
-                "set-point that the driver holds without a net",
+                "set-point that the driver sends: a net's as it is played, its own without one",
             )
             .diagnostic(),
             Port::new(

@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "MakePose",
         summary: "A pose from its position and its rotation.",
-        undefined: "an infinite input, a quaternion of length zero",
+        undefined: "overflow: an infinite input, a quaternion without direction",
         examples: &[Example::new(
             "both, or null",
             "",

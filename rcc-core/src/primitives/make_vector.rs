@@ -9,7 +9,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "MakeVector",
         summary: "A vector from its three elements.",
-        undefined: "an infinite input",
+        undefined: "overflow: an infinite input",
         examples: &[Example::new(
             "elements in order",
             "",

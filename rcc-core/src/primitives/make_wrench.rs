@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "MakeWrench",
         summary: "A wrench from force and torque.",
-        undefined: "an infinite input",
+        undefined: "overflow: an infinite input",
         examples: &[Example::new(
             "both, or null",
             "",

@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Normalize",
         summary: "The direction of a vector: the vector divided by its length.",
-        undefined: "the zero vector, an infinite input",
+        undefined: "the zero vector; overflow: an infinite input",
         formula: "in / |in|, scaled by its largest element first so that no square overflows",
         examples: &[Example::new(
             "any length, and none",

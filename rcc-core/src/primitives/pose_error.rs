@@ -12,7 +12,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "PoseError",
         summary: "The way and the turn that lead from one pose to another, in the outer axes.",
-        undefined: "an infinite input, a quaternion of length zero, positions too far apart for a number",
+        undefined: "overflow: an infinite input, a quaternion without direction, positions too far apart for a number",
         formula: "[p_to - p_from, log(R_to R_fromᵀ)]; at half a turn one of two vectors is taken",
         examples: &[Example::new(
             "oblique (scipy 1.17)",

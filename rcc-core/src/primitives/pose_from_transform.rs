@@ -12,7 +12,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "PoseFromTransform",
         summary: "The pose of a homogeneous transform.",
-        undefined: "an infinite input, a rotation part that is none, as for RotationFromMatrix",
+        undefined: "a rotation part that is none, as for RotationFromMatrix; overflow: an infinite input",
         formula: "the rotation nearest to the upper left 3 × 3 elements (see RotationFromMatrix), the position from the last column",
         examples: &[Example::new(
             "turned and moved",

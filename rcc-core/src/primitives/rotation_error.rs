@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationError",
         summary: "The turn that leads from one rotation to another, as axis times angle in the outer axes.",
-        undefined: "a quaternion of length zero",
+        undefined: "overflow: a quaternion without direction",
         formula: "log(to from⁻¹); at half a turn one of two vectors is taken (Caccavale et al., Role of Euler parameters in robot control, Asian J. Control 1(1), 1999)",
         examples: &[Example::new(
             "oblique (scipy 1.17), and none",

@@ -10,7 +10,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromAxes",
         summary: "The rotation whose x axis points along a vector and whose y axis is in the half plane of another.",
-        undefined: "a zero vector, an infinite input, parallel or opposite vectors (to 1e-9 rad)",
+        undefined: "a zero vector; parallel or opposite vectors (to 1e-9 rad); overflow: an infinite input",
         formula: "columns x/|x|, z × x and z = x × y / |x × y|",
         examples: &[Example::new(
             "the axes of a frame",

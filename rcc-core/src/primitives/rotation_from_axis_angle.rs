@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromAxisAngle",
         summary: "The rotation about the direction of an axis by an angle, right-handed.",
-        undefined: "the zero vector as axis, an infinite input",
+        undefined: "the zero vector as axis; overflow: an infinite input",
         formula: "q = [sin(angle/2) axis/|axis|, cos(angle/2)] (Solà, arXiv:1711.02508, section 2)",
         examples: &[Example::new(
             "about an oblique axis (scipy 1.17)",

@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromMatrix",
         summary: "The rotation nearest to a 3 × 3 matrix, made orthonormal first.",
-        undefined: "a matrix with an element of |MᵀM - 1| above 1e-3, one that mirrors, an infinite input",
+        undefined: "a matrix with an element of |MᵀM - 1| above 1e-3; one that mirrors; overflow: an infinite input",
         formula: "three steps M ← M (3 - MᵀM) / 2 (Björck and Bowie, SIAM J. Numer. Anal. 8(2), 1971), then Shepperd, J. Guidance and Control 1(3), 1978",
         examples: &[Example::new(
             "a general one (scipy 1.17), a rounded one, and what is none",

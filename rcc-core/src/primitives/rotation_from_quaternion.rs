@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromQuaternion",
         summary: "A rotation from a quaternion of any length but zero.",
-        undefined: "a quaternion whose squared length is zero or too large for a number, an infinite input",
+        undefined: "all four zero (or all so small or large that their squares are 0 or no numbers); overflow: an infinite input",
         formula: "q / |q|; Hamilton, ij = k (Solà, arXiv:1711.02508, table 1)",
         examples: &[Example::new(
             "any length but zero",

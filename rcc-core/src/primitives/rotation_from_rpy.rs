@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromRpy",
         summary: "A rotation from roll, pitch and yaw about the fixed axes x, y and z, in this order.",
-        undefined: "an infinite input",
+        undefined: "overflow: an infinite input",
         formula: "R = Rz(yaw) Ry(pitch) Rx(roll); the same as A = yaw, B = pitch, C = roll about moving axes z, y, x (KUKA)",
         examples: &[Example::new(
             "one axis, and all (scipy 1.17)",

@@ -10,7 +10,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromTwoVectors",
         summary: "The shortest turn that brings the direction of one vector to that of another.",
-        undefined: "a zero vector, an infinite input, opposite directions (to 1e-9 rad): every axis square to them would do",
+        undefined: "a zero vector; opposite directions (to 1e-9 rad), for every axis square to them would do; overflow: an infinite input",
         formula: "q = [a × b, |a + b|² / 2] of the directions, at length one",
         examples: &[Example::new(
             "oblique (numpy, scipy 1.17), and opposite",

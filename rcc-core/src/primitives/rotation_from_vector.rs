@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationFromVector",
         summary: "The rotation about the direction of a vector by its length: the exponential map.",
-        undefined: "an infinite input, a result that is too large for a number",
+        undefined: "overflow: an infinite input, a result too large for a number",
         formula: "q = [sin(a/2) in/a, cos(a/2)] with a = |in|, a series near 0 (Grassia, J. Graphics Tools 3(3), 1998)",
         examples: &[Example::new(
             "oblique (scipy 1.17), and none",

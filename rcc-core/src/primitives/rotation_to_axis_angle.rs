@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationToAxisAngle",
         summary: "The axis, at length one, and the angle of a rotation.",
-        undefined: "a quaternion of length zero",
+        undefined: "overflow: a quaternion without direction",
         formula: "angle = 2 atan2(|u|, w) for q = [u, w] with w >= 0; at half a turn both axes are right, and the one whose last element that is not zero is positive is taken",
         examples: &[Example::new(
             "oblique (scipy 1.17), half a turn and none",

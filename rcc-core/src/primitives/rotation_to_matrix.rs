@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationToMatrix",
         summary: "The rotation matrix of a rotation.",
-        undefined: "a quaternion of length zero",
+        undefined: "overflow: a quaternion without direction",
         formula: "Solà, arXiv:1711.02508, section 2",
         examples: &[Example::new(
             "a general one (scipy 1.17)",

@@ -14,7 +14,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationToQuaternion",
         summary: "The quaternion of a rotation, of the two the one with w ≥ 0.",
-        undefined: "a quaternion of length zero",
+        undefined: "overflow: a quaternion without direction",
         formula: "Hamilton, ij = k; if w = 0 the last element that is not zero is positive",
         examples: &[Example::new(
             "the sign",

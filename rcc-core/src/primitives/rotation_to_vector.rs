@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "RotationToVector",
         summary: "The axis of a rotation times its angle: the logarithm.",
-        undefined: "a quaternion of length zero",
+        undefined: "overflow: a quaternion without direction",
         formula: "2 atan2(|u|, w) u/|u| for q = [u, w] with w >= 0; at half a turn one of the two is taken, always the same",
         examples: &[Example::new(
             "oblique (scipy 1.17), half a turn and none",

@@ -10,7 +10,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "SplitPose",
         summary: "The position and the rotation of a pose.",
-        undefined: "an infinite input, a quaternion of length zero",
+        undefined: "overflow: an infinite input, a quaternion without direction",
         examples: &[Example::new(
             "both, or null",
             "",

@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "SplitTwist",
         summary: "The two vectors of a twist: velocity of the reference point and angular velocity.",
-        undefined: "an infinite input",
+        undefined: "overflow: an infinite input",
         examples: &[Example::new(
             "both, or null",
             "",

@@ -9,7 +9,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "SplitVector",
         summary: "The three elements of a vector.",
-        undefined: "an infinite input",
+        undefined: "overflow: an infinite input",
         examples: &[Example::new(
             "elements in order",
             "",

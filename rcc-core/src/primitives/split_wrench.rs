@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "SplitWrench",
         summary: "The two vectors of a wrench: force and torque.",
-        undefined: "an infinite input",
+        undefined: "overflow: an infinite input",
         examples: &[Example::new(
             "both, or null",
             "",

@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "TransformFromPose",
         summary: "The homogeneous transform of a pose.",
-        undefined: "an infinite input, a quaternion of length zero",
+        undefined: "overflow: an infinite input, a quaternion without direction",
         formula: "[R p; 0 1]",
         examples: &[Example::new(
             "turned and moved",

@@ -10,7 +10,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "TwistFromPoses",
 summary: "The constant twist that leads from the pose before to this one in one period of the net.",
-undefined: "an infinite input, a quaternion of length zero, a result that is too large for a number",
+undefined: "overflow: an infinite input, a quaternion without direction, a result too large for a number",
 formula: "v = (p - p_previous) / T, ω = log(R R_previousᵀ) / T with the period T; at half a turn a period one of two is taken",
 examples: &[Example::new("one period of 10 ms", "", "pose | previous | out\n\
              {xyz: [0.401, -0.098, 0.697], rpy: [0, 0, 0.31]} | {xyz: [0.4, -0.1, 0.7], rpy: [0, 0, 0.3]} | [0.1, 0.2, -0.3, 0, 0, 1]\n\

@@ -40,17 +40,19 @@ impl Station {
             delay_ns: device.delay_ns,
             command_timeout_ns: device.command_timeout_ns,
         };
+        let release = Release::new(device);
         Self {
             player: Player::new(settings),
-            release: Release::new(device),
             measurement: Measurement {
                 magic: MAGIC,
                 joints: device.model().joints,
                 state: DeviceState::Offline as u32,
                 reason: reason::SILENT,
                 stamp_ns: now_ns,
+                analog_out: release.values().analog,
                 ..Measurement::zeroed()
             },
+            release,
             heard_ns: now_ns,
             offline_after_ns: device.command_timeout_ns,
             command_timeout_ns: device.command_timeout_ns,
@@ -199,10 +201,14 @@ impl Station {
             _ => player.reason(),
         };
         let reasons = [exchange.reason, history, range];
+        let outputs = self.release.values();
         self.measurement = Measurement {
             state: state as u32,
             reason: reasons.into_iter().find(|reason| *reason != 0).unwrap_or(0),
             hold: *player.position(),
+            digital_out: outputs.digital,
+            digital_out_known: outputs.digital_set,
+            analog_out: outputs.analog,
             executor: player.executor(),
             played_ns: player.played_ns(),
             settled_ns: player.settled_ns(),

@@ -124,16 +124,22 @@ fn a_device_is_online_without_and_ready_with_an_executor() {
 }
 
 #[test]
-fn outputs_are_passed_on_and_released_when_the_executor_stops_writing() {
+fn outputs_are_passed_on_told_of_and_released_when_the_executor_stops_writing() {
     let mut bench = Bench::new();
     bench.cell.start_executor();
     bench.until(
         |bench| bench.command(Some(true)),
-        |told, _| (told.digital, told.digital_set) == (1, 1),
+        |told, measured| {
+            let tells = (measured.digital_out, measured.digital_out_known);
+            (told.digital, told.digital_set) == (1, 1) && tells == (1, 1)
+        },
     );
     bench.until(
         |_| {},
-        |told, measured| (told.digital, told.digital_set) == (0, 1) && measured.executor == 0,
+        |told, measured| {
+            let tells = (measured.digital_out, measured.digital_out_known);
+            (told.digital, told.digital_set) == (0, 1) && tells == (0, 1) && measured.executor == 0
+        },
     );
 }
 

@@ -236,7 +236,8 @@ fn makes_sense(measurement: &mut Measurement, joints: u32) -> bool {
             group.fill(f64::NAN);
         }
     }
-    for value in &mut measurement.analog {
+    let analog = measurement.analog.iter_mut();
+    for value in analog.chain(&mut measurement.analog_out) {
         if !value.is_finite() {
             *value = f64::NAN;
         }

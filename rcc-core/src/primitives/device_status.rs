@@ -1,0 +1,101 @@
+//! `DeviceStatus`: how a device and the connection to it are doing.
+//!
+//! There is no clock in a cycle: the age is counted in evaluations of the net, so that a replay finds the same.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Kernel, Parameter, Port, Spec, State, UnitRule, each};
+use crate::types::{NULL_INT, NULL_REAL};
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "DeviceStatus",
+summary: "State, connection and age of what a device measures; `IsNull` of an output says that it is lost.",
+null: "null while the device is lost",
+undefined: "the device is lost",
+outputs: &[Port::int("state", "1 online, cannot be commanded; 2 ready; 3 commanded by a net; 4 being brought to rest").diagnostic(), Port::int("reason", "why it is not ready, a number of its driver that `rcc-cli devices` explains; 0: fine").diagnostic(), Port::real("quality", UnitRule::Is(Unit::ONE), "of the connection, 1 is best").diagnostic(), Port::real("age", UnitRule::Is(Unit::SECOND), "since the last new measurement, in whole periods of the net; 0: new in this cycle").diagnostic(), Port::int("late", "exchanges that the driver answered late, since it began").diagnostic(), Port::int("refused", "datagrams that the driver refused, since it began").diagnostic(), Port::int("starved", "times that the driver had no set-point in time while commanded, since it began").diagnostic()],
+parameters: &[Parameter::device()],
+state: State { ints: 2, ..State::NONE },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(
+    frame: &mut Frame<'_>,
+    [
+        state,
+        reason,
+        quality,
+        age,
+        late,
+        refused,
+        starved,
+        device,
+        memory,
+    ]: [u32; 9],
+) {
+    let Some(m) = frame.measured(device).copied() else {
+        for slot in [state, reason, late, refused, starved] {
+            frame.set_int(slot, NULL_INT);
+        }
+        frame.set_real(quality, NULL_REAL);
+        frame.set_real(age, NULL_REAL);
+        return;
+    };
+    // The sequence seen last, and evaluations since then.
+    let (seen, waited) = (frame.int(memory), frame.int(memory + 1));
+    let sequence = whole(m.sequence);
+    let waited = if sequence == seen {
+        waited.saturating_add(1)
+    } else {
+        0
+    };
+    frame.set_int(memory, sequence);
+    frame.set_int(memory + 1, waited);
+    frame.set_real(age, waited as f64 * frame.dt_s);
+    frame.set_real(quality, f64::from(m.quality_permille) / 1000.0);
+    frame.set_int(state, i64::from(m.state));
+    frame.set_int(reason, i64::from(m.reason));
+    for (slot, count) in [(late, m.late), (refused, m.refused), (starved, m.starved)] {
+        frame.set_int(slot, whole(count));
+    }
+}
+
+fn whole(count: u64) -> i64 {
+    i64::try_from(count).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+    use crate::types::NULL_INT;
+
+    #[test]
+    fn the_age_grows_until_something_new_is_measured() {
+        let mut bench = Bench::new("DeviceStatus");
+        bench.device.measurement.sequence = 7;
+        assert_eq!(bench.step().real("age"), 0.0);
+        assert_eq!(bench.step().real("age"), 0.001);
+        assert_eq!(bench.step().real("age"), 0.002);
+        bench.device.measurement.sequence = 8;
+        assert_eq!(bench.step().real("age"), 0.0);
+    }
+
+    #[test]
+    fn gives_the_state_and_the_counters_and_null_when_lost() {
+        let mut bench = Bench::new("DeviceStatus");
+        let m = &mut bench.device.measurement;
+        (m.state, m.reason, m.quality_permille) = (2, 5, 875);
+        (m.late, m.refused, m.starved) = (3, 4, u64::MAX);
+        bench.step();
+        let ints = ["state", "reason", "late", "refused", "starved"].map(|name| bench.int(name));
+        assert_eq!(ints, [2, 5, 3, 4, i64::MAX]);
+        assert_eq!(bench.real("quality"), 0.875);
+        bench.device.present = false;
+        bench.step();
+        assert_eq!(bench.int("state"), NULL_INT);
+        assert!(bench.real("age").is_nan() && bench.real("quality").is_nan());
+    }
+}

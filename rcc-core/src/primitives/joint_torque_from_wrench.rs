@@ -1,0 +1,71 @@
+//! `JointTorqueFromWrench`: the joint torques that hold a force and torque at the flange.
+
+use crate::frame::Frame;
+use crate::message::JOINTS_MAX;
+use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "JointTorqueFromWrench",
+        summary: "The joint torques that belong to a wrench that the flange exerts, at joint positions, at rest.",
+        undefined: "overflow: an infinite input, a result too large for a number",
+        formula: "J(q)ᵀ wrench, by virtual work (Siciliano et al., Robotics, 2009, section 3.8)",
+        examples: &[
+            Example::new(
+                "10 N along x at the top of the stretched arm",
+                "{device: lwr}",
+                "joints | wrench | torque\n\
+             [0, 0, 0, 0, 0, 0, 0] | [10, 0, 0, 0, 0, 0] | [0, -8.68, 0, 4.68, 0, -0.78, 0]\n\
+             [0, 0, 0, 0, 0, 0, 0] | [0, 0, 10, 0, 0, 2] | [2, 0, 2, 0, 2, 0, 2]\n\
+             [0, 0, 0, 0, 0, 0, 0] | null | null",
+            ),
+            Example::new(
+                "of the LWR 4+ (Jacobian of pinocchio 4.1.0, numpy)",
+                "{device: lwr}",
+                "joints | wrench | torque\n\
+             [-1.385834571490251, -1.508934551650702, -0.13127889865271847, -0.3481329987433579, -1.586961919235636, -0.5549652320396312, -0.7928431630588717] | [10.0, -5.0, 2.0, 0.3, 0.1, -0.2] | [7.218124246266613, -0.10559049586853628, -1.515860075066939, 0.2382635122801121, -0.1197085222882509, 0.7544281530855581, -0.267270657372136]",
+            ),
+        ],
+        inputs: &[
+            Port::new(
+                "joints",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "joint positions, A1 first",
+            ),
+            Port::typed(
+                "wrench",
+                Type::Wrench,
+                "exerted by the flange, axes of the base, reference point the origin of the flange",
+            ),
+        ],
+        outputs: &[Port::new(
+            "torque",
+            PortType::Joints,
+            UnitRule::Is(Unit::NEWTON_METRE),
+            "joint torques, A1 first",
+        )],
+        parameters: &[Parameter::arm()],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [joints, wrench, torque, device, width]: [u32; 5]) {
+    let there = frame.arm_at(device, joints, width);
+    let wrench: Option<[f64; 6]> = frame.composite(wrench);
+    let torques = there.zip(wrench).map(|((arm, joints), wrench)| {
+        let mut torques = [0.0; JOINTS_MAX];
+        for (row, force) in arm.jacobian(&joints).iter().zip(wrench) {
+            for (torque, arm) in torques.iter_mut().zip(row) {
+                *torque += arm * force;
+            }
+        }
+        torques
+    });
+    let finite = torques.filter(|torques| torques.iter().all(|torque| torque.is_finite()));
+    frame.set_joints(torque, width, finite.as_ref());
+}

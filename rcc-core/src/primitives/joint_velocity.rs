@@ -1,0 +1,141 @@
+//! `JointVelocity`: joint velocities by the difference of two exchanges with the arm.
+//!
+//! Time is counted in periods of the device, as it says itself, and not by when a datagram arrived: that would add the jitter
+//! of the network to the velocity. Nothing is smoothed.
+
+use crate::frame::Frame;
+use crate::message::{JOINTS_MAX, Joints};
+use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, State, UnitRule, each};
+use crate::types::NULL_REAL;
+use crate::unit::Unit;
+
+/// Positions and set-points of the last exchange, and both velocities.
+const REALS: usize = 4 * JOINTS_MAX;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "JointVelocity",
+        summary: "Measured and commanded joint velocities: what changed between the last two exchanges, per time.",
+        null: "null while the device is lost and until its second exchange",
+        undefined: "the device is lost or was not there one exchange before; it does not say its period",
+        formula: "(q - q_before) / (periods of the device between the two exchanges × its period)",
+        outputs: &[
+            Port::new(
+                "velocity",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "of the measured positions, A1 first",
+            ),
+            Port::new(
+                "commanded",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "of the set-points that the driver sends",
+            )
+            .diagnostic(),
+        ],
+        parameters: &[Parameter::arm()],
+        state: State {
+            reals: REALS as u32,
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [velocity, commanded, device, reals, periods, width]: [u32; 6]) {
+    let [was, held, mut rate, mut held_rate]: [Joints; 4] =
+        bytemuck::cast(frame.reals::<REALS>(reals));
+    let Some(m) = frame.measured(device).copied() else {
+        frame.set_reals(reals, [NULL_REAL; REALS]);
+        frame.set_joints(velocity, width, None);
+        frame.set_joints(commanded, width, None);
+        return;
+    };
+    let now = i64::try_from(m.periods).unwrap_or(i64::MAX);
+    let passed = now.saturating_sub(frame.int(periods));
+    if passed != 0 {
+        // A driver that began anew counts from 0 again: there is no difference then.
+        let time = if passed > 0 {
+            passed as f64 * m.period_ns as f64 * 1e-9
+        } else {
+            NULL_REAL
+        };
+        (rate, held_rate) = (
+            quotient(&m.position, &was, time),
+            quotient(&m.hold, &held, time),
+        );
+        let memory: [Joints; 4] = [m.position, m.hold, rate, held_rate];
+        frame.set_reals::<REALS>(reals, bytemuck::cast(memory));
+        frame.set_int(periods, now);
+    }
+    frame.set_joints(velocity, width, Some(&rate));
+    frame.set_joints(commanded, width, Some(&held_rate));
+}
+
+/// The change per time; null if anything is not known, or if no time has passed.
+fn quotient(now: &Joints, before: &Joints, time_s: f64) -> Joints {
+    let mut rates = [0.0; JOINTS_MAX];
+    for (rate, (now, before)) in rates.iter_mut().zip(now.iter().zip(before)) {
+        *rate = (now - before) / time_s;
+    }
+    let known = rates.iter().all(|rate| rate.is_finite());
+    if known {
+        rates
+    } else {
+        [NULL_REAL; JOINTS_MAX]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    #[test]
+    fn divides_by_the_periods_of_the_device_and_keeps_it_between_exchanges() {
+        let mut bench = Bench::new("JointVelocity");
+        bench.device.measurement.period_ns = 2_000_000;
+        bench.device.measurement.periods = 10;
+        assert!(bench.step().real("velocity").is_nan(), "no difference yet");
+        let m = &mut bench.device.measurement;
+        (m.periods, m.position[0], m.hold[1]) = (12, 0.004, -0.008);
+        assert_eq!(bench.step().reals("velocity", 2), [1.0, 0.0]);
+        assert_eq!(bench.reals("commanded", 2), [0.0, -2.0]);
+        assert_eq!(
+            bench.step().reals("velocity", 2),
+            [1.0, 0.0],
+            "no new exchange"
+        );
+        bench.device.measurement.periods = 13;
+        assert_eq!(bench.step().reals("velocity", 2), [0.0, 0.0], "it stands");
+    }
+
+    #[test]
+    fn begins_anew_when_the_device_or_its_driver_does() {
+        let mut bench = Bench::new("JointVelocity");
+        bench.device.measurement.period_ns = 1_000_000;
+        for periods in [5, 6] {
+            bench.device.measurement.periods = periods;
+            bench.step();
+        }
+        assert_eq!(bench.real("velocity"), 0.0);
+        bench.device.measurement.periods = 1;
+        assert!(
+            bench.step().real("velocity").is_nan(),
+            "the driver counts from 0 again"
+        );
+        bench.device.measurement.periods = 2;
+        assert_eq!(bench.step().real("velocity"), 0.0);
+        bench.device.present = false;
+        assert!(bench.step().real("velocity").is_nan());
+        bench.device.present = true;
+        bench.device.measurement.periods = 3;
+        assert!(
+            bench.step().real("velocity").is_nan(),
+            "what was before the loss does not count"
+        );
+    }
+}

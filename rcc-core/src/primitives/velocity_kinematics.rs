@@ -1,0 +1,64 @@
+//! `VelocityKinematics`: how the flange of an arm moves while its joints do.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "VelocityKinematics",
+        summary: "The twist of the flange that belongs to joint velocities at joint positions.",
+        undefined: "overflow: an infinite input, a result too large for a number",
+        formula: "J(q) q̇ with the geometric Jacobian (Siciliano et al., Robotics, 2009, section 3.1)",
+        examples: &[
+            Example::new(
+                "stretched up, joint 2 swings the flange about the shoulder, 0.868 m below it",
+                "{device: lwr}",
+                "joints | velocity | twist\n\
+             [0, 0, 0, 0, 0, 0, 0] | [0, 1, 0, 0, 0, 0, 0] | [-0.868, 0, 0, 0, -1, 0]\n\
+             [0, 0, 0, 0, 0, 0, 0] | [1, 0, 0, 0, 0, 0, -1] | [0, 0, 0, 0, 0, 0]\n\
+             null | [1, 0, 0, 0, 0, 0, 0] | null",
+            ),
+            Example::new(
+                "of the LWR 4+ (pinocchio 4.1.0)",
+                "{device: lwr}",
+                "joints | velocity | twist\n\
+             [-1.385834571490251, -1.508934551650702, -0.13127889865271847, -0.3481329987433579, -1.586961919235636, -0.5549652320396312, -0.7928431630588717] | [-1.505192072173278, 0.5928773396056899, 1.108901277230348, 1.8820666550084266, 1.7936278465508573, -0.9065393990588873, -1.8823615895073087] | [-1.5241294725505907, -0.47127116426389704, -0.3909802152753552, 2.408374128828993, -1.2533569919654943, -2.5720723282534133]",
+            ),
+        ],
+        inputs: &[
+            Port::new(
+                "joints",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "joint positions, A1 first",
+            ),
+            Port::new(
+                "velocity",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "joint velocities, A1 first",
+            ),
+        ],
+        outputs: &[Port::typed(
+            "twist",
+            Type::Twist,
+            "of the flange, axes of the base, reference point the origin of the flange",
+        )],
+        parameters: &[Parameter::arm()],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [joints, velocity, twist, device, width]: [u32; 5]) {
+    let there = frame.arm_at(device, joints, width);
+    let velocity = frame.joints(velocity, width);
+    let moving = there.zip(velocity).map(|((arm, joints), velocity)| {
+        let jacobian = arm.jacobian(&joints);
+        jacobian.map(|row| row.iter().zip(velocity).map(|(j, v)| j * v).sum())
+    });
+    frame.set_composite::<6>(twist, moving);
+}
