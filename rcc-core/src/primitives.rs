@@ -15,6 +15,7 @@ mod arc_cosine;
 mod arc_sine;
 mod arc_tangent;
 mod arm_angle;
+mod backlash;
 mod bit_and;
 mod bit_not;
 mod bit_or;
@@ -25,6 +26,7 @@ mod constant;
 mod cosine;
 mod counter;
 mod cross;
+mod dead_band;
 mod device_status;
 mod digital_input;
 mod digital_output;
@@ -32,13 +34,16 @@ mod digital_output_state;
 mod divide;
 mod equals;
 mod exponential;
+mod falling_edge;
 mod floor;
 mod force_torque;
 mod forward_kinematics;
 mod greater;
 mod hypotenuse;
+mod hysteresis;
 mod input;
 mod int_divide;
+mod interval;
 mod inverse_kinematics;
 mod inverse_kinematics_near;
 mod inverse_velocity_kinematics;
@@ -48,16 +53,19 @@ mod joint_position_command;
 mod joint_state;
 mod joint_torque_from_wrench;
 mod joint_velocity;
+mod latch;
 mod less;
 mod limit;
 mod linear_motion;
 mod logarithm;
 mod low_pass;
+mod majority;
 mod make_pose;
 mod make_twist;
 mod make_vector;
 mod make_wrench;
 mod max;
+mod median;
 mod min;
 mod monitor;
 mod multiply;
@@ -67,12 +75,14 @@ mod not;
 mod null_if;
 mod or;
 mod or_else;
+mod peak_hold;
 mod pose_add_twist;
 mod pose_compose;
 mod pose_error;
 mod pose_from_transform;
 mod pose_invert;
 mod power;
+mod quantize;
 mod rate_limit;
 mod remainder;
 mod rising_edge;
@@ -105,16 +115,20 @@ mod tangent;
 mod termination;
 mod time;
 mod to_real;
+mod toggle;
 mod transform_compose;
 mod transform_from_pose;
 mod transform_from_position;
 mod transform_invert;
 mod transform_point;
+mod trigger;
 mod truncate;
 mod twist_from_poses;
 mod twist_shift;
 mod twist_transform;
+mod unwrap;
 mod velocity_kinematics;
+mod wrap;
 mod wrench_shift;
 mod wrench_transform;
 mod xor;
@@ -132,6 +146,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &arc_sine::ENTRY,
     &arc_tangent::ENTRY,
     &arm_angle::ENTRY,
+    &backlash::ENTRY,
     &bit_and::ENTRY,
     &bit_not::ENTRY,
     &bit_or::ENTRY,
@@ -142,6 +157,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &cosine::ENTRY,
     &counter::ENTRY,
     &cross::ENTRY,
+    &dead_band::ENTRY,
     &device_status::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
@@ -149,13 +165,16 @@ pub const CATALOGUE: &[&Entry] = &[
     &divide::ENTRY,
     &equals::ENTRY,
     &exponential::ENTRY,
+    &falling_edge::ENTRY,
     &floor::ENTRY,
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
     &greater::ENTRY,
     &hypotenuse::ENTRY,
+    &hysteresis::ENTRY,
     &input::ENTRY,
     &int_divide::ENTRY,
+    &interval::ENTRY,
     &inverse_kinematics::ENTRY,
     &inverse_kinematics_near::ENTRY,
     &inverse_velocity_kinematics::ENTRY,
@@ -165,16 +184,19 @@ pub const CATALOGUE: &[&Entry] = &[
     &joint_state::ENTRY,
     &joint_torque_from_wrench::ENTRY,
     &joint_velocity::ENTRY,
+    &latch::ENTRY,
     &less::ENTRY,
     &limit::ENTRY,
     &linear_motion::ENTRY,
     &logarithm::ENTRY,
     &low_pass::ENTRY,
+    &majority::ENTRY,
     &make_pose::ENTRY,
     &make_twist::ENTRY,
     &make_vector::ENTRY,
     &make_wrench::ENTRY,
     &max::ENTRY,
+    &median::ENTRY,
     &min::ENTRY,
     &monitor::ENTRY,
     &multiply::ENTRY,
@@ -184,12 +206,14 @@ pub const CATALOGUE: &[&Entry] = &[
     &null_if::ENTRY,
     &or::ENTRY,
     &or_else::ENTRY,
+    &peak_hold::ENTRY,
     &pose_add_twist::ENTRY,
     &pose_compose::ENTRY,
     &pose_error::ENTRY,
     &pose_from_transform::ENTRY,
     &pose_invert::ENTRY,
     &power::ENTRY,
+    &quantize::ENTRY,
     &rate_limit::ENTRY,
     &remainder::ENTRY,
     &rising_edge::ENTRY,
@@ -222,16 +246,20 @@ pub const CATALOGUE: &[&Entry] = &[
     &termination::ENTRY,
     &time::ENTRY,
     &to_real::ENTRY,
+    &toggle::ENTRY,
     &transform_compose::ENTRY,
     &transform_from_pose::ENTRY,
     &transform_from_position::ENTRY,
     &transform_invert::ENTRY,
     &transform_point::ENTRY,
+    &trigger::ENTRY,
     &truncate::ENTRY,
     &twist_from_poses::ENTRY,
     &twist_shift::ENTRY,
     &twist_transform::ENTRY,
+    &unwrap::ENTRY,
     &velocity_kinematics::ENTRY,
+    &wrap::ENTRY,
     &wrench_shift::ENTRY,
     &wrench_transform::ENTRY,
     &xor::ENTRY,

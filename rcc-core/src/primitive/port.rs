@@ -247,6 +247,24 @@ impl Parameter {
         )
     }
 
+    /// A truth value that must be given.
+    pub const fn bool(name: &'static str, doc: &'static str) -> Parameter {
+        Parameter::new(
+            name,
+            ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
+            doc,
+        )
+    }
+
+    /// A whole number that must be given.
+    pub const fn int(name: &'static str, doc: &'static str) -> Parameter {
+        Parameter::new(
+            name,
+            ParameterKind::Value(PortType::Is(Type::Int), UnitRule::Typed),
+            doc,
+        )
+    }
+
     /// The device with an arm that the primitive belongs to.
     pub const fn arm() -> Parameter {
         Parameter::new(

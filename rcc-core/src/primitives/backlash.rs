@@ -1,0 +1,64 @@
+//! `Backlash`: what a part with play does: it moves only when it is pushed.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
+    finite, higher, lower,
+};
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Backlash",
+        summary: "Follows a number with play: it moves only when the number has come to the end of it.",
+        null: "a null input gives null and holds the state",
+        undefined: "overflow",
+        formula: "out is the number nearest to the last out in [in - width / 2, in + width / 2] (play operator; Visintin, \
+                  Differential Models of Hysteresis, 1994, III.2)",
+        examples: &[Example::new(
+            "a play of 2",
+            "{width: 2}",
+            "in | out
+             0 | 0
+             0.5 | 0
+             3 | 2
+             2 | 2
+             null | null
+             0.5 | 1.5",
+        )],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number to follow")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "followed number")],
+        parameters: &[
+            Parameter::real("width", UnitRule::Var(0), "play from one end to the other")
+                .at_least(0.0),
+            Parameter::new(
+                "initial",
+                ParameterKind::Start(Type::Real, UnitRule::Var(0)),
+                "output before the first cycle; null: the first known input is taken as it is",
+            )
+            .default(Literal::Null),
+        ],
+        state: State {
+            reals: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, width, last]: [u32; 4]) -> Option<()> {
+    let (value, before) = (frame.get_real(input)?, frame.get_real(last)?);
+    let half = frame.get_real(width)? / 2.0;
+    let pushed = lower(higher(before, value - half), value + half);
+    // `lower` and `higher` pass over NaN: neither in the beginning nor with a null input is there a number to keep.
+    let now = finite(if before.is_nan() | value.is_nan() {
+        value
+    } else {
+        pushed
+    });
+    frame.put_real(out, now)?;
+    frame.put_real(last, if now.is_nan() { before } else { now })
+}

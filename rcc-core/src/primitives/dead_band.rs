@@ -1,0 +1,52 @@
+//! `DeadBand`: passes over small deviations: 0 within a band, and beyond it as far as the number is beyond.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite, real_unless};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "DeadBand",
+        summary: "0 within a band, and how far a number is beyond it outside: without a step at its edges.",
+        undefined: "low above high; overflow",
+        formula: "out = in - high above high, in - low below low, else 0 (Dead Zone of Simulink)",
+        examples: &[Example::new(
+            "a band from -1 to 2",
+            "",
+            "in | low | high | out
+             0.5 | -1 | 2 | 0
+             2 | -1 | 2 | 0
+             2.5 | -1 | 2 | 0.5
+             -3 | -1 | 2 | -2
+             0 | 2 | -1 | null
+             null | -1 | 2 | null",
+        )],
+        inputs: &[
+            Port::real("in", UnitRule::Var(0), "number"),
+            Port::real("low", UnitRule::Var(0), "lower edge of the band"),
+            Port::real("high", UnitRule::Var(0), "upper edge of the band"),
+        ],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::Var(0),
+            "distance from the band, with its sign",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
+    let beyond = if value > high {
+        value - high
+    } else if value < low {
+        value - low
+    } else {
+        0.0
+    };
+    let known = !value.is_nan() & (low <= high);
+    frame.put_real(out, real_unless(!known, finite(beyond)))
+}

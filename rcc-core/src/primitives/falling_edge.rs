@@ -1,0 +1,62 @@
+//! `FallingEdge`: true in the cycle in which its input becomes false after it was true.
+//!
+//! The first cycle has no cycle before it and gives no edge, unless `initial` says what was before.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
+    each,
+};
+use crate::types::{NULL_BOOL, Type};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "FallingEdge",
+        summary: "True in the one cycle in which its input becomes false.",
+        null: "a null input gives null; the last known value stays remembered",
+        formula: "F_TRIG of IEC 61131-3, table 44, but null instead of false before the first cycle",
+        examples: &[
+            Example::new(
+                "only the change counts, and null does not hide it",
+                "",
+                "in | out
+                 false | false
+                 true | false
+                 false | true
+                 false | false
+                 true | false
+                 null | null
+                 false | true",
+            ),
+            Example::new(
+                "true before the first cycle",
+                "{initial: true}",
+                "in | out\n false | true\n false | false",
+            ),
+        ],
+        inputs: &[Port::bool("in", "signal to watch")],
+        outputs: &[Port::bool("out", "true in the cycle of the change")],
+        parameters: &[Parameter::new(
+            "initial",
+            ParameterKind::Start(Type::Bool, UnitRule::Typed),
+            "value before the first cycle; null: the first known value gives no edge",
+        )
+        .default(Literal::Null)],
+        state: State {
+            bools: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) -> Option<()> {
+    let (now, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
+    let null = now & NULL_BOOL != 0;
+    let edge = u8::from((now == 0) & (before == 1));
+    frame.put_bool(out, choose(null, NULL_BOOL, edge))?;
+    frame.put_bool(last, choose(null, before, now))
+}

@@ -1,0 +1,59 @@
+//! `Hysteresis`: a threshold that does not flutter: true above `high`, false below `low`, and as it was in between.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
+    each,
+};
+use crate::types::{NULL_BOOL, Type};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Hysteresis",
+        summary: "True from when a number exceeds one bound until it falls below another.",
+        null: "a null input gives null and holds the state",
+        undefined: "low above high",
+        examples: &[Example::new(
+            "between the bounds it stays as it was",
+            "",
+            "in | low | high | out
+             1.5 | 1 | 2 | false
+             2.1 | 1 | 2 | true
+             1.5 | 1 | 2 | true
+             null | 1 | 2 | null
+             1.0 | 1 | 2 | true
+             0.9 | 1 | 2 | false
+             2.0 | 1 | 2 | false
+             2.0 | 3 | 2 | null",
+        )],
+        inputs: &[
+            Port::real("in", UnitRule::Var(0), "number to judge"),
+            Port::real("low", UnitRule::Var(0), "below this it becomes false"),
+            Port::real("high", UnitRule::Var(0), "above this it becomes true"),
+        ],
+        outputs: &[Port::bool("out", "the number is high")],
+        parameters: &[Parameter::new(
+            "initial",
+            ParameterKind::Start(Type::Bool, UnitRule::Typed),
+            "value of a number between the bounds before it was ever beyond one",
+        )
+        .default(Literal::Bool(false))],
+        state: State {
+            bools: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, low, high, out, last]: [u32; 5]) -> Option<()> {
+    let (value, before) = (frame.get_real(input)?, frame.get_bool(last)?);
+    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
+    let known = !value.is_nan() & (low <= high);
+    let now = choose(value > high, 1, choose(value < low, 0, before));
+    frame.put_bool(out, choose(known, now, NULL_BOOL))?;
+    frame.put_bool(last, choose(known, now, before))
+}

@@ -1,0 +1,62 @@
+//! `Interval`: where a number is between two others: whether, and at which part of the way.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Port, Spec, UnitRule, choose, each, finite, higher, lower, real_unless,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Interval",
+        summary: "Whether a number is in an interval, and how far from its beginning to its end.",
+        undefined: "low not below high; overflow: an interval longer than the greatest Real",
+        formula: "fraction = (in - low) / (high - low), at least 0 and at most 1; inside = low ≤ in ≤ high",
+        examples: &[Example::new(
+            "from 10 to 20",
+            "",
+            "in | low | high | inside | fraction
+             5 | 10 | 20 | false | 0
+             10 | 10 | 20 | true | 0
+             12.5 | 10 | 20 | true | 0.25
+             20 | 10 | 20 | true | 1
+             21 | 10 | 20 | false | 1
+             12 | 20 | 10 | null | null
+             null | 10 | 20 | null | null",
+        )],
+        inputs: &[
+            Port::real("in", UnitRule::Var(0), "number to judge"),
+            Port::real("low", UnitRule::Var(0), "beginning of the interval"),
+            Port::real("high", UnitRule::Var(0), "end of the interval"),
+        ],
+        outputs: &[
+            Port::bool(
+                "inside",
+                "the number is not beyond the beginning or the end",
+            )
+            .diagnostic(),
+            Port::real(
+                "fraction",
+                UnitRule::ONE,
+                "0 up to the beginning, 1 from the end on, between them in proportion",
+            )
+            .within(0.0, 1.0)
+            .diagnostic(),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, low, high, inside, fraction]: [u32; 5]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
+    let length = high - low;
+    let known = !value.is_nan() & (length > 0.0) & length.is_finite();
+    let is_inside = (low <= value) & (value <= high);
+    let part = finite((lower(higher(value, low), high) - low) / length);
+    frame.put_bool(inside, choose(known, u8::from(is_inside), NULL_BOOL))?;
+    frame.put_real(fraction, real_unless(!known, part))
+}

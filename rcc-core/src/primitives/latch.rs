@@ -1,0 +1,82 @@
+//! `Latch`: becomes true by `set`, false by `reset`, and stays so in between.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
+    each,
+};
+use crate::types::{NULL_BOOL, Type};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Latch",
+        summary: "Becomes true by one condition and false by another, and stays so in between.",
+        null: "a null input gives null and holds the state",
+        formula: "RS of IEC 61131-3, table 43; with set_wins SR",
+        examples: &[
+            Example::new(
+                "reset wins",
+                "",
+                "set | reset | out
+                 false | false | false
+                 true | false | true
+                 false | false | true
+                 null | false | null
+                 false | null | null
+                 false | false | true
+                 true | true | false
+                 false | false | false",
+            ),
+            Example::new(
+                "set wins",
+                "{set_wins: true}",
+                "set | reset | out\n true | true | true\n false | true | false",
+            ),
+            Example::new(
+                "true at the beginning",
+                "{initial: true}",
+                "set | reset | out\n false | false | true",
+            ),
+        ],
+        inputs: &[
+            Port::bool("set", "makes it true"),
+            Port::bool("reset", "makes it false"),
+        ],
+        outputs: &[Port::bool(
+            "out",
+            "what it was set or reset to, in the same cycle",
+        )],
+        parameters: &[
+            Parameter::bool(
+                "set_wins",
+                "if both are true at once: true becomes true, false becomes false",
+            )
+            .default(Literal::Bool(false)),
+            Parameter::new(
+                "initial",
+                ParameterKind::Start(Type::Bool, UnitRule::Typed),
+                "value before the first cycle",
+            )
+            .default(Literal::Bool(false)),
+        ],
+        state: State {
+            bools: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [set, reset, out, set_wins, last]: [u32; 5]) -> Option<()> {
+    let (set, reset) = (frame.get_bool(set)?, frame.get_bool(reset)?);
+    let (wins, before) = (frame.get_bool(set_wins)?, frame.get_bool(last)?);
+    let null = (set | reset) & NULL_BOOL != 0;
+    let both = (set & reset & 1) & wins;
+    // Set or held, and not reset, unless set wins.
+    let now = (set | before) & !reset & 1 | both;
+    frame.put_bool(out, choose(null, NULL_BOOL, now))?;
+    frame.put_bool(last, choose(null, before, now))
+}

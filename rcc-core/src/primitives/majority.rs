@@ -1,0 +1,44 @@
+//! `Majority`: two of three: what at least two of three conditions say, even if the third one is not known.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, NullRule, Port, Spec, choose, each};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Majority",
+        summary: "What at least two of three conditions say.",
+        null: "null unless two known inputs agree: one may be null",
+        // It can do with any two; that the first one is always needed is on the safe side.
+        null_rule: NullRule::FirstAndAnyKnown,
+        formula: "2oo3 voting (IEC 61508-6, B.3.2.2.5)",
+        examples: &[Example::new(
+            "two decide",
+            "",
+            "a | b | c | out
+             true | true | false | true
+             false | true | false | false
+             true | null | true | true
+             null | false | false | false
+             true | null | false | null
+             null | null | true | null",
+        )],
+        inputs: &[
+            Port::bool("a", "first condition"),
+            Port::bool("b", "second condition"),
+            Port::bool("c", "third condition"),
+        ],
+        outputs: &[Port::bool("out", "what two or three of them say")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [a, b, c, out]: [u32; 4]) -> Option<()> {
+    let (a, b, c) = (frame.get_bool(a)?, frame.get_bool(b)?, frame.get_bool(c)?);
+    let votes = |value: u8| u8::from(a == value) + u8::from(b == value) + u8::from(c == value);
+    let result = choose(votes(1) >= 2, 1, choose(votes(0) >= 2, 0, NULL_BOOL));
+    frame.put_bool(out, result)
+}

@@ -1,0 +1,56 @@
+//! `Toggle`: turns over each time its input becomes true, as a push button for a lamp does.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, choose, each,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Toggle",
+        summary: "Turns over in each cycle in which its input becomes true.",
+        null: "a null input gives null and holds the state; the last known value stays remembered",
+        examples: &[Example::new(
+            "a button pressed twice; the first value is no press",
+            "",
+            "in | out
+             true | false
+             false | false
+             true | true
+             true | true
+             null | null
+             false | true
+             true | false",
+        )],
+        inputs: &[Port::bool("in", "signal whose rising edges count")],
+        outputs: &[Port::bool(
+            "out",
+            "turned over with each edge, in the same cycle",
+        )],
+        parameters: &[
+            Parameter::bool("initial", "value before the first edge").default(Literal::Bool(false))
+        ],
+        state: State {
+            bools: 1,
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// `turned`: 1 after an odd number of edges.
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, initial, last, turned]: [u32; 5]) -> Option<()> {
+    let (now, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
+    let null = now & NULL_BOOL != 0;
+    let edge = (now == 1) & (before == 0);
+    let turned_now = (frame.get_int(turned)? ^ i64::from(edge)) & 1;
+    let value = (frame.get_bool(initial)? ^ u8::from(turned_now == 1)) & 1;
+    frame.put_int(turned, turned_now)?;
+    frame.put_bool(out, choose(null, NULL_BOOL, value))?;
+    frame.put_bool(last, choose(null, before, now))
+}

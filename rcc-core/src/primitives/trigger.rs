@@ -1,0 +1,62 @@
+//! `Trigger`: goes on once and off once; only `reset` makes it ready for another time. It guards what must not happen
+//! twice.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Literal, Port, Spec, State, choose, each};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Trigger",
+        summary: "Goes on once and then off for good, until it is reset.",
+        null: "a null input gives null and holds the state",
+        examples: &[Example::new(
+            "off is final; off wins, and reset wins over both",
+            "",
+            "on | off | reset | out
+             false | false | false | false
+             true | false | false | true
+             false | false | false | true
+             null | false | false | null
+             false | true | false | false
+             true | false | false | false
+             true | false | true | false
+             true | false | false | true
+             true | true | false | false",
+        )],
+        inputs: &[
+            Port::bool("on", "switches it on, if it was never switched off"),
+            Port::bool("off", "switches it off for good, even before it was on"),
+            Port::bool("reset", "makes it as it was in the beginning")
+                .default(Literal::Bool(false)),
+        ],
+        outputs: &[Port::bool("out", "on")],
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+const READY: i64 = 0;
+const ON: i64 = 1;
+const OVER: i64 = 2;
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [on, off, reset, out, phase]: [u32; 5]) -> Option<()> {
+    let (on, off, reset) = (
+        frame.get_bool(on)?,
+        frame.get_bool(off)?,
+        frame.get_bool(reset)?,
+    );
+    let before = frame.get_int(phase)?;
+    let null = (on | off | reset) & NULL_BOOL != 0;
+    let switched = choose((on == 1) & (before == READY), ON, before);
+    let ended = choose(off == 1, OVER, switched);
+    let now = choose(null, before, choose(reset == 1, READY, ended));
+    frame.put_bool(out, choose(null, NULL_BOOL, u8::from(now == ON)))?;
+    frame.put_int(phase, now)
+}

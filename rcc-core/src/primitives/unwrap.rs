@@ -1,0 +1,65 @@
+//! `Unwrap`: an angle that jumps by whole turns, made continuous: the inverse of `Wrap` for signals.
+
+use core::f64::consts::TAU;
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Port, Spec, State, UnitRule, each, finite, real_unless, whole,
+};
+use crate::types::NULL_INT;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Unwrap",
+        summary: "An angle without the jumps by whole turns: from cycle to cycle it takes the shorter way.",
+        null: "a null input gives null and holds the state: afterwards it is the shorter way from the last known angle",
+        undefined: "overflow: more than 2^63 turns",
+        formula: "out = in + 2π · n; n changes by the whole number of turns that is nearest to in's step",
+        examples: &[Example::new(
+            "over half a turn and back; null is bridged",
+            "",
+            "in | out
+             deg(170) | deg(170)
+             deg(-170) | deg(190)
+             deg(-10) | deg(350)
+             null | null
+             deg(100) | deg(460)
+             deg(-10) | deg(350)
+             deg(170) | deg(170)",
+        )],
+        inputs: &[Port::real(
+            "in",
+            UnitRule::RADIAN,
+            "angle, for instance within one turn",
+        )],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::RADIAN,
+            "continuous angle; the first one is the input",
+        )],
+        state: State {
+            reals: 1,
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, last, turns]: [u32; 4]) -> Option<()> {
+    let (angle, before) = (frame.get_real(input)?, frame.get_real(last)?);
+    // In the beginning there is no step, NaN, and no turn.
+    let step = whole(libm::round((angle - before) / TAU));
+    let change = if step == NULL_INT { 0 } else { step };
+    let count = frame.get_int(turns)?.saturating_sub(change);
+    let known = angle.is_finite();
+    frame.put_real(out, real_unless(!known, finite(angle + TAU * count as f64)))?;
+    if known {
+        frame.put_real(last, angle)?;
+        frame.put_int(turns, count)?;
+    }
+    Some(())
+}
