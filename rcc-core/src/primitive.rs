@@ -6,9 +6,11 @@
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::types::Store;
 
+mod duration;
 mod port;
 mod step;
 
+pub use duration::{elapsed, reached};
 pub use port::{ChannelKind, Literal, Parameter, ParameterKind, Port, PortType, UnitRule};
 pub use step::{
     Outcome, choose, compare_int, compare_real, each, each_bool, each_finite, each_int, each_real,

@@ -20,13 +20,16 @@ mod bit_and;
 mod bit_not;
 mod bit_or;
 mod bit_xor;
+mod blink;
 mod cancel;
 mod ceiling;
 mod constant;
 mod cosine;
 mod counter;
 mod cross;
+mod cycle_period;
 mod dead_band;
+mod debounce;
 mod device_status;
 mod digital_input;
 mod digital_output;
@@ -35,6 +38,7 @@ mod divide;
 mod equals;
 mod exponential;
 mod falling_edge;
+mod first_cycle;
 mod floor;
 mod force_torque;
 mod forward_kinematics;
@@ -73,6 +77,8 @@ mod negate;
 mod normalize;
 mod not;
 mod null_if;
+mod off_delay;
+mod on_delay;
 mod or;
 mod or_else;
 mod peak_hold;
@@ -82,6 +88,7 @@ mod pose_error;
 mod pose_from_transform;
 mod pose_invert;
 mod power;
+mod pulse;
 mod quantize;
 mod rate_limit;
 mod remainder;
@@ -127,6 +134,7 @@ mod twist_from_poses;
 mod twist_shift;
 mod twist_transform;
 mod unwrap;
+mod up_down_counter;
 mod velocity_kinematics;
 mod wrap;
 mod wrench_shift;
@@ -151,13 +159,16 @@ pub const CATALOGUE: &[&Entry] = &[
     &bit_not::ENTRY,
     &bit_or::ENTRY,
     &bit_xor::ENTRY,
+    &blink::ENTRY,
     &cancel::ENTRY,
     &ceiling::ENTRY,
     &constant::ENTRY,
     &cosine::ENTRY,
     &counter::ENTRY,
     &cross::ENTRY,
+    &cycle_period::ENTRY,
     &dead_band::ENTRY,
+    &debounce::ENTRY,
     &device_status::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
@@ -166,6 +177,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &equals::ENTRY,
     &exponential::ENTRY,
     &falling_edge::ENTRY,
+    &first_cycle::ENTRY,
     &floor::ENTRY,
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
@@ -204,6 +216,8 @@ pub const CATALOGUE: &[&Entry] = &[
     &normalize::ENTRY,
     &not::ENTRY,
     &null_if::ENTRY,
+    &off_delay::ENTRY,
+    &on_delay::ENTRY,
     &or::ENTRY,
     &or_else::ENTRY,
     &peak_hold::ENTRY,
@@ -213,6 +227,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &pose_from_transform::ENTRY,
     &pose_invert::ENTRY,
     &power::ENTRY,
+    &pulse::ENTRY,
     &quantize::ENTRY,
     &rate_limit::ENTRY,
     &remainder::ENTRY,
@@ -258,6 +273,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &twist_shift::ENTRY,
     &twist_transform::ENTRY,
     &unwrap::ENTRY,
+    &up_down_counter::ENTRY,
     &velocity_kinematics::ENTRY,
     &wrap::ENTRY,
     &wrench_shift::ENTRY,

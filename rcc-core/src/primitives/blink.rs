@@ -1,0 +1,68 @@
+//! `Blink`: on and off in turns.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, UnitRule, choose, each, higher,
+    whole,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Blink",
+        summary: "True and false in turns while it is enabled; it begins with true.",
+        null: "a null input gives null and begins anew",
+        examples: &[Example::new(
+            "2 ms on, 1 ms off",
+            "{on: 2 ms, off: 1 ms}",
+            "enable | out
+             true | true
+             true | true
+             true | false
+             true | true
+             false | false
+             true | true
+             null | null
+             true | true",
+        )],
+        inputs: &[Port::bool("enable", "while it is false, so is the output")
+            .default(Literal::Bool(true))],
+        outputs: &[Port::bool("out", "on")],
+        parameters: &[
+            Parameter::real(
+                "on",
+                UnitRule::SECOND,
+                "how long it is true; at least one cycle",
+            )
+            .above(0.0),
+            Parameter::real(
+                "off",
+                UnitRule::SECOND,
+                "how long it is false; at least one cycle",
+            )
+            .above(0.0),
+        ],
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// `age`: cycles since it was true for the first time, from the beginning of its turn.
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [enable, out, on, off, age]: [u32; 5]) -> Option<()> {
+    let (enabled, dt_s) = (frame.get_bool(enable)?, frame.dt_s);
+    let cycles = |time_s: f64| whole(higher(libm::round(time_s / dt_s), 1.0)).max(1);
+    let (on, off) = (cycles(frame.get_real(on)?), cycles(frame.get_real(off)?));
+    let before = frame.get_int(age)?;
+    let next = before.saturating_add(1);
+    let next = choose(next >= on.saturating_add(off), 0, next);
+    let is_enabled = enabled == 1;
+    frame.put_int(age, choose(is_enabled, next, 0))?;
+    let value = u8::from(is_enabled & (before < on));
+    frame.put_bool(out, choose(enabled & NULL_BOOL != 0, NULL_BOOL, value))
+}

@@ -1,0 +1,57 @@
+//! `Debounce`: takes a new value over only after it has stayed for a time, as a contact does that has stopped to bounce.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Parameter, Port, Spec, State, UnitRule, choose, each, reached,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Debounce",
+        summary: "Changes only after its input has been different for a time without interruption.",
+        null: "a null input gives null, keeps the value and starts the time anew",
+        examples: &[Example::new(
+            "what lasts 2 ms counts; the first value is taken as it is",
+            "{time: 2 ms}",
+            "in | out
+             true | true
+             false | true
+             true | true
+             false | true
+             false | true
+             false | false
+             null | null
+             true | false",
+        )],
+        inputs: &[Port::bool("in", "signal that may bounce")],
+        outputs: &[Port::bool("out", "last value that stayed")],
+        parameters: &[
+            Parameter::real("time", UnitRule::SECOND, "how long a new value must stay")
+                .at_least(0.0),
+        ],
+        state: State {
+            bools: 1,
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// `age`: cycles in which `in` was another value than `out`, this one included.
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, time, last, age]: [u32; 5]) -> Option<()> {
+    let (value, before) = (frame.get_bool(input)?, frame.get_bool(last)?);
+    let null = value & NULL_BOOL != 0;
+    let differs = !null & (value != before);
+    let count = choose(differs, frame.get_int(age)?.saturating_add(1), 0);
+    let stays = reached(count.saturating_sub(1), frame.dt_s, frame.get_real(time)?);
+    let changes = differs & (stays | (before & NULL_BOOL != 0));
+    let now = choose(changes, value, before);
+    frame.put_int(age, choose(changes, 0, count))?;
+    frame.put_bool(last, now)?;
+    frame.put_bool(out, choose(null, NULL_BOOL, now))
+}

@@ -1,0 +1,79 @@
+//! `OffDelay`: stays true for a time after its input has become false.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Port, Spec, State, UnitRule, choose, each, elapsed, reached,
+    real_unless,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "OffDelay",
+        summary: "True while its input is true, and for a time after.",
+        null: "a null `in` gives null and ends the time: then it is false until `in` is true again; a null `time` gives \
+               null, and the time goes on",
+        formula: "TOF of IEC 61131-3, table 46: elapsed is 0 in the cycle of the falling edge",
+        examples: &[Example::new(
+            "2 ms at a period of 1 ms",
+            "",
+            "in | time | out | elapsed
+             false | 2 ms | false | 0 s
+             true | 2 ms | true | 0 s
+             false | 2 ms | true | 0 s
+             false | 2 ms | true | 1 ms
+             false | 2 ms | false | 2 ms
+             false | 2 ms | false | 2 ms
+             true | 2 ms | true | 0 s
+             null | 2 ms | null | null
+             false | 2 ms | false | 0 s",
+        )],
+        inputs: &[
+            Port::bool("in", "condition"),
+            Port::real(
+                "time",
+                UnitRule::SECOND,
+                "how long it stays true after; 0 or less: not at all",
+            ),
+        ],
+        outputs: &[
+            Port::bool(
+                "out",
+                "the condition is true, or was until less than `time` ago",
+            ),
+            Port::real(
+                "elapsed",
+                UnitRule::SECOND,
+                "how long ago it became false, at most `time`",
+            )
+            .diagnostic(),
+        ],
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// `age`: 0 before `in` was ever true, 1 while it is, then one more with each cycle.
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, time, out, passed, age]: [u32; 5]) -> Option<()> {
+    let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);
+    let before = frame.get_int(age)?;
+    let later = choose(before > 0, before.saturating_add(1), 0);
+    let unknown = value & NULL_BOOL != 0;
+    let count = choose(unknown, 0, choose(value == 1, 1, later));
+    let cycles = count.saturating_sub(2).max(0);
+    let null = unknown | time_s.is_nan();
+    let runs_on = (count > 1) & !reached(cycles, frame.dt_s, time_s);
+    let now = elapsed(cycles, frame.dt_s, if time_s > 0.0 { time_s } else { 0.0 });
+    frame.put_int(age, count)?;
+    frame.put_bool(
+        out,
+        choose(null, NULL_BOOL, u8::from((count == 1) | runs_on)),
+    )?;
+    frame.put_real(passed, real_unless(null, now))
+}

@@ -1,0 +1,71 @@
+//! `OnDelay`: true once its input has been true for a time without interruption.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Port, Spec, State, UnitRule, choose, each, elapsed, reached,
+    real_unless,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "OnDelay",
+        summary: "True once its input has been true for a time; false as soon as it is false.",
+        null: "a null `in` gives null and starts the time anew; a null `time` gives null, and the time goes on",
+        formula: "TON of IEC 61131-3, table 46: elapsed is 0 in the cycle of the rising edge",
+        examples: &[Example::new(
+            "2 ms at a period of 1 ms",
+            "",
+            "in | time | out | elapsed
+             false | 2 ms | false | 0 s
+             true | 2 ms | false | 0 s
+             true | 2 ms | false | 1 ms
+             true | 2 ms | true | 2 ms
+             true | 2 ms | true | 2 ms
+             false | 2 ms | false | 0 s
+             true | 2 ms | false | 0 s
+             null | 2 ms | null | null
+             true | 2 ms | false | 0 s
+             true | null | null | null
+             true | 2 ms | true | 2 ms",
+        )],
+        inputs: &[
+            Port::bool("in", "condition"),
+            Port::real(
+                "time",
+                UnitRule::SECOND,
+                "how long it must be true; 0 or less: no delay",
+            ),
+        ],
+        outputs: &[
+            Port::bool("out", "the condition has been true for the time"),
+            Port::real(
+                "elapsed",
+                UnitRule::SECOND,
+                "how long it has been true, at most `time`",
+            )
+            .diagnostic(),
+        ],
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// `age`: cycles in which `in` was true, this one included; 0 when it is not.
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, time, out, passed, age]: [u32; 5]) -> Option<()> {
+    let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);
+    let count = choose(value == 1, frame.get_int(age)?.saturating_add(1), 0);
+    let cycles = count.saturating_sub(1).max(0);
+    let null = (value & NULL_BOOL != 0) | time_s.is_nan();
+    let is_over = (count > 0) & reached(cycles, frame.dt_s, time_s);
+    let now = elapsed(cycles, frame.dt_s, if time_s > 0.0 { time_s } else { 0.0 });
+    frame.put_int(age, count)?;
+    frame.put_bool(out, choose(null, NULL_BOOL, u8::from(is_over)))?;
+    frame.put_real(passed, real_unless(null, now))
+}

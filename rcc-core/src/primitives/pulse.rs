@@ -1,0 +1,76 @@
+//! `Pulse`: true for a time, however short or long its input is true.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Port, Spec, State, UnitRule, choose, each, elapsed, reached,
+    real_unless,
+};
+use crate::types::NULL_BOOL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Pulse",
+        summary: "True for a time from when its input becomes true; further edges in that time do not count.",
+        null: "a null input gives null; a pulse that has begun goes on, and the last known value stays remembered",
+        formula: "TP of IEC 61131-3, table 46, but the first known value is no edge",
+        examples: &[Example::new(
+            "3 ms at a period of 1 ms",
+            "",
+            "in | time | out | elapsed
+             false | 3 ms | false | 0 s
+             true | 3 ms | true | 0 s
+             false | 3 ms | true | 1 ms
+             true | 3 ms | true | 2 ms
+             true | 3 ms | false | 0 s
+             false | 3 ms | false | 0 s
+             true | 3 ms | true | 0 s
+             null | 3 ms | null | null
+             true | 3 ms | true | 2 ms
+             true | 3 ms | false | 0 s",
+        )],
+        inputs: &[
+            Port::bool("in", "signal whose rising edges begin a pulse"),
+            Port::real(
+                "time",
+                UnitRule::SECOND,
+                "length of a pulse; 0 or less: there is none",
+            ),
+        ],
+        outputs: &[
+            Port::bool("out", "a pulse is under way"),
+            Port::real(
+                "elapsed",
+                UnitRule::SECOND,
+                "how long it has been; 0 without one",
+            )
+            .diagnostic(),
+        ],
+        state: State {
+            bools: 1,
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// `age`: cycles of the pulse, this one included; 0 without one.
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, time, out, passed, last, age]: [u32; 6]) -> Option<()> {
+    let (value, time_s) = (frame.get_bool(input)?, frame.get_real(time)?);
+    let (before, age_before) = (frame.get_bool(last)?, frame.get_int(age)?);
+    let unknown = value & NULL_BOOL != 0;
+    let (edge, dt_s) = ((value == 1) & (before == 0), frame.dt_s);
+    let older = age_before.saturating_add(1);
+    let goes_on = (age_before > 0) & !reached(age_before, dt_s, time_s);
+    let begins = edge & !reached(0, dt_s, time_s) & !time_s.is_nan();
+    let count = choose(goes_on, older, i64::from(begins));
+    let null = unknown | time_s.is_nan();
+    let now = elapsed(count.saturating_sub(1).max(0), dt_s, time_s);
+    frame.put_bool(last, choose(unknown, before, value))?;
+    frame.put_int(age, count)?;
+    frame.put_bool(out, choose(null, NULL_BOOL, u8::from(count > 0)))?;
+    frame.put_real(passed, real_unless(null, if count > 0 { now } else { 0.0 }))
+}

@@ -1,0 +1,91 @@
+//! `UpDownCounter`: counts the rising edges of one signal up and of another down.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Literal, Port, Spec, State, choose, each};
+use crate::types::{NULL_BOOL, NULL_INT};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "UpDownCounter",
+        summary: "Counts rising edges, up and down; it can be reset and loaded.",
+        null: "a null input gives null outputs and holds the count; the last known value of a signal stays remembered",
+        formula: "CTUD of IEC 61131-3, table 45: reset comes before load, load before counting; at ±(2^63 - 1) it stays",
+        examples: &[
+            Example::new(
+                "two steps up, one down, load and reset; the first value is no edge",
+                "",
+                "up | down | reset | load | preset | count | full | empty
+                 true | false | false | false | 2 | 0 | false | true
+                 false | false | false | false | 2 | 0 | false | true
+                 true | false | false | false | 2 | 1 | false | false
+                 true | true | false | false | 2 | 0 | false | true
+                 false | false | false | true | 2 | 2 | true | false
+                 null | false | false | false | 2 | null | null | null
+                 true | false | false | false | 2 | 3 | true | false
+                 false | false | true | true | 2 | 0 | false | true",
+            ),
+            Example::new(
+                "both at once",
+                "",
+                "up | down | count\n false | false | 0\n true | true | 0",
+            ),
+        ],
+        inputs: &[
+            Port::bool("up", "signal whose rising edges count up"),
+            Port::bool("down", "signal whose rising edges count down")
+                .default(Literal::Bool(false)),
+            Port::bool("reset", "makes the count 0").default(Literal::Bool(false)),
+            Port::bool("load", "makes the count `preset`").default(Literal::Bool(false)),
+            Port::int("preset", "count to load, and from which on it is full")
+                .default(Literal::Int(0)),
+        ],
+        outputs: &[
+            Port::int("count", "edges up minus edges down; 0 in the beginning"),
+            Port::bool("full", "the count is at least `preset`").diagnostic(),
+            Port::bool("empty", "the count is at most 0").diagnostic(),
+        ],
+        state: State {
+            // up, down
+            bools: 2,
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, operands: [u32; 10]) -> Option<()> {
+    let [
+        up,
+        down,
+        reset,
+        load,
+        preset,
+        count,
+        full,
+        empty,
+        last,
+        state,
+    ] = operands;
+    let (up, down) = (frame.get_bool(up)?, frame.get_bool(down)?);
+    let (reset, load) = (frame.get_bool(reset)?, frame.get_bool(load)?);
+    let preset = frame.get_int(preset)?;
+    let edge = |frame: &mut Frame<'_>, slot: u32, now: u8| {
+        let before = frame.get_bool(slot)?;
+        frame.put_bool(slot, choose(now & NULL_BOOL != 0, before, now))?;
+        Some(i64::from((now == 1) & (before == 0)))
+    };
+    let change = edge(frame, last, up)? - edge(frame, last.saturating_add(1), down)?;
+    let null = ((up | down | reset | load) & NULL_BOOL != 0) | (preset == NULL_INT);
+    let before = frame.get_int(state)?;
+    let counted = before.saturating_add(change).max(-i64::MAX);
+    let set = choose(reset == 1, 0, choose(load == 1, preset, counted));
+    let now = choose(null, before, set);
+    frame.put_int(state, now)?;
+    frame.put_int(count, choose(null, NULL_INT, now))?;
+    frame.put_bool(full, choose(null, NULL_BOOL, u8::from(now >= preset)))?;
+    frame.put_bool(empty, choose(null, NULL_BOOL, u8::from(now <= 0)))
+}
