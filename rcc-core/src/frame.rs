@@ -323,6 +323,8 @@ pub struct Preparation<'a> {
     pub holds: &'a [Option<Joints>],
     /// Limits of each path clock, to be filled in.
     pub paths: &'a mut [PathLimits],
+    /// Period of the net, s.
+    pub dt_s: f64,
 }
 
 impl Preparation<'_> {

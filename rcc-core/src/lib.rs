@@ -19,6 +19,7 @@
 extern crate std;
 
 pub mod cycle;
+pub mod filter;
 pub mod frame;
 pub mod guard;
 pub mod histogram;

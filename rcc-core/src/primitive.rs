@@ -14,7 +14,7 @@ pub use duration::{elapsed, reached};
 pub use port::{ChannelKind, Literal, Parameter, ParameterKind, Port, PortType, UnitRule};
 pub use step::{
     Outcome, choose, compare_int, compare_real, each, each_bool, each_finite, each_int, each_real,
-    finite, higher, lower, map_real, map_whole, real_unless, whole,
+    finite, higher, lower, map_real, map_whole, real_unless, whole, within,
 };
 
 /// What a primitive remembers from cycle to cycle; each kind is one contiguous block in the arena.

@@ -16,6 +16,7 @@ mod arc_sine;
 mod arc_tangent;
 mod arm_angle;
 mod backlash;
+mod biquad;
 mod bit_and;
 mod bit_not;
 mod bit_or;
@@ -30,6 +31,7 @@ mod cross;
 mod cycle_period;
 mod dead_band;
 mod debounce;
+mod derivative;
 mod device_status;
 mod digital_input;
 mod digital_output;
@@ -39,14 +41,17 @@ mod equals;
 mod exponential;
 mod falling_edge;
 mod first_cycle;
+mod first_order_low_pass;
 mod floor;
 mod force_torque;
 mod forward_kinematics;
 mod greater;
+mod high_pass;
 mod hypotenuse;
 mod hysteresis;
 mod input;
 mod int_divide;
+mod integrator;
 mod interval;
 mod inverse_kinematics;
 mod inverse_kinematics_near;
@@ -76,6 +81,7 @@ mod multiply;
 mod negate;
 mod normalize;
 mod not;
+mod notch;
 mod null_if;
 mod off_delay;
 mod on_delay;
@@ -108,6 +114,7 @@ mod rotation_to_quaternion;
 mod rotation_to_rpy;
 mod rotation_to_vector;
 mod round;
+mod second_order_low_pass;
 mod select;
 mod shift;
 mod sign;
@@ -155,6 +162,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &arc_tangent::ENTRY,
     &arm_angle::ENTRY,
     &backlash::ENTRY,
+    &biquad::ENTRY,
     &bit_and::ENTRY,
     &bit_not::ENTRY,
     &bit_or::ENTRY,
@@ -169,6 +177,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &cycle_period::ENTRY,
     &dead_band::ENTRY,
     &debounce::ENTRY,
+    &derivative::ENTRY,
     &device_status::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
@@ -178,14 +187,17 @@ pub const CATALOGUE: &[&Entry] = &[
     &exponential::ENTRY,
     &falling_edge::ENTRY,
     &first_cycle::ENTRY,
+    &first_order_low_pass::ENTRY,
     &floor::ENTRY,
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
     &greater::ENTRY,
+    &high_pass::ENTRY,
     &hypotenuse::ENTRY,
     &hysteresis::ENTRY,
     &input::ENTRY,
     &int_divide::ENTRY,
+    &integrator::ENTRY,
     &interval::ENTRY,
     &inverse_kinematics::ENTRY,
     &inverse_kinematics_near::ENTRY,
@@ -215,6 +227,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &negate::ENTRY,
     &normalize::ENTRY,
     &not::ENTRY,
+    &notch::ENTRY,
     &null_if::ENTRY,
     &off_delay::ENTRY,
     &on_delay::ENTRY,
@@ -247,6 +260,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &rotation_to_rpy::ENTRY,
     &rotation_to_vector::ENTRY,
     &round::ENTRY,
+    &second_order_low_pass::ENTRY,
     &select::ENTRY,
     &shift::ENTRY,
     &sign::ENTRY,

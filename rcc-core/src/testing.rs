@@ -265,6 +265,7 @@ impl Bench {
             models: &[self.model],
             holds: &[self.hold],
             paths: &mut paths,
+            dt_s: 1e-3,
         };
         (self.entry.prepare.expect("a prepared primitive"))(&mut preparation, &self.operands)?;
         self.clocks.limits = Some(paths[0]);

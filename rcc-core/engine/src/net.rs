@@ -398,6 +398,7 @@ fn prepare(
                 models,
                 holds,
                 paths: &mut paths,
+                dt_s,
             };
             prepare(&mut preparation, operands)?;
         }

@@ -222,6 +222,8 @@ pub struct Parameter {
     pub at_least: Option<f64>,
     /// A `Real` must not be greater than this.
     pub at_most: Option<f64>,
+    /// A frequency must be less than half of the rate at which the net is evaluated.
+    pub below_nyquist: bool,
 }
 
 impl Parameter {
@@ -235,6 +237,7 @@ impl Parameter {
             above: None,
             at_least: None,
             at_most: None,
+            below_nyquist: false,
         }
     }
 
@@ -303,6 +306,14 @@ impl Parameter {
     pub const fn at_least(self, bound: f64) -> Parameter {
         Parameter {
             at_least: Some(bound),
+            ..self
+        }
+    }
+
+    /// A frequency that sampled values can show: less than half of the rate at which the net is evaluated.
+    pub const fn below_nyquist(self) -> Parameter {
+        Parameter {
+            below_nyquist: true,
             ..self
         }
     }

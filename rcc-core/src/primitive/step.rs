@@ -72,6 +72,19 @@ pub fn higher(a: f64, b: f64) -> f64 {
     if a.is_nan() | (b > a) { b } else { a }
 }
 
+/// The number, or the limit that it is beyond; a null limit is none. Limits out of order leave nothing, NaN.
+#[inline(always)]
+pub fn within(value: f64, low: f64, high: f64) -> f64 {
+    let limited = if value > high {
+        high
+    } else if value < low {
+        low
+    } else {
+        value
+    };
+    real_unless(low > high, limited)
+}
+
 /// The whole number, or null if it is beyond ±(2^63 - 1); `value` has no fraction.
 #[inline(always)]
 pub fn whole(value: f64) -> i64 {

@@ -258,7 +258,9 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 );
             let message = if null && !may_be_null {
                 "cannot be null".to_string()
-            } else if let Some(wanted) = wanted_range(parameter, literal.number()) {
+            } else if let Some(wanted) =
+                wanted_range(parameter, literal.number(), net.graph.evaluations_hz())
+            {
                 let unit = match parameter.kind {
                     ParameterKind::Rate => Some(Unit::HERTZ),
                     kind => kind
@@ -280,9 +282,12 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
-/// The range that a number is not in.
-fn wanted_range(parameter: &Parameter, value: Option<f64>) -> Option<String> {
+/// The range that a number is not in; `rate_hz`: how often the net is evaluated.
+fn wanted_range(parameter: &Parameter, value: Option<f64>, rate_hz: f64) -> Option<String> {
     let value = value?;
+    if parameter.below_nyquist && value >= rate_hz / 2.0 {
+        return Some(format!("less than {}", rate_hz / 2.0));
+    }
     match (parameter.above, parameter.at_least) {
         (Some(bound), _) if value <= bound => Some(format!("greater than {bound}")),
         (_, Some(bound)) if value < bound => Some(format!("at least {bound}")),

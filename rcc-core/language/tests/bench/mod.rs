@@ -82,6 +82,7 @@ impl Bench {
         };
         let mut limits = vec![none; net.plan.clocks as usize];
         let plan = net.plan.plan();
+        let dt_s = cell.period_ns as f64 * 1e-9;
         for run in plan.runs {
             let (entry, kernel) = rcc_core::primitives::kernel(run.kernel).unwrap();
             let Some(prepare) = entry.prepare else {
@@ -94,11 +95,11 @@ impl Bench {
                     models: &models,
                     holds: &holds,
                     paths: &mut limits,
+                    dt_s,
                 };
                 prepare(&mut preparation, operands).unwrap();
             }
         }
-        let dt_s = cell.period_ns as f64 * 1e-9;
         let clock = |limits: &PathLimits| PathClock::new(*limits, dt_s).unwrap();
         Bench {
             clocks: Clocks(limits.iter().map(clock).collect()),

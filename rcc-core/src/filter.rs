@@ -1,0 +1,115 @@
+//! Linear filters of at most second order: their coefficients from physical parameters, off the real-time thread, and
+//! their step in the cycle, which has no transcendental function.
+//!
+//! Analog prototypes become digital ones by the bilinear transform with prewarping, which keeps the gain at one frequency
+//! exact (Oppenheim and Schafer, *Discrete-Time Signal Processing*, 3rd ed., section 7.2.2): with K = tan(π f dt) the
+//! response at frequency g is that of the prototype at f · tan(π g dt) / K.
+
+use core::f64::consts::PI;
+
+use crate::frame::{Frame, Preparation};
+use crate::primitive::{State, finite};
+use crate::types::NULL_REAL;
+
+/// A filter `H(z) = (b0 + b1/z + b2/z²) / (1 + a1/z + a2/z²)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Biquad {
+    /// Of the inputs: this cycle's, the last one's, the one's before.
+    pub b: [f64; 3],
+    /// Of the outputs: the last cycle's, the one's before.
+    pub a: [f64; 2],
+}
+
+/// K of the bilinear transform for a frequency, Hz; the parameter's range keeps it below half of the rate.
+fn prewarped(frequency_hz: f64, dt_s: f64) -> f64 {
+    libm::tan(PI * frequency_hz * dt_s)
+}
+
+impl Biquad {
+    /// Low-pass ω² / (s² + 2 damping ω s + ω²); a damping of 1/√2 is Butterworth's.
+    pub fn low_pass(cutoff_hz: f64, damping: f64, dt_s: f64) -> Biquad {
+        let k = prewarped(cutoff_hz, dt_s);
+        let norm = 1.0 / (1.0 + 2.0 * damping * k + k * k);
+        let b0 = k * k * norm;
+        Biquad {
+            b: [b0, 2.0 * b0, b0],
+            a: [
+                2.0 * (k * k - 1.0) * norm,
+                (1.0 - 2.0 * damping * k + k * k) * norm,
+            ],
+        }
+    }
+
+    /// First-order high-pass s / (s + ω).
+    pub fn high_pass(cutoff_hz: f64, dt_s: f64) -> Biquad {
+        let k = prewarped(cutoff_hz, dt_s);
+        let norm = 1.0 / (1.0 + k);
+        Biquad {
+            b: [norm, -norm, 0.0],
+            a: [(k - 1.0) * norm, 0.0],
+        }
+    }
+
+    /// Notch (s² + ω²) / (s² + ω s / quality + ω²); quality = frequency / width of the band between the -3 dB points.
+    pub fn notch(frequency_hz: f64, quality: f64, dt_s: f64) -> Biquad {
+        let k = prewarped(frequency_hz, dt_s);
+        let norm = 1.0 / (1.0 + k / quality + k * k);
+        let middle = 2.0 * (k * k - 1.0) * norm;
+        let outer = (1.0 + k * k) * norm;
+        Biquad {
+            b: [outer, middle, outer],
+            a: [middle, (1.0 - k / quality + k * k) * norm],
+        }
+    }
+
+    /// The output for a constant input of 1, after ever; not finite if the filter integrates.
+    pub fn steady_gain(&self) -> f64 {
+        let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        (b0 + b1 + b2) / (1.0 + a1 + a2)
+    }
+}
+
+/// What a filter keeps in the arena: b0 b1 b2 a1 a2, the steady gain, and its memory, two numbers.
+pub const STATE: State = State {
+    reals: 8,
+    ..State::NONE
+};
+const MEMORY: u32 = 6;
+
+/// Puts a filter into the initial arena, without memory; `state` is the slot of its [`STATE`].
+pub fn prepare(preparation: &mut Preparation<'_>, state: u32, filter: Biquad) {
+    let ([b0, b1, b2], [a1, a2]) = (filter.b, filter.a);
+    let gain = finite(filter.steady_gain());
+    preparation.set_reals(state, [b0, b1, b2, a1, a2, gain, NULL_REAL, NULL_REAL]);
+}
+
+/// One cycle, in the transposed direct form II (Oppenheim and Schafer, section 6.3.4).
+///
+/// Without memory, in the beginning and after an overflow, the filter begins as if its input had been there for ever; a
+/// filter that integrates, at rest. A null input gives null and holds the memory.
+#[inline(always)]
+pub fn step(frame: &mut Frame<'_>, input: u32, out: u32, state: u32) -> Option<()> {
+    let x = frame.get_real(input)?;
+    let [b0, b1, b2, a1, a2, gain, mut s1, mut s2] = frame.get_reals(state)?;
+    if s1.is_nan() {
+        let steady = gain * x;
+        let integrates = gain.is_nan();
+        s1 = if integrates { 0.0 } else { steady - b0 * x };
+        s2 = if integrates {
+            0.0
+        } else {
+            b2 * x - a2 * steady
+        };
+    }
+    let y = finite(b0 * x + s1);
+    frame.put_real(out, y)?;
+    if x.is_nan() {
+        return Some(());
+    }
+    // An overflow makes the memory NaN: it begins anew.
+    let memory = [finite(b1 * x - a1 * y + s2), b2 * x - a2 * y];
+    frame.put_reals(state.saturating_add(MEMORY), memory)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,74 @@
+//! `Derivative`: how fast a number changes, smoothed over a time constant.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, UnitRule, each, finite,
+};
+use crate::types::NULL_REAL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Derivative",
+        summary: "How fast a number changes, smoothed by a first-order low-pass filter.",
+        null: "a null input gives null and is a new beginning: the next known input gives 0",
+        undefined: "overflow",
+        formula: "out += (Δin - out · dt) / (T + dt), that is s / (1 + T s) by backward differences (Åström and \
+                  Hägglund, Advanced PID Control, 2006, 13.3)",
+        examples: &[
+            Example::new(
+                "without a filter: the difference of two cycles",
+                "",
+                "in | out\n 1 | 0\n 1.5 | 5\n 1.4 | -1\n null | null\n 7 | 0\n 7.1 | 1",
+            )
+            .every_ms(100),
+            Example::new(
+                "a ramp of 1 per second, with a time constant of one period",
+                "{time_constant: 0.1 s}",
+                "in | out\n 0 | 0\n 0.1 | 0.5\n 0.2 | 0.75\n 0.3 | 0.875",
+            )
+            .every_ms(100),
+        ],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number")],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::PerSecond(0),
+            "change per second; 0 in the first cycle",
+        )],
+        parameters: &[Parameter::real(
+            "time_constant",
+            UnitRule::SECOND,
+            "T of the filter; 0: none",
+        )
+        .default(Literal::Real(0.0))
+        .at_least(0.0)],
+        // last input, last output
+        state: State {
+            reals: 2,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, time_constant, state]: [u32; 4]) -> Option<()> {
+    let (value, dt_s) = (frame.get_real(input)?, frame.dt_s);
+    let [last, rate] = frame.get_reals(state)?;
+    let moved = rate + (value - last - rate * dt_s) / (frame.get_real(time_constant)? + dt_s);
+    let now = finite(if last.is_nan() & value.is_finite() {
+        0.0
+    } else {
+        moved
+    });
+    frame.put_real(out, now)?;
+    frame.put_reals(
+        state,
+        if now.is_nan() {
+            [NULL_REAL; 2]
+        } else {
+            [value, now]
+        },
+    )
+}

@@ -1,0 +1,61 @@
+//! `FirstOrderLowPass`: a first-order lag (PT1) by its time constant. Its gain is computed when the net is made ready.
+
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::primitive::{
+    Entry, Example, Kernel, Parameter, Port, Spec, State, UnitRule, each, finite,
+};
+use crate::types::NULL_REAL;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "FirstOrderLowPass",
+        summary: "Smooths a number by a first-order low-pass filter with a time constant.",
+        null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        undefined: "overflow",
+        formula: "out += (in - out) · (1 - e^(-dt / T)), 1 / (1 + T s) with steps of its input (Åström and Wittenmark, \
+                  Computer-Controlled Systems, 3rd ed., table 2.1); LowPass takes the gain itself",
+        examples: &[Example::new(
+            "after one time constant 1/e of a step is left",
+            "{time_constant: 0.3 s}",
+            "in | out
+             1 | 1
+             0 | 0.7165313105737893
+             0 | 0.5134171190325921
+             null | null
+             0 | 0.36787944117144233",
+        )
+        .every_ms(100)],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number to smooth")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "smoothed number; the first one is the input")],
+        parameters: &[
+            Parameter::real("time_constant", UnitRule::SECOND, "T: after it 1/e of a step is left; cutoff 1 / (2π T)").above(0.0),
+        ],
+        // gain, last output
+        state: State {
+            reals: 2,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    if let &[_input, _out, time_constant, state] = operands {
+        let [time_constant] = preparation.reals(time_constant);
+        let gain = -libm::expm1(-preparation.dt_s / time_constant);
+        preparation.set_reals(state, [gain, NULL_REAL]);
+    }
+    Ok(())
+}
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, _time_constant, state]: [u32; 4]) -> Option<()> {
+    let (value, [gain, before]) = (frame.get_real(input)?, frame.get_reals(state)?);
+    let moved = before + (value - before) * gain;
+    let now = finite(if before.is_nan() { value } else { moved });
+    frame.put_real(out, now)?;
+    frame.put_reals(state, [gain, if now.is_nan() { before } else { now }])
+}

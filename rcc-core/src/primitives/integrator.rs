@@ -1,0 +1,79 @@
+//! `Integrator`: the sum of a rate over time, between limits at which it stays (so that nothing winds up).
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, State,
+    UnitRule, each, finite, within,
+};
+use crate::types::{NULL_BOOL, Type};
+
+const BOUND: ParameterKind = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0));
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Integrator",
+        summary: "Integrates a rate over time; of a rate of 1 it is a stopwatch.",
+        null: "a null input gives null and holds the state",
+        undefined: "low above high; overflow",
+        formula: "out += in · dt (backward Euler: this cycle's rate counts for the period that ends with it), then limited; \
+                  limiting the integral is clamping anti-windup (Åström and Hägglund, Advanced PID Control, 2006, 3.5)",
+        examples: &[
+            Example::new(
+                "a rate of 2 per second every 0.1 s",
+                "{initial: 1}",
+                "in | reset | out
+                 2 | false | 1.2
+                 2 | false | 1.4
+                 null | false | null
+                 -1 | false | 1.3
+                 5 | true | 1
+                 5 | false | 1.5",
+            )
+            .every_ms(100),
+            Example::new(
+                "it leaves a limit at once",
+                "{low: -1, high: 1}",
+                "in | out\n 800 | 0.8\n 800 | 1\n 800 | 1\n -300 | 0.7",
+            ),
+        ],
+        inputs: &[
+            Port::real("in", UnitRule::PerSecond(0), "rate"),
+            Port::bool("reset", "while true the output is `initial`").default(Literal::Bool(false)),
+        ],
+        outputs: &[Port::real("out", UnitRule::Var(0), "integral")],
+        parameters: &[
+            Parameter::new(
+                "initial",
+                BOUND,
+                "value before the first cycle and after a reset",
+            )
+            .default(Literal::Real(0.0)),
+            Parameter::new("low", BOUND, "least output; null: none").default(Literal::Null),
+            Parameter::new("high", BOUND, "greatest output; null: none").default(Literal::Null),
+        ],
+        state: State {
+            reals: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    [input, reset, out, initial, low, high, sum]: [u32; 7],
+) -> Option<()> {
+    let (rate, reset) = (frame.get_real(input)?, frame.get_bool(reset)?);
+    let (initial, before) = (frame.get_real(initial)?, frame.get_real(sum)?);
+    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
+    let from = if before.is_nan() { initial } else { before };
+    let moved = from + rate * frame.dt_s;
+    let null = rate.is_nan() | (reset & NULL_BOOL != 0);
+    let now = within(if reset == 1 { initial } else { moved }, low, high);
+    let known = !null & now.is_finite();
+    frame.put_real(out, finite(if known { now } else { f64::NAN }))?;
+    frame.put_real(sum, if known { now } else { before })
+}

@@ -1,0 +1,49 @@
+//! `Notch`: a band-stop filter for one frequency. Its coefficients are computed when the net is made ready.
+
+use crate::filter::{self, Biquad};
+use crate::frame::{Preparation, PrepareFault};
+use crate::primitive::{Entry, Example, Kernel, Parameter, Port, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Notch",
+        summary: "Takes one frequency out of a number, for instance a resonance.",
+        null: "a null input gives null and holds the state: afterwards it goes on as if no time had passed",
+        undefined: "overflow",
+        formula: "(s² + ω²) / (s² + ω s / quality + ω²), ω = 2π frequency; bilinear transform with prewarping \
+                  (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",
+        examples: &[Example::new(
+            "a quarter of the rate: an oscillation with four cycles a turn vanishes, a constant stays",
+            "{frequency: 2.5 Hz, quality: 1}",
+            "in | out
+             3 | 3
+             4 | 3.6666666666666665
+             3 | 3
+             2 | 2.7777777777777777
+             null | null
+             3 | 3",
+        )
+        .every_ms(100)],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number to filter")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "filtered number")],
+        parameters: &[Parameter::real("frequency", UnitRule::HERTZ, "what is taken out, below half of the net's rate").above(0.0).below_nyquist(),
+            Parameter::real("quality", UnitRule::ONE, "frequency / width of the band between the -3 dB points").above(0.0),],
+        state: filter::STATE,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        each(frame, operands, |frame, [input, out, _, _, state]| filter::step(frame, input, out, state));
+    })],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    if let &[_input, _out, frequency, quality, state] = operands {
+        let ([frequency_hz], [quality]) =
+            (preparation.reals(frequency), preparation.reals(quality));
+        let notch = Biquad::notch(frequency_hz, quality, preparation.dt_s);
+        filter::prepare(preparation, state, notch);
+    }
+    Ok(())
+}

@@ -1,0 +1,54 @@
+//! `SecondOrderLowPass`: a second-order low-pass filter by cutoff and damping. Its coefficients are computed when the net is
+//! made ready.
+
+use core::f64::consts::FRAC_1_SQRT_2;
+
+use crate::filter::{self, Biquad};
+use crate::frame::{Preparation, PrepareFault};
+use crate::primitive::{Entry, Example, Kernel, Literal, Parameter, Port, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SecondOrderLowPass",
+        summary: "Smooths a number by a second-order low-pass filter.",
+        null: "a null input gives null and holds the state: afterwards it goes on as if no time had passed",
+        undefined: "overflow",
+        formula: "ω² / (s² + 2 damping ω s + ω²), ω = 2π cutoff; bilinear transform with prewarping \
+                  (Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.2.2)",
+        examples: &[Example::new(
+            "a step at a quarter of the rate, Butterworth: it begins in the steady state of its first input",
+            "{cutoff: 2.5 Hz}",
+            "in | out
+             1 | 1
+             1 | 1
+             2 | 1.2928932188134525
+             2 | 1.8786796564403576
+             2 | 2.1213203435596424
+             null | null
+             2 | 2.0208152801713073",
+        )
+        .every_ms(100)],
+        inputs: &[Port::real("in", UnitRule::Var(0), "number to filter")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "filtered number")],
+        parameters: &[Parameter::real("cutoff", UnitRule::HERTZ, "frequency at which the gain is 1 / (2 damping), below half of the net's rate").above(0.0).below_nyquist(),
+            Parameter::real("damping", UnitRule::ONE, "1/√2: as flat as possible (Butterworth); 1: no overshoot")
+                .default(Literal::Real(FRAC_1_SQRT_2))
+                .above(0.0),],
+        state: filter::STATE,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| {
+        each(frame, operands, |frame, [input, out, _, _, state]| filter::step(frame, input, out, state));
+    })],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    if let &[_input, _out, cutoff, damping, state] = operands {
+        let ([cutoff_hz], [damping]) = (preparation.reals(cutoff), preparation.reals(damping));
+        let low_pass = Biquad::low_pass(cutoff_hz, damping, preparation.dt_s);
+        filter::prepare(preparation, state, low_pass);
+    }
+    Ok(())
+}
