@@ -37,6 +37,8 @@ verbs! {
     Up = up;
     /// Check nets without loading them anywhere.
     Check = check;
+    /// Lay out the text of nets, comments kept.
+    Fmt = fmt;
     /// What a net is expected to need of a cycle, by type of primitive.
     Explain = explain;
     /// What primitives cost on this machine.

@@ -103,7 +103,7 @@ pub fn read(
 }
 
 /// The faults of a text, each with a remedy: its own, or that of its kind.
-fn finished(file: &str, text: &str, mut faults: Vec<Diagnostic>) -> Faults {
+pub(crate) fn finished(file: &str, text: &str, mut faults: Vec<Diagnostic>) -> Faults {
     for fault in &mut faults {
         if fault.help.is_none() {
             fault.help = fault::remedy(fault.code).map(str::to_owned);

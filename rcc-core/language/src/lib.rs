@@ -7,12 +7,14 @@ pub mod devices;
 pub mod directionet;
 pub mod expand;
 pub mod fault;
+pub mod format;
 pub mod infer;
 pub mod lower;
 pub mod names;
 pub mod nulls;
 pub mod rate;
 pub mod resolve;
+pub mod schema;
 pub mod syntax;
 pub mod write;
 

@@ -29,11 +29,6 @@ pub fn comments(text: &str, root: &Node) -> Result<Vec<Comment>, Span> {
     let mut found = Vec::new();
     let mut from = 0;
     for span in scalars {
-        let slice = text.get(span.start..span.end).unwrap_or_default();
-        let header = slice.lines().next().unwrap_or_default();
-        if slice.starts_with(['|', '>']) && header.contains('#') {
-            return Err(span);
-        }
         gap(text, from, span.start, &mut found)?;
         from = from.max(span.end);
     }
@@ -74,6 +69,12 @@ fn gap(text: &str, from: usize, to: usize, found: &mut Vec<Comment>) -> Result<(
             at += length;
         } else if c.is_whitespace() || ",:[]{}-?\u{feff}".contains(c) {
             at += c.len_utf8();
+        } else if matches!(c, '|' | '>') {
+            // Before the lines of a text; how they are counted may follow.
+            let header = rest
+                .bytes()
+                .take_while(|byte| b"|>+-0123456789".contains(byte));
+            at += header.count();
         } else {
             return Err(Span::new(at, at + c.len_utf8()));
         }

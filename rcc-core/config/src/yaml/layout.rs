@@ -163,6 +163,16 @@ impl Tree {
         (self.flow(&mut line, room) && line.chars().count() <= room).then_some(line)
     }
 
+    /// The same where it stands outside of all brackets.
+    fn on_its_line(&self, room: usize) -> Option<String> {
+        match self {
+            Tree::Text(text) => {
+                Some(scalar::line(text).into_owned()).filter(|line| line.chars().count() <= room)
+            }
+            other => other.on_one_line(room),
+        }
+    }
+
     /// Appends it in brackets; false, early, if it cannot be on one line of `room` characters.
     fn flow(&self, line: &mut String, room: usize) -> bool {
         // Bytes are at least as many as characters, and at most four times.
@@ -376,7 +386,7 @@ impl Writer {
         let comment = entry.behind();
         let Some(style) = Style::of(text) else {
             self.text.push(' ');
-            self.text.push_str(&scalar::text(text));
+            self.text.push_str(&scalar::line(text));
             return self.comment(comment);
         };
         self.text.push_str(match style {
@@ -446,7 +456,7 @@ impl Writer {
             let room = WIDTH.saturating_sub(depth + 2);
             let line = entry
                 .value
-                .on_one_line(room)
+                .on_its_line(room)
                 .or_else(|| unbreakable(&entry.value));
             self.before(entry, depth);
             self.indent(depth);
@@ -525,7 +535,7 @@ fn unbreakable(value: &Tree) -> Option<String> {
     if divides {
         None
     } else {
-        value.on_one_line(usize::MAX)
+        value.on_its_line(usize::MAX)
     }
 }
 
@@ -535,7 +545,7 @@ fn short(entry: &Entry, block: &Block, depth: usize) -> Line {
     let one_line = match &entry.value {
         // Lines stay lines.
         Tree::Text(text) if text.contains('\n') => None,
-        value => value.on_one_line(room),
+        value => value.on_its_line(room),
     };
     match one_line.or_else(|| unbreakable(&entry.value)) {
         Some(value) => Line::Short {

@@ -12,14 +12,25 @@ const BRACKETS: &[char] = &['[', ']', '{', '}', ','];
 /// The text as a scalar: as it is if that reads back as this text, else in single quotes, else in double ones.
 #[must_use]
 pub fn text(value: &str) -> Cow<'_, str> {
-    let stays = is_plain(value) && matches!(plain(Cow::Borrowed(value)), Value::Text(_));
+    let stays = is_plain(value) && !value.contains(BRACKETS) && is_text(value);
     quoted_unless(stays, value)
+}
+
+/// The text as a scalar that stands outside of brackets, so that brackets and commas in it mean nothing.
+#[must_use]
+pub fn line(value: &str) -> Cow<'_, str> {
+    let stays = is_plain(value) && !value.starts_with(BRACKETS) && is_text(value);
+    quoted_unless(stays, value)
+}
+
+fn is_text(value: &str) -> bool {
+    matches!(plain(Cow::Borrowed(value)), Value::Text(_))
 }
 
 /// The text as a key; unlike values, keys are always text.
 #[must_use]
 pub fn key(value: &str) -> Cow<'_, str> {
-    quoted_unless(is_plain(value), value)
+    quoted_unless(is_plain(value) && !value.contains(BRACKETS), value)
 }
 
 /// A number that reads back as the same bits and as a `Real`.
@@ -60,7 +71,6 @@ fn is_plain(value: &str) -> bool {
         && value
             .chars()
             .all(|c| is_printed(c) && (c == ' ' || !c.is_whitespace()))
-        && !value.contains(BRACKETS)
         && !value.contains(": ")
         && !value.contains(" #")
         && !value.ends_with([':', ' '])
@@ -165,6 +175,12 @@ mod tests {
                     "{before}{scalar}{after}"
                 );
             }
+            for (before, after) in [("x: ", "\n"), ("x:\n- ", "\n")] {
+                let root = parse(&format!("{before}{}{after}", line(given))).unwrap();
+                let node = root.get("x").unwrap();
+                let inner = node.list().and_then(<[_]>::first);
+                assert_eq!(inner.unwrap_or(node).text(), Some(*given));
+            }
             let root = parse(&format!("{{{}: 1}}\n", key(given))).unwrap();
             assert_eq!(root.map().unwrap()[0].key.name, *given);
             let root = parse(&format!("[{}]", json(given))).unwrap();
@@ -186,6 +202,7 @@ mod tests {
         ] {
             let quoted = given.contains(',');
             assert_eq!(text(given).starts_with('\''), quoted, "{given}");
+            assert_eq!(line(given), given);
         }
     }
 

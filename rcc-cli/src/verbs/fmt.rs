@@ -1,0 +1,88 @@
+//! `fmt FILE...`: nets and libraries in their one layout, comments kept. Needs no cell.
+
+use rcc_language::format::{FormatError, format};
+use rcc_loader::server::codes::{self, exit};
+use serde::Serialize;
+
+use crate::context::{Context, Format, say};
+use crate::failure::Failure;
+use crate::follow::read_text;
+
+/// What to lay out.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// Nets and libraries, YAML; - is the standard input, which goes to the standard output.
+    #[arg(required = true)]
+    files: Vec<String>,
+    /// Change nothing; exit code 1 and their names if files are laid out otherwise.
+    #[arg(long)]
+    check: bool,
+    /// Change nothing; print the result.
+    #[arg(long, conflicts_with = "check")]
+    stdout: bool,
+}
+
+/// What became of one file.
+#[derive(Serialize)]
+struct Outcome {
+    file: String,
+    /// It is laid out otherwise, or was.
+    changed: bool,
+}
+
+/// Does it.
+///
+/// # Errors
+/// Exit code 3 when a file is no net, with its faults; then it is left as it is, and the others are still laid out.
+/// Exit code 1 with `--check` when a file is laid out otherwise.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let mut worst = 0;
+    for file in &arguments.files {
+        match one(context, &arguments, file) {
+            Ok(false) => {}
+            Ok(true) => worst = worst.max(1),
+            Err(failure) => {
+                context.print_failure(&failure);
+                worst = worst.max(failure.exit);
+            }
+        }
+    }
+    if worst == 0 { Ok(()) } else { Err(Failure::said(worst)) }
+}
+
+/// True if `--check` found something.
+fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Failure> {
+    let (name, text) = read_text(file)?;
+    let written = format(&text, &name).map_err(|error| refused(&name, error))?;
+    let changed = written != text;
+    let prints = arguments.stdout || file == "-";
+    if prints && !arguments.check {
+        print!("{written}");
+        return Ok(false);
+    }
+    if changed && !arguments.check {
+        std::fs::write(file, &written).map_err(|error| Failure::unreadable(file, &error))?;
+    }
+    if context.format == Format::Human {
+        match (changed, arguments.check) {
+            (true, true) => say(&format!("{name}: `rcc-cli fmt` lays it out otherwise")),
+            (true, false) => say(&format!("{name}: laid out")),
+            (false, _) => {}
+        }
+    } else {
+        let outcome = Outcome { file: name, changed };
+        context.print(&outcome, |_| String::new());
+    }
+    Ok(changed && arguments.check)
+}
+
+fn refused(name: &str, error: FormatError) -> Failure {
+    let what = format!("{name} is left as it is: {error}");
+    match error {
+        FormatError::Faulty(faults) | FormatError::WouldLose(faults) => Failure::of_faults(&what, &faults),
+        FormatError::Json => Failure {
+            exit: exit::INVALID,
+            ..Failure::new(codes::BAD_REQUEST, what, "nothing needs to be done; people write YAML")
+        },
+    }
+}

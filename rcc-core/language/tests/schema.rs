@@ -1,0 +1,149 @@
+//! The JSON Schema, looked at by an independent program (Python's jsonschema): it is a schema, it accepts what the language
+//! accepts, and it refuses the faults that can be seen without links.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rcc_config::{CellConfig, auto_ports, yaml};
+use rcc_language::devices::DeviceTable;
+use rcc_language::schema::schema;
+
+const PROGRAM: &str = r#"
+import json, sys
+try:
+    import jsonschema
+except ImportError:
+    sys.exit(3)
+schema = json.load(open(sys.argv[1]))
+jsonschema.Draft202012Validator.check_schema(schema)
+validator = jsonschema.Draft202012Validator(schema)
+for name, net in json.load(open(sys.argv[2])).items():
+    errors = [error.message for error in validator.iter_errors(net)]
+    print(json.dumps([name, errors]))
+"#;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn cell() -> DeviceTable {
+    let path = root().join("configs/cells/demo.yaml");
+    let ports = auto_ports(&path).unwrap();
+    let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
+    DeviceTable::from(&CellConfig::load(&path, &ports).unwrap())
+}
+
+/// Nets by name, those that are YAML.
+fn nets(folder: &str) -> BTreeMap<String, serde_json::Value> {
+    let Ok(files) = fs::read_dir(root().join(folder)) else {
+        return BTreeMap::new();
+    };
+    let paths = files.map(|file| file.unwrap().path());
+    let paths = paths.filter(|path| path.extension().is_some_and(|end| end == "yaml"));
+    let trees = paths.filter_map(|path| {
+        let tree = yaml::parse(&fs::read_to_string(&path).unwrap()).ok()?;
+        Some((
+            path.file_stem()?.to_string_lossy().into_owned(),
+            tree.to_json(),
+        ))
+    });
+    trees.collect()
+}
+
+/// What the validator says of each net; nothing if there is none on this machine.
+fn errors(
+    schema: &serde_json::Value,
+    nets: &BTreeMap<String, serde_json::Value>,
+    name: &str,
+) -> Option<BTreeMap<String, Vec<String>>> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let [schema_file, nets_file] =
+        ["schema", "nets"].map(|what| folder.join(format!("{name}-{what}.json")));
+    fs::write(&schema_file, schema.to_string()).unwrap();
+    fs::write(&nets_file, serde_json::to_string(nets).unwrap()).unwrap();
+    let python = Command::new("python3")
+        .args(["-c", PROGRAM])
+        .arg(&schema_file)
+        .arg(&nets_file)
+        .output();
+    let output = match python {
+        Ok(output) if output.status.code() != Some(3) => output,
+        _ => {
+            eprintln!("skipped: there is no python3 with jsonschema");
+            return None;
+        }
+    };
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let lines = String::from_utf8(output.stdout).unwrap();
+    Some(
+        lines
+            .lines()
+            .map(|line| serde_json::from_str::<(String, Vec<String>)>(line).unwrap())
+            .collect(),
+    )
+}
+
+#[test]
+fn what_the_language_accepts_is_accepted() {
+    let mut all = nets("configs/nets");
+    all.extend(nets("configs/nets/library"));
+    all.extend(nets("tests/nets/ok"));
+    assert!(all.len() >= 10);
+    for cell in [None, Some(cell())] {
+        let Some(found) = errors(&schema(cell.as_ref()), &all, "ok") else {
+            return;
+        };
+        for (name, errors) in found {
+            assert!(errors.is_empty(), "{name}: {errors:#?}");
+        }
+    }
+}
+
+#[test]
+fn faults_that_need_no_links_are_refused() {
+    let all = nets("tests/nets/bad");
+    let Some(found) = errors(&schema(Some(&cell())), &all, "bad") else {
+        return;
+    };
+    // Warnings, and what takes a look at links, units, numbers, or the whole net.
+    let unseen = |name: &str| {
+        [
+            "RCC19", "RCC1106", "RCC12", "RCC13", "RCC14", "RCC15", "RCC16",
+        ]
+        .iter()
+        .any(|code| name.starts_with(code))
+    };
+    let seen = [
+        "RCC1201", "RCC1204", "RCC1205", "RCC1207", "RCC1208", "RCC1209", "RCC1301", "RCC1401",
+    ];
+    let mut refused = 0;
+    for (name, errors) in found {
+        let must = seen.iter().any(|code| name.starts_with(code)) || !unseen(&name);
+        assert!(!must || !errors.is_empty(), "{name} is accepted");
+        refused += usize::from(!errors.is_empty());
+        if name.starts_with("RCC19") {
+            assert!(errors.is_empty(), "{name} is only a warning: {errors:#?}");
+        }
+    }
+    assert!(refused >= 12, "{refused}");
+}
+
+#[test]
+fn every_primitive_and_every_port_of_it_is_there() {
+    let schema = schema(None);
+    for entry in rcc_core::primitives::CATALOGUE {
+        let definition = &schema["$defs"][entry.spec.name]["properties"];
+        for port in entry.spec.inputs {
+            assert!(definition["inputs"]["properties"][port.name].is_object());
+        }
+        for parameter in entry.spec.parameters {
+            assert!(definition["parameters"]["properties"][parameter.name].is_object());
+        }
+    }
+}
