@@ -1,7 +1,7 @@
 //! Why a verb did not succeed: the same body as over HTTP, and the exit code.
 //! Made and printed by the main thread.
 
-use rcc_config::diagnostic::{Faults, Row, Severity, Source, render};
+use rcc_config::diagnostic::{Faults, Row, RowPlace, Severity, Source, render};
 use rcc_loader::server::api::{ErrorBody, Finding};
 use rcc_loader::server::codes::{self, Code, exit};
 use rcc_loader::server::compile::findings;
@@ -178,6 +178,13 @@ fn row(finding: &Finding) -> Row {
         length: place.length,
         label: place.label,
         help: finding.help.clone(),
+        used_at: finding.used_at.clone().map(|place| RowPlace {
+            file: place.file,
+            line: place.line,
+            column: place.column,
+            length: place.length,
+            label: place.label,
+        }),
     }
 }
 

@@ -13,6 +13,7 @@ use rcc_engine::net::Net;
 use rcc_ipc::control::PlanData;
 use rcc_language::check::{Typed, check};
 use rcc_language::devices::DeviceTable;
+use rcc_language::expand::Flat;
 use rcc_language::{compile_for, infer, lower, resolve, syntax};
 
 use crate::table::{digits, table};
@@ -79,8 +80,9 @@ fn stages(text: &str, cell: &DeviceTable) -> Result<[f64; STAGES.len()], Box<dyn
     let (root, mut faults) = yaml::read(text);
     lap(0);
     let net = syntax::read(&root.ok_or("no text")?, &mut faults).ok_or("no net")?;
+    let flat = Flat::plain(net);
     lap(1);
-    let graph = resolve::resolve(&net, cell, &mut faults);
+    let graph = resolve::resolve(&flat, cell, &mut faults);
     let inferred = infer::infer(&graph);
     let typed = Typed {
         graph: &graph,

@@ -59,6 +59,19 @@ pub struct Diagnostic {
     pub help: Option<String>,
     /// Index of the source that `place` refers to.
     pub file: u32,
+    /// Where the text at `place` is used, if it is used in several places.
+    pub used_at: Option<Box<UsedAt>>,
+}
+
+/// Where a text is used that may be used in several places.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UsedAt {
+    /// The place.
+    pub place: Span,
+    /// Index of its source.
+    pub file: u32,
+    /// What to say there.
+    pub label: String,
 }
 
 impl Diagnostic {
@@ -72,6 +85,7 @@ impl Diagnostic {
             label: String::new(),
             help: None,
             file: 0,
+            used_at: None,
         }
     }
 
@@ -158,6 +172,24 @@ pub struct Row {
     /// What to do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,
+    /// Where the text with the fault is used, if it is used in several places.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub used_at: Option<RowPlace>,
+}
+
+/// A second place of a row.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RowPlace {
+    /// File name.
+    pub file: String,
+    /// Line, counted from 1.
+    pub line: usize,
+    /// Column in characters, counted from 1.
+    pub column: usize,
+    /// Length of the place in bytes, at most to the end of the line.
+    pub length: usize,
+    /// What is said at the place.
+    pub label: String,
 }
 
 impl Faults {
@@ -188,6 +220,9 @@ impl Faults {
         let shift = self.sources.len() as u32;
         for fault in &mut other.diagnostics {
             fault.file += shift;
+            if let Some(used_at) = &mut fault.used_at {
+                used_at.file += shift;
+            }
         }
         self.sources.append(&mut other.sources);
         self.diagnostics.append(&mut other.diagnostics);
@@ -214,26 +249,36 @@ impl Faults {
             .iter()
             .map(|source| Lines::of(&source.text))
             .collect();
+        let place_in = |file: u32, span: Option<Span>| {
+            let place = span.zip(lines.get(file as usize));
+            let place = place.map(|(span, lines)| lines.place(span));
+            let file = self.sources.get(file as usize);
+            let file = file.map_or("", |source| &source.name);
+            (file.to_string(), place.unwrap_or_default())
+        };
         let row = |fault: &Diagnostic| {
-            let place = fault
-                .place
-                .zip(lines.get(fault.file as usize))
-                .map(|(span, lines)| lines.place(span));
-            let file = self
-                .sources
-                .get(fault.file as usize)
-                .map_or("", |source| &source.name);
-            let place = place.unwrap_or_default();
+            let (file, place) = place_in(fault.file, fault.place);
+            let used_at = fault.used_at.as_ref().map(|used_at| {
+                let (file, place) = place_in(used_at.file, Some(used_at.place));
+                RowPlace {
+                    file,
+                    line: place.line,
+                    column: place.column,
+                    length: place.length,
+                    label: used_at.label.clone(),
+                }
+            });
             Row {
                 code: fault.code.to_string(),
                 severity: fault.severity,
                 message: fault.message.clone(),
-                file: file.to_string(),
+                file,
                 line: place.line,
                 column: place.column,
                 length: place.length,
                 label: fault.label.clone(),
                 help: fault.help.clone(),
+                used_at,
             }
         };
         self.diagnostics.iter().map(row).collect()

@@ -175,11 +175,11 @@ pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
             Ok((event, span)) => builder.take(event, span),
             Err(error) => {
                 let at = error.marker().byte_offset().unwrap_or(0);
-                Err(broken(text, at, &error.info()))
+                Err(Box::new(broken(text, at, &error.info())))
             }
         };
         if let Err(fault) = step {
-            builder.faults.push(fault);
+            builder.faults.push(*fault);
             return (None, builder.faults);
         }
     }
@@ -245,13 +245,12 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn take(&mut self, event: Event<'_>, span: ParserSpan) -> Result<(), Diagnostic> {
+    fn take(&mut self, event: Event<'_>, span: ParserSpan) -> Result<(), Box<Diagnostic>> {
         let place = self.place(span);
         let refuse = |what: &str, help: &str| {
-            Err(
-                Diagnostic::error(NOT_SUPPORTED, place, format!("{what} have no meaning here"))
-                    .help(help),
-            )
+            let message = format!("{what} have no meaning here");
+            let fault = Diagnostic::error(NOT_SUPPORTED, place, message);
+            Err(Box::new(fault.help(help)))
         };
         match event {
             Event::DocumentStart(..) => {
@@ -306,7 +305,7 @@ impl<'a> Builder<'a> {
         text: Cow<'_, str>,
         style: ScalarStyle,
         span: Span,
-    ) -> Result<(), Diagnostic> {
+    ) -> Result<(), Box<Diagnostic>> {
         if let Some((Open::Map { keys, key, .. }, _)) = self.stack.last_mut()
             && key.is_none()
         {
@@ -328,21 +327,22 @@ impl<'a> Builder<'a> {
         self.put(Node { value, span })
     }
 
-    fn open(&mut self, open: Open, span: Span) -> Result<(), Diagnostic> {
+    fn open(&mut self, open: Open, span: Span) -> Result<(), Box<Diagnostic>> {
         if let Some((Open::Map { key: None, .. }, _)) = self.stack.last() {
             let fault =
                 Diagnostic::error(NOT_SUPPORTED, span, "a list or mapping is used as a key");
-            return Err(fault.help("a key is plain text"));
+            return Err(Box::new(fault.help("a key is plain text")));
         }
         if self.stack.len() >= DEPTH_MAX {
             let message = format!("lists and mappings are nested more than {DEPTH_MAX} deep");
-            return Err(Diagnostic::error(TOO_LARGE, span, message).label("here"));
+            let fault = Diagnostic::error(TOO_LARGE, span, message);
+            return Err(Box::new(fault.label("here")));
         }
         self.stack.push((open, span));
         Ok(())
     }
 
-    fn close(&mut self, end: Span) -> Result<(), Diagnostic> {
+    fn close(&mut self, end: Span) -> Result<(), Box<Diagnostic>> {
         let Some((open, start)) = self.stack.pop() else {
             return Ok(());
         };
@@ -364,7 +364,7 @@ impl<'a> Builder<'a> {
         self.put(Node { value, span })
     }
 
-    fn put(&mut self, node: Node) -> Result<(), Diagnostic> {
+    fn put(&mut self, node: Node) -> Result<(), Box<Diagnostic>> {
         match self.stack.last_mut() {
             Some((Open::List(nodes), _)) => nodes.push(node),
             Some((Open::Map { entries, key, .. }, _)) => match key.take() {
@@ -372,7 +372,8 @@ impl<'a> Builder<'a> {
                 Some((_, false)) => {}
                 None => {
                     let message = "a list or mapping is used as a key";
-                    return Err(Diagnostic::error(NOT_SUPPORTED, node.span, message));
+                    let fault = Diagnostic::error(NOT_SUPPORTED, node.span, message);
+                    return Err(Box::new(fault));
                 }
             },
             None => self.root = Some(node),

@@ -2,6 +2,7 @@
 //! what another rule or the resolver has reported is passed over. The loader's threads.
 
 mod connections;
+mod fragments;
 mod limits;
 mod loops;
 mod values;
@@ -12,6 +13,7 @@ use crate::infer::Inferred;
 use crate::resolve::Graph;
 
 pub use limits::every;
+pub(crate) use loops::components;
 
 /// A net with its types and units.
 #[derive(Clone, Copy)]
@@ -32,6 +34,7 @@ const CHECKS: &[Check] = &[
     values::types_suit_their_primitives,
     values::units_of_a_primitive_agree,
     values::parameters_are_in_range,
+    fragments::inputs_are_as_fragments_say,
     connections::inputs_are_connected,
     connections::outputs_are_read_or_discarded,
     connections::discards_are_sensible,

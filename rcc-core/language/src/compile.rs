@@ -9,12 +9,14 @@ use rcc_ipc::control::PlanData;
 use crate::check::{Typed, check};
 use crate::devices::DeviceTable;
 use crate::directionet;
-use crate::expand;
+use crate::expand::{Flat, expand};
 use crate::fault;
 use crate::infer::infer;
+use crate::library::{self, Libraries, NoFiles};
 use crate::lower::lower;
 use crate::names::{Names, names};
 use crate::resolve::resolve;
+use crate::sources::Sources;
 use crate::syntax;
 
 /// A net that the language accepts.
@@ -45,12 +47,37 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Fa
 /// # Errors
 /// All faults of the text, and its warnings.
 pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compiled, Faults> {
+    compile_with(text, file, cell, &NoFiles)
+}
+
+/// Compiles a text that may use libraries. `file` is also the path of the net's own file, beside which libraries are
+/// looked for.
+///
+/// # Errors
+/// All faults of the text and its libraries, and their warnings.
+pub fn compile_with(
+    text: &str,
+    file: &str,
+    cell: &DeviceTable,
+    libraries: &dyn Libraries,
+) -> Result<Compiled, Faults> {
     let mut faults = Vec::new();
-    let Some(net) = read(text, file, cell, &mut faults) else {
-        return Err(finished(file, text, faults));
+    let (flat, sources) = flatten(text, file, cell, libraries, &mut faults);
+    let Some(flat) = flat else {
+        return Err(sources.finished(faults));
     };
-    expand::refuse(&net, &mut faults);
-    let graph = resolve(&net, cell, &mut faults);
+    for region in &flat.regions {
+        let message = format!(
+            "`{}`: conditions (`active`) are not yet evaluated",
+            region.id.name
+        );
+        faults.push(Diagnostic::error(
+            fault::NOT_SUPPORTED,
+            region.id.span,
+            message,
+        ));
+    }
+    let graph = resolve(&flat, cell, &mut faults);
     let inferred = infer(&graph);
     let typed = Typed {
         graph: &graph,
@@ -58,13 +85,13 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
     };
     check(typed, &mut faults);
     if faults.iter().any(|fault| fault.severity == Severity::Error) {
-        return Err(finished(file, text, faults));
+        return Err(sources.finished(faults));
     }
     let lowered = match lower(typed) {
         Ok(lowered) => lowered,
         Err(fault) => {
             faults.push(*fault);
-            return Err(finished(file, text, faults));
+            return Err(sources.finished(faults));
         }
     };
     if let Err(error) = lowered.plan.plan().check(&cell.models(), cell.fingerprint) {
@@ -76,14 +103,14 @@ pub fn compile_for(text: &str, file: &str, cell: &DeviceTable) -> Result<Compile
                 .anywhere()
                 .help("this is a mistake of the loader: report it with the net"),
         );
-        return Err(finished(file, text, faults));
+        return Err(sources.finished(faults));
     }
     Ok(Compiled {
         names: names(typed, &lowered),
-        net: net.name.name,
-        description: net.description,
+        net: flat.net.name.name.clone(),
+        description: flat.net.description.clone(),
         plan: lowered.plan,
-        warnings: finished(file, text, faults),
+        warnings: sources.finished(faults),
     })
 }
 
@@ -102,6 +129,7 @@ pub fn read(
     syntax::read(&root?, faults)
 }
 
+<<<<<<< HEAD
 /// The faults of a text, each with a remedy: its own, or that of its kind.
 pub(crate) fn finished(file: &str, text: &str, mut faults: Vec<Diagnostic>) -> Faults {
     for fault in &mut faults {
@@ -110,4 +138,22 @@ pub(crate) fn finished(file: &str, text: &str, mut faults: Vec<Diagnostic>) -> F
         }
     }
     Faults::new(file, text, faults)
+=======
+/// Reads a text and its libraries and replaces the instances of fragments; `None`: it is no net, or far too large. The
+/// sources know the place of everything.
+pub fn flatten(
+    text: &str,
+    file: &str,
+    cell: &DeviceTable,
+    libraries: &dyn Libraries,
+    faults: &mut Vec<Diagnostic>,
+) -> (Option<Flat>, Sources) {
+    let mut sources = Sources::new(file, text);
+    let net = read(text, file, cell, faults);
+    let flat = net.and_then(|net| {
+        let library = library::read_all(&net.uses, file, libraries, &mut sources, faults);
+        expand(net, &library, &mut sources, faults)
+    });
+    (flat, sources)
+>>>>>>> 449aacc (language: fragments and libraries are expanded, and their faults are told once)
 }

@@ -1,28 +1,561 @@
-//! Instances of fragments. Until they are expanded, a net that has any is refused. The loader's threads.
+//! Instances of fragments are replaced by what they stand for: a copy of the fragment's primitives, named `instance/id`,
+//! with the instance's parameters and sources in place of the fragment's own. Types, loops and everything else are judged
+//! on the flat net, so that a fragment is a way of writing and nothing more. The loader's threads.
 
-use rcc_config::diagnostic::Diagnostic;
+mod body;
+mod parameters;
+
+use std::collections::{HashMap, HashSet};
+
+use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
+use rcc_core::types::Type;
+use rcc_core::unit::Unit;
 
 use crate::fault;
-use crate::syntax::{Kind, Net};
+use crate::sources::{Shift, Sources};
+use crate::syntax::fragment::{Fragment, FragmentInput};
+use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::reference::Reference;
+use crate::syntax::{Kind, Link, Net, Primitive, Source};
+use body::{Bodies, Body, Target};
+use parameters::Parameters;
 
-/// Reports every use of a fragment, of a library and of a condition.
-pub fn refuse(net: &Net, faults: &mut Vec<Diagnostic>) {
-    let mut refuse = |key: &Key, what: &str| {
-        let message = format!("`{}`: {what} are read, but not yet evaluated", key.name);
-        faults.push(Diagnostic::error(fault::NOT_SUPPORTED, key.span, message));
-    };
-    for library in &net.uses {
-        refuse(library, "libraries");
-    }
-    for fragment in &net.fragments {
-        refuse(&fragment.name, "fragments");
-    }
-    for primitive in &net.primitives {
-        if primitive.kind == Kind::Fragment {
-            refuse(&primitive.id, "instances of fragments");
-        } else if primitive.active.is_some() {
-            refuse(&primitive.id, "conditions (`active`)");
+/// Deepest nesting of instances.
+pub const DEPTH_MAX: usize = 32;
+/// Most that instances may stand for: primitives, their inputs and parameters, and elements of constants together. Ten
+/// lines could ask for more than any memory holds.
+pub const EXPANDED_MAX: usize = 1 << 20;
+
+/// A net without instances.
+#[derive(Clone, Debug)]
+pub struct Flat {
+    /// The net; of its fragments nothing is left but copies.
+    pub net: Net,
+    /// What is evaluated only under a condition; those around others come first.
+    pub regions: Vec<Region>,
+    /// By primitive: its innermost region. Empty if there are no regions.
+    pub region_of: Vec<Option<usize>>,
+    /// Outputs that count as read: those that fragments show, and those that what was refused reads.
+    pub read: Vec<Reference>,
+    /// What fragments say of their inputs.
+    pub pins: Vec<Pin>,
+    /// Ids of all instances.
+    pub instances: Vec<String>,
+    /// An instance was refused: what is missing may be hidden there.
+    pub is_incomplete: bool,
+}
+
+/// Primitives that are evaluated only while a condition is true.
+#[derive(Clone, Debug)]
+pub struct Region {
+    /// Id of the instance or primitive that has the condition.
+    pub id: Key,
+    /// The condition.
+    pub condition: Source,
+    /// Index of the region around it.
+    pub parent: Option<usize>,
+}
+
+/// The type and unit that a fragment gives its input, at one of the inputs that it feeds.
+#[derive(Clone, Debug)]
+pub struct Pin {
+    /// Index of the primitive.
+    pub primitive: usize,
+    /// Name of its input.
+    pub input: String,
+    /// Name of the fragment's input.
+    pub name: String,
+    /// The type, and where it is said.
+    pub ty: Option<(Type, Span)>,
+    /// The unit, and where it is said.
+    pub unit: Option<(Unit, Span)>,
+}
+
+impl Flat {
+    /// A net that has no instances and no conditions.
+    #[must_use]
+    pub fn plain(net: Net) -> Flat {
+        Flat {
+            net,
+            regions: Vec::new(),
+            region_of: Vec::new(),
+            read: Vec::new(),
+            pins: Vec::new(),
+            instances: Vec::new(),
+            is_incomplete: false,
         }
+    }
+}
+
+/// What feeds an input of an instance, and what the fragments around say of it.
+#[derive(Clone)]
+struct Bound<'a> {
+    source: Source,
+    pins: Vec<(&'a FragmentInput, Shift)>,
+}
+
+/// Where the primitives of a body go.
+struct Scope<'a> {
+    /// `a/b/`; empty: the net itself.
+    path: String,
+    shift: Shift,
+    parameters: Parameters<'a>,
+    inputs: HashMap<&'a str, Bound<'a>>,
+    region: Option<usize>,
+    depth: usize,
+}
+
+struct Expander<'a, 's> {
+    bodies: &'a Bodies<'a>,
+    sources: &'s mut Sources,
+    faults: &'s mut Vec<Diagnostic>,
+    flat: Flat,
+    expanded: usize,
+    /// Ids of the primitives that stand for constants that are read delayed.
+    constants: HashSet<String>,
+}
+
+/// Replaces all instances of a net; `library` are the fragments of its libraries. `None`: they stand for too much, which
+/// is reported, and of such a net nothing else is worth knowing.
+pub fn expand(
+    mut net: Net,
+    library: &[Fragment],
+    sources: &mut Sources,
+    faults: &mut Vec<Diagnostic>,
+) -> Option<Flat> {
+    parameters::refuse_in_timing(&mut net.timing, faults);
+    let is_plain = |primitive: &Primitive| {
+        primitive.kind == Kind::Type && primitive.active.is_none() && !parameters::any_in(primitive)
+    };
+    if net.fragments.is_empty() && library.is_empty() && net.primitives.iter().all(is_plain) {
+        return Some(Flat::plain(net));
+    }
+    let bodies = Bodies::of(&net, library, faults);
+    bodies.check(faults);
+    let empty = Net {
+        name: net.name.clone(),
+        description: net.description.clone(),
+        timing: net.timing.clone(),
+        survives_device_loss: net.survives_device_loss,
+        uses: Vec::new(),
+        fragments: Vec::new(),
+        primitives: Vec::new(),
+        discard: Vec::new(),
+    };
+    let mut expander = Expander {
+        bodies: &bodies,
+        sources,
+        faults,
+        flat: Flat::plain(empty),
+        expanded: 0,
+        constants: HashSet::new(),
+    };
+    let scope = Scope {
+        path: String::new(),
+        shift: Shift::default(),
+        parameters: Parameters::default(),
+        inputs: HashMap::new(),
+        region: None,
+        depth: 0,
+    };
+    expander.body(&bodies.net, &scope);
+    if expander.expanded > EXPANDED_MAX {
+        return None;
+    }
+    let mut flat = expander.flat;
+    if flat.regions.is_empty() {
+        flat.region_of.clear();
+    }
+    Some(flat)
+}
+
+/// What feeds an input, and what the fragments on the way to it say of it.
+type Fed<'a> = (Source, Vec<(&'a FragmentInput, Shift)>);
+
+impl<'a> Expander<'a, '_> {
+    fn body(&mut self, body: &'a Body<'a>, scope: &Scope<'a>) {
+        for primitive in body.primitives {
+            if scope.depth > 0 && !self.has_room_for(primitive, scope) {
+                return;
+            }
+            let region = self.region(primitive, body, scope);
+            match primitive.kind {
+                Kind::Type => self.primitive(primitive, body, scope, region),
+                Kind::Fragment => self.instance(primitive, body, scope, region),
+            }
+        }
+        for reference in body.discard {
+            if matches!(self.bodies.target(body, reference), Target::Primitive) {
+                let discarded = scope.named(reference);
+                self.flat.net.discard.push(discarded);
+            }
+        }
+        let shown = body.fragment.map_or(&[][..], |fragment| &fragment.outputs);
+        for output in shown {
+            if let Some(reference) = self.output(body, scope, &output.from) {
+                self.flat.read.push(reference);
+            }
+        }
+    }
+
+    fn has_room_for(&mut self, primitive: &Primitive, scope: &Scope<'_>) -> bool {
+        let had_room = self.expanded <= EXPANDED_MAX;
+        self.expanded = self.expanded.saturating_add(weight(primitive));
+        if self.expanded <= EXPANDED_MAX {
+            return true;
+        }
+        if had_room {
+            let span = scope.shift.span(primitive.id.span);
+            let message = "the instances of this net stand for more than an executor gives";
+            let fault = Diagnostic::error(fault::NET_TOO_LARGE, span, message);
+            let fault = fault.label("the first one too many");
+            self.faults
+                .push(fault.help("use fewer or smaller fragments"));
+        }
+        false
+    }
+
+    /// The region of a primitive: a new one if it has a condition.
+    fn region(
+        &mut self,
+        primitive: &'a Primitive,
+        body: &'a Body<'a>,
+        scope: &Scope<'a>,
+    ) -> Option<usize> {
+        let Some(condition) = &primitive.active else {
+            return scope.region;
+        };
+        let (condition, _) = self.source(condition, body, scope);
+        if let Source::Literal(literal) = &condition
+            && literal.shape == Shape::Bool(true)
+        {
+            return scope.region;
+        }
+        self.flat.regions.push(Region {
+            id: scope.key(&primitive.id),
+            condition,
+            parent: scope.region,
+        });
+        Some(self.flat.regions.len() - 1)
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &'a Primitive,
+        body: &'a Body<'a>,
+        scope: &Scope<'a>,
+        region: Option<usize>,
+    ) {
+        let parameters = primitive.parameters.iter().map(|(key, literal)| {
+            let literal = scope.parameters.fill(literal, scope.shift, self.faults);
+            (scope.shift.key(key), literal)
+        });
+        let parameters = parameters.collect();
+        let (mut inputs, mut pins) = (Vec::with_capacity(primitive.inputs.len()), Vec::new());
+        for (key, source) in &primitive.inputs {
+            let (source, said) = self.source(source, body, scope);
+            inputs.push((scope.shift.key(key), source));
+            pins.extend(said.into_iter().map(|said| (key, said)));
+        }
+        let number = self.flat.net.primitives.len();
+        let pins = pins.into_iter().map(|(key, (input, shift))| Pin {
+            primitive: number,
+            input: key.name.clone(),
+            name: input.name.name.clone(),
+            ty: input.ty.map(|(ty, span)| (ty, shift.span(span))),
+            unit: input.unit.map(|(unit, span)| (unit, shift.span(span))),
+        });
+        self.flat.pins.extend(pins);
+        let made = Primitive {
+            id: scope.key(&primitive.id),
+            kind: Kind::Type,
+            type_name: scope.shift.key(&primitive.type_name),
+            parameters,
+            inputs,
+            active: None,
+        };
+        self.push(made, region);
+    }
+
+    fn push(&mut self, primitive: Primitive, region: Option<usize>) {
+        self.flat.net.primitives.push(primitive);
+        self.flat.region_of.push(region);
+    }
+
+    fn instance(
+        &mut self,
+        instance: &'a Primitive,
+        body: &'a Body<'a>,
+        scope: &Scope<'a>,
+        region: Option<usize>,
+    ) {
+        let Key { name: id, span } = scope.key(&instance.id);
+        self.flat.instances.push(id.clone());
+        if scope.depth >= DEPTH_MAX {
+            let message = format!("instances are nested more than {DEPTH_MAX} deep");
+            let fault = Diagnostic::error(fault::NET_TOO_LARGE, span, message);
+            self.faults.push(fault.help("nest them less deeply"));
+        }
+        let inner = self.bodies.body_of(instance);
+        let Some((inner, fragment)) = inner.filter(|_| scope.depth < DEPTH_MAX) else {
+            self.flat.is_incomplete = true;
+            for (_, source) in &instance.inputs {
+                self.read(source, body, scope);
+            }
+            return;
+        };
+        let shift = self.sources.copy(fragment, &id, span);
+        let given = instance.parameters.iter();
+        let given = given.map(|(key, literal)| {
+            let literal = scope.parameters.fill(literal, scope.shift, self.faults);
+            (key.name.as_str(), literal)
+        });
+        let given = given.collect();
+        let inner_scope = Scope {
+            path: format!("{id}/"),
+            shift,
+            parameters: Parameters::bind(fragment, given, shift, self.faults),
+            inputs: self.bind(instance, fragment, shift, body, scope),
+            region,
+            depth: scope.depth + 1,
+        };
+        self.body(inner, &inner_scope);
+    }
+
+    /// What feeds the inputs of an instance.
+    fn bind(
+        &mut self,
+        instance: &'a Primitive,
+        fragment: &'a Fragment,
+        shift: Shift,
+        body: &'a Body<'a>,
+        scope: &Scope<'a>,
+    ) -> HashMap<&'a str, Bound<'a>> {
+        let known: HashSet<&str> = fragment
+            .inputs
+            .iter()
+            .map(|input| input.name.name.as_str())
+            .collect();
+        let mut given = HashMap::new();
+        for (key, source) in &instance.inputs {
+            if known.contains(key.name.as_str()) {
+                let (source, pins) = self.source(source, body, scope);
+                if let Source::Link(link) = &source {
+                    // Also where the fragment makes nothing of it, which is its own fault.
+                    self.flat.read.push(link.from.clone());
+                }
+                given.insert(key.name.as_str(), Bound { source, pins });
+            } else {
+                self.read(source, body, scope);
+            }
+        }
+        for input in &fragment.inputs {
+            let bound = given.entry(&input.name.name).or_insert_with(|| Bound {
+                source: match &input.default {
+                    Some(default) => Source::Literal(shift.literal(default)),
+                    None => Source::Refused,
+                },
+                pins: Vec::new(),
+            });
+            if input.ty.is_some() || input.unit.is_some() {
+                bound.pins.push((input, shift));
+            }
+        }
+        given
+    }
+
+    /// What is refused reads something all the same.
+    fn read(&mut self, source: &'a Source, body: &'a Body<'a>, scope: &Scope<'a>) {
+        if let (Source::Link(link), _) = self.source(source, body, scope) {
+            self.flat.read.push(link.from);
+        }
+    }
+
+    fn source(&mut self, source: &'a Source, body: &'a Body<'a>, scope: &Scope<'a>) -> Fed<'a> {
+        let link = match source {
+            Source::Refused => return (Source::Refused, Vec::new()),
+            Source::Literal(literal) => {
+                let literal = scope.parameters.fill(literal, scope.shift, self.faults);
+                let source = match literal.is_refused() {
+                    true => Source::Refused,
+                    false => Source::Literal(literal),
+                };
+                return (source, Vec::new());
+            }
+            Source::Link(link) => Link {
+                initial: link
+                    .initial
+                    .as_ref()
+                    .map(|literal| scope.parameters.fill(literal, scope.shift, self.faults)),
+                span: scope.shift.span(link.span),
+                ..link.clone()
+            },
+        };
+        if let Target::Input(input) = self.bodies.target(body, &link.from) {
+            let Some(bound) = scope.inputs.get(input.name.name.as_str()) else {
+                return (Source::Refused, Vec::new());
+            };
+            let pins = match link.from.index {
+                None => bound.pins.clone(),
+                Some(_) => Vec::new(),
+            };
+            return (self.through(&bound.source, link, scope), pins);
+        }
+        let from = self.output(body, scope, &link.from);
+        let source = from.map_or(Source::Refused, |from| Source::Link(Link { from, ..link }));
+        (source, Vec::new())
+    }
+
+    /// What a link from an input of a fragment is, when the instance feeds the input with `outside`.
+    fn through(&mut self, outside: &Source, inside: Link, scope: &Scope<'_>) -> Source {
+        match outside {
+            Source::Refused => Source::Refused,
+            Source::Literal(literal) if inside.delayed => {
+                // In the first cycle the link carries another value than the constant.
+                let from = self.constant(literal, &inside.from, scope);
+                Source::Link(Link { from, ..inside })
+            }
+            Source::Literal(literal) => match (inside.from.index, &literal.shape) {
+                (None, _) => Source::Literal(literal.clone()),
+                (Some(index), Shape::List(elements)) if (index as usize) < elements.len() => {
+                    Source::Literal(elements[index as usize].clone())
+                }
+                (Some(_), _) => self.no_element(&inside, &literal.to_string()),
+            },
+            Source::Link(link) => {
+                if link.from.index.is_some() && inside.from.index.is_some() {
+                    return self.no_element(&inside, &format!("`{}`", link.from));
+                }
+                if link.delayed && inside.delayed {
+                    let from = &inside.from;
+                    let message =
+                        format!("`{from}` is delayed here, and where the instance is fed");
+                    let fault = Diagnostic::error(fault::DELAYED_TWICE, inside.span, message);
+                    self.faults.push(fault);
+                    return Source::Refused;
+                }
+                let mut link = link.clone();
+                link.from.index = link.from.index.or(inside.from.index);
+                link.delayed |= inside.delayed;
+                link.initial = link.initial.or(inside.initial);
+                Source::Link(link)
+            }
+        }
+    }
+
+    fn no_element(&mut self, inside: &Link, outside: &str) -> Source {
+        let from = &inside.from;
+        let message = format!("`{from}` is an element of {outside}, which has none of this number");
+        let fault = Diagnostic::error(fault::BAD_ELEMENT, inside.span, message);
+        self.faults
+            .push(fault.help("feed the instance with a list or an array"));
+        Source::Refused
+    }
+
+    /// A primitive for a constant, one for each input of an instance.
+    fn constant(&mut self, literal: &Literal, from: &Reference, scope: &Scope<'_>) -> Reference {
+        let key = |name: &str| Key {
+            name: name.to_owned(),
+            span: literal.span,
+        };
+        // The name is free: inputs and primitives of a fragment have different ones.
+        let id = format!("{}{}", scope.path, from.primitive);
+        if self.constants.insert(id.clone()) {
+            let constant = Primitive {
+                id: key(&id),
+                kind: Kind::Type,
+                type_name: key("Constant"),
+                parameters: vec![(key("value"), literal.clone())],
+                inputs: Vec::new(),
+                active: None,
+            };
+            self.push(constant, None);
+        }
+        Reference {
+            primitive: id,
+            port: "out".to_owned(),
+            ..scope.shift.reference(from)
+        }
+    }
+
+    /// The output of the flat net that a reference to a primitive or an instance leads to.
+    fn output(
+        &mut self,
+        body: &'a Body<'a>,
+        scope: &Scope<'a>,
+        reference: &Reference,
+    ) -> Option<Reference> {
+        let mut found = scope.named(reference);
+        let (mut body, mut at, mut path) = (body, reference, scope.path.clone());
+        for _ in scope.depth..=DEPTH_MAX {
+            let (instance, output) = match self.bodies.target(body, at) {
+                Target::Primitive => {
+                    found.primitive = format!("{path}{}", at.primitive);
+                    found.port.clone_from(&at.port);
+                    return Some(found);
+                }
+                Target::Instance(instance, output) => (instance, output),
+                Target::Input(_) | Target::Refused => return None,
+            };
+            if found.index.is_some() && output.from.index.is_some() {
+                let message = format!(
+                    "`{}.{}` is an element already",
+                    instance.id.name, output.name.name
+                );
+                let fault = Diagnostic::error(fault::BAD_ELEMENT, found.span, message);
+                self.faults.push(fault.help("take the index out"));
+                return None;
+            }
+            found.index = found.index.or(output.from.index);
+            path.push_str(&instance.id.name);
+            path.push('/');
+            (body, _) = self.bodies.body_of(instance)?;
+            at = &output.from;
+        }
+        None
+    }
+}
+
+impl Scope<'_> {
+    /// An id as the flat net has it.
+    fn key(&self, id: &Key) -> Key {
+        let mut key = self.shift.key(id);
+        key.name.insert_str(0, &self.path);
+        key
+    }
+
+    /// A reference to a primitive as the flat net has it.
+    fn named(&self, reference: &Reference) -> Reference {
+        let mut named = self.shift.reference(reference);
+        named.primitive.insert_str(0, &self.path);
+        named
+    }
+}
+
+/// How much of [`EXPANDED_MAX`] a copy of a primitive takes.
+fn weight(primitive: &Primitive) -> usize {
+    let parameters = primitive.parameters.iter();
+    let parameters = parameters.map(|(_, literal)| elements(literal));
+    let inputs = primitive.inputs.iter().map(|(_, source)| match source {
+        Source::Literal(literal) => elements(literal),
+        Source::Link(link) => 1 + link.initial.as_ref().map_or(0, elements),
+        Source::Refused => 1,
+    });
+    // An instance is known by its path and by where it stands.
+    let itself = if primitive.kind == Kind::Fragment {
+        16
+    } else {
+        4
+    };
+    itself + parameters.sum::<usize>() + inputs.sum::<usize>()
+}
+
+fn elements(literal: &Literal) -> usize {
+    match &literal.shape {
+        Shape::List(elements) => 1 + elements.iter().map(self::elements).sum::<usize>(),
+        // Most of what a list in the text may have.
+        Shape::Open(_) => usize::from(rcc_core::types::ELEMENTS_MAX),
+        _ => 1,
     }
 }

@@ -41,6 +41,8 @@ rules! {
         "write a number, or a number with a unit: `12 N`, `0.25 m/s`, `deg(30)`, `100 Hz`";
     NOT_NORMALISED = "RCC1106", "A quaternion is not of length 1.",
         "divide all four elements by the length";
+    FRAGMENT_TWICE = "RCC1107", "Two fragments have the same name.",
+        "rename one of the two";
     UNKNOWN_TYPE = "RCC1201", "There is no primitive of this type.",
         "`rcc-cli primitives` lists all types";
     UNKNOWN_PRIMITIVE = "RCC1202", "A link names a primitive that the net does not have.",
@@ -59,6 +61,12 @@ rules! {
         "name a device with an arm";
     UNKNOWN_CHANNEL = "RCC1209", "A device has no channel of this name and kind.",
         "add the channel to the device in the cell's configuration, or name another one";
+    UNKNOWN_FRAGMENT = "RCC1210", "There is no fragment of this name.",
+        "write it under `fragments`, or name its library under `use`";
+    NO_LIBRARY = "RCC1211", "A library cannot be read.",
+        "the path is relative to the file that names it";
+    NO_SUCH_PARAMETER = "RCC1212", "A constant names a parameter that no fragment around it has.",
+        "add it to the `parameters` of the fragment, or write the value";
     MISSING_PARAMETER = "RCC1301", "A parameter that must be given is missing.",
         "add it under `parameters`";
     OUT_OF_RANGE = "RCC1302", "A parameter is outside of its range.",
@@ -87,6 +95,12 @@ rules! {
         "add `initial:` to the delayed link";
     NULL_FOR_EVER = "RCC1407", "A loop could never lose null again.",
         "lead the loop through OrElse, so that it gets a value again";
+    NOT_USED = "RCC1408", "A parameter or input of a fragment is not used in it.",
+        "use it, or take it out";
+    FRAGMENT_IN_ITSELF = "RCC1409", "A fragment contains itself.",
+        "take one of the instances out";
+    DELAYED_TWICE = "RCC1410", "A link is delayed in a fragment and where its instance is fed.",
+        "take one of the two `delayed: true` out";
     NO_TERMINATION = "RCC1501", "The net has no Termination.",
         "add `end: {type: Termination, inputs: {done: …}}`";
     MANY_TERMINATIONS = "RCC1502", "The net has more than one Termination.",
@@ -105,6 +119,8 @@ rules! {
         "add `cancel: {type: Cancel}` and let `cancel.requested` stop the motion";
     RATE_ROUNDED = "RCC1902", "A rate does not divide the cycle's and was rounded (warning).",
         "choose a rate that divides the cycle's";
+    FRAGMENT_NOT_USED = "RCC1903", "A fragment has no instance (warning).",
+        "take it out, or put it into a library";
     NO_HISTORY = "RCC1911", "A history for debugging is not kept (warning).",
         "`rcc-cli watch` shows any port";
     NEVER_ENDS = "RCC1912", "A net of the predecessor never ends by itself (warning).",

@@ -7,7 +7,7 @@ use rcc_core::primitive::{Port, PortType, UnitRule};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use crate::resolve::{Feed, Graph, Item, Output, Wire};
+use crate::resolve::{Feed, Graph, Item, Output, Pin, Wire};
 use crate::syntax::literal::Literal;
 use constraint::{Constraint, Solver};
 
@@ -178,6 +178,19 @@ fn infer_types(graph: &Graph<'_>) -> Vec<Option<Type>> {
             solver.allow(number, |ty| matches!(ty, Type::Int | Type::Real));
         }
     }
+    for Pin { item, input, said } in &graph.pins {
+        let sink = graph
+            .items
+            .get(*item)
+            .zip(said.ty)
+            .and_then(|(sink, (ty, _))| {
+                let port = sink.spec().inputs.get(*input)?;
+                Some((ty, type_term(sink, graph, *item, port.ty)))
+            });
+        if let Some((ty, sink)) = sink {
+            solver.add(Constraint::Equal(Term::Fixed(ty), sink));
+        }
+    }
     for (number, port, wire) in wires(graph) {
         let Some((source, from)) = graph
             .items
@@ -235,6 +248,13 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
         let cell = graph.items.get(number).zip(inferred.cells.get(number));
         cell.map_or(Term::None, |(item, cells)| unit_term(item, cells, rule))
     };
+    for Pin { item, input, said } in &graph.pins {
+        let port = graph.items.get(*item);
+        let port = port.and_then(|item| item.spec().inputs.get(*input));
+        if let (Some(port), Some((unit, _))) = (port, said.unit) {
+            solver.add(Constraint::Equal(Term::Fixed(unit), term(*item, port.unit)));
+        }
+    }
     for (number, item) in graph.items.iter().enumerate() {
         for (port, wire) in item.wires() {
             let (Some(port), Some(from)) =

@@ -9,14 +9,16 @@ pub mod expand;
 pub mod fault;
 pub mod format;
 pub mod infer;
+pub mod library;
 pub mod lower;
 pub mod names;
 pub mod nulls;
 pub mod rate;
 pub mod resolve;
 pub mod schema;
+pub mod sources;
 pub mod syntax;
 pub mod write;
 
-pub use compile::{Compiled, compile, compile_for};
+pub use compile::{Compiled, compile, compile_for, compile_with};
 pub use rcc_config::diagnostic::Faults;

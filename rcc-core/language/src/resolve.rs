@@ -14,6 +14,7 @@ use rcc_core::primitives;
 use rcc_core::unit::Unit;
 
 use crate::devices::DeviceTable;
+use crate::expand::{self, Flat};
 use crate::fault;
 use crate::rate;
 use crate::syntax::literal::{Literal, Shape};
@@ -23,7 +24,7 @@ use suggest::Suggestions;
 
 /// A net whose names are numbers.
 pub struct Graph<'a> {
-    /// As written.
+    /// As written, without instances.
     pub net: &'a Net,
     /// The cell.
     pub cell: &'a DeviceTable,
@@ -35,8 +36,21 @@ pub struct Graph<'a> {
     pub discarded: Vec<(Output, Span)>,
     /// Outputs read by inputs or primitives that do not exist.
     pub read_in_vain: Vec<Output>,
+    /// What fragments say of the types and units of their inputs.
+    pub pins: Vec<Pin<'a>>,
     /// The net has a primitive of unknown type: what is missing may be hidden there.
     pub has_unknown_types: bool,
+}
+
+/// The type and unit that a fragment gives its input, at an input that it feeds.
+#[derive(Clone, Copy, Debug)]
+pub struct Pin<'a> {
+    /// Index of the item.
+    pub item: usize,
+    /// Input of its spec.
+    pub input: usize,
+    /// What is said.
+    pub said: &'a expand::Pin,
 }
 
 /// One primitive.
@@ -142,10 +156,16 @@ impl Graph<'_> {
 }
 
 /// Looks every name of a net up.
-pub fn resolve<'a>(net: &'a Net, cell: &'a DeviceTable, faults: &mut Vec<Diagnostic>) -> Graph<'a> {
+pub fn resolve<'a>(
+    flat: &'a Flat,
+    cell: &'a DeviceTable,
+    faults: &mut Vec<Diagnostic>,
+) -> Graph<'a> {
+    let net = &flat.net;
     let rate = rate::of(&net.timing, cell, faults);
     let mut resolver = Resolver {
         net,
+        instances: &flat.instances,
         cell,
         faults,
         ids: HashMap::new(),
@@ -161,17 +181,28 @@ pub fn resolve<'a>(net: &'a Net, cell: &'a DeviceTable, faults: &mut Vec<Diagnos
             None => resolver.read_in_vain(&primitive.inputs),
         }
     }
+    for reference in &flat.read {
+        let output = resolver.output(reference);
+        resolver.read_in_vain.extend(output);
+    }
     let discarded = resolver.discarded();
-    let has_unknown_types = resolver.rows.iter().any(Option::is_none);
+    let has_unknown_types = resolver.rows.iter().any(Option::is_none) || flat.is_incomplete;
+    let pins = flat.pins.iter().filter_map(|said| resolver.pin(said));
     Graph {
         net,
         cell,
         rate,
         items,
         discarded,
+        pins: pins.collect(),
         read_in_vain: resolver.read_in_vain,
         has_unknown_types,
     }
+}
+
+/// `a/b/` of `a/b/id`: the instance that a primitive is in; empty: the net itself.
+fn scope_of(id: &str) -> &str {
+    id.rfind('/').map_or("", |slash| &id[..=slash])
 }
 
 /// Where an id leads.
@@ -184,6 +215,7 @@ enum Target {
 
 struct Resolver<'a, 'f> {
     net: &'a Net,
+    instances: &'a [String],
     cell: &'a DeviceTable,
     faults: &'f mut Vec<Diagnostic>,
     ids: HashMap<&'a str, Target>,
@@ -215,6 +247,19 @@ impl<'a> Resolver<'a, '_> {
             self.ids.insert(&primitive.id.name, target);
             self.rows.push(row);
         }
+    }
+
+    fn pin(&self, said: &'a expand::Pin) -> Option<Pin<'a>> {
+        let primitive = self.net.primitives.get(said.primitive)?;
+        let Target::Item(item, spec) = self.ids.get(primitive.id.name.as_str())? else {
+            return None;
+        };
+        let (input, _) = spec.input(&said.input)?;
+        Some(Pin {
+            item: *item,
+            input,
+            said,
+        })
     }
 
     fn item(&mut self, primitive: &'a Primitive, row: usize, entry: &'static Entry) -> Item<'a> {
@@ -372,6 +417,10 @@ impl<'a> Resolver<'a, '_> {
     fn unknown_primitive(&mut self, reference: &Reference) {
         let primitives = self.net.primitives.iter();
         let ids = primitives.map(|primitive| primitive.id.name.as_str());
+        let ids = ids.chain(self.instances.iter().map(String::as_str));
+        // What is meant stands in the same fragment.
+        let scope = scope_of(&reference.primitive);
+        let ids = ids.filter(|id| scope_of(id) == scope);
         let near = self.suggestions.near(&reference.primitive, ids);
         let target = near.and_then(|near| self.ids.get(near).copied());
         let help = match (near, target) {
@@ -382,7 +431,8 @@ impl<'a> Resolver<'a, '_> {
             (Some(near), _) => format!("did you mean `{near}`?"),
             (None, _) => "add it under `primitives`, or read another output".to_string(),
         };
-        let message = format!("the net has no primitive `{}`", reference.primitive);
+        let place = if scope.is_empty() { "net" } else { "fragment" };
+        let message = format!("the {place} has no primitive `{}`", reference.primitive);
         let span = reference.primitive_span;
         self.error(fault::UNKNOWN_PRIMITIVE, span, message, Some(help));
     }

@@ -6,8 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
-use rcc_language::compile;
+use rcc_language::devices::DeviceTable;
 use rcc_language::fault::RULES;
+use rcc_language::library::{Files, Libraries, Unreadable};
+use rcc_language::{Compiled, Faults, compile_with};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/nets")
@@ -16,6 +18,19 @@ fn folder() -> PathBuf {
 fn cell() -> CellConfig {
     CellConfig::load_offline(&folder().join("cell.yaml"))
         .unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+/// Libraries beside the nets.
+struct Beside;
+
+impl Libraries for Beside {
+    fn read(&self, path: &str) -> Result<String, Unreadable> {
+        Files.read(&folder().join("bad").join(path).to_string_lossy())
+    }
+}
+
+fn compile(text: &str, name: &str, cell: &CellConfig) -> Result<Compiled, Faults> {
+    compile_with(text, name, &DeviceTable::from(cell), &Beside)
 }
 
 /// The files of the folder with this ending, sorted.

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use rcc_config::{CellConfig, yaml};
+use rcc_config::CellConfig;
+use rcc_language::compile;
 use rcc_language::devices::DeviceTable;
+use rcc_language::library::NoFiles;
 use rcc_language::nulls::{Cause, Nulls, nulls};
 use rcc_language::resolve::{Graph, resolve};
-use rcc_language::syntax;
 
 /// Why each primitive of a net can be null, `-` if it cannot; in the order of the file.
 fn why(primitives: &str) -> Vec<String> {
@@ -28,9 +29,10 @@ fn folder(path: &str) -> PathBuf {
 fn look<T>(text: &str, see: impl FnOnce(&Graph<'_>, &Nulls) -> T) -> T {
     let cell = CellConfig::load_offline(&folder("configs/cells/demo.yaml"));
     let table = DeviceTable::from(&cell.unwrap());
-    let (root, mut faults) = yaml::read(text);
-    let net = syntax::read(&root.unwrap(), &mut faults).unwrap();
-    let graph = resolve(&net, &table, &mut faults);
+    let mut faults = Vec::new();
+    let (flat, _) = compile::flatten(text, "net", &table, &NoFiles, &mut faults);
+    let flat = flat.unwrap();
+    let graph = resolve(&flat, &table, &mut faults);
     assert!(faults.is_empty(), "{faults:?}");
     let nulls = nulls(&graph);
     see(&graph, &nulls)

@@ -31,6 +31,9 @@ pub struct Finding {
     /// Where.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Place>,
+    /// Where the text with the fault is used, if that is another place: the instance of a fragment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub used_at: Option<Place>,
     /// What to do.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub help: Option<String>,

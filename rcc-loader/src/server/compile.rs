@@ -108,6 +108,13 @@ fn finding(row: Row) -> Finding {
             length: row.length,
             label: row.label,
         }),
+        used_at: row.used_at.map(|place| Place {
+            file: place.file,
+            line: place.line,
+            column: place.column,
+            length: place.length,
+            label: place.label,
+        }),
         help: row.help,
         rendered: String::new(),
     }

@@ -98,6 +98,7 @@ impl ApiError {
             severity: "error".to_owned(),
             message: message.clone(),
             place: None,
+            used_at: None,
             help: (!help.is_empty()).then(|| help.clone()),
             rendered: format!("Error {code}: {message}\n  help: {help}\n"),
         }

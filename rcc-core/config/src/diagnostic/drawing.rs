@@ -5,7 +5,7 @@ use std::fmt::{self, Write as _};
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
 
-use super::{DRAWN_MAX, Row, Severity, Source, Span};
+use super::{DRAWN_MAX, Row, RowPlace, Severity, Source, Span};
 
 /// Most characters of a line that are drawn; longer ones (JSON by machine) are cut around the place.
 const LINE_MAX: usize = 160;
@@ -27,11 +27,19 @@ pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
         .collect();
     let mut out = String::new();
     for row in rows.iter().take(DRAWN_MAX) {
-        let source = sources.iter().position(|source| source.name == row.file);
-        let line = source
-            .and_then(|index| lines.get(index))
-            .and_then(|lines| lines.excerpt(row));
-        let report = Drawing { row, line };
+        let excerpt = |place: &RowPlace| {
+            let source = sources.iter().position(|source| source.name == place.file);
+            lines.get(source?)?.excerpt(place)
+        };
+        let used_at = row.used_at.as_ref().map(|place| UsedAt {
+            place,
+            line: excerpt(place),
+        });
+        let report = Drawing {
+            row,
+            line: excerpt(&place_of(row)),
+            used_at,
+        };
         // Drawing into a String fails only if the drawing itself does; then the words alone must do.
         if handler.render_report(&mut out, &report).is_err() {
             out.push_str(&row.message);
@@ -55,6 +63,16 @@ pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
         plural(warnings, "warning")
     );
     out
+}
+
+fn place_of(row: &Row) -> RowPlace {
+    RowPlace {
+        file: row.file.clone(),
+        line: row.line,
+        column: row.column,
+        length: row.length,
+        label: row.label.clone(),
+    }
 }
 
 fn plural(count: usize, word: &str) -> String {
@@ -109,7 +127,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The line of a row, cut around its place if it is long.
-    fn excerpt(&self, row: &Row) -> Option<Excerpt<'a>> {
+    fn excerpt(&self, row: &RowPlace) -> Option<Excerpt<'a>> {
         let (_, line) = self.line(row.line.checked_sub(1)?)?;
         let mut indices = line.char_indices().map(|(index, _)| index);
         let at = indices
@@ -178,6 +196,46 @@ impl miette::SourceCode for Excerpt<'_> {
 struct Drawing<'a> {
     row: &'a Row,
     line: Option<Excerpt<'a>>,
+    used_at: Option<UsedAt<'a>>,
+}
+
+/// The second place of a row.
+#[derive(Debug)]
+struct UsedAt<'a> {
+    place: &'a RowPlace,
+    line: Option<Excerpt<'a>>,
+}
+
+impl fmt::Display for UsedAt<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let RowPlace {
+            file, line, column, ..
+        } = self.place;
+        f.write_str(&self.place.label)?;
+        match &self.line {
+            Some(_) => Ok(()),
+            None => write!(f, " [{file}:{line}:{column}]"),
+        }
+    }
+}
+
+impl std::error::Error for UsedAt<'_> {}
+
+impl miette::Diagnostic for UsedAt<'_> {
+    fn severity(&self) -> Option<miette::Severity> {
+        Some(miette::Severity::Advice)
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        let line = self.line.as_ref()?;
+        Some(line)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let (at, length) = self.line.as_ref()?.label;
+        let label = LabeledSpan::new(None, at, length);
+        Some(Box::new(std::iter::once(label)))
+    }
 }
 
 impl fmt::Display for Drawing<'_> {
@@ -208,6 +266,12 @@ impl miette::Diagnostic for Drawing<'_> {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         let help = self.row.help.as_ref()?;
         Some(Box::new(help))
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
+        let used_at = self.used_at.as_ref()?;
+        let used_at: &dyn miette::Diagnostic = used_at;
+        Some(Box::new(std::iter::once(used_at)))
     }
 
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {

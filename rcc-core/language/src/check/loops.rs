@@ -8,7 +8,7 @@
 //! a loop of primitives that are still null is refused: null, once in, would stay for ever. The constant null never
 //! becomes known. The loader's threads.
 
-mod components;
+pub(crate) mod components;
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::primitive::{Literal as Default, NullRule};

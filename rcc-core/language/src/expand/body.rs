@@ -1,0 +1,579 @@
+//! What a net or a fragment says of itself, whatever its instances set: names that lead somewhere, ports and parameters
+//! that are used, fragments that do not contain themselves. Told once, in the fragment. The loader's threads.
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+
+use rcc_config::diagnostic::{Diagnostic, Span, closest};
+use rcc_config::yaml::Key;
+use rcc_core::primitives;
+use rcc_core::types::Type;
+
+use super::parameters::{constants, named_in, unknown};
+use crate::check::components::{Components, circle};
+use crate::fault;
+use crate::syntax::fragment::{Fragment, FragmentInput, FragmentOutput};
+use crate::syntax::reference::Reference;
+use crate::syntax::{Kind, Net, Primitive, Source};
+
+/// Most names that one is compared with.
+const COMPARED_MAX: usize = 100;
+
+/// A net or a fragment.
+pub struct Body<'a> {
+    /// `None`: the net.
+    pub fragment: Option<&'a Fragment>,
+    /// Its primitives and instances.
+    pub primitives: &'a [Primitive],
+    /// What it discards.
+    pub discard: &'a [Reference],
+    members: HashMap<&'a str, &'a Primitive>,
+    inputs: HashMap<&'a str, &'a FragmentInput>,
+}
+
+/// Where a name leads.
+pub enum Target<'a> {
+    /// To an input of the fragment.
+    Input(&'a FragmentInput),
+    /// To an output of an instance.
+    Instance(&'a Primitive, &'a FragmentOutput),
+    /// To a primitive, or nowhere, which is found out in the flat net.
+    Primitive,
+    /// Nowhere, which is reported here.
+    Refused,
+}
+
+/// A net and all its fragments.
+pub struct Bodies<'a> {
+    /// The net.
+    pub net: Body<'a>,
+    fragments: Vec<(Body<'a>, &'a Fragment)>,
+    /// The first so many are the net's own.
+    own: usize,
+    by_name: HashMap<&'a str, usize>,
+    /// By fragment: whether it contains itself.
+    recursive: Vec<bool>,
+    /// By fragment: its outputs that show nothing.
+    bad: HashSet<(usize, &'a str)>,
+}
+
+impl<'a> Body<'a> {
+    fn of(
+        fragment: Option<&'a Fragment>,
+        primitives: &'a [Primitive],
+        discard: &'a [Reference],
+    ) -> Body<'a> {
+        let inputs = fragment.map_or(&[][..], |fragment| &fragment.inputs);
+        let members = primitives.iter();
+        Body {
+            fragment,
+            primitives,
+            discard,
+            members: members
+                .map(|primitive| (primitive.id.name.as_str(), primitive))
+                .collect(),
+            inputs: inputs
+                .iter()
+                .map(|input| (input.name.name.as_str(), input))
+                .collect(),
+        }
+    }
+
+    /// Every reference but those of `discard`.
+    fn references(&self) -> impl Iterator<Item = &'a Reference> {
+        let inputs = self.primitives.iter().flat_map(|primitive| {
+            let inputs = primitive.inputs.iter().map(|(_, source)| source);
+            inputs.chain(&primitive.active)
+        });
+        let links = inputs.filter_map(|source| match source {
+            Source::Link(link) => Some(&link.from),
+            _ => None,
+        });
+        let outputs = self.fragment.map_or(&[][..], |fragment| &fragment.outputs);
+        links.chain(outputs.iter().map(|output| &output.from))
+    }
+
+    fn words(&self) -> String {
+        match self.fragment {
+            Some(fragment) => format!("the fragment `{}`", fragment.name.name),
+            None => "the net".to_owned(),
+        }
+    }
+}
+
+impl<'a> Bodies<'a> {
+    /// Of a net and the fragments of its libraries; of fragments with one name the first one counts.
+    pub fn of(net: &'a Net, library: &'a [Fragment], faults: &mut Vec<Diagnostic>) -> Bodies<'a> {
+        let mut by_name = HashMap::new();
+        let mut fragments = Vec::new();
+        for fragment in net.fragments.iter().chain(library) {
+            let name = &fragment.name;
+            if by_name.contains_key(name.name.as_str()) {
+                let message = format!("there is another fragment `{}`", name.name);
+                let fault = Diagnostic::error(fault::FRAGMENT_TWICE, name.span, message);
+                faults.push(fault);
+                continue;
+            }
+            by_name.insert(name.name.as_str(), fragments.len());
+            let body = Body::of(Some(fragment), &fragment.primitives, &fragment.discard);
+            fragments.push((body, fragment));
+        }
+        let mut bodies = Bodies {
+            net: Body::of(None, &net.primitives, &net.discard),
+            recursive: vec![false; fragments.len()],
+            fragments,
+            own: net.fragments.len(),
+            by_name,
+            bad: HashSet::new(),
+        };
+        bodies.find_recursion(faults);
+        bodies.find_bad_outputs();
+        bodies
+    }
+
+    /// The fragments that each fragment contains.
+    fn find_recursion(&mut self, faults: &mut Vec<Diagnostic>) {
+        let contained = self.fragments.iter().map(|(body, _)| {
+            let instances = body.primitives.iter();
+            let instances = instances.filter(|primitive| primitive.kind == Kind::Fragment);
+            let numbers = instances.filter_map(|it| self.by_name.get(it.type_name.name.as_str()));
+            numbers.copied().collect()
+        });
+        let contained: Vec<Vec<usize>> = contained.collect();
+        for component in Components::of(&contained).loops(&contained) {
+            for number in &component {
+                self.recursive[*number] = true;
+            }
+            let mut circle = circle(&contained, &component);
+            // In the direction from what contains to what is contained.
+            circle.reverse();
+            circle.extend(circle.first().copied());
+            let names = circle.iter().map(|number| {
+                let (_, fragment) = self.fragments[*number];
+                format!("`{}`", fragment.name.name)
+            });
+            let names: Vec<String> = names.collect();
+            let Some((_, first)) = circle.first().map(|number| &self.fragments[*number]) else {
+                continue;
+            };
+            let message = format!("a fragment contains itself: {}", names.join(" → "));
+            let fault = Diagnostic::error(fault::FRAGMENT_IN_ITSELF, first.name.span, message);
+            faults.push(fault);
+        }
+    }
+
+    /// Outputs that lead nowhere: told in the fragment, and not again where they are read.
+    fn find_bad_outputs(&mut self) {
+        let mut bad = HashSet::new();
+        for (number, (body, fragment)) in self.fragments.iter().enumerate() {
+            for FragmentOutput { name, from, .. } in &fragment.outputs {
+                let good = match self.target(body, from) {
+                    Target::Primitive => {
+                        body.members
+                            .get(from.primitive.as_str())
+                            .is_some_and(|primitive| {
+                                let entry = primitives::find(&primitive.type_name.name);
+                                entry.is_none_or(|(_, entry)| {
+                                    entry.spec.output(&from.port).is_some()
+                                })
+                            })
+                    }
+                    Target::Instance(..) => true,
+                    Target::Input(_) | Target::Refused => false,
+                };
+                if !good {
+                    bad.insert((number, name.name.as_str()));
+                }
+            }
+        }
+        self.bad = bad;
+    }
+
+    /// The fragment of an instance with its body; `None`: there is none, or it contains itself, which is reported.
+    pub fn body_of(&self, instance: &Primitive) -> Option<(&Body<'a>, &'a Fragment)> {
+        let number = *self.by_name.get(instance.type_name.name.as_str())?;
+        let (body, fragment) = &self.fragments[number];
+        (!self.recursive[number]).then_some((body, fragment))
+    }
+
+    fn fragment_of(&self, instance: &Primitive) -> Option<(usize, &'a Fragment)> {
+        let number = *self.by_name.get(instance.type_name.name.as_str())?;
+        Some((number, self.fragments[number].1))
+    }
+
+    /// Where a reference in a body leads.
+    pub fn target<'b>(&'b self, body: &'b Body<'a>, reference: &Reference) -> Target<'a> {
+        let Reference {
+            primitive, port, ..
+        } = reference;
+        let is_input = body.inputs.get(primitive.as_str());
+        match (body.members.get(primitive.as_str()), is_input) {
+            (_, Some(input)) if port.is_empty() => Target::Input(input),
+            (Some(primitive), _) if primitive.kind == Kind::Type => Target::Primitive,
+            (Some(instance), _) => {
+                let output = self.fragment_of(instance).and_then(|(number, fragment)| {
+                    let mut outputs = fragment.outputs.iter();
+                    let output = outputs.find(|output| output.name.name == *port)?;
+                    let is_bad = self.bad.contains(&(number, port.as_str()));
+                    (!is_bad).then_some(output)
+                });
+                output.map_or(Target::Refused, |output| Target::Instance(instance, output))
+            }
+            (None, None) if !port.is_empty() || body.fragment.is_none() => Target::Primitive,
+            (None, _) => Target::Refused,
+        }
+    }
+
+    /// Reports everything that is wrong with the net and its fragments as they are written.
+    pub fn check(&self, faults: &mut Vec<Diagnostic>) {
+        let fragments = self.fragments.iter().map(|(body, _)| body);
+        for body in std::iter::once(&self.net).chain(fragments) {
+            self.references_lead_somewhere(body, faults);
+            self.instances_fit_their_fragments(body, faults);
+            self.outputs_of_instances_are_read(body, faults);
+            parameters_are_known_and_used(body, faults);
+            if let Some(fragment) = body.fragment {
+                inputs_are_used(body, fragment, faults);
+            }
+        }
+        self.own_fragments_are_used(faults);
+    }
+
+    fn references_lead_somewhere(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
+        let outputs = body.fragment.map_or(&[][..], |fragment| &fragment.outputs);
+        for FragmentOutput { name, from, .. } in outputs {
+            if let Target::Input(input) = self.target(body, from) {
+                let message = format!(
+                    "the output `{}` is the input `{}`: an output comes from a primitive of the fragment",
+                    name.name, input.name.name
+                );
+                let fault = Diagnostic::error(fault::WRONG_SHAPE, from.span, message);
+                faults.push(fault.help("connect what feeds the instance to the reader"));
+            }
+        }
+        for reference in body.references().chain(body.discard) {
+            if !matches!(self.target(body, reference), Target::Refused) {
+                continue;
+            }
+            let id = reference.primitive.as_str();
+            let Some(instance) = body.members.get(id) else {
+                faults.push(no_input(body, reference));
+                continue;
+            };
+            // An instance of no fragment is reported itself, and an output that leads nowhere in its fragment.
+            let Some((number, fragment)) = self.fragment_of(instance) else {
+                continue;
+            };
+            if self.bad.contains(&(number, reference.port.as_str())) {
+                continue;
+            }
+            let name = &fragment.name.name;
+            let (message, span) = if reference.port.is_empty() {
+                let message =
+                    format!("`{reference}` is an instance of `{name}`: name one of its outputs");
+                (message, reference.span)
+            } else {
+                let message = format!(
+                    "output not found: the fragment `{name}` has no output `{}`",
+                    reference.port
+                );
+                (message, reference.port_span)
+            };
+            let names = fragment.outputs.iter().map(|output| &output.name);
+            let help = nearest(&reference.port, "outputs", names);
+            faults.push(Diagnostic::error(fault::UNKNOWN_OUTPUT, span, message).help(help));
+        }
+    }
+
+    fn instances_fit_their_fragments(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
+        let instances = body.primitives.iter();
+        for instance in instances.filter(|primitive| primitive.kind == Kind::Fragment) {
+            let (id, of) = (&instance.id.name, &instance.type_name);
+            let Some((_, fragment)) = self.fragment_of(instance) else {
+                let names = self.fragments.iter().map(|(_, fragment)| &fragment.name);
+                let help = nearest(&of.name, "fragments", names);
+                let message = format!("there is no fragment `{}`", of.name);
+                let fault = Diagnostic::error(fault::UNKNOWN_FRAGMENT, of.span, message);
+                faults.push(fault.help(help));
+                continue;
+            };
+            let parameters = fragment.parameters.iter();
+            let parameters = parameters.map(|it| (&it.name, &it.description, it.default.is_some()));
+            let inputs = fragment.inputs.iter();
+            let inputs = inputs.map(|it| (&it.name, &it.description, it.default.is_some()));
+            let given = instance.parameters.iter().map(|(key, _)| key);
+            let fed = instance.inputs.iter().map(|(key, _)| key);
+            fits(
+                Ports {
+                    id,
+                    of,
+                    what: "parameter",
+                    unknown: fault::UNKNOWN_PARAMETER,
+                },
+                (given.collect(), parameters.collect()),
+                faults,
+            );
+            fits(
+                Ports {
+                    id,
+                    of,
+                    what: "input",
+                    unknown: fault::UNKNOWN_INPUT,
+                },
+                (fed.collect(), inputs.collect()),
+                faults,
+            );
+        }
+    }
+
+    fn outputs_of_instances_are_read(&self, body: &Body<'a>, faults: &mut Vec<Diagnostic>) {
+        let names =
+            |reference: &'a Reference| (reference.primitive.as_str(), reference.port.as_str());
+        let read: HashSet<(&str, &str)> = body.references().map(names).collect();
+        let mut discarded = HashSet::new();
+        for reference in body.discard {
+            let Target::Instance(..) = self.target(body, reference) else {
+                continue;
+            };
+            let twice = !discarded.insert(names(reference));
+            let (code, message) = if twice {
+                (
+                    fault::BAD_DISCARD,
+                    format!("`{reference}` is discarded twice"),
+                )
+            } else if reference.index.is_some() {
+                let message = "an output is discarded as a whole, not by element";
+                (fault::BAD_DISCARD, message.to_owned())
+            } else if read.contains(&names(reference)) {
+                let message = format!("`{reference}` is discarded and read");
+                (fault::DISCARDED_BUT_READ, message)
+            } else {
+                continue;
+            };
+            faults.push(Diagnostic::error(code, reference.span, message));
+        }
+        for instance in body
+            .primitives
+            .iter()
+            .filter(|it| it.kind == Kind::Fragment)
+        {
+            let Some((number, fragment)) = self.fragment_of(instance) else {
+                continue;
+            };
+            let id = instance.id.name.as_str();
+            let outputs = fragment
+                .outputs
+                .iter()
+                .map(|output| output.name.name.as_str());
+            let forgotten = outputs
+                .filter(|output| !self.bad.contains(&(number, *output)))
+                .filter(|output| !self.bad.contains(&(number, *output)))
+                .filter(|output| {
+                    !read.contains(&(id, *output)) && !discarded.contains(&(id, *output))
+                })
+                .map(|output| format!("{id}.{output}"));
+            let forgotten: Vec<String> = forgotten.collect();
+            let list = forgotten.join(", ");
+            let message = match forgotten.len() {
+                0 => continue,
+                1 => format!("the output `{list}` is neither read nor discarded"),
+                _ => format!("the outputs {list} are neither read nor discarded"),
+            };
+            let fault = Diagnostic::error(fault::NOT_READ, instance.id.span, message);
+            faults.push(fault.help(format!(
+                "connect them, or say that nobody needs them: `discard: [{list}]`"
+            )));
+        }
+    }
+
+    fn own_fragments_are_used(&self, faults: &mut Vec<Diagnostic>) {
+        let fragments = self.fragments.iter().map(|(body, _)| body);
+        let all = std::iter::once(&self.net).chain(fragments);
+        let instances = all.flat_map(|body| body.primitives);
+        let instances = instances.filter(|primitive| primitive.kind == Kind::Fragment);
+        let used: HashSet<&str> = instances.map(|it| it.type_name.name.as_str()).collect();
+        for (_, fragment) in self.fragments.iter().take(self.own) {
+            let name = &fragment.name;
+            if !used.contains(name.name.as_str()) {
+                let message = format!("the fragment `{}` has no instance", name.name);
+                faults.push(Diagnostic::warning(
+                    fault::FRAGMENT_NOT_USED,
+                    name.span,
+                    message,
+                ));
+            }
+        }
+    }
+}
+
+/// What of an instance is compared with its fragment.
+struct Ports<'a> {
+    id: &'a str,
+    of: &'a Key,
+    what: &'static str,
+    unknown: &'static str,
+}
+
+/// A port or parameter of a fragment: its name, its description, and whether it has a default.
+type Known<'a> = (&'a Key, &'a String, bool);
+
+fn fits(
+    ports: Ports<'_>,
+    (given, known): (Vec<&Key>, Vec<Known<'_>>),
+    faults: &mut Vec<Diagnostic>,
+) {
+    let Ports {
+        id,
+        of,
+        what,
+        unknown,
+    } = ports;
+    let names: HashSet<&str> = known.iter().map(|(name, ..)| name.name.as_str()).collect();
+    for key in given
+        .iter()
+        .filter(|key| !names.contains(key.name.as_str()))
+    {
+        let message = format!("the fragment `{}` has no {what} `{}`", of.name, key.name);
+        let help = nearest(
+            &key.name,
+            &format!("{what}s"),
+            known.iter().map(|(name, ..)| *name),
+        );
+        faults.push(Diagnostic::error(unknown, key.span, message).help(help));
+    }
+    let given: HashSet<&str> = given.iter().map(|key| key.name.as_str()).collect();
+    for (name, description, has_default) in known {
+        if has_default || given.contains(name.name.as_str()) {
+            continue;
+        }
+        let name = &name.name;
+        let (code, message) = match what {
+            "input" => (
+                fault::NOT_CONNECTED,
+                format!("the input `{id}.{name}` is not connected"),
+            ),
+            _ => (
+                fault::MISSING_PARAMETER,
+                format!("`{id}` needs the parameter `{name}`"),
+            ),
+        };
+        let about = match description.as_str() {
+            "" => String::new(),
+            description => format!(": {description}"),
+        };
+        let help = format!("add `{name}` to its {what}s{about}");
+        faults.push(Diagnostic::error(code, of.span, message).help(help));
+    }
+}
+
+/// A word without a port is no input of the fragment, or an input is named with a port.
+fn no_input(body: &Body<'_>, reference: &Reference) -> Diagnostic {
+    let Reference {
+        primitive, port, ..
+    } = reference;
+    if body.inputs.contains_key(primitive.as_str()) {
+        let message = format!(
+            "`{primitive}` is an input of {}: it has no `{port}`",
+            body.words()
+        );
+        let fault = Diagnostic::error(fault::UNKNOWN_OUTPUT, reference.span, message);
+        return fault.help(format!(
+            "write `{primitive}`, or `{primitive}[0]` for an element"
+        ));
+    }
+    let message = format!("{} has no input `{primitive}`", body.words());
+    let names = body.inputs.values().map(|input| &input.name);
+    let names: BTreeSet<&str> = names.map(|key| key.name.as_str()).collect();
+    let help = match closest(primitive, names.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => "an input is one word, the output of a primitive is `primitive.port`".to_owned(),
+    };
+    Diagnostic::error(fault::UNKNOWN_PRIMITIVE, reference.span, message).help(help)
+}
+
+fn parameters_are_known_and_used(body: &Body<'_>, faults: &mut Vec<Diagnostic>) {
+    let parameters = body
+        .fragment
+        .map_or(&[][..], |fragment| &fragment.parameters);
+    let inputs = body.fragment.map_or(&[][..], |fragment| &fragment.inputs);
+    let mut used = HashSet::new();
+    let known: HashSet<&str> = parameters.iter().map(|it| it.name.name.as_str()).collect();
+    let mut names = Vec::new();
+    for literal in body.primitives.iter().flat_map(constants) {
+        named_in(literal, &mut names);
+    }
+    for (name, span) in names.drain(..) {
+        used.insert(name);
+        if !known.contains(name) {
+            let help = match body.fragment {
+                Some(_) => nearest(name, "parameters", parameters.iter().map(|it| &it.name)),
+                None => "only fragments have parameters: write the value".to_owned(),
+            };
+            faults.push(unknown(name, span, help));
+        }
+    }
+    let defaults = parameters.iter().map(|it| &it.default);
+    for default in defaults
+        .chain(inputs.iter().map(|it| &it.default))
+        .flatten()
+    {
+        named_in(default, &mut names);
+    }
+    for (name, span) in names {
+        faults.push(unknown(name, span, "a default is a value".to_owned()));
+    }
+    for parameter in parameters {
+        let name = &parameter.name;
+        if !used.contains(name.name.as_str()) {
+            faults.push(not_used(body, "parameter", name));
+        }
+    }
+}
+
+fn inputs_are_used(body: &Body<'_>, fragment: &Fragment, faults: &mut Vec<Diagnostic>) {
+    let references = body
+        .references()
+        .filter(|reference| reference.port.is_empty());
+    let used: HashSet<&str> = references
+        .map(|reference| reference.primitive.as_str())
+        .collect();
+    for input in &fragment.inputs {
+        let name = &input.name;
+        if let Some(primitive) = body.members.get(name.name.as_str()) {
+            let message = format!("`{}` is the name of an input and of a primitive", name.name);
+            let fault = Diagnostic::error(fault::BAD_NAME, primitive.id.span, message);
+            faults.push(fault.help("rename one of them"));
+        }
+        if !used.contains(name.name.as_str()) {
+            faults.push(not_used(body, "input", name));
+        }
+        if let Some((Type::Text, span)) = input.ty {
+            faults.push(no_text(span));
+        }
+    }
+}
+
+fn no_text(span: Span) -> Diagnostic {
+    let message = "no input carries Text: only parameters do";
+    Diagnostic::error(fault::WRONG_SHAPE, span, message).help("make it a parameter of the fragment")
+}
+
+fn not_used(body: &Body<'_>, what: &str, name: &Key) -> Diagnostic {
+    let message = format!("the {what} `{}` of {} is not used", name.name, body.words());
+    Diagnostic::error(fault::NOT_USED, name.span, message)
+}
+
+/// `did you mean …?`, or what there is.
+fn nearest<'n>(name: &str, what: &str, known: impl Iterator<Item = &'n Key> + Clone) -> String {
+    // A text may have a hundred thousand names, and as many that are wrong.
+    let known = known.map(|key| key.name.as_str()).take(COMPARED_MAX);
+    match closest(name, known.clone()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => {
+            let names: Vec<&str> = known.take(16).collect();
+            match names.len() {
+                0 => format!("{what}: none"),
+                _ => format!("{what}: {}", names.join(", ")),
+            }
+        }
+    }
+}
