@@ -129,16 +129,6 @@ pub fn read(
     syntax::read(&root?, faults)
 }
 
-<<<<<<< HEAD
-/// The faults of a text, each with a remedy: its own, or that of its kind.
-pub(crate) fn finished(file: &str, text: &str, mut faults: Vec<Diagnostic>) -> Faults {
-    for fault in &mut faults {
-        if fault.help.is_none() {
-            fault.help = fault::remedy(fault.code).map(str::to_owned);
-        }
-    }
-    Faults::new(file, text, faults)
-=======
 /// Reads a text and its libraries and replaces the instances of fragments; `None`: it is no net, or far too large. The
 /// sources know the place of everything.
 pub fn flatten(
@@ -155,5 +145,4 @@ pub fn flatten(
         expand(net, &library, &mut sources, faults)
     });
     (flat, sources)
->>>>>>> 449aacc (language: fragments and libraries are expanded, and their faults are told once)
 }

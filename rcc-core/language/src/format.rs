@@ -38,7 +38,8 @@ pub fn format(text: &str, file: &str) -> Result<String, FormatError> {
     {
         return Err(FormatError::Json);
     }
-    let faulty = |faults| FormatError::Faulty(crate::compile::finished(file, text, faults));
+    let faulty =
+        |faults| FormatError::Faulty(crate::sources::Sources::new(file, text).finished(faults));
     let root = yaml::parse(text).map_err(faulty)?;
     let faults = faults_of(&root);
     if !faults.is_empty() {
