@@ -28,6 +28,8 @@ mod constant;
 mod cosine;
 mod counter;
 mod cross;
+mod cubic_bezier;
+mod cubic_hermite;
 mod cycle_period;
 mod dead_band;
 mod debounce;
@@ -63,6 +65,7 @@ mod joint_state;
 mod joint_torque_from_wrench;
 mod joint_velocity;
 mod latch;
+mod lerp;
 mod less;
 mod limit;
 mod linear_motion;
@@ -79,15 +82,18 @@ mod min;
 mod monitor;
 mod multiply;
 mod negate;
+mod noise;
 mod normalize;
 mod not;
 mod notch;
 mod null_if;
 mod off_delay;
 mod on_delay;
+mod online_trajectory;
 mod or;
 mod or_else;
 mod peak_hold;
+mod pid;
 mod pose_add_twist;
 mod pose_compose;
 mod pose_error;
@@ -118,6 +124,7 @@ mod second_order_low_pass;
 mod select;
 mod shift;
 mod sign;
+mod signal_generator;
 mod sine;
 mod split_pose;
 mod split_twist;
@@ -135,6 +142,7 @@ mod transform_from_pose;
 mod transform_from_position;
 mod transform_invert;
 mod transform_point;
+mod trapezoidal_progress;
 mod trigger;
 mod truncate;
 mod twist_from_poses;
@@ -174,6 +182,8 @@ pub const CATALOGUE: &[&Entry] = &[
     &cosine::ENTRY,
     &counter::ENTRY,
     &cross::ENTRY,
+    &cubic_bezier::ENTRY,
+    &cubic_hermite::ENTRY,
     &cycle_period::ENTRY,
     &dead_band::ENTRY,
     &debounce::ENTRY,
@@ -209,6 +219,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &joint_torque_from_wrench::ENTRY,
     &joint_velocity::ENTRY,
     &latch::ENTRY,
+    &lerp::ENTRY,
     &less::ENTRY,
     &limit::ENTRY,
     &linear_motion::ENTRY,
@@ -225,14 +236,17 @@ pub const CATALOGUE: &[&Entry] = &[
     &monitor::ENTRY,
     &multiply::ENTRY,
     &negate::ENTRY,
+    &noise::ENTRY,
     &normalize::ENTRY,
     &not::ENTRY,
     &notch::ENTRY,
     &null_if::ENTRY,
     &off_delay::ENTRY,
     &on_delay::ENTRY,
+    &online_trajectory::ENTRY,
     &or::ENTRY,
     &or_else::ENTRY,
+    &pid::ENTRY,
     &peak_hold::ENTRY,
     &pose_add_twist::ENTRY,
     &pose_compose::ENTRY,
@@ -264,6 +278,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &select::ENTRY,
     &shift::ENTRY,
     &sign::ENTRY,
+    &signal_generator::ENTRY,
     &sine::ENTRY,
     &split_pose::ENTRY,
     &split_twist::ENTRY,
@@ -281,6 +296,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &transform_from_position::ENTRY,
     &transform_invert::ENTRY,
     &transform_point::ENTRY,
+    &trapezoidal_progress::ENTRY,
     &trigger::ENTRY,
     &truncate::ENTRY,
     &twist_from_poses::ENTRY,

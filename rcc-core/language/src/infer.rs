@@ -287,6 +287,10 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
                 UnitRule::PerSecond(a) => {
                     Constraint::Product(result, Term::Fixed(Unit::SECOND), open(a))
                 }
+                UnitRule::PerSecond2(a) => {
+                    let square = Unit::SECOND.times(Unit::SECOND);
+                    Constraint::Product(result, Term::Fixed(square), open(a))
+                }
                 UnitRule::Root(a) => Constraint::Product(result, result, open(a)),
                 _ => continue,
             });
@@ -312,7 +316,9 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
         UnitRule::Product(a, b) | UnitRule::Quotient(a, b) => {
             vec![UnitRule::Var(a), UnitRule::Var(b)]
         }
-        UnitRule::PerSecond(a) | UnitRule::Root(a) => vec![UnitRule::Var(a)],
+        UnitRule::PerSecond(a) | UnitRule::PerSecond2(a) | UnitRule::Root(a) => {
+            vec![UnitRule::Var(a)]
+        }
         _ => Vec::new(),
     });
     let plain = rules
@@ -325,6 +331,7 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
             UnitRule::Product(..)
                 | UnitRule::Quotient(..)
                 | UnitRule::PerSecond(_)
+                | UnitRule::PerSecond2(_)
                 | UnitRule::Root(_)
         )
     });

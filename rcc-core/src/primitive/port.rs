@@ -46,6 +46,8 @@ pub enum UnitRule {
     Root(u8),
     /// A variable per second.
     PerSecond(u8),
+    /// A variable per second squared.
+    PerSecond2(u8),
     /// The unit that the cell's configuration gives to the channel.
     Channel,
     /// The type says it all (`Pose`, `Twist`, `Wrench`, `Rotation`) or there is none (`Bool`, `Int`).

@@ -214,6 +214,7 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
                 UnitRule::Product(a, b) => var(a).zip(var(b)).map(|(a, b)| a.times(b)),
                 UnitRule::Quotient(a, b) => var(a).zip(var(b)).map(|(a, b)| a.per(b)),
                 UnitRule::PerSecond(a) => var(a).map(|a| a.per(Unit::SECOND)),
+                UnitRule::PerSecond2(a) => var(a).map(|a| a.per(Unit::SECOND).per(Unit::SECOND)),
                 UnitRule::Root(a) => match var(a).map(|square| (square, square.root())) {
                     Some((square, None)) => {
                         let message = format!(

@@ -1,0 +1,61 @@
+//! `CubicBezier`: a smooth curve by two ends and two control points.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "CubicBezier",
+        summary: "A number on a cubic Bézier curve.",
+        undefined: "overflow",
+        formula: "out = (1-t)³ from + 3 (1-t)² t control1 + 3 (1-t) t² control2 + t³ to, t = amount (Farin, Curves and \
+                  Surfaces for CAGD, 5th ed., 4.3)",
+        examples: &[Example::new(
+            "ends, middle, and beyond",
+            "",
+            "from | control1 | control2 | to | amount | out
+             0 | 0 | 1 | 1 | 0 | 0
+             0 | 0 | 1 | 1 | 0.25 | 0.15625
+             0 | 0 | 1 | 1 | 0.5 | 0.5
+             2 | 5 | 7 | 3 | 0.5 | 5.125
+             2 | 5 | 7 | 3 | 1 | 3
+             0 | 0 | 0 | 1 | 2 | 8
+             0 | null | 1 | 1 | 0 | null",
+        )],
+        inputs: &[
+            Port::real("from", UnitRule::Var(0), "result at 0"),
+            Port::real("control1", UnitRule::Var(0), "the curve leaves towards it"),
+            Port::real("control2", UnitRule::Var(0), "the curve arrives from it"),
+            Port::real("to", UnitRule::Var(0), "result at 1"),
+            Port::real(
+                "amount",
+                UnitRule::ONE,
+                "part of the way; beyond 0 and 1 the curve goes on",
+            ),
+        ],
+        outputs: &[Port::real("out", UnitRule::Var(0), "number on the curve")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    [from, control1, control2, to, amount, out]: [u32; 6],
+) -> Option<()> {
+    let points = [from, control1, control2, to].map(|slot| frame.get_real(slot));
+    let [Some(a), Some(b), Some(c), Some(d)] = points else {
+        return None;
+    };
+    let amount = frame.get_real(amount)?;
+    frame.put_real(out, finite(bezier([a, b, c, d], amount)))
+}
+
+/// The point of the curve at `t`.
+#[inline(always)]
+pub fn bezier([a, b, c, d]: [f64; 4], t: f64) -> f64 {
+    let u = 1.0 - t;
+    u * u * (u * a + 3.0 * t * b) + t * t * (3.0 * u * c + t * d)
+}

@@ -1,0 +1,61 @@
+//! `CubicHermite`: a smooth curve by position and slope at both ends.
+
+use super::cubic_bezier::bezier;
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "CubicHermite",
+        summary: "A number on a cubic curve that has given values and slopes at both ends.",
+        undefined: "overflow",
+        formula: "the Bézier curve from, from + from_slope / 3, to - to_slope / 3, to (Farin, Curves and Surfaces for CAGD, \
+                  5th ed., 6.5)",
+        examples: &[Example::new(
+            "from rest to rest, and with a slope",
+            "",
+            "from | from_slope | to | to_slope | amount | out
+             0 | 0 | 1 | 0 | 0.25 | 0.15625
+             0 | 0 | 1 | 0 | 0.5 | 0.5
+             0 | 1 | 1 | 1 | 0.3 | 0.3
+             1 | 4 | 1 | -4 | 0.5 | 2
+             1 | 4 | 1 | -4 | 1 | 1
+             1 | null | 1 | 0 | 0 | null",
+        )],
+        inputs: &[
+            Port::real("from", UnitRule::Var(0), "result at 0"),
+            Port::real(
+                "from_slope",
+                UnitRule::Var(0),
+                "change of the result per amount at 0",
+            ),
+            Port::real("to", UnitRule::Var(0), "result at 1"),
+            Port::real(
+                "to_slope",
+                UnitRule::Var(0),
+                "change of the result per amount at 1",
+            ),
+            Port::real(
+                "amount",
+                UnitRule::ONE,
+                "part of the way; beyond 0 and 1 the curve goes on",
+            ),
+        ],
+        outputs: &[Port::real("out", UnitRule::Var(0), "number on the curve")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    [from, from_slope, to, to_slope, amount, out]: [u32; 6],
+) -> Option<()> {
+    let (from, from_slope) = (frame.get_real(from)?, frame.get_real(from_slope)?);
+    let (to, to_slope) = (frame.get_real(to)?, frame.get_real(to_slope)?);
+    let points = [from, from + from_slope / 3.0, to - to_slope / 3.0, to];
+    let amount = frame.get_real(amount)?;
+    frame.put_real(out, finite(bezier(points, amount)))
+}

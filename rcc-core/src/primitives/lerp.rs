@@ -1,0 +1,45 @@
+//! `Lerp`: linear interpolation between two numbers, and extrapolation beyond them.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Lerp",
+        summary: "A number between two others, at a part of the way; beyond 0 and 1 the line goes on.",
+        undefined: "overflow",
+        formula: "out = from + amount · (to - from); with amount = 1 exactly `to`",
+        examples: &[Example::new(
+            "from 10 to 20",
+            "",
+            "from | to | amount | out
+             10 | 20 | 0 | 10
+             10 | 20 | 0.25 | 12.5
+             10 | 20 | 1 | 20
+             10 | 20 | -1 | 0
+             10 | null | 0 | null",
+        )],
+        inputs: &[
+            Port::real("from", UnitRule::Var(0), "result at 0"),
+            Port::real("to", UnitRule::Var(0), "result at 1"),
+            Port::real("amount", UnitRule::ONE, "part of the way"),
+        ],
+        outputs: &[Port::real("out", UnitRule::Var(0), "number in between")],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [from, to, amount, out]: [u32; 4]) -> Option<()> {
+    let (from, to) = (frame.get_real(from)?, frame.get_real(to)?);
+    let amount = frame.get_real(amount)?;
+    // From the nearer end: exact at both.
+    let value = if amount < 0.5 {
+        from + amount * (to - from)
+    } else {
+        to - (1.0 - amount) * (to - from)
+    };
+    frame.put_real(out, finite(value))
+}

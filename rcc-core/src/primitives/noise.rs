@@ -1,0 +1,64 @@
+//! `Noise`: evenly distributed random numbers for tests; with the same seed the same ones in every run.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, UnitRule, each, finite,
+};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Noise",
+        summary: "Evenly distributed pseudo-random numbers, in every run the same for a seed.",
+        null: "a null input gives null; the sequence goes on",
+        undefined: "overflow",
+        formula: "SplitMix64 of seed and the number of the cycle; its upper 53 bits are the number (Steele, Lea and Flood, \
+                  Fast Splittable Pseudorandom Number Generators, OOPSLA 2014, fig. 16)",
+        examples: &[Example::new(
+            "the first numbers of seed 1",
+            "{seed: 1}",
+            "amplitude | out
+             1.0 | 0.1331231503445618
+             null | null
+             2.0 | 1.8840110143471849",
+        )],
+        inputs: &[
+            Port::real("amplitude", UnitRule::Var(0), "greatest distance from 0")
+                .default(Literal::Real(1.0)),
+        ],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::Var(0),
+            "from -amplitude (included) to amplitude (excluded)",
+        )],
+        parameters: &[
+            Parameter::int("seed", "another one makes other numbers").default(Literal::Int(1))
+        ],
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [amplitude, out, seed, count]: [u32; 4]) -> Option<()> {
+    let (amplitude, number) = (frame.get_real(amplitude)?, frame.get_int(count)?);
+    let next = number.wrapping_add(1).max(0);
+    let bits = mixed(frame.get_int(seed)? as u64, next as u64);
+    // 53 bits are exact in a Real; 2^52 is the middle.
+    let even = ((bits >> 11) as f64 - 4_503_599_627_370_496.0) / 4_503_599_627_370_496.0;
+    frame.put_real(out, finite(amplitude * even))?;
+    frame.put_int(count, next)
+}
+
+/// The `number`th output of SplitMix64.
+#[inline(always)]
+fn mixed(seed: u64, number: u64) -> u64 {
+    let z = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}

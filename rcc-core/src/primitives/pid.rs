@@ -1,0 +1,412 @@
+//! `PID`: a proportional, integral and derivative controller in the standard (ISA) form, with filtered derivative of the
+//! measurement, set-point weight, output limits, anti-windup by back-calculation, and a manual mode without a bump.
+//!
+//! Everything is discretised by backward differences except the integral, which is forward: what it adds in a cycle acts
+//! in the next one, and the limits of the output are known by then.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, State,
+    UnitRule, choose, each, finite, within,
+};
+use crate::types::{NULL_BOOL, NULL_REAL, Type};
+
+const OUTPUT: ParameterKind = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(1));
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "PID",
+        summary: "A controller: proportional, integral and derivative, with limits, anti-windup and manual mode.",
+        null: "a null input gives null, holds the integral, and is a new beginning for the derivative",
+        undefined: "low above high; overflow",
+        formula: "out = limit(P + I + D + feed_forward); P = gain (weight setpoint - measured); I += gain dt / integral_time \
+                  (setpoint - measured) + dt / tracking_time (out - unlimited out); D = (Td D - gain Td N Δmeasured) / (Td \
+                  + N dt), Td = derivative_time, N = derivative_gain (Åström and Hägglund, Advanced PID Control, 2006, \
+                  3.4, 3.5 and 13.3)",
+        examples: &[
+            Example::new(
+                "proportional: half of the difference",
+                "{gain: 0.5}",
+                "setpoint | measured | out\n 4 | 0 | 2\n 4 | 3 | 0.5\n 4 | null | null\n 4 | 5 | -0.5",
+            ),
+            Example::new(
+                "the integral grows by gain · dt / integral_time · difference, from the second cycle on",
+                "{gain: 2, integral_time: 1 s}",
+                "setpoint | measured | out\n 1 | 0 | 2\n 1 | 0 | 2.2\n 1 | 0 | 2.4\n 1 | 1 | 0.6\n 1 | 1 | 0.6",
+            )
+            .every_ms(100),
+            Example::new(
+                "at its limit the integral follows instead of growing, so that it comes off the limit at once",
+                "{gain: 2, integral_time: 1 s, tracking_time: 0.1 s, high: 1}",
+                "setpoint | measured | out | saturated
+                 1 | 0 | 1 | true
+                 1 | 0 | 1 | true
+                 1 | 0 | 1 | true
+                 1 | 1 | -0.8 | false",
+            )
+            .every_ms(100),
+            Example::new(
+                "the derivative acts on the measurement: a step of the set-point does not kick",
+                "{gain: 1, derivative_time: 0.1 s, derivative_gain: 1}",
+                "setpoint | measured | out\n 0 | 0 | 0\n 1 | 0 | 1\n 1 | 0.2 | 0.7\n 1 | 0.2 | 0.75",
+            )
+            .every_ms(100),
+            Example::new(
+                "from manual to automatic without a bump",
+                "{gain: 2, integral_time: 1 s}",
+                "setpoint | measured | manual | manual_value | out
+                 1 | 0.5 | true | 7 | 7
+                 1 | 0.5 | false | 7 | 7
+                 1 | 0.5 | false | 7 | 7.1",
+            )
+            .every_ms(100),
+        ],
+        inputs: &[
+            Port::real("setpoint", UnitRule::Var(0), "what is wanted"),
+            Port::real("measured", UnitRule::Var(0), "what is"),
+            Port::real("feed_forward", UnitRule::Var(1), "what is known to be needed, added to the output")
+                .default(Literal::Real(0.0)),
+            Port::bool("manual", "while true, the output is `manual_value` and the integral follows it")
+                .default(Literal::Bool(false)),
+            Port::real("manual_value", UnitRule::Var(1), "output in manual mode").default(Literal::Real(0.0)),
+        ],
+        outputs: &[
+            Port::real("out", UnitRule::Var(1), "what to do"),
+            Port::bool("saturated", "a limit holds the output back").diagnostic(),
+            Port::real("integral", UnitRule::Var(1), "I as it acted in this cycle").diagnostic(),
+        ],
+        parameters: &[
+            Parameter::real("gain", UnitRule::Quotient(1, 0), "K; negative if more output makes less of what is measured"),
+            Parameter::real("integral_time", UnitRule::SECOND, "Ti, in which the integral does what P does; null: no integral")
+                .default(Literal::Null)
+                .above(0.0),
+            Parameter::real("derivative_time", UnitRule::SECOND, "Td, by which the derivative looks ahead; 0: no derivative")
+                .default(Literal::Real(0.0))
+                .at_least(0.0),
+            Parameter::real("derivative_gain", UnitRule::ONE, "N: the derivative's filter has the time constant Td / N")
+                .default(Literal::Real(10.0))
+                .above(0.0),
+            Parameter::real("weight", UnitRule::ONE, "b, part of the set-point that P sees; less overshoots less")
+                .default(Literal::Real(1.0))
+                .at_least(0.0),
+            Parameter::real(
+                "tracking_time",
+                UnitRule::SECOND,
+                "Tt, in which the integral follows a limited output; null: √(Ti Td), without derivative Ti",
+            )
+            .default(Literal::Null)
+            .above(0.0),
+            Parameter::new("low", OUTPUT, "least output; null: none").default(Literal::Null),
+            Parameter::new("high", OUTPUT, "greatest output; null: none").default(Literal::Null),
+        ],
+        // integral, derivative, last measured
+        state: State {
+            reals: 3,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, operands: [u32; 17]) -> Option<()> {
+    let [
+        setpoint,
+        measured,
+        feed_forward,
+        manual,
+        manual_value,
+        out,
+        saturated,
+        integral,
+        rest @ ..,
+    ] = operands;
+    let [
+        gain,
+        integral_time,
+        derivative_time,
+        derivative_gain,
+        weight,
+        tracking_time,
+        low,
+        high,
+        state,
+    ] = rest;
+    let (setpoint, measured) = (frame.get_real(setpoint)?, frame.get_real(measured)?);
+    let (feed_forward, manual) = (frame.get_real(feed_forward)?, frame.get_bool(manual)?);
+    let manual_value = frame.get_real(manual_value)?;
+    let law = Law {
+        gain: frame.get_real(gain)?,
+        integral_time: frame.get_real(integral_time)?,
+        derivative_time: frame.get_real(derivative_time)?,
+        derivative_gain: frame.get_real(derivative_gain)?,
+        tracking_time: frame.get_real(tracking_time)?,
+        dt_s: frame.dt_s,
+    };
+    let (low, high) = (frame.get_real(low)?, frame.get_real(high)?);
+    let [sum, rate, last] = frame.get_reals(state)?;
+    let sum = if sum.is_nan() { 0.0 } else { sum };
+    let derivative = finite(law.derivative(rate, measured - last));
+    let proportional = law.gain * (frame.get_real(weight)? * setpoint - measured);
+    let others = proportional + derivative + feed_forward;
+    let is_manual = manual == 1;
+    let followed = law.follows(is_manual, within(manual_value, low, high) - others, sum);
+    let unlimited = if is_manual {
+        manual_value
+    } else {
+        others + followed
+    };
+    let limited = finite(within(unlimited, low, high));
+    // A null anywhere makes it NaN, but for a manual value that is not used.
+    let null =
+        limited.is_nan() | (manual & NULL_BOOL != 0) | manual_value.is_nan() | others.is_nan();
+    let next = if is_manual {
+        followed
+    } else {
+        followed + law.growth(setpoint - measured, limited - unlimited)
+    };
+    frame.put_real(out, if null { NULL_REAL } else { limited })?;
+    frame.put_bool(
+        saturated,
+        choose(null, NULL_BOOL, u8::from(limited != unlimited)),
+    )?;
+    frame.put_real(integral, if null { NULL_REAL } else { finite(followed) })?;
+    let held = null | !next.is_finite();
+    let remembered = if null {
+        [sum, 0.0, NULL_REAL]
+    } else {
+        [if held { sum } else { next }, derivative, measured]
+    };
+    frame.put_reals(state, remembered)
+}
+
+/// The parameters; times in s.
+struct Law {
+    gain: f64,
+    integral_time: f64,
+    derivative_time: f64,
+    derivative_gain: f64,
+    tracking_time: f64,
+    dt_s: f64,
+}
+
+impl Law {
+    /// D after a change of the measurement; without a last measurement there is no change.
+    fn derivative(&self, rate: f64, change: f64) -> f64 {
+        let change = if change.is_nan() { 0.0 } else { change };
+        let rate = if rate.is_nan() { 0.0 } else { rate };
+        let moved = rate - self.gain * self.derivative_gain * change;
+        self.derivative_time * moved / (self.derivative_time + self.derivative_gain * self.dt_s)
+    }
+
+    /// I of this cycle: in manual mode what makes the output the manual one; without an integral always 0.
+    fn follows(&self, is_manual: bool, wanted: f64, sum: f64) -> f64 {
+        if self.integral_time.is_nan() {
+            0.0
+        } else if is_manual {
+            wanted
+        } else {
+            sum
+        }
+    }
+
+    /// What the integral gains in this cycle: from the control error, and from what the limits took off the output.
+    fn growth(&self, error: f64, taken_off: f64) -> f64 {
+        if self.integral_time.is_nan() {
+            return 0.0;
+        }
+        let usual = if self.derivative_time > 0.0 {
+            libm::sqrt(self.integral_time * self.derivative_time)
+        } else {
+            self.integral_time
+        };
+        let tracking = if self.tracking_time.is_nan() {
+            usual
+        } else {
+            self.tracking_time
+        };
+        // Within one cycle it follows at most all the way.
+        let followed = if tracking > self.dt_s {
+            self.dt_s / tracking
+        } else {
+            1.0
+        };
+        self.gain * self.dt_s / self.integral_time * error + followed * taken_off
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    const DT_S: f64 = 1e-3;
+
+    fn bench(parameters: &[(&str, f64)]) -> Bench {
+        let mut bench = Bench::new("PID");
+        bench.set_bool("manual", Some(false));
+        let usual = [
+            ("feed_forward", 0.0),
+            ("manual_value", 0.0),
+            ("derivative_time", 0.0),
+        ];
+        let more = [("derivative_gain", 10.0), ("weight", 1.0)];
+        for (name, value) in usual.iter().chain(&more).chain(parameters) {
+            bench.set_real(name, *value);
+        }
+        bench
+    }
+
+    /// A plant 2 / (1 + 0.5 s)², exact for an input that is constant over a step.
+    #[derive(Clone, Copy, Default)]
+    struct Plant([f64; 2]);
+
+    impl Plant {
+        fn step(&mut self, input: f64, dt_s: f64) {
+            let [a, b] = self.0;
+            let (decay, x) = ((-dt_s / 0.5).exp(), dt_s / 0.5);
+            let target = 2.0 * input;
+            self.0 = [
+                target + (a - target) * decay,
+                target + (b - target + (a - target) * x) * decay,
+            ];
+        }
+
+        fn output(&self) -> f64 {
+            self.0[1]
+        }
+    }
+
+    const PARAMETERS: [(&str, f64); 4] = [
+        ("gain", 1.5),
+        ("integral_time", 0.8),
+        ("derivative_time", 0.15),
+        ("weight", 0.7),
+    ];
+
+    #[test]
+    fn the_step_response_is_that_of_the_continuous_controller() {
+        let mut bench = bench(&PARAMETERS);
+        let mut plant = Plant::default();
+        // The same law as differential equations, by Euler in steps a hundredth as long.
+        const FINE: usize = 100;
+        let fine_s = DT_S / FINE as f64;
+        let (gain, ti, td, n, weight) = (1.5, 0.8, 0.15, 10.0, 0.7);
+        let (mut integral, mut filtered, mut other) = (0.0, 0.0, Plant::default());
+        for cycle in 0..8000 {
+            bench.set_real("setpoint", 1.0);
+            let out = bench
+                .set_real("measured", plant.output())
+                .step()
+                .real("out");
+            assert!(
+                (plant.output() - other.output()).abs() < 2e-3,
+                "cycle {cycle}: {}, not {}",
+                plant.output(),
+                other.output()
+            );
+            plant.step(out, DT_S);
+            for _ in 0..FINE {
+                let y = other.output();
+                let slope = (y - filtered) * n / td;
+                let derivative = -gain * td * slope;
+                filtered += slope * fine_s;
+                let input = gain * (weight - y) + integral + derivative;
+                integral += gain / ti * (1.0 - y) * fine_s;
+                other.step(input, fine_s);
+            }
+        }
+        assert!((plant.output() - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_constant_disturbance_leaves_no_error() {
+        let mut bench = bench(&PARAMETERS);
+        let mut plant = Plant::default();
+        for cycle in 0..40_000 {
+            bench.set_real("setpoint", if cycle < 20_000 { 1.0 } else { -2.0 });
+            let out = bench
+                .set_real("measured", plant.output())
+                .step()
+                .real("out");
+            plant.step(out + 0.8, DT_S);
+        }
+        assert!((plant.output() + 2.0).abs() < 1e-9, "{}", plant.output());
+        assert_eq!(bench.bool("saturated"), Some(false));
+    }
+
+    /// How many cycles the output stays at its limit after the error has changed its sign, and the integral before.
+    fn wound_up(tracking_time: f64) -> (usize, f64) {
+        let mut bench = bench(&PARAMETERS);
+        bench
+            .set_real("low", -1.0)
+            .set_real("high", 1.0)
+            .set_real("tracking_time", tracking_time)
+            .set_real("measured", 0.0);
+        bench.set_real("setpoint", 3.0);
+        for _ in 0..10_000 {
+            assert_eq!(bench.step().real("out"), 1.0);
+        }
+        let integral = bench.real("integral");
+        bench.set_real("setpoint", -0.1);
+        let stays = (0..100_000).take_while(|_| bench.step().real("out") == 1.0);
+        (stays.count(), integral)
+    }
+
+    #[test]
+    fn the_integral_does_not_wind_up_at_a_limit() {
+        let (cycles, integral) = wound_up(f64::NAN);
+        assert!(cycles == 0, "{cycles}");
+        // P is 1.5 · 0.7 · 3; the integral settles where it adds nothing: Ki e = (v - u) / Tt.
+        let settled = 1.0 - 3.15 + 1.5 / 0.8 * 3.0 * f64::sqrt(0.8 * 0.15);
+        assert!(
+            (integral - settled).abs() < 1e-6,
+            "{integral}, not {settled}"
+        );
+        let (cycles, _) = wound_up(1e9);
+        assert!(
+            cycles > 10_000,
+            "without anti-windup it stays for long: {cycles}"
+        );
+    }
+
+    #[test]
+    fn a_null_is_not_remembered() {
+        let mut bench = bench(&PARAMETERS);
+        bench.set_real("setpoint", 1.0).set_real("measured", 0.2);
+        for _ in 0..100 {
+            bench.step();
+        }
+        let integral = bench.real("integral");
+        for name in ["setpoint", "measured", "feed_forward", "manual_value"] {
+            let before = bench.real(name);
+            assert!(
+                bench.set_real(name, f64::NAN).step().real("out").is_nan(),
+                "{name}"
+            );
+            assert_eq!(bench.bool("saturated"), None, "{name}");
+            bench.set_real(name, before);
+        }
+        assert!(bench.set_bool("manual", None).step().real("out").is_nan());
+        bench.set_bool("manual", Some(false));
+        // The measurement may have gone far meanwhile: that gives no kick.
+        let out = bench.set_real("measured", 0.9).step().real("out");
+        assert!((bench.real("integral") - integral).abs() < 2e-3);
+        assert!((out - (1.5 * (0.7 - 0.9) + bench.real("integral"))).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_overflow_is_over_when_the_numbers_are_small_again() {
+        let mut bench = bench(&PARAMETERS);
+        bench
+            .set_real("setpoint", 1.0)
+            .set_real("measured", 0.0)
+            .step();
+        for bad in [f64::INFINITY, 1e308, -1e308, f64::NEG_INFINITY] {
+            bench.set_real("measured", bad).step();
+            assert!(!bench.real("out").is_infinite());
+            bench.set_real("measured", 0.0).step();
+            assert!(bench.step().real("out").abs() < 10.0, "{bad}");
+        }
+    }
+}

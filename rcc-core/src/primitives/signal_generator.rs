@@ -1,0 +1,115 @@
+//! `SignalGenerator`: sine, square, triangle and sawtooth of one frequency, in phase.
+
+use core::f64::consts::TAU;
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Port, Spec, State, UnitRule, each, finite,
+};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SignalGenerator",
+        summary: "Periodic test signals: sine, square, triangle and sawtooth.",
+        null: "a null input gives null; a null frequency holds the phase",
+        undefined: "overflow",
+        formula: "phase += frequency · dt (turns): a frequency that changes makes no jump; offset + amplitude times sin(2π \
+                  phase), ±1 by halves, the triangle and the line through the same zero",
+        examples: &[Example::new(
+            "an eighth of a turn each cycle",
+            "",
+            "frequency | amplitude | offset | sine | square | triangle | sawtooth
+                 125 Hz | 2.0 | 1.0 | 1.0 | 3.0 | 1.0 | 1.0
+                 125 Hz | 2.0 | 1.0 | 2.414213562373095 | 3.0 | 2.0 | 1.5
+                 125 Hz | 2.0 | 1.0 | 3.0 | 3.0 | 3.0 | 2.0
+                 125 Hz | 2.0 | null | null | null | null | null
+                 125 Hz | 2.0 | 1.0 | 1.0 | -1.0 | 1.0 | -1.0
+                 125 Hz | 2.0 | 1.0 | -0.414213562373095 | -1.0 | 0.0 | -0.5
+                 125 Hz | 2.0 | 1.0 | -1.0 | -1.0 | -1.0 | 0.0",
+        )],
+        inputs: &[
+            Port::real("frequency", UnitRule::HERTZ, "turns per second"),
+            Port::real(
+                "amplitude",
+                UnitRule::Var(0),
+                "greatest distance from `offset`",
+            )
+            .default(Literal::Real(1.0)),
+            Port::real("offset", UnitRule::Var(0), "mean").default(Literal::Real(0.0)),
+        ],
+        outputs: &[
+            Port::real("sine", UnitRule::Var(0), "begins at the mean, upwards").diagnostic(),
+            Port::real(
+                "square",
+                UnitRule::Var(0),
+                "high in the first half of a turn, low in the second",
+            )
+            .diagnostic(),
+            Port::real(
+                "triangle",
+                UnitRule::Var(0),
+                "begins at the mean, upwards; its peaks are the sine's",
+            )
+            .diagnostic(),
+            Port::real(
+                "sawtooth",
+                UnitRule::Var(0),
+                "begins at the mean, upwards; it falls in the middle of a turn",
+            )
+            .diagnostic(),
+        ],
+        // phase, turns
+        state: State {
+            reals: 1,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, operands: [u32; 8]) -> Option<()> {
+    let [
+        frequency,
+        amplitude,
+        offset,
+        sine,
+        square,
+        triangle,
+        sawtooth,
+        state,
+    ] = operands;
+    let (frequency, before) = (frame.get_real(frequency)?, frame.get_real(state)?);
+    let (amplitude, offset) = (frame.get_real(amplitude)?, frame.get_real(offset)?);
+    let phase = if before.is_nan() { 0.0 } else { before };
+    let line = if phase < 0.5 { phase } else { phase - 1.0 };
+    let peak = if line > 0.25 {
+        0.5 - line
+    } else if line < -0.25 {
+        -0.5 - line
+    } else {
+        line
+    };
+    let high = if phase < 0.5 { 1.0 } else { -1.0 };
+    let scale = if frequency.is_nan() {
+        frequency
+    } else {
+        amplitude
+    };
+    let shapes = [
+        (sine, libm::sin(TAU * phase)),
+        (square, high),
+        (triangle, 4.0 * peak),
+        (sawtooth, 2.0 * line),
+    ];
+    for (slot, shape) in shapes {
+        frame.put_real(slot, finite(offset + scale * shape))?;
+    }
+    let moved = phase + frequency * frame.dt_s;
+    let next = moved - libm::floor(moved);
+    // What rounding leaves at a whole turn is the beginning of the next one.
+    let next = if next < 1.0 { next } else { 0.0 };
+    frame.put_real(state, if moved.is_finite() { next } else { phase })
+}

@@ -1,0 +1,85 @@
+//! `TrapezoidalProgress`: makes an even progress from 0 to 1 one that speeds up, goes on evenly and slows down.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Parameter, Port, Spec, UnitRule, each, real_unless,
+};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TrapezoidalProgress",
+        summary: "A progress from 0 to 1 with a trapezoidal speed: up, constant and down again.",
+        formula: "t = in within 0 and 1, r = (1 - constant) / 2, v = 1 / (1 - r): v t² / (2 r) for t < r, 1 - v (1 - t)² / \
+                  (2 r) for t > 1 - r, else v (t - r / 2) (Biagiotti and Melchiorri, Trajectory Planning for Automatic \
+                  Machines and Robots, 2008, 3.2)",
+        examples: &[
+            Example::new(
+                "half of the time at constant speed",
+                "",
+                "in | out
+                 -1 | 0
+                 0 | 0
+                 0.125 | 0.041666666666666664
+                 0.25 | 0.16666666666666666
+                 0.5 | 0.5
+                 0.875 | 0.9583333333333334
+                 1 | 1
+                 3 | 1
+                 null | null",
+            ),
+            Example::new(
+                "no constant speed",
+                "{constant: 0}",
+                "in | out\n 0.25 | 0.125\n 0.5 | 0.5\n 0.75 | 0.875",
+            ),
+            Example::new(
+                "nothing but constant speed",
+                "{constant: 1}",
+                "in | out\n 0 | 0\n 0.25 | 0.25\n 1 | 1",
+            ),
+        ],
+        inputs: &[Port::real(
+            "in",
+            UnitRule::ONE,
+            "even progress, from 0 to 1",
+        )],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::ONE,
+            "progress that begins and ends at rest",
+        )
+        .within(0.0, 1.0)],
+        parameters: &[Parameter::real(
+            "constant",
+            UnitRule::ONE,
+            "part of the time at constant speed; 1: no ramps",
+        )
+        .default(Literal::Real(0.5))
+        .at_least(0.0)
+        .at_most(1.0)],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, constant]: [u32; 3]) -> Option<()> {
+    let value = frame.get_real(input)?;
+    let ramp = (1.0 - frame.get_real(constant)?) / 2.0;
+    // The second half is the first one turned around.
+    let (turned, t) = if value > 0.5 {
+        (true, 1.0 - value)
+    } else {
+        (false, value)
+    };
+    let t = if t > 0.0 { t } else { 0.0 };
+    let speed = 1.0 / (1.0 - ramp);
+    let way = if t < ramp {
+        speed * t * t / (2.0 * ramp)
+    } else {
+        speed * (t - ramp / 2.0)
+    };
+    let progress = if turned { 1.0 - way } else { way };
+    frame.put_real(out, real_unless(value.is_nan(), progress))
+}
