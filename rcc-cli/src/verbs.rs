@@ -41,6 +41,8 @@ verbs! {
     Fmt = fmt;
     /// What a net is expected to need of a cycle, by type of primitive.
     Explain = explain;
+    /// Draw a net: SVG, DOT or Mermaid.
+    Graph = graph;
     /// What primitives cost on this machine.
     Costs = costs;
     /// LOAD: give a net to the core.
@@ -86,6 +88,8 @@ verbs! {
     /// Set what only root can set for real time; the units do it at start.
     RtSetup = rt_setup;
 }
+
+mod source;
 
 /// A net by id or name.
 #[derive(clap::Args, Debug)]

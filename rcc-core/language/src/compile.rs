@@ -6,6 +6,7 @@ use rcc_config::diagnostic::{Diagnostic, Faults, Severity, Span};
 use rcc_config::yaml;
 use rcc_ipc::control::PlanData;
 
+use crate::anatomy::{Anatomy, anatomy};
 use crate::check::{Typed, check};
 use crate::devices::DeviceTable;
 use crate::directionet;
@@ -13,7 +14,7 @@ use crate::expand::{Flat, expand};
 use crate::fault;
 use crate::infer::infer;
 use crate::library::{self, Libraries, NoFiles};
-use crate::lower::lower;
+use crate::lower::{Lowered, lower};
 use crate::names::{Names, names};
 use crate::resolve::resolve;
 use crate::sources::Sources;
@@ -61,6 +62,30 @@ pub fn compile_with(
     cell: &DeviceTable,
     libraries: &dyn Libraries,
 ) -> Result<Compiled, Faults> {
+    compile_and(text, file, cell, libraries, |_, _| ()).map(|(compiled, ())| compiled)
+}
+
+/// Compiles a text that may use libraries, and takes the net apart.
+///
+/// # Errors
+/// As [`compile_with`].
+pub fn dissect(
+    text: &str,
+    file: &str,
+    cell: &CellConfig,
+    libraries: &dyn Libraries,
+) -> Result<(Compiled, Anatomy), Faults> {
+    compile_and(text, file, &DeviceTable::from(cell), libraries, anatomy)
+}
+
+/// Compiles a text and shows the net that it was to `see`.
+fn compile_and<T>(
+    text: &str,
+    file: &str,
+    cell: &DeviceTable,
+    libraries: &dyn Libraries,
+    see: impl FnOnce(Typed<'_>, &Lowered) -> T,
+) -> Result<(Compiled, T), Faults> {
     let mut faults = Vec::new();
     let (flat, sources) = flatten(text, file, cell, libraries, &mut faults);
     let Some(flat) = flat else {
@@ -105,13 +130,15 @@ pub fn compile_with(
         );
         return Err(sources.finished(faults));
     }
-    Ok(Compiled {
+    let seen = see(typed, &lowered);
+    let compiled = Compiled {
         names: names(typed, &lowered),
         net: flat.net.name.name.clone(),
         description: flat.net.description.clone(),
         plan: lowered.plan,
         warnings: sources.finished(faults),
-    })
+    };
+    Ok((compiled, seen))
 }
 
 /// Reads a text in whatever form it is: YAML, JSON or DirectIONet. `None`: too much is wrong to go on.

@@ -1,6 +1,7 @@
 //! The language of nets: from a text to a checked net and its plan, with all faults of the text at once.
 //! Run by the loader's threads and by `rcc-cli check`; nothing here is real-time.
 
+pub mod anatomy;
 pub mod check;
 pub mod compile;
 pub mod devices;
@@ -20,5 +21,5 @@ pub mod sources;
 pub mod syntax;
 pub mod write;
 
-pub use compile::{Compiled, compile, compile_for, compile_with};
+pub use compile::{Compiled, compile, compile_for, compile_with, dissect};
 pub use rcc_config::diagnostic::Faults;

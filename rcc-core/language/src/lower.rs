@@ -41,6 +41,8 @@ pub struct Lowered {
     pub plan: PlanData,
     /// By item: where its inputs and outputs are.
     pub slots: Vec<ItemSlots>,
+    /// The items that have a kernel in the order of evaluation.
+    pub order: Vec<usize>,
 }
 
 /// Where the ports of an item are.
@@ -90,7 +92,12 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         rate: net.graph.rate,
         survives_device_loss: net.graph.net.survives_device_loss,
     };
-    Ok(Lowered { plan, slots })
+    let batches = schedule.into_iter();
+    Ok(Lowered {
+        plan,
+        slots,
+        order: batches.flat_map(|batch| batch.items).collect(),
+    })
 }
 
 fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {

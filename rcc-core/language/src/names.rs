@@ -155,7 +155,8 @@ fn source(net: Typed<'_>, feed: &Feed<'_>) -> Option<String> {
     })
 }
 
-fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: Slot) -> PortNames {
+/// Where a port is and what it carries.
+pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: Slot) -> PortNames {
     let ty = net.inferred.port_type(net.graph, number, port.ty);
     let unit = net.inferred.port_unit(net.graph, number, port.unit);
     let has_unit = ty.is_some_and(|ty| {

@@ -1,0 +1,164 @@
+//! A net for Graphviz: every primitive a record with its ports, constants as text, delayed links dashed, fragments as
+//! clusters. Pure.
+
+use std::fmt::Write as _;
+
+use rcc_language::anatomy::{Anatomy, Part, PartRole, Pin, Source};
+
+use super::{Values, constant, links};
+
+/// Draws a net.
+#[must_use]
+pub fn dot(net: &Anatomy, values: Option<&Values>) -> String {
+    let mut out = format!(
+        "digraph {} {{\n  rankdir=LR;\n  node [shape=plain, fontname=\"Helvetica\", fontsize=11];\n  edge [color=\"#7f8a99\", arrowsize=0.6];\n",
+        quoted(&net.net)
+    );
+    clusters(&mut out, net, values);
+    for (reader, input, _, link) in links(net) {
+        if constant(net, link).is_some() {
+            continue;
+        }
+        let style = match link.delayed {
+            true => " [style=dashed, constraint=false]",
+            false => "",
+        };
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "  n{}:o{}:e -> n{reader}:i{input}:w{style};",
+            link.primitive, link.output
+        );
+    }
+    out.push_str("}\n");
+    out
+}
+
+/// The nodes, those of a fragment within its frame.
+fn clusters(out: &mut String, net: &Anatomy, values: Option<&Values>) {
+    let mut parts: Vec<(Vec<&str>, usize)> = net
+        .primitives
+        .iter()
+        .enumerate()
+        .filter(|(_, part)| part.role != PartRole::Constant)
+        .map(|(number, part)| (part.frames().collect(), number))
+        .collect();
+    // Those of one frame together, whatever the order of the file is.
+    parts.sort();
+    let mut open: Vec<&str> = Vec::new();
+    for (frames, number) in &parts {
+        let same = open.iter().zip(frames).take_while(|(a, b)| a == b).count();
+        for _ in same..open.len() {
+            out.push_str("  }\n");
+        }
+        open.truncate(same);
+        for frame in &frames[same..] {
+            let title = frame.rsplit('/').next().unwrap_or_default();
+            let _ = writeln!(
+                out,
+                "  subgraph {} {{ label={}; style=rounded; color=\"#9aa4b1\"; fontname=\"Helvetica\";",
+                quoted(&format!("cluster_{frame}")),
+                quoted(title)
+            );
+            open.push(frame);
+        }
+        node(out, net, *number, &net.primitives[*number], values);
+    }
+    for _ in open {
+        out.push_str("  }\n");
+    }
+}
+
+const fn colour(role: PartRole) -> &'static str {
+    match role {
+        PartRole::Measures => "#dcecfb",
+        PartRole::Input => "#dff3e4",
+        PartRole::Moves => "#ece4fa",
+        PartRole::Commands => "#fde6d8",
+        PartRole::Ends => "#f9dfe3",
+        PartRole::Shows => "#d9f2f1",
+        PartRole::Plain | PartRole::Constant => "#eef1f5",
+    }
+}
+
+fn node(out: &mut String, net: &Anatomy, number: usize, part: &Part, values: Option<&Values>) {
+    let device = part.device.as_ref().map(|device| format!(" · {device}"));
+    let mut rows = format!(
+        "<TR><TD COLSPAN=\"2\" BGCOLOR=\"{}\"><B>{}</B><BR/>{}</TD></TR>",
+        colour(part.role),
+        html(&part.id),
+        html(&format!("{}{}", part.type_name, device.unwrap_or_default()))
+    );
+    for (name, value) in &part.parameters {
+        let _ = write!(
+            rows,
+            "<TR><TD COLSPAN=\"2\" ALIGN=\"LEFT\">{}</TD></TR>",
+            html(&format!("{name} {value}"))
+        );
+    }
+    let value = |pin: &Pin| values?.get(&format!("{}.{}", part.id, pin.name)).cloned();
+    for row in 0..part.inputs.len().max(part.outputs.len()) {
+        rows.push_str("<TR>");
+        match part.inputs.get(row) {
+            Some(pin) => {
+                let words = input(net, pin, value(pin));
+                let _ = write!(
+                    rows,
+                    "<TD PORT=\"i{row}\" ALIGN=\"LEFT\">{}</TD>",
+                    html(&words)
+                );
+            }
+            None => rows.push_str("<TD></TD>"),
+        }
+        match part.outputs.get(row) {
+            Some(pin) => {
+                let words = format!("{} {}", pin.name, value(pin).unwrap_or_else(|| kind(pin)));
+                let _ = write!(
+                    rows,
+                    "<TD PORT=\"o{row}\" ALIGN=\"RIGHT\">{}</TD>",
+                    html(&words)
+                );
+            }
+            None => rows.push_str("<TD></TD>"),
+        }
+        rows.push_str("</TR>");
+    }
+    let _ = writeln!(
+        out,
+        "  n{number} [label=<<TABLE BORDER=\"0\" CELLBORDER=\"1\" CELLSPACING=\"0\" CELLPADDING=\"3\">{rows}</TABLE>>];"
+    );
+}
+
+fn kind(pin: &Pin) -> String {
+    match &pin.unit {
+        Some(unit) => format!("{} {unit}", pin.type_name),
+        None => pin.type_name.clone(),
+    }
+}
+
+/// What stands at an input: constants as they are, links by name and type.
+fn input(net: &Anatomy, pin: &Pin, value: Option<String>) -> String {
+    let constants: Vec<String> = pin
+        .sources
+        .iter()
+        .filter_map(|source| match source {
+            Source::Constant(value) | Source::Default(value) => Some(value.clone()),
+            Source::Link(link) => constant(net, link),
+        })
+        .collect();
+    match (constants.len() == pin.sources.len(), value) {
+        (true, _) => format!("{} = {}", pin.name, constants.join(", ")),
+        (false, Some(value)) => format!("{} {value}", pin.name),
+        (false, None) => format!("{} {}", pin.name, kind(pin)),
+    }
+}
+
+/// A quoted string of the DOT language: only the quote and the backslash are special.
+fn quoted(words: &str) -> String {
+    format!("\"{}\"", words.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// Text of an HTML-like label.
+fn html(words: &str) -> String {
+    super::svg::escaped(words)
+}

@@ -1,0 +1,149 @@
+//! Layered drawing of boxes with ports, from left to right: K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual
+//! understanding of hierarchical system structures", IEEE SMC 11 (1981). The same boxes and links give the same drawing.
+//! Pure; run by the command line.
+//!
+//! No layout crate: those that need no foreign program know neither ports at fixed heights nor frames within frames.
+
+mod coordinates;
+mod layers;
+mod order;
+mod route;
+
+/// A box to be placed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Width.
+    pub width: f64,
+    /// Height.
+    pub height: f64,
+    /// Heights of its inputs, on its left side, from its top.
+    pub inputs: Vec<f64>,
+    /// Heights of its outputs, on its right side.
+    pub outputs: Vec<f64>,
+    /// Where it must be.
+    pub pin: Pin,
+}
+
+/// A place that is prescribed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pin {
+    /// None.
+    Free,
+    /// On the left border.
+    First,
+    /// On the right border.
+    Last,
+}
+
+/// A link from an output of one shape to an input of another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Edge {
+    /// Shape and output.
+    pub from: (usize, usize),
+    /// Shape and input.
+    pub to: (usize, usize),
+    /// It does not say what comes first.
+    pub delayed: bool,
+}
+
+/// A point; y grows downwards.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Point {
+    /// To the right.
+    pub x: f64,
+    /// Down.
+    pub y: f64,
+}
+
+/// How a link goes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Route {
+    /// Forwards: level at each of these points, in a curve from height to height.
+    Curve(Vec<Point>),
+    /// Backwards below the boxes: level and upright by turns, with rounded corners.
+    Around(Vec<Point>),
+}
+
+impl Route {
+    /// Its points.
+    #[must_use]
+    pub fn points(&self) -> &[Point] {
+        match self {
+            Route::Curve(points) | Route::Around(points) => points,
+        }
+    }
+
+    /// The same way elsewhere.
+    #[must_use]
+    pub fn moved(self, by: Point) -> Route {
+        let moved = |points: Vec<Point>| {
+            let points = points.into_iter();
+            points
+                .map(|at| Point {
+                    x: at.x + by.x,
+                    y: at.y + by.y,
+                })
+                .collect()
+        };
+        match self {
+            Route::Curve(points) => Route::Curve(moved(points)),
+            Route::Around(points) => Route::Around(moved(points)),
+        }
+    }
+}
+
+/// Where everything is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layout {
+    /// Left upper corners, by shape.
+    pub places: Vec<Point>,
+    /// By edge.
+    pub routes: Vec<Route>,
+    /// Width of all.
+    pub width: f64,
+    /// Height of all.
+    pub height: f64,
+}
+
+/// What stands in a layer: a shape, or a link that passes.
+#[derive(Clone, Debug)]
+struct Vertex {
+    layer: usize,
+    height: f64,
+    /// `None`: a link that passes.
+    shape: Option<usize>,
+}
+
+/// A part of a link from one layer to the next: vertices, heights within them, and what it counts.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    from: usize,
+    from_y: f64,
+    to: usize,
+    to_y: f64,
+}
+
+/// Shapes and passing links in layers.
+#[derive(Debug, Default)]
+struct Layered {
+    vertices: Vec<Vertex>,
+    segments: Vec<Segment>,
+    /// By layer: vertices from top to bottom.
+    layers: Vec<Vec<usize>>,
+    /// By edge: the vertices where it passes, in order; `None`: it goes backwards.
+    passes: Vec<Option<Vec<usize>>>,
+    /// By shape: its layer.
+    layer_of: Vec<usize>,
+}
+
+/// Places shapes and leads edges.
+#[must_use]
+pub fn layout(shapes: &[Shape], edges: &[Edge]) -> Layout {
+    let mut layered = layers::layered(shapes, edges);
+    order::reduce_crossings(&mut layered, shapes);
+    let tops = coordinates::tops(&layered, shapes);
+    route::finish(&layered, shapes, edges, &tops)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,165 @@
+//! The heights: each box where its links are as level as the order and the distances in its column allow. Column by column
+//! to and fro; within a column the nearest heights in the sense of least squares, by pooling adjacent violators (M. Ayer et
+//! al., "An empirical distribution function for sampling with incomplete information", 1955). Pure.
+
+use super::{Layered, Shape};
+
+/// Distance of two boxes.
+const BOXES_APART: f64 = 26.0;
+/// Distance of two links that pass.
+const LINKS_APART: f64 = 13.0;
+/// Distance of a box and a link that passes.
+const APART: f64 = 18.0;
+/// How often all columns are gone through.
+const ROUNDS: usize = 16;
+/// A part of a long link counts so much more: long links shall be level.
+const LONG: f64 = 6.0;
+
+/// What a vertex is linked with: the other one, and how much lower that should be to be level.
+struct Neighbour {
+    vertex: usize,
+    offset: f64,
+    weight: f64,
+}
+
+/// The heights of the tops of all vertices; the least is 0.
+pub fn tops(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
+    let (before, after) = neighbours(layered);
+    let mut tops = stacked(layered, shapes);
+    let count = layered.layers.len();
+    for round in 0..ROUNDS {
+        let both = round + 2 >= ROUNDS;
+        let forward = round % 2 == 0;
+        for step in 0..count {
+            let layer = if forward { step } else { count - 1 - step };
+            let sides: &[&Vec<Vec<Neighbour>>] = match (both, forward) {
+                (true, _) => &[&before, &after],
+                (false, true) => &[&before],
+                (false, false) => &[&after],
+            };
+            settle(layered, shapes, layer, sides, &mut tops);
+        }
+    }
+    let least = tops.iter().copied().fold(f64::INFINITY, f64::min);
+    tops.iter_mut().for_each(|top| *top -= least);
+    tops
+}
+
+fn neighbours(layered: &Layered) -> (Vec<Vec<Neighbour>>, Vec<Vec<Neighbour>>) {
+    let none = || -> Vec<Vec<Neighbour>> { layered.vertices.iter().map(|_| Vec::new()).collect() };
+    let (mut before, mut after) = (none(), none());
+    for it in &layered.segments {
+        let passes = |vertex: usize| layered.vertices[vertex].shape.is_none();
+        let weight = if passes(it.from) && passes(it.to) {
+            LONG
+        } else {
+            1.0
+        };
+        let offset = it.from_y - it.to_y;
+        before[it.to].push(Neighbour {
+            vertex: it.from,
+            offset,
+            weight,
+        });
+        after[it.from].push(Neighbour {
+            vertex: it.to,
+            offset: -offset,
+            weight,
+        });
+    }
+    (before, after)
+}
+
+/// How far the top of the second vertex must be below that of the first.
+fn distance(layered: &Layered, shapes: &[Shape], upper: usize, lower: usize) -> f64 {
+    let [upper, lower] = [upper, lower].map(|vertex| &layered.vertices[vertex]);
+    let border = |shape: Option<usize>| shape.is_some_and(|shape| shapes[shape].height == 0.0);
+    let apart = match (upper.shape, lower.shape) {
+        (Some(_), Some(_)) if border(upper.shape) || border(lower.shape) => APART,
+        (Some(_), Some(_)) => BOXES_APART,
+        (None, None) => LINKS_APART,
+        _ => APART,
+    };
+    upper.height + apart
+}
+
+fn stacked(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
+    let mut tops = vec![0.0; layered.vertices.len()];
+    for layer in &layered.layers {
+        for pair in layer.windows(2) {
+            tops[pair[1]] = tops[pair[0]] + distance(layered, shapes, pair[0], pair[1]);
+        }
+    }
+    tops
+}
+
+/// A group of vertices that touch: sum of weighted wishes, of weights, and how many.
+struct Pool {
+    sum: f64,
+    weight: f64,
+    count: usize,
+}
+
+/// Puts a column to the heights nearest to what its links wish.
+fn settle(
+    layered: &Layered,
+    shapes: &[Shape],
+    layer: usize,
+    sides: &[&Vec<Vec<Neighbour>>],
+    tops: &mut [f64],
+) {
+    let vertices = &layered.layers[layer];
+    let mut shift = 0.0;
+    let mut shifts = Vec::new();
+    let mut pools: Vec<Pool> = Vec::new();
+    for (place, vertex) in vertices.iter().enumerate() {
+        if let Some(upper) = place.checked_sub(1) {
+            shift += distance(layered, shapes, vertices[upper], *vertex);
+        }
+        shifts.push(shift);
+        let (wish, weight) = wish(*vertex, sides, tops);
+        let mut pool = Pool {
+            sum: (wish - shift) * weight,
+            weight,
+            count: 1,
+        };
+        while let Some(above) =
+            pools.pop_if(|above| above.sum / above.weight > pool.sum / pool.weight)
+        {
+            pool.sum += above.sum;
+            pool.weight += above.weight;
+            pool.count += above.count;
+        }
+        pools.push(pool);
+    }
+    let levels = pools.iter().flat_map(|pool| {
+        let level = pool.sum / pool.weight;
+        std::iter::repeat_n(level, pool.count)
+    });
+    for ((vertex, shift), level) in vertices.iter().zip(shifts).zip(levels) {
+        tops[*vertex] = level + shift;
+    }
+}
+
+/// Where a vertex wants to be: at the weighted median of what makes its links level; and how much.
+fn wish(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64, f64) {
+    let all = sides.iter().flat_map(|side| &side[vertex]);
+    let mut wishes: Vec<(f64, f64)> = all
+        .map(|it| (tops[it.vertex] + it.offset, it.weight))
+        .collect();
+    wishes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = wishes.iter().map(|(_, weight)| weight).sum();
+    let mut below = 0.0;
+    for (place, (wish, weight)) in wishes.iter().enumerate() {
+        below += weight;
+        if below * 2.0 > total {
+            return (*wish, total);
+        }
+        if below * 2.0 == total {
+            let next = wishes.get(place + 1).map_or(*wish, |(next, _)| *next);
+            return ((wish + next) / 2.0, total);
+        }
+    }
+    // Without a link it stays, if nobody else needs the place.
+    (tops[vertex], 0.01)
+}

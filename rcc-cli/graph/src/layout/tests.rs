@@ -1,0 +1,128 @@
+//! Rules of the layout: columns from left to right, nothing on anything else, the same every time.
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn shape(ports: usize) -> Shape {
+    let ys: Vec<f64> = (0..ports).map(|port| 20.0 * port as f64 + 10.0).collect();
+    Shape {
+        width: 60.0 + 10.0 * ports as f64,
+        height: 20.0 * ports as f64 + 20.0,
+        inputs: ys.clone(),
+        outputs: ys,
+        pin: Pin::Free,
+    }
+}
+
+fn overlap(a: (&Shape, Point), b: (&Shape, Point)) -> bool {
+    let apart = |a0: f64, a1: f64, b0: f64, b1: f64| a1 <= b0 || b1 <= a0;
+    !(apart(a.1.x, a.1.x + a.0.width, b.1.x, b.1.x + b.0.width)
+        || apart(a.1.y, a.1.y + a.0.height, b.1.y, b.1.y + b.0.height))
+}
+
+/// True if a straight piece of a link is in a shape.
+fn is_in(shape: (&Shape, Point), from: Point, to: Point) -> bool {
+    let (it, at) = shape;
+    let between =
+        |a: f64, b: f64, low: f64, high: f64| a.min(b) < high - 0.01 && a.max(b) > low + 0.01;
+    between(from.x, to.x, at.x, at.x + it.width) && between(from.y, to.y, at.y, at.y + it.height)
+}
+
+fn nets() -> impl Strategy<Value = (Vec<Shape>, Vec<Edge>)> {
+    (1_usize..25).prop_flat_map(|count| {
+        let ports = prop::collection::vec(1_usize..4, count);
+        let edge = (
+            0..count,
+            0..count,
+            0_usize..4,
+            0_usize..4,
+            prop::bool::weighted(0.2),
+        );
+        let edges = prop::collection::vec(edge, 0..60);
+        (ports, edges).prop_map(|(ports, edges)| {
+            let edges = edges
+                .into_iter()
+                .map(|(from, to, output, input, delayed)| Edge {
+                    from: (from, output % ports[from]),
+                    to: (to, input % ports[to]),
+                    delayed,
+                });
+            let mut edges: Vec<Edge> = edges.collect();
+            edges.sort();
+            edges.dedup();
+            (ports.iter().map(|ports| shape(*ports)).collect(), edges)
+        })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn boxes_never_meet_and_links_end_at_their_ports((shapes, edges) in nets()) {
+        let laid = layout(&shapes, &edges);
+        for (number, a) in shapes.iter().enumerate() {
+            for (other, b) in shapes.iter().enumerate().skip(number + 1) {
+                prop_assert!(!overlap((a, laid.places[number]), (b, laid.places[other])), "{number} {other}");
+            }
+            let at = laid.places[number];
+            prop_assert!(at.x >= 0.0 && at.y >= 0.0);
+            prop_assert!(at.x + a.width <= laid.width + 0.01 && at.y + a.height <= laid.height + 0.01);
+        }
+        for (edge, route) in edges.iter().zip(&laid.routes) {
+            let (from, to) = (laid.places[edge.from.0], laid.places[edge.to.0]);
+            let points = route.points();
+            let start = Point { x: from.x + shapes[edge.from.0].width, y: from.y + shapes[edge.from.0].outputs[edge.from.1] };
+            let end = Point { x: to.x, y: to.y + shapes[edge.to.0].inputs[edge.to.1] };
+            prop_assert_eq!(points.first(), Some(&start));
+            prop_assert_eq!(points.last(), Some(&end));
+            for pair in points.windows(2) {
+                for (shape, place) in shapes.iter().zip(&laid.places) {
+                    // A curve stays within the gap between two columns, where no box is.
+                    prop_assert!(!is_in((shape, *place), pair[0], pair[1]), "{:?}", route);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_read_is_left_of_its_readers((shapes, edges) in nets()) {
+        // From a shape to a later one only: no circles.
+        let edges: Vec<Edge> = edges.into_iter().filter(|edge| edge.from.0 < edge.to.0).collect();
+        let laid = layout(&shapes, &edges);
+        for edge in edges.iter().filter(|edge| !edge.delayed) {
+            let right = laid.places[edge.from.0].x + shapes[edge.from.0].width;
+            prop_assert!(right < laid.places[edge.to.0].x);
+        }
+    }
+
+    #[test]
+    fn the_same_net_gives_the_same_drawing((shapes, edges) in nets()) {
+        prop_assert_eq!(layout(&shapes, &edges), layout(&shapes, &edges));
+    }
+}
+
+#[test]
+fn links_that_can_be_drawn_without_a_crossing_are() {
+    // Two chains, whose boxes are given crosswise.
+    let shapes = vec![shape(1); 6];
+    let edge = |from: usize, to: usize| Edge {
+        from: (from, 0),
+        to: (to, 0),
+        delayed: false,
+    };
+    let laid = layout(&shapes, &[edge(0, 3), edge(1, 2), edge(3, 4), edge(2, 5)]);
+    for chain in [[0, 3, 4], [1, 2, 5]] {
+        let heights = chain.map(|shape| laid.places[shape].y);
+        assert!(
+            heights.iter().all(|y| (y - heights[0]).abs() < 0.01),
+            "{heights:?}"
+        );
+    }
+}
+
+#[test]
+fn nothing_is_drawn_of_nothing() {
+    assert_eq!(layout(&[], &[]), Layout::default());
+}

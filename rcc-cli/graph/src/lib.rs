@@ -1,0 +1,76 @@
+//! Pictures of nets: SVG with a layout of our own, DOT for Graphviz, Mermaid for texts. No foreign program is needed; the
+//! same net gives the same bytes. Pure; run by the command line. A package of its own: it needs the language only, and is
+//! tested without the rest of the system.
+
+pub mod dot;
+pub mod layout;
+pub mod mermaid;
+pub mod picture;
+pub mod scene;
+pub mod svg;
+pub mod text;
+
+use std::collections::BTreeMap;
+
+use rcc_language::anatomy::{Anatomy, Link, Part, PartRole, Source};
+
+/// Values of a running net by `primitive.port`, as words.
+pub type Values = BTreeMap<String, String>;
+
+/// The links of a net: the reading primitive, its input, the element of a list of links, and what is read.
+pub fn links(net: &Anatomy) -> impl Iterator<Item = (usize, usize, Option<usize>, &Link)> {
+    let parts = net.primitives.iter().enumerate();
+    parts.flat_map(|(number, part)| {
+        part.inputs
+            .iter()
+            .enumerate()
+            .flat_map(move |(input, pin)| {
+                let is_list = pin.sources.len() > 1;
+                pin.sources
+                    .iter()
+                    .enumerate()
+                    .filter_map(move |(element, source)| match source {
+                        Source::Link(link) => {
+                            Some((number, input, is_list.then_some(element), link))
+                        }
+                        _ => None,
+                    })
+            })
+    })
+}
+
+/// True for a primitive that is drawn as a label of others: a constant at its readers, a monitor at what it shows.
+#[must_use]
+pub fn is_label(net: &Anatomy, part: &Part) -> bool {
+    match part.role {
+        PartRole::Constant => true,
+        PartRole::Shows => shown(net, part).is_some(),
+        _ => false,
+    }
+}
+
+/// What a monitor shows, if that is an output of a box.
+#[must_use]
+pub fn shown<'n>(net: &'n Anatomy, part: &'n Part) -> Option<&'n Link> {
+    if part.role != PartRole::Shows {
+        return None;
+    }
+    match part.inputs.first()?.sources.as_slice() {
+        [Source::Link(link)] => {
+            let source = net.primitives.get(link.primitive)?;
+            (source.role != PartRole::Constant).then_some(link)
+        }
+        _ => None,
+    }
+}
+
+/// The value of a constant that a link reads, with its name; `None`: it reads something else.
+#[must_use]
+pub fn constant(net: &Anatomy, link: &Link) -> Option<String> {
+    let part = net.primitives.get(link.primitive)?;
+    let (_, value) = part
+        .parameters
+        .first()
+        .filter(|_| part.role == PartRole::Constant)?;
+    Some(format!("{value} ({})", part.id))
+}

@@ -1,0 +1,147 @@
+//! A net as a Mermaid flow chart, which many sites draw in their texts: boxes with name and type, links with the names of
+//! their ports, delayed ones dotted, fragments as subgraphs. Pure.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use rcc_language::anatomy::{Anatomy, PartRole, Source};
+
+use super::{Values, constant, links};
+
+/// Draws a net.
+#[must_use]
+pub fn mermaid(net: &Anatomy, values: Option<&Values>) -> String {
+    let mut out = "flowchart LR\n".to_owned();
+    nodes(&mut out, net);
+    for (reader, input, element, link) in links(net) {
+        if constant(net, link).is_some() {
+            continue;
+        }
+        let source = &net.primitives[link.primitive];
+        let (reader_id, pin) = (reader, &net.primitives[reader].inputs[input]);
+        let output = source.outputs[link.output].name;
+        let value = values.and_then(|values| values.get(&format!("{}.{output}", source.id)));
+        let index = link
+            .index
+            .map_or_else(String::new, |index| format!("[{index}]"));
+        let element = element.map_or_else(String::new, |element| format!("[{element}]"));
+        let value = value.map_or_else(String::new, |value| format!(": {value}"));
+        let words = format!("{output}{index} → {}{element}{value}", pin.name);
+        let arrow = if link.delayed { "-.->" } else { "-->" };
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "  n{} {arrow}|\"{}\"| n{reader_id}",
+            link.primitive,
+            escaped(&words)
+        );
+    }
+    for (class, colours) in [
+        ("measures", "fill:#dcecfb,stroke:#5a9bd8,color:#1d2530"),
+        ("input", "fill:#dff3e4,stroke:#57b174,color:#1d2530"),
+        ("moves", "fill:#ece4fa,stroke:#9a7bd6,color:#1d2530"),
+        ("commands", "fill:#fde6d8,stroke:#e08a52,color:#1d2530"),
+        ("ends", "fill:#f9dfe3,stroke:#d96b7c,color:#1d2530"),
+        ("shows", "fill:#d9f2f1,stroke:#45aaa6,color:#1d2530"),
+    ] {
+        if net
+            .primitives
+            .iter()
+            .any(|part| name(part.role) == Some(class))
+        {
+            let _ = writeln!(out, "  classDef {class} {colours}");
+        }
+    }
+    out
+}
+
+const fn name(role: PartRole) -> Option<&'static str> {
+    match role {
+        PartRole::Measures => Some("measures"),
+        PartRole::Input => Some("input"),
+        PartRole::Moves => Some("moves"),
+        PartRole::Commands => Some("commands"),
+        PartRole::Ends => Some("ends"),
+        PartRole::Shows => Some("shows"),
+        PartRole::Plain | PartRole::Constant => None,
+    }
+}
+
+fn nodes(out: &mut String, net: &Anatomy) {
+    let mut parts: BTreeMap<Vec<&str>, Vec<usize>> = BTreeMap::new();
+    for (number, part) in net.primitives.iter().enumerate() {
+        if part.role != PartRole::Constant {
+            let frames: Vec<&str> = part.frames().collect();
+            // A frame that holds only frames is there, too.
+            for depth in 0..=frames.len() {
+                parts.entry(frames[..depth].to_vec()).or_default();
+            }
+            parts.entry(frames).or_default().push(number);
+        }
+    }
+    let mut open = 0;
+    for (number, (frames, members)) in parts.iter().enumerate() {
+        while open >= frames.len() && open > 0 {
+            out.push_str("  end\n");
+            open -= 1;
+        }
+        if let Some(frame) = frames.last() {
+            let title = frame.rsplit('/').next().unwrap_or_default();
+            let _ = writeln!(out, "  subgraph f{number} [\"{}\"]", escaped(title));
+            open += 1;
+        }
+        for member in members {
+            node(out, net, *member);
+        }
+    }
+    for _ in 0..open {
+        out.push_str("  end\n");
+    }
+}
+
+fn node(out: &mut String, net: &Anatomy, number: usize) {
+    let part = &net.primitives[number];
+    let id = part.id.rsplit('/').next().unwrap_or_default();
+    let device = part
+        .device
+        .as_ref()
+        .map_or_else(String::new, |device| format!(" · {device}"));
+    let mut words = format!(
+        "<b>{}</b><br/>{}{}",
+        escaped(id),
+        part.type_name,
+        escaped(&device)
+    );
+    for pin in &part.inputs {
+        let constants = pin.sources.iter().filter_map(|source| match source {
+            Source::Constant(value) | Source::Default(value) => Some(value.clone()),
+            Source::Link(link) => constant(net, link),
+        });
+        let constants: Vec<String> = constants.collect();
+        if constants.len() == pin.sources.len() {
+            let _ = write!(
+                words,
+                "<br/>{}",
+                escaped(&format!("{} = {}", pin.name, constants.join(", ")))
+            );
+        }
+    }
+    let class = name(part.role).map_or_else(String::new, |class| format!(":::{class}"));
+    let _ = writeln!(out, "  n{number}[\"{words}\"]{class}");
+}
+
+/// Text within quotes: entities for what Mermaid or HTML would read.
+fn escaped(words: &str) -> String {
+    let mut out = String::new();
+    for letter in words.chars() {
+        match letter {
+            '"' | '<' | '>' | '&' | '#' | '`' | '|' | '[' | ']' | '{' | '}' | '(' | ')' | '\\'
+            | ';' => {
+                let _ = write!(out, "#{};", u32::from(letter));
+            }
+            letter if letter.is_control() => out.push(' '),
+            letter => out.push(letter),
+        }
+    }
+    out
+}

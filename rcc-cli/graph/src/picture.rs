@@ -1,0 +1,323 @@
+//! A primitive as a box: its lines of text, its ports and where they are. Pure.
+
+use rcc_language::anatomy::{Anatomy, Part, PartRole, Pin, Source};
+
+use super::layout::{Pin as Border, Shape};
+use super::text::{fit, lines, width};
+use super::{Values, constant, is_label, links, shown};
+
+/// Sizes of letters.
+pub const ID_SIZE: f64 = 13.0;
+/// Of types, parameters and ports.
+pub const PORT_SIZE: f64 = 11.0;
+/// Of types and units of ports.
+pub const SMALL_SIZE: f64 = 9.5;
+
+const HEAD: f64 = 40.0;
+const LINE: f64 = 15.0;
+const PORT: f64 = 29.0;
+const SIDE: f64 = 12.0;
+const MIDDLE: f64 = 22.0;
+const PARAMETERS_MAX: usize = 6;
+const LEAST: f64 = 108.0;
+const MOST: f64 = 340.0;
+
+/// One side of a line of ports.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PortLabel {
+    /// Place of the port in the spec.
+    pub port: usize,
+    /// Its name, and what feeds it if that is a constant.
+    pub name: String,
+    /// Type and unit, or the value.
+    pub small: String,
+    /// It can be null.
+    pub null: bool,
+    /// A link ends or begins here.
+    pub linked: bool,
+    /// Height of its dot from the top of the box.
+    pub y: f64,
+}
+
+/// A primitive as a box.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Box {
+    /// Place of the primitive in the net.
+    pub part: usize,
+    /// What stands in its head.
+    pub id: String,
+    /// Its type, and its device.
+    pub kind: String,
+    /// Its colour.
+    pub role: PartRole,
+    /// Lines below the head.
+    pub parameters: Vec<String>,
+    /// On the left.
+    pub inputs: Vec<PortLabel>,
+    /// On the right.
+    pub outputs: Vec<PortLabel>,
+    /// What watches it, and what nobody reads.
+    pub notes: Vec<String>,
+    /// Width.
+    pub width: f64,
+    /// Height.
+    pub height: f64,
+}
+
+impl Box {
+    /// Height of the first of the lines below the head.
+    #[must_use]
+    pub const fn first_line() -> f64 {
+        HEAD + 14.0
+    }
+
+    /// Height of the first of the notes.
+    #[must_use]
+    pub fn first_note(&self) -> f64 {
+        self.height - 6.0 - LINE * (self.notes.len() as f64 - 1.0)
+    }
+
+    /// From line to line.
+    pub const LINE: f64 = LINE;
+
+    /// As the layout sees it.
+    #[must_use]
+    pub fn shape(&self) -> Shape {
+        Shape {
+            width: self.width,
+            height: self.height,
+            inputs: self.inputs.iter().map(|port| port.y).collect(),
+            outputs: self.outputs.iter().map(|port| port.y).collect(),
+            pin: Border::Free,
+        }
+    }
+
+    /// Where a port is among the labels of its side.
+    #[must_use]
+    pub fn label(ports: &[PortLabel], port: usize) -> Option<usize> {
+        ports.iter().position(|label| label.port == port)
+    }
+}
+
+/// The boxes of a net: every primitive but for those that are labels of others.
+#[must_use]
+pub fn boxes(net: &Anatomy, values: Option<&Values>) -> Vec<Box> {
+    let mut read: Vec<Vec<bool>> = net
+        .primitives
+        .iter()
+        .map(|part| vec![false; part.outputs.len()])
+        .collect();
+    for (reader, _, _, link) in links(net) {
+        if !is_label(net, &net.primitives[reader]) {
+            read[link.primitive][link.output] = true;
+        }
+    }
+    let mut watched: Vec<Vec<(usize, String)>> = vec![Vec::new(); net.primitives.len()];
+    for part in &net.primitives {
+        if let Some(link) = shown(net, part) {
+            watched[link.primitive].push((link.output, watch(net, part)));
+        }
+    }
+    let parts = net.primitives.iter().enumerate();
+    let parts = parts.filter(|(_, part)| !is_label(net, part));
+    parts
+        .map(|(number, part)| boxed(net, number, part, &read[number], &watched[number], values))
+        .collect()
+}
+
+/// "watch_pose: pose, 100 Hz".
+fn watch(net: &Anatomy, part: &Part) -> String {
+    let link = shown(net, part);
+    let output = link.and_then(|link| {
+        let port = net
+            .primitives
+            .get(link.primitive)?
+            .outputs
+            .get(link.output)?;
+        Some(match link.index {
+            Some(index) => format!("{}[{index}]", port.name),
+            None => port.name.to_owned(),
+        })
+    });
+    let rate = part
+        .parameters
+        .first()
+        .map_or("", |(_, rate)| rate.as_str());
+    let parts = [output.unwrap_or_default(), rate.to_owned()];
+    let parts: Vec<&str> = parts
+        .iter()
+        .map(String::as_str)
+        .filter(|it| !it.is_empty())
+        .collect();
+    format!("◉ {}: {}", short_id(&part.id), parts.join(", "))
+}
+
+/// The id without the fragments that it is in: their frames say them.
+fn short_id(id: &str) -> &str {
+    id.rsplit('/').next().unwrap_or(id)
+}
+
+fn boxed(
+    net: &Anatomy,
+    number: usize,
+    part: &Part,
+    read: &[bool],
+    watched: &[(usize, String)],
+    values: Option<&Values>,
+) -> Box {
+    let value = |port: &str| values?.get(&format!("{}.{port}", part.id)).cloned();
+    let inputs = part.inputs.iter().enumerate();
+    let inputs = inputs.map(|(port, pin)| input(net, port, pin, value(pin.name)));
+    let outputs = part
+        .outputs
+        .iter()
+        .enumerate()
+        .filter(|(port, _)| read[*port]);
+    let outputs = outputs.map(|(port, pin)| PortLabel {
+        port,
+        name: pin.name.to_owned(),
+        small: value(pin.name).unwrap_or_else(|| kind(pin)),
+        null: part.null.is_some(),
+        linked: true,
+        y: 0.0,
+    });
+    let is_watched = |port: usize| watched.iter().any(|(output, _)| *output == port);
+    let unread = part.outputs.iter().enumerate();
+    let unread = unread.filter(|(port, _)| !read[*port] && !is_watched(*port));
+    let unread: Vec<String> = unread
+        .map(|(_, pin)| match value(pin.name) {
+            Some(value) => format!("{} {value}", pin.name),
+            None => pin.name.to_owned(),
+        })
+        .collect();
+    let mut it = Box {
+        part: number,
+        id: short_id(&part.id).to_owned(),
+        kind: match &part.device {
+            Some(device) => format!("{} · {device}", part.type_name),
+            None => part.type_name.to_owned(),
+        },
+        role: part.role,
+        parameters: parameters(part),
+        inputs: inputs.collect(),
+        outputs: outputs.collect(),
+        notes: watched.iter().map(|(_, words)| words.clone()).collect(),
+        width: 0.0,
+        height: 0.0,
+    };
+    measure(&mut it);
+    if !unread.is_empty() {
+        let unread = format!("not read: {}", unread.join(", "));
+        it.notes
+            .extend(lines(&unread, SMALL_SIZE, it.width - 2.0 * SIDE, 3));
+        measure(&mut it);
+    }
+    it
+}
+
+fn input(net: &Anatomy, port: usize, pin: &Pin, value: Option<String>) -> PortLabel {
+    let constants: Vec<String> = pin
+        .sources
+        .iter()
+        .filter_map(|source| match source {
+            Source::Constant(value) | Source::Default(value) => Some(value.clone()),
+            Source::Link(link) => constant(net, link),
+        })
+        .collect();
+    let linked = constants.len() < pin.sources.len();
+    let first = pin.sources.iter().find_map(|source| match source {
+        Source::Link(link) if link.delayed => Some(link.initial.as_deref().unwrap_or("null")),
+        _ => None,
+    });
+    let kind = kind(pin);
+    PortLabel {
+        port,
+        name: match (linked, constants.as_slice()) {
+            (false, [constant]) => format!("{} = {constant}", pin.name),
+            (false, constants) => format!("{} = [{}]", pin.name, constants.join(", ")),
+            (true, _) => pin.name.to_owned(),
+        },
+        small: match (value, first) {
+            (Some(value), _) if linked => value,
+            (_, Some(first)) => format!("{kind}, first {first}"),
+            _ => kind,
+        },
+        null: pin.null.is_some(),
+        linked,
+        y: 0.0,
+    }
+}
+
+fn kind(pin: &Pin) -> String {
+    match &pin.unit {
+        Some(unit) => format!("{} {}", pin.type_name, raised(unit)),
+        None => pin.type_name.clone(),
+    }
+}
+
+/// Powers of units as they are printed.
+fn raised(words: &str) -> String {
+    words.replace("^2", "²").replace("^3", "³")
+}
+
+fn parameters(part: &Part) -> Vec<String> {
+    let all = part.parameters.iter();
+    let mut shown: Vec<String> = all
+        .take(PARAMETERS_MAX)
+        .map(|(name, value)| format!("{name} {}", raised(value)))
+        .collect();
+    if let Some(more @ 1..) = part.parameters.len().checked_sub(PARAMETERS_MAX) {
+        shown.push(format!("… {more} more"));
+    }
+    shown
+}
+
+/// Finds the size and where the ports are; texts that are too long for any box are cut.
+fn measure(it: &mut Box) {
+    let cut = |text: &mut String, size: f64, most: f64| *text = fit(text, size, most);
+    cut(&mut it.id, ID_SIZE, MOST - 2.0 * SIDE);
+    cut(&mut it.kind, PORT_SIZE, MOST - 2.0 * SIDE);
+    for line in it.parameters.iter_mut() {
+        cut(line, SMALL_SIZE, MOST - 2.0 * SIDE);
+    }
+    for line in it.notes.iter_mut() {
+        cut(line, SMALL_SIZE, MOST - 2.0 * SIDE);
+    }
+    let half = (MOST - 2.0 * SIDE - MIDDLE) / 2.0;
+    for port in it.inputs.iter_mut().chain(&mut it.outputs) {
+        cut(&mut port.name, PORT_SIZE, half);
+        cut(&mut port.small, SMALL_SIZE, half);
+    }
+    let side = |ports: &[PortLabel]| {
+        let widths = ports.iter();
+        let widths = widths.map(|it| width(&it.name, PORT_SIZE).max(width(&it.small, SMALL_SIZE)));
+        widths.fold(0.0, f64::max)
+    };
+    let (left, right) = (side(&it.inputs), side(&it.outputs));
+    let middle = if left > 0.0 && right > 0.0 {
+        MIDDLE
+    } else {
+        0.0
+    };
+    let texts = it.parameters.iter().chain(&it.notes);
+    let widest = texts
+        .map(|text| width(text, SMALL_SIZE))
+        .fold(0.0, f64::max);
+    let head = width(&it.id, ID_SIZE).max(width(&it.kind, PORT_SIZE));
+    it.width = (left + middle + right)
+        .max(widest)
+        .max(head)
+        .max(LEAST - 2.0 * SIDE)
+        + 2.0 * SIDE;
+    it.width = it.width.ceil();
+    let first =
+        HEAD + LINE * it.parameters.len() as f64 + if it.parameters.is_empty() { 0.0 } else { 5.0 };
+    for ports in [&mut it.inputs, &mut it.outputs] {
+        for (row, port) in ports.iter_mut().enumerate() {
+            port.y = first + PORT * row as f64 + 16.0;
+        }
+    }
+    let rows = it.inputs.len().max(it.outputs.len()) as f64;
+    let notes = LINE * it.notes.len() as f64 + if it.notes.is_empty() { 0.0 } else { 5.0 };
+    it.height = first + PORT * rows + notes + 4.0;
+}

@@ -1,0 +1,498 @@
+//! A laid-out net as SVG 1.1 with a style sheet for light and dark schemes; nothing is loaded from elsewhere. Pure.
+
+use std::fmt::Write as _;
+
+use rcc_language::anatomy::{Anatomy, Part, PartRole};
+
+use super::layout::{Point, Route};
+use super::picture::{Box, PORT_SIZE, PortLabel};
+use super::scene::{Frame, Piece, Scene};
+use super::text::{fit, lines, width};
+
+const MARGIN: f64 = 24.0;
+const TITLE: f64 = 20.0;
+const HEAD: f64 = 40.0;
+const ROUND: f64 = 7.0;
+const SIDE: f64 = 12.0;
+const LEGEND: f64 = 44.0;
+const LEAST_WIDTH: f64 = 420.0;
+
+/// Name of a colour, in the legend, and its tint and line in light and dark.
+const ROLES: [(PartRole, &str, &str, [&str; 4]); 7] = [
+    (
+        PartRole::Plain,
+        "plain",
+        "computes",
+        ["#eef1f5", "#aab4c1", "#2a313b", "#566173"],
+    ),
+    (
+        PartRole::Measures,
+        "measures",
+        "measures",
+        ["#dcecfb", "#5a9bd8", "#173a5c", "#4a8ccb"],
+    ),
+    (
+        PartRole::Input,
+        "input",
+        "set from outside",
+        ["#dff3e4", "#57b174", "#17402a", "#46a164"],
+    ),
+    (
+        PartRole::Moves,
+        "moves",
+        "moves along a path",
+        ["#ece4fa", "#9a7bd6", "#352a57", "#8b6bcb"],
+    ),
+    (
+        PartRole::Commands,
+        "commands",
+        "commands a device",
+        ["#fde6d8", "#e08a52", "#552f18", "#d27b43"],
+    ),
+    (
+        PartRole::Ends,
+        "ends",
+        "cancel and end",
+        ["#f9dfe3", "#d96b7c", "#52222b", "#c95a6c"],
+    ),
+    (
+        PartRole::Shows,
+        "shows",
+        "is shown",
+        ["#d9f2f1", "#45aaa6", "#16403f", "#3c9c98"],
+    ),
+];
+
+const STYLE: &str = "\
+text{font-family:'Helvetica Neue',Helvetica,Arial,sans-serif;fill:#1d2530}
+.paper{fill:#ffffff}.title{font-size:17px;font-weight:600}.words{font-size:12px;fill:#5d6876}
+.box{fill:#ffffff;stroke:#b9c2cd}.id{font-size:13px;font-weight:600}.kind{font-size:11px;fill:#566170}
+.port{font-size:11px}.small{font-size:9.5px;fill:#768190}.note{font-size:9.5px;fill:#2e8480}
+.link{fill:none;stroke:#7f8a99;stroke-width:1.5}.delayed{stroke-dasharray:6 4}
+.dot{fill:#7f8a99;stroke:#7f8a99;stroke-width:1.4}.null{fill:#ffffff}
+.frame{fill:#7f8a99;fill-opacity:.07;stroke:#9aa4b1;stroke-dasharray:1 0}.frame-title{font-size:12px;font-weight:600;fill:#566170}
+";
+
+const DARK: &str = "\
+text{fill:#e4e9ef}.paper{fill:#151a21}.words{fill:#9aa5b3}
+.box{fill:#1c232c;stroke:#475263}.kind{fill:#b4bdc9}.small{fill:#8b96a5}.note{fill:#59bdb8}
+.link{stroke:#8793a3}.dot{fill:#8793a3;stroke:#8793a3}.null{fill:#1c232c}
+.frame{fill:#8793a3;stroke:#5d6979}.frame-title{fill:#b4bdc9}
+";
+
+/// Draws a net.
+#[must_use]
+pub fn svg(net: &Anatomy, scene: &Scene) -> String {
+    let wide = (scene.width + 2.0 * MARGIN).max(LEAST_WIDTH).ceil();
+    let words = lines(&net.description, 12.0, wide - 2.0 * MARGIN, 4);
+    let top = MARGIN + TITLE + 18.0 * words.len() as f64 + 14.0;
+    let legend = Legend::of(scene);
+    let rows = legend.rows(wide - 2.0 * MARGIN);
+    let high = (top + scene.height + LEGEND + 20.0 * (rows.len() as f64 - 1.0)).ceil();
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = write!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{wide}\" height=\"{high}\" viewBox=\"0 0 {wide} {high}\" role=\"img\">\n<title>{}</title>\n<style>\n{}</style>\n<rect class=\"paper\" width=\"{wide}\" height=\"{high}\" rx=\"8\"/>\n",
+        escaped(&net.net),
+        style()
+    );
+    text(
+        &mut out,
+        "title",
+        MARGIN,
+        MARGIN + 12.0,
+        &fit(&net.net, 17.0, wide - 2.0 * MARGIN),
+        "",
+    );
+    for (row, line) in words.iter().enumerate() {
+        text(
+            &mut out,
+            "words",
+            MARGIN,
+            MARGIN + TITLE + 14.0 + 18.0 * row as f64,
+            line,
+            "",
+        );
+    }
+    let left = ((wide - scene.width) / 2.0).floor();
+    let _ = writeln!(
+        out,
+        "<g transform=\"translate({},{})\">",
+        short(left),
+        short(top)
+    );
+    scene
+        .frames
+        .iter()
+        .for_each(|frame| draw_frame(&mut out, frame));
+    scene
+        .links
+        .iter()
+        .for_each(|piece| draw_link(&mut out, net, piece));
+    for (it, at) in &scene.boxes {
+        if let Some(part) = net.primitives.get(it.part) {
+            draw_box(&mut out, part, it, *at);
+        }
+    }
+    out.push_str("</g>\n");
+    legend.draw(&mut out, &rows, high);
+    out.push_str("</svg>\n");
+    out
+}
+
+fn style() -> String {
+    let (mut light, mut dark) = (STYLE.to_owned(), DARK.to_owned());
+    for (_, name, _, colours) in ROLES {
+        let [tint, line, dark_tint, dark_line] = colours;
+        let _ = writeln!(light, ".{name}{{fill:{tint};stroke:{line}}}");
+        let _ = writeln!(dark, ".{name}{{fill:{dark_tint};stroke:{dark_line}}}");
+    }
+    format!("{light}@media(prefers-color-scheme:dark){{\n{dark}}}\n")
+}
+
+fn role_name(role: PartRole) -> &'static str {
+    let row = ROLES.iter().find(|(known, ..)| *known == role);
+    row.map_or("plain", |(_, name, ..)| name)
+}
+
+fn draw_frame(out: &mut String, frame: &Frame) {
+    let Point { x, y } = frame.at;
+    let _ = writeln!(
+        out,
+        "<rect class=\"frame\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"10\"/>",
+        short(x),
+        short(y),
+        short(frame.width),
+        short(frame.height)
+    );
+    text(
+        out,
+        "frame-title",
+        x + SIDE,
+        y + 19.0,
+        &fit(&frame.title, 12.0, frame.width - 2.0 * SIDE),
+        "",
+    );
+}
+
+fn draw_link(out: &mut String, net: &Anatomy, piece: &Piece) {
+    let (part, output, delayed) = piece.signal;
+    let part = net.primitives.get(part);
+    let port = part.and_then(|part| part.outputs.get(output));
+    let (id, port) = (
+        part.map_or("", |part| part.id.as_str()),
+        port.map_or("", |port| port.name),
+    );
+    let class = if delayed { "link delayed" } else { "link" };
+    let to = piece.to.and_then(|(reader, input)| {
+        let reader = net.primitives.get(reader)?;
+        Some(format!(
+            " → {}.{}",
+            reader.id,
+            reader.inputs.get(input)?.name
+        ))
+    });
+    let _ = writeln!(
+        out,
+        "<path class=\"{class}\" d=\"{}\"><title>{}</title></path>",
+        path(&piece.route),
+        escaped(&format!(
+            "{id}.{port}{}{}",
+            to.unwrap_or_default(),
+            if delayed { ", of the cycle before" } else { "" }
+        ))
+    );
+}
+
+/// A way as commands of a path.
+fn path(route: &Route) -> String {
+    let mut out = String::new();
+    let points = route.points();
+    let Some(first) = points.first() else {
+        return out;
+    };
+    let _ = write!(out, "M{},{}", short(first.x), short(first.y));
+    match route {
+        Route::Curve(_) => {
+            for pair in points.windows(2) {
+                let [from, to] = [pair[0], pair[1]];
+                if (from.y - to.y).abs() < 0.05 {
+                    let _ = write!(out, "H{}", short(to.x));
+                } else {
+                    let middle = short((from.x + to.x) / 2.0);
+                    let _ = write!(
+                        out,
+                        "C{middle},{} {middle},{} {},{}",
+                        short(from.y),
+                        short(to.y),
+                        short(to.x),
+                        short(to.y)
+                    );
+                }
+            }
+        }
+        Route::Around(_) => {
+            for corner in points.windows(3) {
+                let [before, at, after] = [corner[0], corner[1], corner[2]];
+                let [near, far] = [towards(at, before), towards(at, after)];
+                let _ = write!(
+                    out,
+                    "L{},{}Q{},{} {},{}",
+                    short(near.x),
+                    short(near.y),
+                    short(at.x),
+                    short(at.y),
+                    short(far.x),
+                    short(far.y)
+                );
+            }
+            if let Some(last) = points.last() {
+                let _ = write!(out, "L{},{}", short(last.x), short(last.y));
+            }
+        }
+    }
+    out
+}
+
+/// A little from one point to another.
+fn towards(from: Point, to: Point) -> Point {
+    let (x, y) = (to.x - from.x, to.y - from.y);
+    let length = x.abs().max(y.abs());
+    let part = if length > 0.0 {
+        (ROUND.min(length / 2.0)) / length
+    } else {
+        0.0
+    };
+    Point {
+        x: from.x + x * part,
+        y: from.y + y * part,
+    }
+}
+
+fn draw_box(out: &mut String, part: &Part, it: &Box, at: Point) {
+    let Point { x, y } = at;
+    let (w, h) = (it.width, it.height);
+    let _ = writeln!(
+        out,
+        "<g class=\"primitive\" data-id=\"{}\"><title>{}</title>\n<rect class=\"box\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"{ROUND}\"/>",
+        escaped(&part.id),
+        escaped(&format!("{}: {}", part.id, part.type_name)),
+        short(x),
+        short(y),
+        short(w),
+        short(h)
+    );
+    let (side, round) = (HEAD - ROUND, w - 2.0 * ROUND);
+    let _ = writeln!(
+        out,
+        "<path class=\"{}\" d=\"M{},{}v-{side}a{ROUND},{ROUND} 0 0 1 {ROUND},-{ROUND}h{}a{ROUND},{ROUND} 0 0 1 {ROUND},{ROUND}v{side}z\"/>",
+        role_name(it.role),
+        short(x),
+        short(y + HEAD),
+        short(round)
+    );
+    text(out, "id", x + SIDE, y + 17.0, &it.id, "");
+    text(out, "kind", x + SIDE, y + 32.0, &it.kind, "");
+    for (row, line) in it.parameters.iter().enumerate() {
+        text(
+            out,
+            "small",
+            x + SIDE,
+            y + Box::first_line() + Box::LINE * row as f64,
+            line,
+            "",
+        );
+    }
+    for port in &it.inputs {
+        let why = part
+            .inputs
+            .get(port.port)
+            .and_then(|pin| pin.null.as_deref());
+        draw_input(out, port, Point { x, y: y + port.y }, why);
+    }
+    for port in &it.outputs {
+        draw_output(
+            out,
+            port,
+            Point {
+                x: x + w,
+                y: y + port.y,
+            },
+            part.null.as_deref(),
+        );
+    }
+    for (row, line) in it.notes.iter().enumerate() {
+        let class = if line.starts_with('◉') {
+            "note"
+        } else {
+            "small"
+        };
+        text(
+            out,
+            class,
+            x + SIDE,
+            y + it.first_note() + Box::LINE * row as f64,
+            line,
+            "",
+        );
+    }
+    out.push_str("</g>\n");
+}
+
+fn draw_input(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) {
+    let class = if port.null { "dot null" } else { "dot" };
+    if port.linked {
+        let _ = writeln!(
+            out,
+            "<path class=\"{class}\" d=\"M{},{}l8,4l-8,4z\">{}</path>",
+            short(at.x - 4.0),
+            short(at.y - 4.0),
+            reason(why)
+        );
+    }
+    text(out, "port", at.x + SIDE, at.y + 1.0, &port.name, "");
+    text(out, "small", at.x + SIDE, at.y + 12.0, &port.small, "");
+}
+
+fn draw_output(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) {
+    let class = if port.null { "dot null" } else { "dot" };
+    let _ = writeln!(
+        out,
+        "<circle class=\"{class}\" cx=\"{}\" cy=\"{}\" r=\"3.5\">{}</circle>",
+        short(at.x),
+        short(at.y),
+        reason(why)
+    );
+    let end = " text-anchor=\"end\"";
+    text(out, "port", at.x - SIDE, at.y + 1.0, &port.name, end);
+    text(out, "small", at.x - SIDE, at.y + 12.0, &port.small, end);
+}
+
+fn reason(why: Option<&str>) -> String {
+    why.map_or_else(String::new, |why| {
+        format!("<title>can be null: {}</title>", escaped(why))
+    })
+}
+
+fn text(out: &mut String, class: &str, x: f64, y: f64, words: &str, more: &str) {
+    let _ = writeln!(
+        out,
+        "<text class=\"{class}\" x=\"{}\" y=\"{}\"{more}>{}</text>",
+        short(x),
+        short(y),
+        escaped(words)
+    );
+}
+
+/// What the colours and marks of a picture mean, as far as it has them.
+struct Legend(Vec<(&'static str, &'static str)>);
+
+impl Legend {
+    fn of(scene: &Scene) -> Legend {
+        let has = |role: PartRole| scene.boxes.iter().any(|(it, _)| it.role == role);
+        let roles = ROLES.iter().filter(|(role, ..)| has(*role));
+        let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
+        if scene.links.iter().any(|piece| piece.signal.2) {
+            rows.push(("delayed", "value of the cycle before"));
+        }
+        let mut ports = scene
+            .boxes
+            .iter()
+            .flat_map(|(it, _)| it.inputs.iter().chain(&it.outputs));
+        if ports.any(|port| port.null && port.linked) {
+            rows.push(("null", "can be null"));
+        }
+        if scene
+            .boxes
+            .iter()
+            .any(|(it, _)| it.notes.iter().any(|note| note.starts_with('◉')))
+        {
+            rows.push(("eye", "a monitor shows it"));
+        }
+        Legend(rows)
+    }
+
+    fn space(words: &str) -> f64 {
+        22.0 + width(words, PORT_SIZE) + 18.0
+    }
+
+    /// The entries in rows that are not wider than this.
+    fn rows(&self, most: f64) -> Vec<Vec<(&'static str, &'static str)>> {
+        let mut rows: Vec<Vec<_>> = vec![Vec::new()];
+        let mut used = 0.0;
+        for entry in &self.0 {
+            let space = Legend::space(entry.1);
+            if used > 0.0 && used + space > most {
+                rows.push(Vec::new());
+                used = 0.0;
+            }
+            used += space;
+            if let Some(row) = rows.last_mut() {
+                row.push(*entry);
+            }
+        }
+        rows
+    }
+
+    fn draw(&self, out: &mut String, rows: &[Vec<(&'static str, &'static str)>], high: f64) {
+        for (number, row) in rows.iter().rev().enumerate() {
+            let y = high - 18.0 - 20.0 * number as f64;
+            let mut x = MARGIN;
+            for (name, words) in row {
+                let (left, middle) = (short(x), short(y - 4.0));
+                let _ = match *name {
+                    "delayed" => writeln!(
+                        out,
+                        "<path class=\"link delayed\" d=\"M{left},{middle}h16\"/>"
+                    ),
+                    "null" => writeln!(
+                        out,
+                        "<circle class=\"dot null\" cx=\"{}\" cy=\"{middle}\" r=\"3.5\"/>",
+                        short(x + 9.0)
+                    ),
+                    "eye" => writeln!(
+                        out,
+                        "<text class=\"note\" x=\"{left}\" y=\"{}\">◉</text>",
+                        short(y)
+                    ),
+                    name => writeln!(
+                        out,
+                        "<rect class=\"{name}\" x=\"{left}\" y=\"{}\" width=\"14\" height=\"11\" rx=\"2\"/>",
+                        short(y - 9.5)
+                    ),
+                };
+                text(out, "kind", x + 22.0, y, words, "");
+                x += Legend::space(words);
+            }
+        }
+    }
+}
+
+/// A tenth is finer than any screen; the same number gives the same text everywhere.
+fn short(value: f64) -> String {
+    let tenths = (value * 10.0).round() / 10.0;
+    // No minus before 0.
+    format!("{}", tenths + 0.0)
+}
+
+/// Text that may stand in an element or in an attribute.
+#[must_use]
+pub fn escaped(words: &str) -> String {
+    let mut out = String::with_capacity(words.len());
+    for letter in words.chars() {
+        match letter {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            // XML has no other control characters.
+            letter if letter.is_control() && letter != '\n' && letter != '\t' => {
+                out.push('\u{fffd}')
+            }
+            letter => out.push(letter),
+        }
+    }
+    out
+}

@@ -1,0 +1,243 @@
+//! Pictures of the example nets: those in docs/pictures are current, everything is in them once, and they are well formed.
+//! `RCC_BLESS=1 cargo test -p rcc-graph --test pictures` writes docs/pictures anew. A thread of the test harness.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rcc_config::CellConfig;
+use rcc_graph::layout::Point;
+use rcc_graph::scene::{Scene, scene};
+use rcc_graph::{dot::dot, is_label, links, mermaid::mermaid, shown, svg::svg};
+use rcc_language::anatomy::{Anatomy, PartRole};
+use rcc_language::dissect;
+
+fn folder(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../..")
+        .join(path)
+}
+
+fn cell() -> CellConfig {
+    let path = folder("configs/cells/demo.yaml");
+    CellConfig::load_offline(&path).unwrap_or_else(|faults| panic!("{faults}"))
+}
+
+fn anatomy(text: &str, name: &str) -> Anatomy {
+    let net = dissect(text, name, &cell());
+    net.unwrap_or_else(|faults| panic!("{faults}")).1
+}
+
+/// The example nets by name.
+fn nets() -> BTreeMap<String, Anatomy> {
+    let entries = std::fs::read_dir(folder("configs/nets")).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let paths = paths.filter(|path| path.extension().is_some_and(|end| end == "yaml"));
+    paths
+        .map(|path| {
+            let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+            let net = anatomy(&std::fs::read_to_string(&path).unwrap(), &name);
+            (name, net)
+        })
+        .collect()
+}
+
+/// Boxes do not meet, are within their picture, and links end at the ports of their boxes.
+fn check(net: &Anatomy, scene: &Scene) {
+    for (number, (a, at)) in scene.boxes.iter().enumerate() {
+        for (b, other) in &scene.boxes[number + 1..] {
+            let beside = at.x + a.width <= other.x || other.x + b.width <= at.x;
+            let above = at.y + a.height <= other.y || other.y + b.height <= at.y;
+            assert!(beside || above, "{} and {}", a.id, b.id);
+        }
+        let inside =
+            at.x >= 0.0 && at.x + a.width <= scene.width && at.y + a.height <= scene.height;
+        assert!(inside, "{}", a.id);
+    }
+    let drawn: Vec<usize> = scene.boxes.iter().map(|(it, _)| it.part).collect();
+    for (number, part) in net.primitives.iter().enumerate() {
+        let count = drawn.iter().filter(|drawn| **drawn == number).count();
+        assert_eq!(count, usize::from(!is_label(net, part)), "{}", part.id);
+        if shown(net, part).is_some() {
+            let notes = scene.boxes.iter().flat_map(|(it, _)| &it.notes);
+            let id = part.id.rsplit('/').next().unwrap();
+            assert!(notes.clone().any(|note| note.contains(id)), "{}", part.id);
+        }
+    }
+    for (reader, input, _, link) in links(net) {
+        let source = &net.primitives[link.primitive];
+        if source.role == PartRole::Constant || is_label(net, &net.primitives[reader]) {
+            continue;
+        }
+        let pieces = scene
+            .links
+            .iter()
+            .filter(|piece| piece.to == Some((reader, input)));
+        let signal = (link.primitive, link.output, link.delayed);
+        let pieces: Vec<_> = pieces.filter(|piece| piece.signal == signal).collect();
+        assert_eq!(pieces.len(), 1, "{}.{input}", net.primitives[reader].id);
+        let (it, at) = scene
+            .boxes
+            .iter()
+            .find(|(it, _)| it.part == reader)
+            .unwrap();
+        let port = it.inputs.iter().find(|port| port.port == input).unwrap();
+        let end = Point {
+            x: at.x,
+            y: at.y + port.y,
+        };
+        let last = pieces[0].route.points().last().unwrap();
+        assert!(
+            (last.x - end.x).abs() < 0.01 && (last.y - end.y).abs() < 0.01,
+            "{}",
+            it.id
+        );
+    }
+}
+
+/// Every element is closed in order, attributes are quoted, and entities are those of XML.
+fn check_xml(text: &str) {
+    let mut open: Vec<&str> = Vec::new();
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        let words = &rest[..start];
+        assert!(!words.contains('>'), "{words}");
+        check_entities(words);
+        let end = start + rest[start..].find('>').expect("an element that ends");
+        let tag = &rest[start + 1..end];
+        rest = &rest[end + 1..];
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name));
+            continue;
+        }
+        assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
+        check_entities(tag);
+        let name = tag.split([' ', '/', '\n']).next().unwrap();
+        if !tag.ends_with('/') {
+            open.push(name);
+        }
+    }
+    assert!(open.is_empty() && rest.trim().is_empty(), "{open:?}");
+}
+
+fn check_entities(words: &str) {
+    for part in words.split('&').skip(1) {
+        let name = part.split(';').next().unwrap();
+        assert!(
+            ["amp", "lt", "gt", "quot", "#39"].contains(&name),
+            "&{name}"
+        );
+    }
+}
+
+#[test]
+fn everything_is_in_a_picture_once_and_in_its_place() {
+    for (name, net) in nets() {
+        let scene = scene(&net, None).unwrap_or_else(|many| panic!("{name}: {many:?}"));
+        check(&net, &scene);
+        check_xml(&svg(&net, &scene));
+    }
+}
+
+#[test]
+fn the_pictures_in_the_docs_are_those_of_the_example_nets() {
+    let write = std::env::var_os("RCC_BLESS").is_some();
+    for (name, net) in nets() {
+        let path = folder("docs/pictures").join(format!("{name}.svg"));
+        let drawn = svg(&net, &scene(&net, None).unwrap());
+        if write {
+            std::fs::create_dir_all(folder("docs/pictures")).unwrap();
+            std::fs::write(&path, &drawn).unwrap();
+        }
+        let kept = std::fs::read_to_string(&path).unwrap_or_default();
+        assert!(
+            kept == drawn,
+            "{} is old: RCC_BLESS=1 cargo test -p rcc-graph --test pictures",
+            path.display()
+        );
+    }
+}
+
+const SMALL: &str = "net: small
+description: a <net> & \"more\"
+primitives:
+  time: {type: Time}
+  two:  {type: Constant, parameters: {value: 2 s}}
+  late: {type: OrElse, inputs: {in: time.out, other: {from: late.out, delayed: true, initial: 0 s}}}
+  over: {type: Greater, inputs: {a: late.out, b: two.out}}
+  show: {type: Monitor, parameters: {rate: 100 Hz}, inputs: {value: late.out}}
+  end:  {type: Termination, inputs: {done: over.out}}
+";
+
+#[test]
+fn dot_has_ports_and_dashes_for_what_is_delayed() {
+    let text = dot(&anatomy(SMALL, "small"), None);
+    for line in [
+        "  n0:o0:e -> n2:i0:w;",
+        "  n2:o0:e -> n2:i1:w [style=dashed, constraint=false];",
+        "  n2:o0:e -> n3:i0:w;",
+        "  n2:o0:e -> n4:i0:w;",
+        "  n3:o0:e -> n5:i0:w;",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+    assert_eq!(text.matches(" -> ").count(), 5, "{text}");
+    assert!(
+        text.contains("<B>over</B><BR/>Greater") && text.contains("b = 2 s (two)"),
+        "{text}"
+    );
+    assert!(!text.contains("n1 ["), "a constant is a label");
+}
+
+#[test]
+fn mermaid_has_boxes_links_and_nothing_that_it_would_read() {
+    let text = mermaid(&anatomy(SMALL, "small"), None);
+    let wanted = "flowchart LR
+  n0[\"<b>time</b><br/>Time\"]
+  n2[\"<b>late</b><br/>OrElse\"]
+  n3[\"<b>over</b><br/>Greater<br/>b = 2 s #40;two#41;\"]
+  n4[\"<b>show</b><br/>Monitor\"]:::shows
+  n5[\"<b>end</b><br/>Termination\"]:::ends
+  n0 -->|\"out → in\"| n2
+  n2 -.->|\"out → other\"| n2
+  n2 -->|\"out → a\"| n3
+  n2 -->|\"out → value\"| n4
+  n3 -->|\"out → done\"| n5
+  classDef ends fill:#f9dfe3,stroke:#d96b7c,color:#1d2530
+  classDef shows fill:#d9f2f1,stroke:#45aaa6,color:#1d2530
+";
+    assert_eq!(text, wanted);
+}
+
+#[test]
+fn what_is_null_for_a_reason_says_it_and_texts_are_escaped() {
+    let net = anatomy(SMALL, "small");
+    let text = svg(&net, &scene(&net, None).unwrap());
+    check_xml(&text);
+    assert!(
+        text.contains("a &lt;net&gt; &amp; &quot;more&quot;"),
+        "{text}"
+    );
+    assert!(
+        text.contains("b = 2 s (two)") && text.contains("Real s, first 0 s"),
+        "{text}"
+    );
+    assert!(text.contains("◉ show: out, 100 Hz"), "{text}");
+    let values = BTreeMap::from([("time.out".to_owned(), "1.25 s".to_owned())]);
+    let live = svg(&net, &scene(&net, Some(&values)).unwrap());
+    assert!(live.contains(">1.25 s<"), "{live}");
+}
+
+#[test]
+fn a_net_of_too_many_boxes_is_no_picture() {
+    let mut text = "net: large\nprimitives:\n  p0: {type: Time}\n".to_owned();
+    for number in 1..500 {
+        text += &format!(
+            "  p{number}: {{type: Negate, inputs: {{in: p{}.out}}}}\n",
+            number - 1
+        );
+    }
+    text += "  over: {type: Greater, inputs: {a: p499.out, b: 0 s}}\n  end: {type: Termination, inputs: {done: over.out}}\n";
+    let net = anatomy(&text, "large");
+    assert_eq!(scene(&net, None).map_err(|many| many.boxes), Err(502));
+    assert_eq!(dot(&net, None).matches(" -> ").count(), 501);
+}
