@@ -39,7 +39,7 @@ verbs! {
     Check = check;
     /// Lay out the text of nets, comments kept.
     Fmt = fmt;
-    /// What a net is expected to need of a cycle, by type of primitive.
+    /// What a net needs, in which order it runs, and what can be null and why.
     Explain = explain;
     /// Draw a net: SVG, DOT or Mermaid.
     Graph = graph;

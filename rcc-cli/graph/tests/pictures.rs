@@ -10,6 +10,7 @@ use rcc_graph::scene::{Scene, scene};
 use rcc_graph::{dot::dot, is_label, links, mermaid::mermaid, shown, svg::svg};
 use rcc_language::anatomy::{Anatomy, PartRole};
 use rcc_language::dissect;
+use rcc_language::library::Files;
 
 fn folder(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -23,7 +24,7 @@ fn cell() -> CellConfig {
 }
 
 fn anatomy(text: &str, name: &str) -> Anatomy {
-    let net = dissect(text, name, &cell());
+    let net = dissect(text, name, &cell(), &Files);
     net.unwrap_or_else(|faults| panic!("{faults}")).1
 }
 
@@ -240,4 +241,77 @@ fn a_net_of_too_many_boxes_is_no_picture() {
     let net = anatomy(&text, "large");
     assert_eq!(scene(&net, None).map_err(|many| many.boxes), Err(502));
     assert_eq!(dot(&net, None).matches(" -> ").count(), 501);
+}
+
+const NESTED: &str = "net: nested
+fragments:
+  smooth:
+    parameters: {gain: {type: Real, default: 0.2}}
+    inputs: {x: {type: Real}}
+    outputs: {y: filter.out}
+    primitives:
+      filter: {type: LowPass, parameters: {gain: $gain}, inputs: {in: x}}
+  twice:
+    inputs: {x: {type: Real}}
+    outputs: {y: last.y}
+    primitives:
+      first: {fragment: smooth, inputs: {x: x}}
+      turned: {type: Negate, inputs: {in: first.y}}
+      last: {fragment: smooth, parameters: {gain: 0.5}, inputs: {x: turned.out}}
+primitives:
+  time: {type: Time}
+  a: {fragment: twice, inputs: {x: time.out}}
+  b: {fragment: smooth, inputs: {x: a.y}}
+  over: {type: Greater, inputs: {a: b.y, b: 1 s}}
+  end: {type: Termination, inputs: {done: over.out}}
+";
+
+#[test]
+fn fragments_are_frames_that_hold_what_is_in_them() {
+    let net = anatomy(NESTED, "nested");
+    let scene = scene(&net, None).unwrap();
+    check(&net, &scene);
+    check_xml(&svg(&net, &scene));
+    let titles: Vec<&str> = scene
+        .frames
+        .iter()
+        .map(|frame| frame.title.as_str())
+        .collect();
+    assert_eq!(titles, ["a", "first", "last", "b"]);
+    let frame = |place: usize| &scene.frames[place];
+    let at = |id: &str| {
+        let number = net
+            .primitives
+            .iter()
+            .position(|part| part.id == id)
+            .unwrap();
+        let found = scene.boxes.iter().find(|(it, _)| it.part == number);
+        found.map(|(it, at)| (*at, it.width, it.height)).unwrap()
+    };
+    for (id, place) in [
+        ("a/first/filter", 0),
+        ("a/first/filter", 1),
+        ("a/turned", 0),
+        ("a/last/filter", 2),
+        ("b/filter", 3),
+    ] {
+        let ((it, width, height), frame) = (at(id), frame(place));
+        let inside = it.x >= frame.at.x
+            && it.y >= frame.at.y
+            && it.x + width <= frame.at.x + frame.width
+            && it.y + height <= frame.at.y + frame.height;
+        assert!(inside, "{id} in {}", frame.title);
+    }
+    let text = dot(&net, None);
+    assert_eq!(text.matches("subgraph").count(), 4, "{text}");
+    assert_eq!(text.matches('{').count(), text.matches('}').count());
+    let text = mermaid(&net, None);
+    assert_eq!(
+        text.matches("subgraph").count(),
+        text.matches("  end\n").count(),
+        "{text}"
+    );
+    if let Some(file) = std::env::var_os("RCC_NESTED_SVG") {
+        std::fs::write(file, svg(&net, &scene)).unwrap();
+    }
 }

@@ -1,27 +1,46 @@
-//! `check FILE...`: the language's verdict, offline, with the loader's own library.
+//! `check FILE...`: the language's verdict on nets, offline, with the loader's own library. Folders are searched for nets;
+//! one file is told in a line, many in a summary and what is wrong with them.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use rcc_config::{CellConfig, auto_ports};
+use rcc_language::compile_with;
+use rcc_language::devices::DeviceTable;
+use rcc_language::library::Files;
 use rcc_loader::server::api::Finding;
 use rcc_loader::server::codes::exit;
-use rcc_loader::server::compile::compile;
+use rcc_loader::server::compile::{findings, name_of};
 use serde::Serialize;
 
-use crate::context::{Context, say};
+use crate::context::{Context, Format, say};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::supervisor::places;
+use crate::table::grouped;
 
 /// What to check.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Nets, YAML or JSON; - is the standard input.
+    /// Nets, YAML or JSON, and folders of nets; - is the standard input.
     #[arg(required = true)]
     files: Vec<String>,
     /// The cell's configuration whose devices the nets use (default: the demo cell's).
     #[arg(long)]
     config: Option<PathBuf>,
+    /// One JSON object a file, as `--output json`.
+    #[arg(long)]
+    json: bool,
+    /// What is refused beside errors.
+    #[arg(long, value_enum)]
+    deny: Option<Deny>,
+}
+
+/// What is refused beside errors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Deny {
+    /// A net with a warning is not valid.
+    Warnings,
 }
 
 #[derive(Serialize)]
@@ -33,54 +52,176 @@ struct Verdict {
     diagnostics: Vec<Finding>,
 }
 
+/// What is known of all files together.
+#[derive(Debug, Default)]
+struct Summary {
+    valid: u64,
+    invalid: u64,
+    errors: u64,
+    warnings: u64,
+    /// Files in folders that are no nets.
+    others: u64,
+    /// The exit code of the first file that could not be read.
+    unreadable: Option<u8>,
+}
+
 /// Does it.
 ///
 /// # Errors
-/// Exit code 3 when a net is not valid.
+/// Exit code 3 when a net is not valid, that of the file when one cannot be read.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let config = match arguments.config {
-        Some(path) => path,
+    let begun = Instant::now();
+    let config = match &arguments.config {
+        Some(path) => path.clone(),
         None => places::config("cells/demo.yaml")?,
     };
-    let config = load_config(&config)?;
-    let mut valid = true;
-    for file in &arguments.files {
-        let source = read_text(file)?;
-        let (name, text) = &source;
-        let verdict = match compile(text, name, &config) {
-            Ok(compiled) => Verdict {
-                file: name.clone(),
-                valid: true,
-                net: compiled.net,
-                primitives: compiled.primitives,
-                diagnostics: compiled.warnings,
-            },
-            Err(diagnostics) => Verdict {
-                file: name.clone(),
-                valid: false,
-                net: String::new(),
-                primitives: 0,
-                diagnostics,
-            },
-        };
-        valid &= verdict.valid;
-        if context.format == crate::context::Format::Human {
-            eprint!("{}", draw(&verdict.diagnostics, Some(&source), Context::colour()));
-            if verdict.valid {
-                say(&format!(
-                    "{name}: {} is valid, {} primitives",
-                    verdict.net, verdict.primitives
-                ));
+    let cell = DeviceTable::from(&load_config(&config)?);
+    let context = Context {
+        format: if arguments.json { Format::Json } else { context.format },
+        ..context.clone()
+    };
+    let is_many = arguments.files.len() > 1 || arguments.files.iter().any(|file| Path::new(file).is_dir());
+    let mut summary = Summary::default();
+    for named in &arguments.files {
+        let is_folder = Path::new(named).is_dir();
+        let files = if is_folder { nets_in(Path::new(named)) } else { Ok(vec![named.clone()]) };
+        let files = files.unwrap_or_else(|error| {
+            summary.unreadable(&context, &Failure::unreadable(named, &error));
+            Vec::new()
+        });
+        for file in &files {
+            match read_text(file) {
+                Err(failure) => summary.unreadable(&context, &failure),
+                Ok(source) if is_folder && !is_net(&source) => summary.others += 1,
+                Ok(source) => {
+                    let verdict = verdict(&source, &cell, arguments.deny.is_some());
+                    summary.count(&verdict);
+                    tell(&context, &source, &verdict, is_many);
+                }
             }
-        } else {
-            context.print(&verdict, |_| String::new());
         }
     }
-    if valid {
-        Ok(())
-    } else {
-        Err(Failure::said(exit::INVALID))
+    if is_many && context.format == Format::Human {
+        say(&summary.words(begun.elapsed().as_secs_f64()));
     }
+    match summary {
+        Summary { unreadable: Some(code), .. } => Err(Failure::said(code)),
+        Summary { invalid: 1.., .. } => Err(Failure::said(exit::INVALID)),
+        _ => Ok(()),
+    }
+}
+
+fn verdict(source: &(String, String), cell: &DeviceTable, deny_warnings: bool) -> Verdict {
+    let (name, text) = source;
+    match compile_with(text, name, cell, &Files) {
+        Ok(compiled) => {
+            let checked = compiled.plan.plan().check(&cell.models(), cell.fingerprint);
+            let diagnostics = findings(&compiled.warnings);
+            Verdict {
+                file: name.clone(),
+                valid: !deny_warnings || diagnostics.is_empty(),
+                net: compiled.net,
+                // A net that compiled has a plan that checks.
+                primitives: checked.map_or(0, |checked| checked.primitives),
+                diagnostics,
+            }
+        }
+        Err(faults) => Verdict {
+            file: name.clone(),
+            valid: false,
+            net: String::new(),
+            primitives: 0,
+            diagnostics: findings(&faults),
+        },
+    }
+}
+
+fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many: bool) {
+    if context.format == Format::Json {
+        return context.print(verdict, |_| String::new());
+    }
+    eprint!("{}", draw(&verdict.diagnostics, Some(source), Context::colour()));
+    if verdict.valid && !is_many {
+        let Verdict { file, net, primitives, .. } = verdict;
+        say(&format!("{file}: {net} is valid, {primitives} primitives"));
+    }
+}
+
+impl Summary {
+    fn count(&mut self, verdict: &Verdict) {
+        let errors = verdict.diagnostics.iter().filter(|finding| finding.severity == "error");
+        let errors = errors.count() as u64;
+        self.errors += errors;
+        self.warnings += verdict.diagnostics.len() as u64 - errors;
+        if verdict.valid {
+            self.valid += 1;
+        } else {
+            self.invalid += 1;
+        }
+    }
+
+    fn unreadable(&mut self, context: &Context, failure: &Failure) {
+        context.print_failure(failure);
+        self.unreadable.get_or_insert(failure.exit);
+    }
+
+    fn words(&self, seconds: f64) -> String {
+        let counted = |count: u64, one: &str, many: &str| match count {
+            1 => format!("1 {one}"),
+            count => format!("{} {many}", grouped(count)),
+        };
+        let all = counted(self.valid + self.invalid, "net", "nets");
+        let mut words = match self.invalid {
+            0 => format!("{all}: all valid"),
+            invalid => format!("{all}: {} valid, {} not", grouped(self.valid), grouped(invalid)),
+        };
+        let found = [
+            (self.errors, counted(self.errors, "error", "errors")),
+            (self.warnings, counted(self.warnings, "warning", "warnings")),
+        ];
+        for (count, text) in found {
+            if count > 0 {
+                words.push_str(&format!(", {text}"));
+            }
+        }
+        if self.others > 0 {
+            words.push_str(&format!("; {} passed over, no nets", counted(self.others, "file", "files")));
+        }
+        format!("{words}; {seconds:.2} s")
+    }
+}
+
+/// Endings of files that can be nets.
+const ENDINGS: [&str; 5] = ["yaml", "yml", "json", "net", "dio"];
+/// Deepest folder that is searched, so that a link to a folder above ends.
+const DEPTH_MAX: usize = 16;
+
+/// The files of a folder and those in it that can be nets, in the order of their names.
+fn nets_in(folder: &Path) -> std::io::Result<Vec<String>> {
+    let mut found = Vec::new();
+    search(folder, 0, &mut found)?;
+    Ok(found)
+}
+
+fn search(folder: &Path, depth: usize, found: &mut Vec<String>) -> std::io::Result<()> {
+    let entries: Result<Vec<_>, _> = std::fs::read_dir(folder)?.collect();
+    let mut paths: Vec<PathBuf> = entries?.into_iter().map(|entry| entry.path()).collect();
+    paths.sort();
+    for path in paths {
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        if path.is_dir() && depth < DEPTH_MAX {
+            search(&path, depth + 1, found)?;
+        } else if path.is_file() && ending.is_some_and(|ending| ENDINGS.contains(&ending)) {
+            found.push(path.to_string_lossy().into_owned());
+        }
+    }
+    Ok(())
+}
+
+/// False for a file that is something else: a library of fragments, a configuration.
+fn is_net((name, text): &(String, String)) -> bool {
+    let is_foreign = name.ends_with(".net") || name.ends_with(".dio");
+    is_foreign || !name_of(text).is_empty()
 }
 
 /// The configuration as far as nets are concerned: the numbers of automatic ports do not matter.
@@ -89,4 +230,50 @@ pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
     let ports = auto_ports(path).map_err(invalid)?;
     let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
     CellConfig::load(path, &ports).map_err(invalid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finding(severity: &str) -> Finding {
+        Finding {
+            severity: severity.to_owned(),
+            ..Finding::default()
+        }
+    }
+
+    #[test]
+    fn a_summary_tells_how_many_are_valid_and_what_was_found() {
+        let verdict = |valid: bool, severities: &[&str]| Verdict {
+            file: String::new(),
+            valid,
+            net: String::new(),
+            primitives: 0,
+            diagnostics: severities.iter().map(|it| finding(it)).collect(),
+        };
+        let mut summary = Summary::default();
+        summary.count(&verdict(true, &[]));
+        assert_eq!(summary.words(0.5), "1 net: all valid; 0.50 s");
+        summary.count(&verdict(true, &["warning"]));
+        summary.count(&verdict(false, &["error", "error", "warning"]));
+        summary.others = 1;
+        assert_eq!(
+            summary.words(0.5),
+            "3 nets: 2 valid, 1 not, 2 errors, 2 warnings; 1 file passed over, no nets; 0.50 s"
+        );
+    }
+
+    #[test]
+    fn a_folder_is_searched_for_nets_in_order() {
+        let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
+        let found = nets_in(&configs).unwrap_or_default();
+        assert!(found.is_sorted() && found.len() > 10, "{found:?}");
+        let read = |name: &str| {
+            let path = found.iter().find(|path| path.ends_with(name)).cloned();
+            path.and_then(|path| read_text(&path).ok())
+        };
+        assert!(read("nets/line.yaml").is_some_and(|source| is_net(&source)));
+        assert!(read("cells/demo.yaml").is_some_and(|source| !is_net(&source)));
+    }
 }

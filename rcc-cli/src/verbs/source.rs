@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
 use rcc_language::anatomy::Anatomy;
+use rcc_language::library::{Files, Libraries, NoFiles};
 use rcc_language::{Compiled, dissect};
 use rcc_loader::server::api::StatusView;
 use rcc_loader::server::codes::exit;
@@ -57,13 +58,16 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Fou
         }
     };
     let config = load_config(&config)?;
-    let (compiled, anatomy) = dissect(&source.1, &source.0, &config).map_err(|faults| {
-        eprint!(
-            "{}",
-            draw(&findings(&faults), Some(&source), Context::colour())
-        );
-        Failure::said(exit::INVALID)
-    })?;
+    // A loaded net came as a text; its libraries are not here.
+    let libraries: &dyn Libraries = if is_file { &Files } else { &NoFiles };
+    let (compiled, anatomy) =
+        dissect(&source.1, &source.0, &config, libraries).map_err(|faults| {
+            eprint!(
+                "{}",
+                draw(&findings(&faults), Some(&source), Context::colour())
+            );
+            Failure::said(exit::INVALID)
+        })?;
     Ok(Found {
         compiled,
         anatomy,

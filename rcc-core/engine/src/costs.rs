@@ -157,21 +157,25 @@ impl Costs {
 
     /// Number of primitives in a run, and what they need.
     fn of_run(&self, plan: &Plan<'_>, run: &Run) -> Option<(u64, f64)> {
+        let each = self.of_primitives(plan, run)?;
+        Some((each.len() as u64, self.run_ns + each.iter().sum::<f64>()))
+    }
+
+    /// What each primitive of a run needs, in their order, ns; without what the run itself takes. `None`: the plan does
+    /// not check.
+    #[must_use]
+    pub fn of_primitives(&self, plan: &Plan<'_>, run: &Run) -> Option<Vec<f64>> {
         let (entry, kernel) = primitives::kernel(run.kernel)?;
         let group = entry.spec.operands(kernel).count().max(1);
-        let operands = plan.operands_of(run)?;
-        let count = (operands.len() / group) as u64;
+        let operands = plan.operands_of(run)?.chunks_exact(group);
         let cost = self.kernel(run.kernel);
-        if cost.width == 0 {
-            return Some((count, self.run_ns + cost.ns * count as f64));
-        }
-        let widths = operands
-            .chunks_exact(group)
-            .filter_map(|group| group.last());
         // A part of it does not depend on the width.
         let scale = |width: &u32| (f64::from(*width) / f64::from(cost.width)).max(0.25);
-        let ns: f64 = widths.map(|width| cost.ns * scale(width)).sum();
-        Some((count, self.run_ns + ns))
+        let each = operands.map(|operands| match (cost.width, operands.last()) {
+            (1.., Some(width)) => cost.ns * scale(width),
+            _ => cost.ns,
+        });
+        Some(each.collect())
     }
 
     /// What one primitive of each kernel costs, ns, with the kernel's name.

@@ -240,10 +240,10 @@ fn sources(feed: &Feed<'_>) -> Vec<Source> {
             initial: wire.initial.map(short),
         })],
         Feed::Literal(literal) => vec![Source::Constant(short(literal))],
-        Feed::Default(value) => vec![Source::Default(short(&Literal {
-            shape: default(*value),
-            span: Default::default(),
-        }))],
+        Feed::Default(value) => {
+            let value = Literal::new(default(*value), Default::default());
+            vec![Source::Default(short(&value))]
+        }
         // A net that compiled has neither.
         Feed::Missing | Feed::Refused => Vec::new(),
     }

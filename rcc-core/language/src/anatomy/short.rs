@@ -1,7 +1,7 @@
 //! Constants in a few characters, for pictures and tables: enough to recognise them, not to read them back.
 //! Pure; run by the command line.
 
-use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::literal::{Literal, Shape, Written};
 
 /// Most characters of a text.
 const TEXT_MAX: usize = 24;
@@ -11,6 +11,11 @@ const ELEMENTS_MAX: usize = 4;
 /// A constant as a label.
 #[must_use]
 pub fn short(literal: &Literal) -> String {
+    if let (Shape::Real(..), Written::Text(text)) = (&literal.shape, &literal.written)
+        && text.chars().count() <= TEXT_MAX
+    {
+        return text.clone();
+    }
     match &literal.shape {
         Shape::Real(value, unit) => match unit {
             Some(unit) if unit.to_string() != "1" => format!("{} {unit}", number(*value)),

@@ -1,0 +1,266 @@
+//! An explanation for people: a small net whole, a large one by its sums, and every table on demand. Pure.
+
+use super::Shown;
+use super::report::{Explanation, Memory, Output, Room};
+use crate::table::{self, grouped, time};
+
+/// Nets up to this size are told whole.
+const SMALL: usize = 40;
+/// Consequences that are told of a large net.
+const CONSEQUENCES_MAX: usize = 12;
+/// Ids of a long way that are told at each of its ends.
+const ENDS: usize = 8;
+
+/// As people read it.
+pub fn human(it: &Explanation, shown: Shown) -> String {
+    let is_small = it.order.len() <= SMALL && !(shown.order || shown.nulls || shown.path);
+    let mut parts = vec![head(it), types(it)];
+    if is_small || shown.order || shown.all {
+        parts.push(order(it));
+    }
+    if is_small || shown.path || shown.all {
+        parts.push(path(it));
+    }
+    parts.push(nulls(it, shown, is_small));
+    if let Some(room) = &it.cell {
+        parts.push(left(room));
+    }
+    if !is_small && !shown.all {
+        parts.push("`--order`, `--path` and `--nulls` tell more, `--all` everything".to_owned());
+    }
+    parts.retain(|part| !part.is_empty());
+    parts.join("\n\n")
+}
+
+fn percent(ns: f64, of: u64) -> String {
+    format!("{:.1} %", ns * 100.0 / (of.max(1) as f64))
+}
+
+fn head(it: &Explanation) -> String {
+    let every = match it.every {
+        0 | 1 => "every cycle".to_owned(),
+        every => format!("every {every} cycles"),
+    };
+    format!(
+        "{}: {} primitives, expected to need {} {every}, {} of the period of {}\ncosts {}\n{}",
+        it.net,
+        grouped(u64::from(it.primitives)),
+        time(it.expected_ns),
+        percent(it.expected_ns as f64, it.period_ns),
+        time(it.period_ns),
+        it.costs,
+        memory(&it.memory, it.runs)
+    )
+}
+
+fn memory(it: &Memory, runs: usize) -> String {
+    let count = |count: usize| grouped(count as u64);
+    let shared = match it.constant_inputs {
+        0 => String::new(),
+        inputs => format!("\n{} constant inputs in {} places", count(inputs), count(it.constants)),
+    };
+    format!(
+        "{} runs of equal kernels, {} operands; arena {} bytes ({} Real, {} Bool, {} Int): outputs {}, delayed links {}, constants and states {}{shared}",
+        count(runs),
+        count(it.operands),
+        count(it.arena_bytes),
+        count(it.reals),
+        count(it.bools),
+        count(it.ints),
+        count(it.output_bytes),
+        count(it.delayed_bytes),
+        count(it.other_bytes),
+    )
+}
+
+fn types(it: &Explanation) -> String {
+    let mut rows = table::table(&["TYPE", "COUNT", "EACH", "TOGETHER", "SHARE"]);
+    for row in &it.types {
+        rows.add_row([
+            row.ty.to_owned(),
+            grouped(row.count),
+            format!("{:.1} ns", row.all_ns / (row.count.max(1) as f64)),
+            format!("{:.1} ns", row.all_ns),
+            percent(row.all_ns, it.expected_ns),
+        ]);
+    }
+    table::text(&rows)
+}
+
+fn order(it: &Explanation) -> String {
+    let mut rows = table::table(&["ORDER", "RUN", "PRIMITIVE", "TYPE", "TIME", "OUTPUTS", "CAN BE NULL"]);
+    for step in &it.order {
+        let kernel = step.kernel.as_ref().map_or_else(String::new, |store| format!(" ({store})"));
+        let outputs: Vec<String> = step.outputs.iter().map(output).collect();
+        rows.add_row([
+            step.order.to_string(),
+            step.run.to_string(),
+            step.id.clone(),
+            format!("{}{kernel}", step.ty),
+            format!("{:.1} ns", step.ns),
+            if outputs.is_empty() { "–".to_owned() } else { outputs.join(", ") },
+            match (&step.null, step.outputs.is_empty()) {
+                (_, true) => "–".to_owned(),
+                (None, false) => "never".to_owned(),
+                (Some(why), false) => why.clone(),
+            },
+        ]);
+    }
+    table::text(&rows)
+}
+
+fn output(it: &Output) -> String {
+    match &it.unit {
+        Some(unit) => format!("{} {} {unit}", it.name, it.ty),
+        None => format!("{} {}", it.name, it.ty),
+    }
+}
+
+fn path(it: &Explanation) -> String {
+    let ids: Vec<&str> = it.path.ids.iter().map(String::as_str).collect();
+    let shown = match ids.len().checked_sub(2 * ENDS) {
+        Some(more @ 1..) => {
+            let (first, last) = (&ids[..ENDS], &ids[ids.len() - ENDS..]);
+            format!("{} → … {more} more … → {}", first.join(" → "), last.join(" → "))
+        }
+        _ => ids.join(" → "),
+    };
+    match ids.len() {
+        0 => String::new(),
+        count => format!("longest way: {count} primitives, {:.1} ns: {shown}", it.path.ns),
+    }
+}
+
+fn nulls(it: &Explanation, shown: Shown, is_small: bool) -> String {
+    let mut lines = Vec::new();
+    let count = it.nulls.len();
+    if shown.nulls || shown.all {
+        let mut rows = table::table(&["CAN BE NULL", "OUTPUTS", "WHY"]);
+        for null in &it.nulls {
+            rows.add_row([null.id.clone(), null.outputs.join(", "), null.why.clone()]);
+        }
+        lines.push(table::text(&rows));
+    } else if !is_small && count > 0 {
+        lines.push(format!("{} primitives can give null", grouped(count as u64)));
+    }
+    let most = if is_small || shown.nulls || shown.all { usize::MAX } else { CONSEQUENCES_MAX };
+    for it in it.consequences.iter().take(most) {
+        lines.push(format!("null at `{}` ({}): {}", it.input, it.why, it.then));
+    }
+    if let Some(more @ 1..) = it.consequences.len().checked_sub(most) {
+        lines.push(format!("… and {} more", grouped(more as u64)));
+    }
+    if count == 0 {
+        lines.push("nothing in it can be null".to_owned());
+    }
+    lines.join("\n")
+}
+
+fn left(room: &Room) -> String {
+    let dearest = room.dearest.as_ref().map_or_else(
+        || "no net runs".to_owned(),
+        |net| format!("the dearest that runs is {net} ({})", time(room.dearest_ns)),
+    );
+    format!(
+        "cell {}: nets may need {} of a cycle together, {} are in use, {} are left; {dearest}",
+        room.cell,
+        time(room.budget_ns),
+        time(room.committed_ns),
+        time(room.left_ns)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verbs::explain::report::{Consequence, Null, Path, Row, Step};
+
+    fn explanation(steps: usize) -> Explanation {
+        let step = |order: usize| Step {
+            order,
+            run: 0,
+            id: format!("p{order}"),
+            ty: "Add",
+            kernel: Some("Real".into()),
+            ns: 1.5,
+            outputs: vec![Output {
+                name: "out",
+                ty: "Real".into(),
+                unit: Some("m".into()),
+                slot: 0,
+            }],
+            null: (order == 1).then(|| "`lwr` is lost: ft".into()),
+        };
+        Explanation {
+            net: "line".into(),
+            primitives: steps as u32,
+            expected_ns: 2_000,
+            period_ns: 1_000_000,
+            every: 1,
+            costs: "measured now".into(),
+            types: vec![Row {
+                ty: "LinearMotion",
+                count: 2,
+                all_ns: 1_500.0,
+            }],
+            runs: 1,
+            memory: Memory::default(),
+            order: (0..steps).map(step).collect(),
+            path: Path {
+                ns: 3.0,
+                ids: (0..steps).map(|step| format!("p{step}")).collect(),
+            },
+            nulls: vec![Null {
+                id: "p1".into(),
+                outputs: vec!["out"],
+                why: "`lwr` is lost: ft".into(),
+            }],
+            consequences: vec![Consequence {
+                input: "robot.position".into(),
+                why: "`lwr` is lost: ft → p1".into(),
+                then: "no command".into(),
+            }],
+            cell: Some(Room {
+                cell: "demo".into(),
+                budget_ns: 500_000,
+                committed_ns: 100_000,
+                left_ns: 400_000,
+                dearest: Some("other#1".into()),
+                dearest_ns: 100_000,
+            }),
+        }
+    }
+
+    #[test]
+    fn a_small_net_is_told_whole() {
+        let text = human(&explanation(3), Shown::default());
+        for part in [
+            "line: 3 primitives, expected to need 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
+            "LinearMotion  2      750.0 ns  1500.0 ns  75.0 %",
+            "1      0    p1         Add (Real)  1.5 ns  out Real m  `lwr` is lost: ft",
+            "longest way: 3 primitives, 3.0 ns: p0 → p1 → p2",
+            "null at `robot.position` (`lwr` is lost: ft → p1): no command",
+            "400.0 µs are left; the dearest that runs is other#1 (100.0 µs)",
+        ] {
+            assert!(text.contains(part), "{part}\n{text}");
+        }
+    }
+
+    #[test]
+    fn a_large_net_is_told_by_its_sums_and_its_tables_on_demand() {
+        let large = explanation(1_000);
+        let text = human(&large, Shown::default());
+        assert!(text.lines().count() < 20, "{text}");
+        assert!(text.contains("1 primitives can give null") && text.contains("`--order`"), "{text}");
+        let order = Shown {
+            order: true,
+            ..Shown::default()
+        };
+        assert!(human(&large, order).lines().count() > 1_000);
+        let path = Shown {
+            path: true,
+            ..Shown::default()
+        };
+        assert!(human(&large, path).contains("p7 → … 984 more … → p992"), "{}", human(&large, path));
+    }
+}
