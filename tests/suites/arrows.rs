@@ -46,6 +46,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-language",
         &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
     ),
+    ("rcc-graph", &["rcc-language"]),
     (
         "rcc-loader",
         &[
@@ -87,6 +88,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-ipc",
             "rcc-process",
             "rcc-language",
+            "rcc-graph",
             "rcc-loader",
             // `replay` and `simulate` run the same cycle in virtual time.
             "rcc-engine",

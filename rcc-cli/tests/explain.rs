@@ -1,0 +1,238 @@
+//! `check`, `explain` and `graph` as a user types them: the commands of docs/explain.md, exit codes, folders and pipes.
+//! No cell is needed. A thread of the test harness.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn rcc_cli() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-cli"));
+    command
+        .current_dir(repository())
+        // No cell of this machine has that name.
+        .env("RCC_CELL", "no-cell-of-explain")
+        .env("RCC_CONFIGS", repository().join("configs"))
+        .env_remove("RCC_OUTPUT");
+    command
+}
+
+fn run(arguments: &[&str]) -> (Option<i32>, String, String) {
+    texts(rcc_cli().args(arguments).output().expect("it runs"))
+}
+
+fn texts(output: Output) -> (Option<i32>, String, String) {
+    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+    (
+        output.status.code(),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+/// A folder of its own that is gone afterwards.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).expect("a folder");
+        Folder(path)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        let path = self.0.join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(path, text).expect("a file");
+    }
+
+    fn path(&self) -> &str {
+        self.0.to_str().expect("UTF-8")
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+const GOOD: &str = "net: good
+primitives:
+  cancel: {type: Cancel}
+  end: {type: Termination, inputs: {done: cancel.requested}}
+";
+const BAD: &str = "net: bad
+primitives:
+  end: {type: Termination, inputs: {done: cancl.requested}}
+  odd: {type: Nothing}
+";
+
+#[test]
+fn the_commands_of_the_docs_run() {
+    let folder = Folder::new("docs-explain");
+    let docs = std::fs::read_to_string(repository().join("docs/explain.md")).expect("the docs");
+    let commands = docs
+        .lines()
+        .filter_map(|line| line.strip_prefix("$ rcc-cli "));
+    let mut count = 0;
+    for command in commands {
+        let file = folder.0.join("guarded-line.svg");
+        let file = file.to_str().expect("UTF-8");
+        let words: Vec<&str> = command
+            .split_whitespace()
+            .map(|word| {
+                if word == "guarded-line.svg" {
+                    file
+                } else {
+                    word
+                }
+            })
+            .collect();
+        let (code, out, err) = run(&words);
+        assert_eq!(code, Some(0), "{command}: {out}{err}");
+        count += 1;
+    }
+    assert!(count >= 6, "{count}");
+    assert!(folder.0.join("guarded-line.svg").is_file());
+}
+
+#[test]
+fn a_folder_is_told_in_one_line_and_what_is_wrong_by_itself() {
+    let folder = Folder::new("check-folder");
+    folder.write("a.yaml", GOOD);
+    folder.write("deep/er/b.yaml", GOOD);
+    folder.write("library.yaml", "fragments: {}\n");
+    folder.write("notes.txt", "net: no\n");
+    let (code, out, err) = run(&["check", folder.path()]);
+    assert_eq!((code, err.as_str()), (Some(0), ""), "{out}");
+    assert!(
+        out.starts_with("2 nets: all valid; 1 file passed over, no nets; "),
+        "{out}"
+    );
+    folder.write("c.yaml", BAD);
+    let (code, out, err) = run(&["check", folder.path()]);
+    assert_eq!(code, Some(3), "{out}{err}");
+    assert!(
+        out.starts_with("3 nets: 2 valid, 1 not, 2 errors; "),
+        "{out}"
+    );
+    assert!(err.contains("RCC1202") && err.contains("RCC1201"), "{err}");
+}
+
+#[test]
+fn one_json_object_a_file_has_all_its_findings() {
+    let folder = Folder::new("check-json");
+    folder.write("a.yaml", BAD);
+    folder.write("b.yaml", GOOD);
+    let (code, out, err) = run(&["check", "--json", folder.path()]);
+    assert_eq!((code, err.as_str()), (Some(3), ""));
+    let lines: Vec<Value> = out
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect();
+    assert_eq!(lines.len(), 2);
+    assert_eq!(lines[0]["valid"], false);
+    assert_eq!(lines[0]["diagnostics"].as_array().map(Vec::len), Some(2));
+    assert_eq!(
+        (&lines[1]["valid"], &lines[1]["net"]),
+        (&true.into(), &"good".into())
+    );
+}
+
+#[test]
+fn what_cannot_be_read_does_not_hide_the_others() {
+    let folder = Folder::new("check-missing");
+    folder.write("bad.yaml", BAD);
+    let missing = folder.0.join("missing.yaml");
+    let bad = folder.0.join("bad.yaml");
+    let [missing, bad] = [&missing, &bad].map(|path| path.to_str().expect("UTF-8"));
+    let (code, out, err) = run(&["check", missing, bad]);
+    assert_eq!(code, Some(2), "{out}");
+    assert!(
+        err.contains("missing.yaml") && err.contains("RCC1202"),
+        "{err}"
+    );
+    assert!(out.starts_with("1 net: 0 valid, 1 not"), "{out}");
+}
+
+#[test]
+fn the_standard_input_is_checked_and_warnings_can_be_denied() {
+    let text = "net: moves
+primitives:
+  move: {type: JointState, parameters: {device: lwr}}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: move.hold}}
+  time: {type: Time}
+  over: {type: Greater, inputs: {a: time.out, b: 1 s}}
+  end: {type: Termination, inputs: {done: over.out}}
+discard: [move.position]
+";
+    for (arguments, code) in [
+        (&["check", "-"][..], 0),
+        (&["check", "-", "--deny", "warnings"], 3),
+    ] {
+        let mut child = rcc_cli()
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it runs");
+        let mut stdin = child.stdin.take().expect("a pipe");
+        stdin.write_all(text.as_bytes()).expect("written");
+        drop(stdin);
+        let (ended, out, err) = texts(child.wait_with_output().expect("it ends"));
+        assert_eq!(ended, Some(code), "{out}{err}");
+        assert!(err.contains("RCC1901"), "{err}");
+    }
+}
+
+#[test]
+fn an_explanation_has_every_primitive_in_its_turn() {
+    let (code, out, err) = run(&[
+        "explain",
+        "configs/nets/guarded-line.yaml",
+        "--output",
+        "json",
+    ]);
+    assert_eq!(code, Some(0), "{err}");
+    let net: Value = serde_json::from_str(&out).expect("JSON");
+    let order = net["order"].as_array().expect("steps");
+    let place = |id: &str| {
+        let found = order.iter().position(|step| step["id"] == id);
+        found.unwrap_or_else(|| panic!("{id}"))
+    };
+    for pair in ["ft", "force", "touch", "stop", "move", "ik", "robot"].windows(2) {
+        assert!(place(pair[0]) < place(pair[1]), "{pair:?}");
+    }
+    assert_eq!(order[place("force")]["null"], "`lwr` is lost: ft");
+    assert_eq!(order[place("move")]["null"], Value::Null);
+    let memory = &net["memory"];
+    let bytes = |key: &str| memory[key].as_u64().expect("bytes");
+    assert_eq!(
+        bytes("arena_bytes"),
+        bytes("output_bytes") + bytes("delayed_bytes") + bytes("other_bytes")
+    );
+    let then = net["consequences"].as_array().expect("consequences");
+    let of = |input: &str| then.iter().find(|it| it["input"] == input);
+    assert!(
+        of("robot.position").is_some() && of("move.stop").is_some(),
+        "{then:?}"
+    );
+    assert!(of("end.done").is_none(), "{then:?}");
+}
+
+#[test]
+fn a_net_that_is_not_there_is_refused_with_words() {
+    for verb in ["explain", "graph"] {
+        let (code, _, err) = run(&[verb, "nowhere"]);
+        assert_eq!(code, Some(4), "{err}");
+        assert!(err.contains("there is no file nowhere"), "{err}");
+    }
+}
