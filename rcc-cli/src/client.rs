@@ -11,7 +11,7 @@ use http_body_util::{BodyExt, Full};
 use hyper::body::Bytes;
 use hyper::{Method, Request, StatusCode};
 use hyper_util::rt::TokioIo;
-use rcc_loader::server::api::ErrorBody;
+use rcc_loader::server::api::{ErrorBody, ValuesView};
 use rcc_loader::server::codes;
 use rcc_loader::server::token::Token;
 use serde::de::DeserializeOwned;
@@ -150,6 +150,25 @@ impl Client {
     /// As [`Client::get`].
     pub fn post<T: DeserializeOwned>(&self, path: &str, body: String) -> Result<T, Failure> {
         self.request(Method::POST, path, body)
+    }
+
+    /// PUT with a text.
+    ///
+    /// # Errors
+    /// As [`Client::get`].
+    pub fn put<T: DeserializeOwned>(&self, path: &str, body: String) -> Result<T, Failure> {
+        self.request(Method::PUT, path, body)
+    }
+
+    /// Values of the ports that the patterns name, all of one cycle; of all outputs without patterns.
+    ///
+    /// # Errors
+    /// As [`Client::get`].
+    pub fn values(&self, net: &str, ports: &[String]) -> Result<ValuesView, Failure> {
+        let path = format!("/commands/{}/values", segment(net));
+        let ports: Vec<String> = ports.iter().map(|port| segment(port)).collect();
+        let query = if ports.is_empty() { "" } else { "?ports=" };
+        self.get(&format!("{path}{query}{}", ports.join(",")))
     }
 
     /// DELETE.

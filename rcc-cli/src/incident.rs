@@ -239,7 +239,7 @@ mod tests {
         let names = Names {
             net: "line".into(),
             primitives,
-            monitors: Vec::new(),
+            ..Names::default()
         };
         Named {
             id: 3,

@@ -13,4 +13,5 @@ pub mod simulate;
 pub mod supervisor;
 pub mod table;
 pub mod units;
+pub mod value;
 pub mod verbs;

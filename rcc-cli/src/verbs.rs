@@ -53,6 +53,8 @@ verbs! {
     Simulate = simulate;
     /// Load, start and follow a net; Ctrl-C cancels it.
     Run = run;
+    /// Set inputs of a net while it is ready or runs, or list them.
+    Set = set;
     /// CANCEL: ask a net to end in its own way.
     Cancel = cancel;
     /// ABORT: end a net at once; the drivers bring its devices to rest.

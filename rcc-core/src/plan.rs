@@ -20,6 +20,10 @@ pub const WORK_MAX: u64 = 1 << 24;
 pub const CLOCKS_MAX: u32 = 64;
 /// Most monitors of a net.
 pub const MONITORS_MAX: usize = 256;
+/// Most values of a net that are set from outside.
+pub const INPUTS_MAX: usize = 256;
+/// Most elements that they have together.
+pub const INPUT_ELEMENTS_MAX: u32 = 4096;
 /// Most cycles from one evaluation of a net to the next: a second of the shortest period.
 pub const EVERY_MAX: u32 = 10_000;
 
@@ -90,6 +94,38 @@ pub struct MonitorPoint {
     pub every: u32,
 }
 
+/// A value that is set from outside, between two evaluations of the net.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputPoint {
+    /// Which arena.
+    pub store: Store,
+    /// First slot.
+    pub slot: u32,
+    /// Elements.
+    pub width: u32,
+    /// Slot of `Int`: evaluations since it was set, 0 in the first one that sees it; null: it was never set.
+    pub since: u32,
+    /// Slot of `Real`: the same as a time, s.
+    pub age: u32,
+    /// When it was set more evaluations ago than this, it becomes null; 0 = never.
+    pub expires: u32,
+    /// First slot of what its elements must not be less than, in the same arena.
+    pub at_least: Option<u32>,
+    /// First slot of what its elements must not be greater than, in the same arena.
+    pub at_most: Option<u32>,
+}
+
+/// Values in an arena that somebody wants to see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct ValuePoint {
+    /// Which arena.
+    pub store: Store,
+    /// First slot.
+    pub slot: u32,
+    /// Elements.
+    pub width: u32,
+}
+
 /// A net lowered to numbers; borrows its arrays from whoever stores them.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan<'a> {
@@ -111,6 +147,8 @@ pub struct Plan<'a> {
     pub delays: &'a [Delay],
     /// Monitors.
     pub monitors: &'a [MonitorPoint],
+    /// Values that are set from outside.
+    pub inputs: &'a [InputPoint],
     /// Number of path clocks.
     pub clocks: u32,
     /// In which cycles it is evaluated.
@@ -267,6 +305,11 @@ pub enum PlanError {
         /// Index of the monitor.
         monitor: u32,
     },
+    /// A value that is set from outside lies outside its arena, or there are too many of them.
+    BadInput {
+        /// Index of the input.
+        input: u32,
+    },
     /// A path clock is used twice or not at all.
     Clocks,
     /// The rate is none, or too low.
@@ -341,7 +384,28 @@ impl<'a> Plan<'a> {
                 return Err(PlanError::BadMonitor { monitor: index });
             }
         }
-        Ok(copied)
+        Ok(copied.saturating_add(self.check_inputs()?))
+    }
+
+    /// The elements that are written from outside.
+    fn check_inputs(&self) -> Result<u64, PlanError> {
+        if self.inputs.len() > INPUTS_MAX {
+            return Err(PlanError::TooLarge);
+        }
+        let mut elements = 0u32;
+        for (input, index) in self.inputs.iter().zip(0u32..) {
+            let inside = |slot: u32| self.contains(input.store, slot, input.width);
+            elements = elements.saturating_add(input.width);
+            let fits = inside(input.slot)
+                && input.at_least.is_none_or(inside)
+                && input.at_most.is_none_or(inside)
+                && self.contains(Store::Int, input.since, 1)
+                && self.contains(Store::Real, input.age, 1);
+            if !fits || elements > INPUT_ELEMENTS_MAX {
+                return Err(PlanError::BadInput { input: index });
+            }
+        }
+        Ok(u64::from(elements))
     }
 
     fn check_runs(&self, models: &[DeviceModel]) -> Result<Checked, PlanError> {

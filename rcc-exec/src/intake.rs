@@ -7,7 +7,10 @@ use std::time::{Duration, Instant};
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
-use rcc_ipc::control::{Answer, Call, MEASUREMENT, Refusal, SWITCH_MAX};
+use rcc_ipc::control::{
+    Answer, Call, InputValue, MEASUREMENT, READ_ELEMENTS_MAX, READ_MAX, Refusal, SET_ELEMENTS_MAX,
+    SET_MAX, SWITCH_MAX,
+};
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
@@ -18,7 +21,7 @@ use tracing::{info, warn};
 use crate::incidents::Made;
 use rcc_engine::costs::Costs;
 use rcc_engine::net::Net;
-use rcc_engine::queue::{Order, Outcome};
+use rcc_engine::queue::{Order, Outcome, Reading};
 
 /// How often announcements of drivers are looked at.
 const WATCH_EVERY: Duration = Duration::from_millis(50);
@@ -159,6 +162,17 @@ impl Intake {
                 }
             }
             // Dropped here, so that the real-time thread never frees.
+            Outcome::Values(values) => drop(values),
+            Outcome::Read {
+                ticket,
+                reading,
+                refused,
+            } => {
+                if let Some(request) = self.waiting.remove(&ticket) {
+                    let answer = refused.map_or(Answer::Values(reading.values), Answer::Refused);
+                    reply(request, &answer);
+                }
+            }
             Outcome::Net(net) => drop(net),
             Outcome::Board(board) => drop(board),
         }
@@ -199,6 +213,32 @@ impl Intake {
                     return reply(request, &Answer::Refused(refusal));
                 }
             },
+            Call::Set { id, values } => {
+                if values.len() > SET_MAX || elements(&values) > SET_ELEMENTS_MAX {
+                    let refusal = Refusal::SetTooLarge {
+                        values: SET_MAX as u32,
+                        elements: SET_ELEMENTS_MAX as u32,
+                    };
+                    return reply(request, &Answer::Refused(refusal));
+                }
+                Order::Set { ticket, id, values }
+            }
+            Call::Read { id, points } => {
+                let widths = points.iter().map(|point| u64::from(point.width));
+                if points.len() > READ_MAX || widths.sum::<u64>() > READ_ELEMENTS_MAX as u64 {
+                    let refusal = Refusal::ReadTooLarge {
+                        values: READ_MAX as u32,
+                        elements: READ_ELEMENTS_MAX as u32,
+                    };
+                    return reply(request, &Answer::Refused(refusal));
+                }
+                let reading = Reading::of(points);
+                Order::Read {
+                    ticket,
+                    id,
+                    reading,
+                }
+            }
             Call::Cancel { id } => Order::Cancel { ticket, id },
             Call::Abort { id } => Order::Abort { ticket, id },
             Call::Unload { id } => Order::Unload { ticket, id },
@@ -346,6 +386,10 @@ fn named(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
     let mut list = [0; SWITCH_MAX];
     list.get_mut(..ids.len())?.copy_from_slice(ids);
     Some(list)
+}
+
+fn elements(values: &[InputValue]) -> usize {
+    values.iter().map(|value| value.words.len()).sum()
 }
 
 fn reply(request: Request, answer: &Answer) {

@@ -18,4 +18,5 @@ pub mod socket;
 pub mod store;
 mod timing;
 pub mod token;
+pub mod values;
 pub mod words;

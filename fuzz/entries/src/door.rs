@@ -2,8 +2,10 @@
 //! refused; what is one is carried out and commands nothing outside of the limits. Run by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
-use rcc_engine::queue::Order;
-use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
+use rcc_core::plan::ValuePoint;
+use rcc_core::types::Store;
+use rcc_engine::queue::{Order, Reading};
+use rcc_ipc::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
 use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;
 
@@ -64,6 +66,21 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
                 Call::Unload { id },
                 Call::Reject { id },
                 Call::Acknowledge,
+                Call::Set {
+                    id,
+                    values: vec![InputValue {
+                        input: 0,
+                        words: vec![0],
+                    }],
+                },
+                Call::Read {
+                    id,
+                    points: vec![ValuePoint {
+                        store: Store::Real,
+                        slot: 0,
+                        width: 7,
+                    }],
+                },
             ])?
             .clone(),
         _ => {
@@ -100,6 +117,19 @@ fn obey(bench: &mut Bench, call: Call) {
                 ticket,
                 stop,
                 start,
+            })
+        }
+        Call::Set { id, values } => bench.ask(|ticket| Order::Set { ticket, id, values }),
+        Call::Read { id, points } => {
+            let widths = points.iter().map(|point| u64::from(point.width));
+            if widths.sum::<u64>() > READ_ELEMENTS_MAX as u64 {
+                return;
+            }
+            let reading = Reading::of(points);
+            bench.ask(|ticket| Order::Read {
+                ticket,
+                id,
+                reading,
             })
         }
         Call::Cancel { id } => bench.ask(|ticket| Order::Cancel { ticket, id }),

@@ -16,7 +16,7 @@ use axum::http::{Request, StatusCode};
 use bytemuck::{Zeroable, bytes_of_mut};
 use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::Timing;
-use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES, TIMING};
+use rcc_ipc::control::{Answer, CONTROL, Call, READ_ELEMENTS_MAX, STATUS, TABLES, TIMING, Values};
 use rcc_ipc::{Announcement, BoardWriter, Cell, Role, Server, Session, wire};
 use rcc_loader::server::codes;
 use rcc_loader::server::executor::Executor;
@@ -219,7 +219,14 @@ fn play(
 impl Said {
     fn obey(&mut self, call: &Call) -> Answer {
         let (id, state) = match call {
-            Call::Switch { .. } => return Answer::Done { cycle: 8 },
+            Call::Read { points, .. } => {
+                let elements = points.iter().map(|point| point.width as usize);
+                return Answer::Values(Values {
+                    words: vec![0; elements.sum::<usize>().min(READ_ELEMENTS_MAX)],
+                    ..Values::default()
+                });
+            }
+            Call::Set { .. } | Call::Switch { .. } => return Answer::Done { cycle: 8 },
             Call::Reserve => {
                 self.next_id += 1;
                 if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == 0) {
@@ -327,7 +334,7 @@ fn scribble(said: &mut Said, bytes: &mut Unstructured<'_>) -> Result<()> {
 
 fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
     const METHODS: [&str; 7] = ["GET", "POST", "DELETE", "PUT", "HEAD", "OPTIONS", "PATCH"];
-    const ENDS: [&str; 9] = [
+    const ENDS: [&str; 13] = [
         "",
         "/start",
         "/cancel",
@@ -337,6 +344,10 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Option<Request<Body>>> {
         "?file=a",
         "?file=%ff",
         "/start?x=1",
+        "/inputs",
+        "/values",
+        "/values?ports=*",
+        "/values?ports=move.pose[1],*.out",
     ];
     let method = *bytes.choose(&METHODS)?;
     let address = match bytes.int_in_range(0..=9)? {

@@ -1,18 +1,28 @@
 //! `state [NAME]`: everything about one net, or the states of all.
 
-use rcc_loader::server::api::{CommandDetail, CommandView};
+use rcc_loader::server::api::{CommandDetail, CommandView, ValuesView};
 
 use super::ls;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
 use crate::table::{grouped, time};
+use crate::value::{self, Style};
 
 /// Which net.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// Id, name of the net, or name#id; all nets without.
     name: Option<String>,
+    /// The values of its outputs, all of one cycle.
+    #[arg(long, requires = "name")]
+    values: bool,
+    /// The values of these ports, with commas between them: move.pose,ik.*,a.out[2].
+    #[arg(long, requires = "name", value_name = "PATTERN", value_delimiter = ',')]
+    ports: Vec<String>,
+    /// Angles in degrees.
+    #[arg(long, requires = "name")]
+    deg: bool,
 }
 
 /// Does it.
@@ -26,12 +36,35 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             let commands: Vec<CommandView> = client.get("/commands")?;
             context.print(&commands, |commands| ls::list(commands));
         }
+        Some(name) if arguments.values || !arguments.ports.is_empty() => {
+            let values = client.values(&name, &arguments.ports)?;
+            let style = Style {
+                degrees: arguments.deg,
+            };
+            context.print(&values, |values| shown(values, style));
+        }
         Some(name) => {
             let detail = follow::state(&client, &name)?;
             context.print(&detail, human);
         }
     }
     Ok(())
+}
+
+/// Values as a table, with the cycle that they are of.
+#[must_use]
+pub fn shown(values: &ValuesView, style: Style) -> String {
+    let of = match values.net_cycle {
+        0 => "not yet evaluated: these are its first values".to_owned(),
+        cycles => format!(
+            "cycle {}, its {}. after {:.3} s",
+            grouped(values.cycle),
+            grouped(cycles),
+            values.time_s
+        ),
+    };
+    let head = format!("{}#{}  {}  {of}", values.net, values.id, values.state);
+    format!("{head}\n{}", value::rows(&values.values, style))
 }
 
 fn human(detail: &CommandDetail) -> String {

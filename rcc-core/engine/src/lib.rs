@@ -8,6 +8,7 @@ pub mod catalogue;
 pub mod costs;
 pub mod engine;
 pub mod incident;
+pub mod input;
 pub mod net;
 pub mod queue;
 pub mod record;

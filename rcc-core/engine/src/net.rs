@@ -7,12 +7,14 @@ use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::PathLimits;
-use rcc_core::plan::{Checked, MonitorPoint, Plan, PlanError, Rate, Resources, Run};
+use rcc_core::plan::{Checked, MonitorPoint, Plan, PlanError, Rate, Resources, Run, ValuePoint};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
-use rcc_ipc::control::{PlanData, Refusal};
+use rcc_ipc::control::{InputValue, PlanData, Refusal};
 use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
 
+use crate::input::{Arenas, Inputs};
+use crate::queue::Reading;
 use crate::record::entry::Snapshot;
 
 /// A net that can be run. All memory it needs is in it.
@@ -26,6 +28,7 @@ pub struct Net {
     bools: Box<[u8]>,
     ints: Box<[i64]>,
     clocks: Clocks,
+    inputs: Inputs,
     outputs: Box<[DeviceOutput]>,
     /// Primitives in each run.
     run_lengths: Box<[u32]>,
@@ -33,6 +36,8 @@ pub struct Net {
     pub expected_ns: u64,
     /// Cycles evaluated since START.
     pub cycles: u64,
+    /// Executor cycle of the last evaluation; means nothing before the first one.
+    pub evaluated_cycle: u64,
     /// CANCEL was requested.
     pub cancel_requested: bool,
     #[cfg(test)]
@@ -115,6 +120,7 @@ impl Net {
             reals: data.reals.clone().into(),
             bools: data.bools.clone().into(),
             ints: data.ints.clone().into(),
+            inputs: Inputs::of(&data.inputs),
             outputs: vec![DeviceOutput::NONE; devices].into(),
             run_lengths: data.runs.iter().map(primitives_in).collect(),
             expected_ns: 0,
@@ -122,6 +128,7 @@ impl Net {
             checked,
             data,
             cycles: 0,
+            evaluated_cycle: 0,
             cancel_requested: false,
             #[cfg(test)]
             panics: false,
@@ -201,7 +208,77 @@ impl Net {
         &self.outputs
     }
 
-    /// Back to the state after `build`. Copies, allocates nothing.
+    /// Copies values out, as the last evaluation left them.
+    ///
+    /// # Errors
+    /// A value lies outside of the net.
+    pub fn read(&self, reading: &mut Reading) -> Result<(), Refusal> {
+        let mut room = reading.values.words.iter_mut();
+        for (point, value) in reading.points.iter().zip(0u32..) {
+            self.copy(*point, &mut room)
+                .ok_or(Refusal::NoSuchValue { value })?;
+        }
+        let values = &mut reading.values;
+        values.cycle = if self.cycles > 0 {
+            self.evaluated_cycle
+        } else {
+            0
+        };
+        values.evaluations = self.cycles;
+        values.every = self.data.rate.every;
+        Ok(())
+    }
+
+    /// One word an element.
+    fn copy<'w>(
+        &self,
+        point: ValuePoint,
+        room: &mut impl Iterator<Item = &'w mut u64>,
+    ) -> Option<()> {
+        let first = point.slot as usize;
+        let slots = first..first.checked_add(point.width as usize)?;
+        match point.store {
+            Store::Real => {
+                let values = self.reals.get(slots)?.iter();
+                values
+                    .zip(room)
+                    .for_each(|(value, word)| *word = value.to_bits());
+            }
+            Store::Bool => {
+                let values = self.bools.get(slots)?.iter();
+                values
+                    .zip(room)
+                    .for_each(|(value, word)| *word = u64::from(*value));
+            }
+            Store::Int => {
+                let values = self.ints.get(slots)?.iter();
+                values
+                    .zip(room)
+                    .for_each(|(value, word)| *word = value.cast_unsigned());
+            }
+        }
+        Some(())
+    }
+
+    /// Lays values ready for the next evaluation, all or none.
+    ///
+    /// # Errors
+    /// The first value that cannot be set.
+    pub fn set(&mut self, values: &[InputValue]) -> Result<(), Refusal> {
+        self.inputs.set(&self.data.plan(), values)
+    }
+
+    /// What is set from outside and waits for the next evaluation.
+    pub fn inputs(&self) -> &Inputs {
+        &self.inputs
+    }
+
+    /// The same, to be changed.
+    pub fn inputs_mut(&mut self) -> &mut Inputs {
+        &mut self.inputs
+    }
+
+    /// Back to the state after `build`; what was set and is not yet seen goes on waiting. Copies, allocates nothing.
     pub fn reset(&mut self) {
         self.reals.copy_from_slice(&self.data.reals);
         self.bools.copy_from_slice(&self.data.bools);
@@ -262,6 +339,15 @@ impl Net {
         cycle: impl FnOnce(&Plan<'_>, &mut Frame<'_>),
     ) -> Evaluation {
         self.outputs.fill(DeviceOutput::NONE);
+        let step_s = step_s(dt_s, self.data.rate);
+        let mut arenas = Arenas {
+            reals: &mut self.reals,
+            bools: &mut self.bools,
+            ints: &mut self.ints,
+        };
+        let first = self.cycles == 0;
+        self.inputs
+            .begin(&self.data.inputs, &mut arenas, first, step_s);
         let mut frame = Frame {
             reals: &mut self.reals,
             bools: &mut self.bools,
@@ -270,7 +356,7 @@ impl Net {
             devices,
             outputs: &mut self.outputs,
             clocks: &mut self.clocks,
-            dt_s: step_s(dt_s, self.data.rate),
+            dt_s: step_s,
             cycle: self.cycles,
             cancel_requested: self.cancel_requested,
             terminated: false,
@@ -303,13 +389,13 @@ impl Net {
         for (monitor, index) in self.data.monitors.iter().zip(0..) {
             if evaluated.is_multiple_of(u64::from(monitor.every.max(1))) {
                 let mut values = [0.0; MONITOR_WIDTH_MAX];
-                let width = self.read(monitor, &mut values);
+                let width = self.read_monitor(monitor, &mut values);
                 push(index, &values[..width]);
             }
         }
     }
 
-    fn read(&self, monitor: &MonitorPoint, values: &mut [f64; MONITOR_WIDTH_MAX]) -> usize {
+    fn read_monitor(&self, monitor: &MonitorPoint, values: &mut [f64; MONITOR_WIDTH_MAX]) -> usize {
         let (slot, width) = (
             monitor.slot as usize,
             (monitor.width as usize).min(MONITOR_WIDTH_MAX),

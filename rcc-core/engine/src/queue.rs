@@ -2,9 +2,10 @@
 //! Whatever is handed to the real-time thread comes back and is freed elsewhere.
 
 use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
+use rcc_core::plan::ValuePoint;
 use rcc_core::timing::LateCycle;
 use rcc_ipc::BoardReader;
-use rcc_ipc::control::{Answer, SWITCH_MAX};
+use rcc_ipc::control::{Answer, InputValue, Refusal, SWITCH_MAX, Values};
 use rtrb::{Consumer, Producer};
 
 use crate::net::Net;
@@ -42,6 +43,18 @@ pub enum Order {
     Abort { ticket: u64, id: u64 },
     /// Frees the row of a command that is not active.
     Unload { ticket: u64, id: u64 },
+    /// Sets inputs of a ready or active command, all or none; the list comes back.
+    Set {
+        ticket: u64,
+        id: u64,
+        values: Vec<InputValue>,
+    },
+    /// Reads values of a command; what was read comes back.
+    Read {
+        ticket: u64,
+        id: u64,
+        reading: Reading,
+    },
     /// Freezes the flight recorder.
     Record { ticket: u64 },
     /// Late cycles are acknowledged: what is latched begins anew.
@@ -56,14 +69,43 @@ pub enum Order {
     Detach { device: usize, incarnation: u64 },
 }
 
+/// What is to be read, with room for it.
+#[derive(Debug)]
+pub struct Reading {
+    /// Where it is.
+    pub points: Vec<ValuePoint>,
+    /// What is read.
+    pub values: Values,
+}
+
+impl Reading {
+    /// With as much room as the points need. Not for the real-time thread.
+    pub fn of(points: Vec<ValuePoint>) -> Reading {
+        let elements: usize = points.iter().map(|point| point.width as usize).sum();
+        let values = Values {
+            words: vec![0; elements],
+            ..Values::default()
+        };
+        Reading { points, values }
+    }
+}
+
 /// From the real-time thread to the intake thread.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
 pub enum Outcome {
     /// An order is done or refused.
     Answer { ticket: u64, answer: Answer },
+    /// What was read, or why not.
+    Read {
+        ticket: u64,
+        reading: Reading,
+        refused: Option<Refusal>,
+    },
     /// A net that is not needed any more.
     Net(Box<Net>),
+    /// Values that were set or refused.
+    Values(Vec<InputValue>),
     /// A board that is not read any more.
     Board(Box<BoardReader<Measurement>>),
 }

@@ -221,6 +221,13 @@ impl Recorder {
         }
     }
 
+    /// A net is about to be evaluated, and sees this value from now on.
+    pub fn set(&mut self, id: u64, input: u32, words: &[u64]) {
+        let head = head(Tag::Set, 0, 0, 2 + words.len());
+        self.ring.push(&[head, id, u64::from(input)]);
+        self.ring.push(words);
+    }
+
     /// A net was evaluated: `begins` from its initial state, with `cancel` as it saw it.
     pub fn net(&mut self, evaluated: Evaluated<'_>) {
         let Evaluated {
@@ -379,6 +386,8 @@ fn kind_of(order: &Order) -> (OrderKind, u64) {
         Order::Unload { id, .. } => (OrderKind::Unload, *id),
         Order::Attach { device, .. } => (OrderKind::Attach, *device as u64),
         Order::Detach { device, .. } => (OrderKind::Detach, *device as u64),
+        Order::Set { id, .. } => (OrderKind::Set, *id),
+        Order::Read { id, .. } => (OrderKind::Read, *id),
         Order::Record { .. } => (OrderKind::Record, 0),
         _ => (OrderKind::Other, 0),
     }

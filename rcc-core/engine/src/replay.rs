@@ -185,6 +185,11 @@ pub fn replay(
                     });
                 }
             }
+            Entry::Set { id, input, words } => {
+                if let Some(net) = &mut track(&mut tracks, source, id)?.net {
+                    net.inputs_mut().lay(input, words);
+                }
+            }
             Entry::Snapshot(snapshot) => {
                 track(&mut tracks, source, snapshot.id)?.meet(&snapshot, cycle);
             }
@@ -259,6 +264,7 @@ impl Track {
             self.known = true;
         }
         if !self.known {
+            net.inputs_mut().forget();
             return None;
         }
         net.cancel_requested = cancel;

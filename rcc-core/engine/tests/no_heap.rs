@@ -6,13 +6,14 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 
-use common::{Bench, HOLD, Plan, drift_net, endless_net, line_net, named, output_net};
+use common::{Bench, HOLD, Plan, drift_net, endless_net, input_net, line_net, named, output_net};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
+use rcc_core::plan::ValuePoint;
 use rcc_core::types::Store;
-use rcc_engine::queue::Order;
+use rcc_engine::queue::{Order, Reading};
 use rcc_engine::record::{Recorder, RecorderConfig};
-use rcc_ipc::control::{Answer, PlanData};
+use rcc_ipc::control::{Answer, InputValue, PlanData};
 
 /// Counts the heap operations of a thread.
 struct Counting;
@@ -152,6 +153,42 @@ fn refusals_and_faults_make_none() {
     let late = operations(|| (0..10).for_each(|_| bench.engine.account(1, 5_000_000, 5)));
     assert_eq!(late, 0);
     assert_eq!(bench.reason(holder), EndReason::Fault);
+}
+
+#[test]
+fn setting_and_reading_values_makes_none() {
+    let config = RecorderConfig {
+        span_ns: 2_000_000_000,
+        memory: 2 << 20,
+        period_ns: 1_000_000,
+    };
+    let (recorder, _helper) = Recorder::new(config, 1);
+    let mut bench = Bench::new().recorded_by(recorder);
+    let id = bench.load(input_net(0.5, 5));
+    for round in 0..20 {
+        let value = |input, words| InputValue { input, words };
+        let values = match round % 3 {
+            0 => vec![value(0, vec![1.0f64.to_bits()]), value(1, vec![0; 3])],
+            1 => vec![value(0, vec![2.0f64.to_bits()])],
+            _ => vec![value(7, vec![])],
+        };
+        obey(&mut bench, |ticket| Order::Set { ticket, id, values }, 10);
+        let point = |slot| ValuePoint {
+            store: Store::Real,
+            slot,
+            width: 2,
+        };
+        let reading = Reading::of(vec![point(0), point(round % 5)]);
+        let read = |ticket| Order::Read {
+            ticket,
+            id,
+            reading,
+        };
+        obey(&mut bench, read, 2);
+        if round == 3 {
+            obey(&mut bench, |ticket| Order::Start { ticket, id }, 3);
+        }
+    }
 }
 
 #[test]

@@ -184,6 +184,20 @@ fn live(random: &mut Random, stage: &mut Recorded, ids: &[u64]) {
                 _ => bench.order(|ticket| Order::Abort { ticket, id }),
             };
         }
+        let (id, plan) = stage
+            .nets
+            .iter()
+            .nth(random.below(stage.nets.len()))
+            .expect("nets");
+        if random.once_in(3)
+            && let Some(value) = random::value(random, &plan.data.inputs)
+        {
+            bench.order(|ticket| Order::Set {
+                ticket,
+                id: *id,
+                values: vec![value],
+            });
+        }
         bench.step();
         while bench.ends.outcomes.pop().is_ok() {}
     }

@@ -2,7 +2,9 @@
 //! Plain data; used by the executor's intake thread and by the loader, never by the real-time thread.
 
 use rcc_core::frame::PrepareFault;
-use rcc_core::plan::{Delay, MonitorPoint, Plan, PlanError, Rate, Resource, Run};
+use rcc_core::plan::{
+    Delay, InputPoint, MonitorPoint, Plan, PlanError, Rate, Resource, Run, ValuePoint,
+};
 use serde::{Deserialize, Serialize};
 
 /// Name of the executor's request service in its announcement.
@@ -20,6 +22,16 @@ pub const MEASUREMENT: &str = "measurement";
 
 /// Most commands that one [`Call::Switch`] stops, and most that it starts.
 pub const SWITCH_MAX: usize = 8;
+
+/// Most values that one [`Call::Set`] sets.
+pub const SET_MAX: usize = 64;
+/// Most elements that one [`Call::Set`] sets.
+pub const SET_ELEMENTS_MAX: usize = 1024;
+
+/// Most values that one [`Call::Read`] reads.
+pub const READ_MAX: usize = 1024;
+/// Most elements that one [`Call::Read`] reads.
+pub const READ_ELEMENTS_MAX: usize = 1536;
 
 /// Name of the executor's board with the [`rcc_core::message::CommandImage`] of a device.
 #[must_use]
@@ -48,6 +60,8 @@ pub struct PlanData {
     pub delays: Vec<Delay>,
     /// Monitors.
     pub monitors: Vec<MonitorPoint>,
+    /// Values that are set from outside.
+    pub inputs: Vec<InputPoint>,
     /// Number of path clocks.
     pub clocks: u32,
     /// In which cycles it is evaluated.
@@ -70,11 +84,51 @@ impl PlanData {
             operands: &self.operands,
             delays: &self.delays,
             monitors: &self.monitors,
+            inputs: &self.inputs,
             clocks: self.clocks,
             rate: self.rate,
             survives_device_loss: self.survives_device_loss,
         }
     }
+}
+
+/// A new value for an [`InputPoint`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputValue {
+    /// Its index in the plan.
+    pub input: u32,
+    /// One word an element: the bits of a Real or an Int; 0, 1 or 2 (null) of a Bool.
+    pub words: Vec<u64>,
+}
+
+/// Values of a net, all of one cycle.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Values {
+    /// Executor cycle in which the net was evaluated last; 0 = it was not yet evaluated, and these are its first values.
+    pub cycle: u64,
+    /// Its evaluations so far.
+    pub evaluations: u64,
+    /// Cycles from one evaluation to the next.
+    pub every: u32,
+    /// [`rcc_core::message::CommandState`] as a number.
+    pub state: u32,
+    /// The elements of all points, one after the other, as in [`InputValue`].
+    pub words: Vec<u64>,
+}
+
+/// Why a value cannot be set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum InputFault {
+    /// The plan has no input of this index.
+    Unknown,
+    /// It has another number of elements.
+    Elements,
+    /// An element is infinite, or no truth value.
+    NoValue,
+    /// An element is out of the input's range.
+    OutOfRange,
+    /// The request sets it twice.
+    Twice,
 }
 
 /// A request to the executor.
@@ -121,6 +175,20 @@ pub enum Call {
         /// Command id.
         id: u64,
     },
+    /// Sets inputs of a ready or active command, all of them between the same two cycles, or none.
+    Set {
+        /// Command id.
+        id: u64,
+        /// At most [`SET_MAX`] with together at most [`SET_ELEMENTS_MAX`] elements.
+        values: Vec<InputValue>,
+    },
+    /// Reads values of a command as its last evaluation left them, all of one cycle.
+    Read {
+        /// Command id.
+        id: u64,
+        /// At most [`READ_MAX`] with together at most [`READ_ELEMENTS_MAX`] elements.
+        points: Vec<ValuePoint>,
+    },
     /// Writes the flight recorder's last seconds to a file.
     Record,
     /// Late cycles are acknowledged: what is latched begins anew.
@@ -140,6 +208,8 @@ pub enum Answer {
         /// Executor cycle.
         cycle: u64,
     },
+    /// What was read.
+    Values(Values),
     /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
     Refused(Refusal),
     /// A hand-over is refused because of one of its commands; nothing changed.
@@ -240,6 +310,32 @@ pub enum Refusal {
         in_use_ns: u64,
         /// What nets may need together, ns.
         budget_ns: u64,
+    },
+    /// A value cannot be set.
+    Input {
+        /// Index of the input in the plan.
+        input: u32,
+        /// Why.
+        fault: InputFault,
+    },
+    /// A request reads more values, or more elements, than this.
+    ReadTooLarge {
+        /// [`READ_MAX`].
+        values: u32,
+        /// [`READ_ELEMENTS_MAX`].
+        elements: u32,
+    },
+    /// A value to be read lies outside of the net.
+    NoSuchValue {
+        /// Its place in the list.
+        value: u32,
+    },
+    /// A request sets more values, or more elements, than this.
+    SetTooLarge {
+        /// [`SET_MAX`].
+        values: u32,
+        /// [`SET_ELEMENTS_MAX`].
+        elements: u32,
     },
     /// The executor has no room for it now; try again.
     Overloaded,

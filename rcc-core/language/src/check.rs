@@ -3,6 +3,7 @@
 
 mod connections;
 mod fragments;
+mod inputs;
 mod limits;
 mod loops;
 mod values;
@@ -14,6 +15,7 @@ use crate::resolve::Graph;
 
 pub use limits::every;
 pub(crate) use loops::components;
+pub(crate) use values::literal_fits;
 
 /// A net with its types and units.
 #[derive(Clone, Copy)]
@@ -35,6 +37,8 @@ const CHECKS: &[Check] = &[
     values::units_of_a_primitive_agree,
     values::parameters_are_in_range,
     fragments::inputs_are_as_fragments_say,
+    inputs::bounds_are_of_numbers,
+    inputs::first_values_are_within_bounds,
     connections::inputs_are_connected,
     connections::outputs_are_read_or_discarded,
     connections::discards_are_sensible,

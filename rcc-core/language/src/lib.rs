@@ -17,6 +17,7 @@ pub mod nulls;
 pub mod rate;
 pub mod resolve;
 pub mod schema;
+pub mod setting;
 pub mod sources;
 pub mod syntax;
 pub mod write;

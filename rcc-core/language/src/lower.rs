@@ -3,6 +3,7 @@
 
 mod arena;
 mod delays;
+mod inputs;
 mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,6 +23,8 @@ use arena::{Arena, Bits};
 use delays::{Copies, CopyKey};
 use rcc_config::diagnostic::Span;
 use schedule::Batch;
+
+pub(crate) use inputs::given;
 
 /// A value in an arena.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +73,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     lowering.place(&schedule);
     let (runs, operands) = lowering.runs(&schedule);
     let monitors = lowering.monitors();
+    let inputs = lowering.inputs();
     let Lowering {
         arena,
         slots,
@@ -88,6 +92,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         operands,
         delays: delays::ranges(&copies),
         monitors,
+        inputs,
         clocks,
         rate: net.graph.rate,
         survives_device_loss: net.graph.net.survives_device_loss,
@@ -235,9 +240,15 @@ impl<'a> Lowering<'a> {
     fn place_outputs(&mut self, number: usize) {
         let item = self.item(number);
         let outputs = item.spec().outputs.iter();
-        let slots = outputs.map(|port| {
+        let slots = outputs.enumerate().map(|(output, port)| {
             let ty = self.port_type(number, port);
-            let value = item.parameters.iter().flatten().next();
+            // Of a constant the value, of an input the first one; what comes after the first output begins as null.
+            let value = item
+                .parameters
+                .first()
+                .copied()
+                .flatten()
+                .filter(|_| output == 0);
             let value = value.and_then(|literal| literal.stored(ty));
             let value = value.unwrap_or(Stored::null(ty));
             match item.spec().role {

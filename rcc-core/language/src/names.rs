@@ -1,8 +1,10 @@
 //! The names of a plan: which port lies where, and what each monitor shows. Written beside the plan, so that monitors
 //! and a restarted loader can name everything; the executor never sees it. The loader's threads.
 
+use rcc_core::plan::InputPoint;
 use rcc_core::primitive::{Port, Role};
 use rcc_core::types::{Store, Type};
+use rcc_ipc::control::PlanData;
 use serde::{Deserialize, Serialize};
 
 use crate::check::{Typed, every};
@@ -18,6 +20,9 @@ pub struct Names {
     pub primitives: Vec<PrimitiveNames>,
     /// Monitors in the order of the plan: the index is that of the records.
     pub monitors: Vec<MonitorNames>,
+    /// Values that are set from outside, in the order of the plan.
+    #[serde(default)]
+    pub inputs: Vec<InputNames>,
 }
 
 /// Names of one primitive.
@@ -79,6 +84,27 @@ pub struct MonitorNames {
     pub every: u32,
 }
 
+/// A value that is set from outside.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InputNames {
+    /// Id of the Input primitive: the name by which it is set.
+    pub primitive: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Its unit, also of the elements of a list; `None`: the type says it, or there is none.
+    pub unit: Option<String>,
+    /// What its elements must not be less than, SI; empty: no bound.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at_least: Vec<f64>,
+    /// What its elements must not be greater than, SI; empty: no bound.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at_most: Vec<f64>,
+    /// After so many seconds without being set it is null; `None`: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expires_s: Option<f64>,
+}
+
 /// The names of a lowered net.
 #[must_use]
 pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
@@ -118,6 +144,43 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         net: net.graph.net.name.name.clone(),
         primitives: primitives.collect(),
         monitors: monitors.collect(),
+        inputs: inputs(net, lowered),
+    }
+}
+
+fn inputs(net: Typed<'_>, lowered: &Lowered) -> Vec<InputNames> {
+    let items = net.graph.items.iter().zip(&lowered.slots).enumerate();
+    let items = items.filter(|(_, (item, _))| item.spec().role == Role::Input);
+    let named = items.filter_map(|(number, (item, slots))| {
+        let (port, slot) = (item.spec().outputs.first()?, slots.outputs.first()?);
+        Some((item.id(), port_names(net, number, port, *slot)))
+    });
+    let plan = &lowered.plan;
+    let rows = named.zip(&plan.inputs).map(|((id, port), point)| {
+        let bound = |slot: Option<u32>| slot.map_or(Vec::new(), |slot| numbers(plan, point, slot));
+        let expires_s = f64::from(point.expires) / net.graph.evaluations_hz();
+        InputNames {
+            primitive: id.to_string(),
+            type_name: port.type_name,
+            unit: port.unit,
+            at_least: bound(point.at_least),
+            at_most: bound(point.at_most),
+            expires_s: (point.expires > 0).then_some(expires_s),
+        }
+    });
+    rows.collect()
+}
+
+/// The numbers of a bound.
+fn numbers(plan: &PlanData, point: &InputPoint, slot: u32) -> Vec<f64> {
+    let (first, count) = (slot as usize, point.width as usize);
+    match point.store {
+        Store::Real => plan.reals.iter().skip(first).take(count).copied().collect(),
+        Store::Int => {
+            let values = plan.ints.iter().skip(first).take(count);
+            values.map(|value| *value as f64).collect()
+        }
+        Store::Bool => Vec::new(),
     }
 }
 

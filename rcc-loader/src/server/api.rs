@@ -121,6 +121,54 @@ pub struct Switched {
     pub started: Vec<Done>,
 }
 
+/// Answer to setting inputs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct InputsSet {
+    /// The command's id.
+    pub id: u64,
+    /// The net's name.
+    pub net: String,
+    /// Executor cycle from which on they count: the net's next evaluation in or after it sees all of them.
+    pub cycle: u64,
+    /// What was set, in the order of the request.
+    pub set: Vec<String>,
+}
+
+/// Values of ports of one net, all of one cycle.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ValuesView {
+    /// The command's id.
+    pub id: u64,
+    /// The net's name.
+    pub net: String,
+    /// `ready running canceling terminated`.
+    pub state: String,
+    /// Executor cycle in which the net was evaluated last; 0: not yet, and these are its first values.
+    pub cycle: u64,
+    /// Its evaluations so far.
+    pub net_cycle: u64,
+    /// Logical time of that evaluation since START, s.
+    pub time_s: f64,
+    /// By port, in the order of the net.
+    pub values: Vec<ValueView>,
+}
+
+/// The value of a port.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ValueView {
+    /// `primitive.port`, or `primitive.port[index]`.
+    pub port: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Its unit, where the type does not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// A number, a truth value, or a list of them; null is null, and what is infinite is the text `inf` or `-inf`.
+    #[schema(value_type = Object)]
+    pub value: serde_json::Value,
+}
+
 /// Answer to a request for an incident file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Frozen {

@@ -64,6 +64,9 @@ codes! {
     NOT_TOGETHER = "RCC3021", 409, CONFLICT, "Nets of a hand-over are never evaluated in a common cycle.";
     OVER_BUDGET = "RCC3022", 409, CONFLICT, "The nets would need more of a cycle than the cell's budget.";
     NO_RECORDER = "RCC3030", 409, CONFLICT, "The flight recorder is switched off.";
+    INPUT_REFUSED = "RCC3040", 422, INVALID, "A value cannot be set.";
+    UNKNOWN_PORT = "RCC3041", 404, FAILED, "The net has no such port.";
+    TOO_MANY_PORTS = "RCC3042", 409, CONFLICT, "More ports, or watchers, than the executor serves.";
     NO_EXECUTOR = "RCC4001", 503, UNREACHABLE, "The executor cannot be reached.";
     EXECUTOR_SILENT = "RCC4002", 504, TIMEOUT, "The executor did not answer in time.";
     OTHER_BUILD = "RCC4003", 502, UNREACHABLE, "Loader and executor are of different builds.";

@@ -60,7 +60,7 @@ impl Service {
             }
             Answer::Refused(refusal) => Err(refused(0, refusal)),
             Answer::RefusedFor { id, refusal } => Err(refused(id, refusal)),
-            Answer::Reserved { .. } => Err(unexpected()),
+            _ => Err(unexpected()),
         }
     }
 

@@ -9,7 +9,7 @@ use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::http::{StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{get, post, put};
 use axum::{Json, Router};
 use serde::Deserialize;
 use tokio::sync::Semaphore;
@@ -17,8 +17,8 @@ use utoipa::OpenApi;
 
 use super::api;
 use super::api::{
-    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, Loaded,
-    PrimitiveView, StatusView, Switched, TimingView,
+    Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
+    Loaded, PrimitiveView, StatusView, Switched, TimingView, ValuesView,
 };
 use super::catalogue;
 use super::codes;
@@ -27,6 +27,8 @@ use super::service::{Operation, Service};
 
 /// Longest text of a net, bytes.
 pub const TEXT_MAX: usize = 4 << 20;
+/// Longest text of what is set, bytes.
+pub const SET_TEXT_MAX: usize = 64 << 10;
 /// Texts that are compiled at a time; further ones wait.
 const COMPILING_MAX: usize = 2;
 /// Texts that are compiled or wait for it; further ones are refused.
@@ -59,6 +61,8 @@ struct Shared {
         detail,
         start,
         switch,
+        set,
+        values,
         cancel,
         abort,
         unload,
@@ -93,6 +97,8 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/commands", post(load).get(list))
         .route("/commands/{name}", get(detail).delete(unload))
         .route("/commands/{name}/start", post(start))
+        .route("/commands/{name}/inputs", put(set))
+        .route("/commands/{name}/values", get(values))
         .route("/switch", post(switch))
         .route("/commands/{name}/cancel", post(cancel))
         .route("/commands/{name}/abort", post(abort))
@@ -303,6 +309,71 @@ async fn switch(State(shared): State<Shared>, body: Bytes) -> Result<Json<Switch
         .map(Json)
 }
 
+/// Sets inputs of a ready or active net: a mapping from their names to constants of the language, YAML or JSON; null
+/// unsets. All of them count from the same cycle on, or none.
+#[utoipa::path(put, path = "/commands/{name}/inputs", params(("name" = String, Path, description = "id or name")),
+    request_body(content = Object, content_type = "application/json",
+        description = "`{\"speed\": \"0.2 m/s\", \"goal\": {\"xyz\": [0.5, 0, 0.3], \"rpy\": [0, 0, 0]}}`"),
+    responses((status = 200, body = InputsSet), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody),
+        (status = 422, body = ErrorBody)))]
+async fn set(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    body: Bytes,
+) -> Result<Json<InputsSet>, ApiError> {
+    let text = String::from_utf8(body.to_vec()).map_err(|_| {
+        ApiError::new(
+            codes::BAD_REQUEST,
+            "the values are not UTF-8",
+            "send YAML or JSON as UTF-8",
+        )
+    })?;
+    if text.len() > SET_TEXT_MAX {
+        let message = format!("what is set at a time has at most {SET_TEXT_MAX} bytes");
+        return Err(ApiError::new(
+            codes::TOO_LARGE,
+            message,
+            "set it in several requests",
+        ));
+    }
+    blocking(shared, move |service| service.set(&name, &text))
+        .await
+        .map(Json)
+}
+
+#[derive(Deserialize)]
+struct ValuesQuery {
+    /// Patterns with commas between them.
+    #[serde(default)]
+    ports: Option<String>,
+}
+
+impl ValuesQuery {
+    fn patterns(&self) -> Vec<String> {
+        let ports = self.ports.as_deref().unwrap_or_default().split(',');
+        let ports = ports.map(str::trim).filter(|port| !port.is_empty());
+        ports.map(str::to_owned).collect()
+    }
+}
+
+/// Values of any ports of a net, all of one cycle: those that its last evaluation left.
+#[utoipa::path(get, path = "/commands/{name}/values",
+    params(("name" = String, Path, description = "id or name"),
+        ("ports" = Option<String>, Query,
+            description = "patterns as `move.pose,ik.*,a.out[2]`; all outputs without")),
+    responses((status = 200, body = ValuesView), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
+async fn values(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    Query(query): Query<ValuesQuery>,
+) -> Result<Json<ValuesView>, ApiError> {
+    blocking(shared, move |service| {
+        service.values(&name, &query.patterns())
+    })
+    .await
+    .map(Json)
+}
+
 /// A body of JSON.
 fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
     serde_json::from_slice(body).map_err(|error| {
@@ -416,7 +487,9 @@ mod tests {
             "/commands/{name}",
             "/commands/{name}/abort",
             "/commands/{name}/cancel",
+            "/commands/{name}/inputs",
             "/commands/{name}/start",
+            "/commands/{name}/values",
             "/devices",
             "/incidents",
             "/primitives",

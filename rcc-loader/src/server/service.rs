@@ -183,7 +183,7 @@ impl Service {
             Answer::Refused(refusal) => {
                 Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
             }
-            Answer::Done { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
+            _ => Err(unexpected()),
         }
     }
 
@@ -269,7 +269,7 @@ impl Service {
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
         let refused = match handed_over {
-            Ok(Answer::RefusedFor { .. }) => unexpected(),
+            Ok(Answer::RefusedFor { .. } | Answer::Values(_)) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
             Ok(Answer::Refused(refusal)) => {
                 self.with_namer(Some(&store), |namer| namer.refusal(id, refusal))
@@ -332,7 +332,7 @@ impl Service {
             Answer::Refused(refusal) => {
                 Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
             }
-            Answer::Reserved { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
+            _ => Err(unexpected()),
         }
     }
 
@@ -350,7 +350,7 @@ impl Service {
             Answer::Refused(refusal) => {
                 Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
             }
-            Answer::Reserved { .. } | Answer::RefusedFor { .. } => Err(unexpected()),
+            _ => Err(unexpected()),
         }
     }
 

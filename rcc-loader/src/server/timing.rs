@@ -38,7 +38,7 @@ impl Service {
             Answer::Refused(refusal) | Answer::RefusedFor { refusal, .. } => {
                 Err(self.with_namer(Some(&store), |namer| namer.refusal(0, refusal)))
             }
-            Answer::Reserved { .. } => Err(unexpected()),
+            _ => Err(unexpected()),
         }
     }
 

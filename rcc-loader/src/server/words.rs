@@ -7,7 +7,7 @@ use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
-use rcc_ipc::control::Refusal;
+use rcc_ipc::control::{InputFault, Refusal};
 
 use super::api::FaultView;
 use super::codes::{self, Code};
@@ -21,6 +21,22 @@ pub struct Namer<'a> {
     pub net: &'a dyn Fn(u64) -> String,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
+}
+
+/// The loader has checked before: this is a value that the names beside the net do not explain.
+fn input_refused(net: &str, input: u32, fault: InputFault) -> (Code, String, String) {
+    let why = match fault {
+        InputFault::Unknown => "does not exist",
+        InputFault::Elements => "has another number of elements",
+        InputFault::NoValue => "takes finite numbers and truth values only",
+        InputFault::OutOfRange => "has a range, and the value is outside",
+        InputFault::Twice => "is set twice by one request",
+    };
+    (
+        codes::INPUT_REFUSED,
+        format!("input {input} of {net} {why}"),
+        "nothing was set; if the loader had nothing against it, load the net again".into(),
+    )
 }
 
 impl Namer<'_> {
@@ -156,6 +172,22 @@ impl Namer<'_> {
                 in_use_ns,
                 budget_ns,
             } => over_budget(&net, [needed_ns, in_use_ns, budget_ns]),
+            Refusal::Input { input, fault } => input_refused(&net, input, fault),
+            Refusal::SetTooLarge { values, elements } => (
+                codes::INPUT_REFUSED,
+                format!("at most {values} values with {elements} elements are set at a time"),
+                "set them in several requests".into(),
+            ),
+            Refusal::ReadTooLarge { values, elements } => (
+                codes::TOO_MANY_PORTS,
+                format!("at most {values} ports with {elements} elements are read at a time"),
+                "name fewer ports: `--ports 'move.*'`, or `?ports=move.*`".into(),
+            ),
+            Refusal::NoSuchValue { value } => (
+                codes::UNKNOWN_PORT,
+                format!("port {value} of the list lies outside of {net}"),
+                "the file with its names is damaged: load the net again".into(),
+            ),
             Refusal::Overloaded => (
                 codes::OVERLOADED,
                 format!("the executor has no room for {net} now"),

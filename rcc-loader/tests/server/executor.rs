@@ -10,7 +10,7 @@ use std::time::Duration;
 use bytemuck::Zeroable;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::Timing;
-use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES, TIMING};
+use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES, TIMING, Values};
 use rcc_ipc::{Announced, Announcement, BoardWriter, Cell, Role, Server, Session, wire};
 
 /// A cell in a folder of its own, removed at the end of its test.
@@ -192,6 +192,20 @@ impl State {
                     self.set(id, CommandState::Running);
                 }
                 Answer::Done { cycle: 8 }
+            }
+            Call::Set { id, .. } => match self.row(id) {
+                Some(_) => Answer::Done { cycle: 9 },
+                None => Answer::Refused(Refusal::UnknownCommand),
+            },
+            Call::Read { points, .. } => {
+                let elements = points.iter().map(|point| point.width as usize).sum();
+                Answer::Values(Values {
+                    cycle: 8,
+                    evaluations: 3,
+                    every: 2,
+                    state: CommandState::Running as u32,
+                    words: vec![0.25f64.to_bits(); elements],
+                })
             }
             Call::Cancel { .. } => Answer::Refused(Refusal::NotCancelable),
             Call::Abort { id } => self.set(id, CommandState::Terminated),

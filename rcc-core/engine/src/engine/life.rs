@@ -4,11 +4,11 @@ use bytemuck::Zeroable;
 use rcc_core::message::{
     COMMANDS_MAX, CommandEntry, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
 };
-use rcc_ipc::control::{Answer, Refusal};
+use rcc_ipc::control::{Answer, InputValue, Refusal};
 
 use super::{Engine, Pending, SETTLE_MAX_NS};
 use crate::net::{Evaluation, Net, record};
-use crate::queue::{Event, Order, Outcome};
+use crate::queue::{Event, Order, Outcome, Reading};
 use crate::record::{Evaluated, Reason};
 
 impl Engine {
@@ -34,6 +34,19 @@ impl Engine {
             Order::Cancel { ticket, id } => (ticket, self.cancel(id).map(|()| None)),
             Order::Abort { ticket, id } => (ticket, self.abort(id).map(|()| None)),
             Order::Unload { ticket, id } => (ticket, self.unload(id).map(|()| None)),
+            Order::Read {
+                ticket,
+                id,
+                mut reading,
+            } => {
+                let refused = self.read(id, &mut reading).err();
+                return self.give_back(Outcome::Read {
+                    ticket,
+                    reading,
+                    refused,
+                });
+            }
+            Order::Set { ticket, id, values } => (ticket, self.set(id, values).map(|()| None)),
             Order::Record { ticket } => (ticket, self.freeze().map(|()| None)),
             Order::Acknowledge { ticket } => {
                 self.acknowledge();
@@ -199,6 +212,30 @@ impl Engine {
         Ok(())
     }
 
+    /// As the last evaluation left it.
+    fn read(&self, id: u64, reading: &mut Reading) -> Result<(), Refusal> {
+        let row = self.row_in(id, |_| true)?;
+        let state = self.tables.commands.get(row).map_or(0, |entry| entry.state);
+        let Some(Some(net)) = self.nets.get(row) else {
+            return Err(Refusal::WrongState { state });
+        };
+        net.read(reading)?;
+        reading.values.state = state;
+        Ok(())
+    }
+
+    /// Seen by the next evaluation of the net.
+    fn set(&mut self, id: u64, values: Vec<InputValue>) -> Result<(), Refusal> {
+        let allowed = |state: CommandState| state == CommandState::Ready || state.is_active();
+        let row = self.row_in(id, allowed);
+        let set = row.and_then(|row| match self.nets.get_mut(row) {
+            Some(Some(net)) => net.set(&values),
+            _ => Err(Refusal::UnknownCommand),
+        });
+        self.give_back(Outcome::Values(values));
+        set
+    }
+
     fn unload(&mut self, id: u64) -> Result<(), Refusal> {
         let row = self.row_in(id, |state| !state.is_active())?;
         if self.pending.get(row) != Some(&Pending::Nothing) {
@@ -343,6 +380,7 @@ impl Engine {
     pub(super) fn unbegun(&mut self, row: usize) {
         if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
             net.reset();
+            net.inputs_mut().wait_again();
         }
         if let Some(entry) = self.tables.commands.get_mut(row) {
             (entry.cycles, entry.exec_sum_ns) = (0, 0);
@@ -378,8 +416,14 @@ impl Engine {
             return Evaluation::Fault(FaultCode::Panic);
         };
         let (begins, cancel) = (net.cycles == 0, net.cancel_requested);
+        if let (Some(recorder), Some(entry)) = (&mut self.recorder, self.tables.commands.get(row)) {
+            for (input, words) in net.inputs().waiting() {
+                recorder.set(entry.id, input, words);
+            }
+        }
         let (models, inputs) = (&self.config.models, &self.inputs);
         let (evaluation, exec_ns) = self.time.evaluate(row, net, models, inputs, self.dt_s);
+        net.evaluated_cycle = self.status.cycle;
         if let Some(entry) = self.tables.commands.get_mut(row) {
             entry.cycles = net.cycles;
             entry.exec_last_ns = exec_ns;

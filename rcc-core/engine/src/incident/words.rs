@@ -7,7 +7,7 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
-use rcc_core::plan::{Delay, MonitorPoint, Rate, Run};
+use rcc_core::plan::{Delay, InputPoint, MonitorPoint, Rate, Run};
 use rcc_core::types::Store;
 use rcc_ipc::control::PlanData;
 use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
@@ -76,6 +76,7 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
         operands,
         delays,
         monitors,
+        inputs,
         clocks,
         survives_device_loss,
         rate,
@@ -106,6 +107,17 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
         out.push(pair(monitor.store as u32, monitor.slot));
         out.push(pair(monitor.width, monitor.every));
     }
+    out.push(inputs.len() as u64);
+    for input in inputs {
+        let none = u32::MAX;
+        out.push(pair(input.store as u32, input.slot));
+        out.push(pair(input.width, input.expires));
+        out.push(pair(input.since, input.age));
+        out.push(pair(
+            input.at_least.unwrap_or(none),
+            input.at_most.unwrap_or(none),
+        ));
+    }
     for clock in &origin.clocks.0 {
         out.extend(clock.words());
     }
@@ -120,9 +132,38 @@ fn store(number: u32) -> Result<Store, Damaged> {
 
 /// Pairs of words after their number.
 fn pairs<'a>(words: &mut Words<'a>, what: &'static str) -> Result<&'a [[u64; 2]], Damaged> {
+    groups(words, what)
+}
+
+/// Groups of words after their number.
+fn groups<'a, const N: usize>(
+    words: &mut Words<'a>,
+    what: &'static str,
+) -> Result<&'a [[u64; N]], Damaged> {
     let count = words.count(what)?;
-    let taken = words.take(count.checked_mul(2).ok_or(Damaged(what))?, what)?;
+    let taken = words.take(count.checked_mul(N).ok_or(Damaged(what))?, what)?;
     Ok(taken.as_chunks().0)
+}
+
+/// The values that are set from outside.
+fn inputs(words: &mut Words<'_>) -> Result<Vec<InputPoint>, Damaged> {
+    let bound = |slot: u32| (slot != u32::MAX).then_some(slot);
+    let groups = groups(words, "a plan's inputs")?.iter();
+    let input = |[place, size, since, bounds]: &[u64; 4]| {
+        let ([number, slot], [width, expires]) = (parts(*place), parts(*size));
+        let ([since, age], [at_least, at_most]) = (parts(*since), parts(*bounds));
+        Ok(InputPoint {
+            store: store(number)?,
+            slot,
+            width,
+            since,
+            age,
+            expires,
+            at_least: bound(at_least),
+            at_most: bound(at_most),
+        })
+    };
+    groups.map(input).collect()
 }
 
 /// The contrary of [`of_origin`]. Whether the plan makes sense is for `Plan::check`.
@@ -170,6 +211,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
         })
     });
     let monitors = monitors.collect::<Result<_, _>>()?;
+    let inputs = inputs(words)?;
     let clock_words = (clocks as usize).checked_mul(CLOCK_WORDS);
     let all = words.take(clock_words.ok_or(Damaged("path clocks"))?, "path clocks")?;
     let all = all.as_chunks::<CLOCK_WORDS>().0;
@@ -183,6 +225,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
         operands: operands.iter().map(|word| *word as u32).collect(),
         delays,
         monitors,
+        inputs,
         clocks,
         survives_device_loss: survives != 0,
         rate: Rate { every, phase },

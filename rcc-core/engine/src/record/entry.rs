@@ -22,9 +22,10 @@ pub(super) enum Tag {
     Snapshot = 6,
     TooLarge = 7,
     Times = 8,
+    Set = 9,
 }
 
-const TAGS: [Tag; 8] = [
+const TAGS: [Tag; 9] = [
     Tag::Cycle,
     Tag::Input,
     Tag::Order,
@@ -33,6 +34,7 @@ const TAGS: [Tag; 8] = [
     Tag::Snapshot,
     Tag::TooLarge,
     Tag::Times,
+    Tag::Set,
 ];
 
 /// The head of a record: tag, a small number, flags, and how many words follow.
@@ -79,6 +81,10 @@ pub enum OrderKind {
     Record = 10,
     /// Anything else: what changes is in the records of states.
     Other = 11,
+    /// Values were set.
+    Set = 12,
+    /// Values were read.
+    Read = 13,
 }
 
 /// What came of one evaluation, as a number.
@@ -152,6 +158,15 @@ pub enum Entry<'a> {
         cycles: u64,
         /// The hash of all its slots afterwards.
         hash: u64,
+    },
+    /// A value that is set from outside; the evaluation that follows sees it.
+    Set {
+        /// The net's id.
+        id: u64,
+        /// Index of the input in the plan.
+        input: u32,
+        /// Its elements.
+        words: &'a [u64],
     },
     /// The state of a net after its evaluation in this cycle.
     Snapshot(Snapshot<'a>),
@@ -258,6 +273,11 @@ fn read(head: u64, words: &[u64]) -> Option<Entry<'_>> {
             dt_s: f64::from_bits(dt_s),
             cycles,
             hash,
+        },
+        (Tag::Set, &[id, input, ref words @ ..]) => Entry::Set {
+            id,
+            input: u32::try_from(input).ok()?,
+            words,
         },
         (Tag::Snapshot, words) => Entry::Snapshot(snapshot(flags, words)?),
         (Tag::TooLarge, &[id, words]) => Entry::TooLarge { id, words },

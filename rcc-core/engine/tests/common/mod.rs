@@ -9,14 +9,14 @@ use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
     SetPoint,
 };
-use rcc_core::plan::{MonitorPoint, Rate, Run};
+use rcc_core::plan::{InputPoint, MonitorPoint, Rate, Run, ValuePoint};
 use rcc_core::primitives;
-use rcc_core::types::Store;
+use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::queue::{HelperEnds, Order, Outcome, Reading, rings};
 use rcc_engine::record::Recorder;
-use rcc_ipc::control::{Answer, PlanData, Refusal, SWITCH_MAX};
+use rcc_ipc::control::{Answer, InputValue, PlanData, Refusal, SWITCH_MAX, Values};
 
 pub const PERIOD_NS: u64 = 1_000_000;
 pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
@@ -253,6 +253,36 @@ impl Bench {
         })
     }
 
+    /// Sets inputs and runs one cycle.
+    pub fn set(&mut self, id: u64, values: &[(u32, &[f64])]) -> Answer {
+        let value = |(input, values): &(u32, &[f64])| InputValue {
+            input: *input,
+            words: values.iter().map(|value| value.to_bits()).collect(),
+        };
+        let values = values.iter().map(value).collect();
+        self.ask(|ticket| Order::Set { ticket, id, values })
+    }
+
+    /// Reads values as the cycle before left them, and runs one cycle.
+    pub fn read(&mut self, id: u64, points: &[ValuePoint]) -> Result<Values, Refusal> {
+        let reading = Reading::of(points.to_vec());
+        self.order(|ticket| Order::Read {
+            ticket,
+            id,
+            reading,
+        });
+        self.step();
+        while let Ok(outcome) = self.ends.outcomes.pop() {
+            if let Outcome::Read {
+                reading, refused, ..
+            } = outcome
+            {
+                return refused.map_or(Ok(reading.values), Err);
+            }
+        }
+        panic!("nothing was read")
+    }
+
     /// What device 0 was told in the newest cycle.
     pub fn told(&self) -> SetPoint {
         let image = self.engine.image(0).expect("device 0");
@@ -346,6 +376,25 @@ impl Plan {
         });
     }
 
+    /// An input of reals that begins with these values; its slots.
+    pub fn input(&mut self, values: &[f64], expires: u32) -> InputPoint {
+        let slot = self.reals(values);
+        let age = self.reals(&[f64::NAN]);
+        self.data.ints.push(NULL_INT);
+        let input = InputPoint {
+            store: Store::Real,
+            slot,
+            width: values.len() as u32,
+            since: self.data.ints.len() as u32 - 1,
+            age,
+            expires,
+            at_least: None,
+            at_most: None,
+        };
+        self.data.inputs.push(input);
+        input
+    }
+
     pub fn monitor(&mut self, store: Store, slot: u32, width: u32, every: u32) {
         self.data.monitors.push(MonitorPoint {
             store,
@@ -378,6 +427,22 @@ pub fn time_net(rate: Rate) -> PlanData {
     plan.add("Termination", &[requested]);
     plan.monitor(Store::Real, time, 1, 1);
     plan.data.rate = rate;
+    plan.data
+}
+
+/// Two inputs, of one element and of three, shown in each evaluation with the first one's age; the first one is written
+/// to analog output 0. Until CANCEL.
+pub fn input_net(initial: f64, expires: u32) -> PlanData {
+    let mut plan = Plan::new();
+    let requested = plan.bool(2);
+    let one = plan.input(&[initial], expires);
+    let three = plan.input(&[f64::NAN; 3], 0);
+    plan.add("Cancel", &[requested]);
+    plan.add("AnalogOutput", &[one.slot, 0, 0]);
+    plan.add("Termination", &[requested]);
+    plan.monitor(Store::Real, one.slot, 1, 1);
+    plan.monitor(Store::Real, three.slot, 3, 1);
+    plan.monitor(Store::Real, one.age, 1, 1);
     plan.data
 }
 

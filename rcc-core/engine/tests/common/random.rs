@@ -2,11 +2,11 @@
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, MAGIC, Measurement};
-use rcc_core::plan::{Delay, Rate, Run};
+use rcc_core::plan::{Delay, InputPoint, Rate, Run};
 use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Width};
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_INT, Store};
-use rcc_ipc::control::PlanData;
+use rcc_ipc::control::{InputValue, PlanData};
 
 use super::{HOLD, model};
 
@@ -92,6 +92,9 @@ pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> P
         claimed: Vec::new(),
         arm_taken: false,
     };
+    for _ in 0..maker.random.below(4) {
+        maker.add_input();
+    }
     for _ in 0..3 + maker.random.below(38) {
         maker.add_any();
     }
@@ -111,6 +114,26 @@ impl Maker<'_> {
         if !unwanted {
             self.add(number, entry);
         }
+    }
+
+    /// A value that is set from outside.
+    fn add_input(&mut self) {
+        let store = [Store::Real, Store::Bool, Store::Int][self.random.below(3)];
+        let width = 1 + self.random.below(9) as u32;
+        let block = self.constant(store, width);
+        self.blocks.push(block);
+        let since = grow(&mut self.data.ints, 1, || NULL_INT);
+        let (age, expires) = (self.fresh(Store::Real, 1), self.random.below(30) as u32);
+        self.data.inputs.push(InputPoint {
+            store,
+            slot: block.slot,
+            width,
+            since,
+            age,
+            expires,
+            at_least: None,
+            at_most: None,
+        });
     }
 
     fn add(&mut self, number: usize, entry: &Entry) {
@@ -271,6 +294,21 @@ impl Maker<'_> {
         }
         self.data
     }
+}
+
+/// A value for any input of the net, if it has one.
+pub fn value(random: &mut Random, inputs: &[InputPoint]) -> Option<InputValue> {
+    let input = random.below(inputs.len());
+    let point = inputs.get(input)?;
+    let word = |_| match point.store {
+        Store::Real => random.any_real().to_bits(),
+        Store::Bool => random.below(3) as u64,
+        Store::Int => random.any_int().cast_unsigned(),
+    };
+    Some(InputValue {
+        input: input as u32,
+        words: (0..point.width).map(word).collect(),
+    })
 }
 
 fn grow<T>(arena: &mut Vec<T>, width: u32, mut value: impl FnMut() -> T) -> u32 {

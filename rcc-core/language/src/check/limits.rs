@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::message::MONITOR_WIDTH_MAX;
-use rcc_core::plan::{CLOCKS_MAX, MONITORS_MAX};
+use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX};
 use rcc_core::primitive::{ChannelKind, Literal as Default, ParameterKind, Role};
 use rcc_core::unit::Unit;
 
@@ -215,6 +215,7 @@ fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic
 pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (role, what, most) in [
         (Role::Monitor, "monitors", MONITORS_MAX),
+        (Role::Input, "inputs", INPUTS_MAX),
         (Role::Motion, "motions", CLOCKS_MAX as usize),
     ] {
         let count = of_role(net, role).count();

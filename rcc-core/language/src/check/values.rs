@@ -112,7 +112,7 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// One constant at a place of a type and unit.
-fn literal_fits(
+pub(crate) fn literal_fits(
     literal: &Literal,
     ty: Type,
     unit: Option<Unit>,

@@ -192,6 +192,17 @@ impl Literal {
     }
 }
 
+impl Literal {
+    /// The numbers in it, in order; empty if it has none.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<f64> {
+        match &self.shape {
+            Shape::List(elements) => elements.iter().flat_map(Literal::numbers).collect(),
+            _ => self.number().into_iter().collect(),
+        }
+    }
+}
+
 /// The type of a list of rows; reading has refused rows of different lengths.
 fn matrix_type(rows: &[Literal]) -> Option<Type> {
     let Shape::List(first) = &rows.first()?.shape else {

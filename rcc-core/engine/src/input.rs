@@ -1,0 +1,253 @@
+//! Values that are set from outside: checked and laid ready between two cycles, written into the net's slots when it is
+//! evaluated next. Run by the real-time thread; all memory is made with the net.
+
+use rcc_core::plan::{InputPoint, Plan};
+use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
+use rcc_ipc::control::{InputFault, InputValue, Refusal};
+
+/// The slots of a net.
+#[derive(Debug)]
+pub struct Arenas<'a> {
+    /// `Real`.
+    pub reals: &'a mut [f64],
+    /// `Bool`.
+    pub bools: &'a mut [u8],
+    /// `Int`.
+    pub ints: &'a mut [i64],
+}
+
+/// What lies ready for the inputs of a net.
+#[derive(Debug)]
+pub struct Inputs {
+    places: Box<[Place]>,
+    words: Box<[u64]>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    first: usize,
+    width: usize,
+    ready: Ready,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ready {
+    Nothing,
+    /// For the next evaluation.
+    Waits,
+    /// The first evaluation has taken it; if that does not count, it waits again.
+    TakenFirst,
+}
+
+impl Inputs {
+    /// Room for the inputs of a checked plan. Not for the real-time thread.
+    pub fn of(points: &[InputPoint]) -> Inputs {
+        let mut first = 0;
+        let place = |point: &InputPoint| {
+            let width = point.width as usize;
+            first += width;
+            Place {
+                first: first - width,
+                width,
+                ready: Ready::Nothing,
+            }
+        };
+        let places = points.iter().map(place).collect();
+        Inputs {
+            places,
+            words: vec![0; first].into(),
+        }
+    }
+
+    /// Lays all values ready, or none of them. The bounds are constants of the plan.
+    ///
+    /// # Errors
+    /// The first value that cannot be set.
+    pub fn set(&mut self, plan: &Plan<'_>, values: &[InputValue]) -> Result<(), Refusal> {
+        for (index, value) in values.iter().enumerate() {
+            let twice = values
+                .iter()
+                .take(index)
+                .any(|other| other.input == value.input);
+            let fault = if twice {
+                Err(InputFault::Twice)
+            } else {
+                check(plan, value)
+            };
+            let input = value.input;
+            fault.map_err(|fault| Refusal::Input { input, fault })?;
+        }
+        for value in values {
+            self.lay(value.input, &value.words);
+        }
+        Ok(())
+    }
+
+    /// Lays one value ready, as it was checked before; words that do not fit are passed over.
+    pub fn lay(&mut self, input: u32, words: &[u64]) {
+        let Some(place) = self.places.get_mut(input as usize) else {
+            return;
+        };
+        let room = self.words.get_mut(place.first..place.first + place.width);
+        if let Some(room) = room.filter(|room| room.len() == words.len()) {
+            room.copy_from_slice(words);
+            place.ready = Ready::Waits;
+        }
+    }
+
+    /// What waits for the next evaluation.
+    pub fn waiting(&self) -> impl Iterator<Item = (u32, &[u64])> {
+        let places = self.places.iter().zip(0u32..);
+        let places = places.filter(|(place, _)| place.ready == Ready::Waits);
+        places.filter_map(|(place, input)| {
+            let words = self.words.get(place.first..place.first + place.width)?;
+            Some((input, words))
+        })
+    }
+
+    /// What waits is forgotten.
+    pub fn forget(&mut self) {
+        for place in &mut self.places {
+            place.ready = Ready::Nothing;
+        }
+    }
+
+    /// The first evaluation did not count: what it took waits again.
+    pub fn wait_again(&mut self) {
+        for place in &mut self.places {
+            if place.ready == Ready::TakenFirst {
+                place.ready = Ready::Waits;
+            }
+        }
+    }
+
+    /// An evaluation begins: what waits is written, and everything else is older by `step_s`. `first`: from the initial
+    /// state.
+    pub fn begin(
+        &mut self,
+        points: &[InputPoint],
+        arenas: &mut Arenas<'_>,
+        first: bool,
+        step_s: f64,
+    ) {
+        for (point, place) in points.iter().zip(&mut self.places) {
+            let Some(since) = arenas.ints.get_mut(point.since as usize) else {
+                continue;
+            };
+            let waits = place.ready == Ready::Waits;
+            *since = match (waits, *since) {
+                (true, _) => 0,
+                (false, NULL_INT) => continue,
+                (false, evaluations) => evaluations.saturating_add(1),
+            };
+            let since = *since;
+            if let Some(age) = arenas.reals.get_mut(point.age as usize) {
+                *age = since as f64 * step_s;
+            }
+            if waits {
+                place.ready = if first {
+                    Ready::TakenFirst
+                } else {
+                    Ready::Nothing
+                };
+                let words = self.words.get(place.first..place.first + place.width);
+                arenas.write(point, words.unwrap_or_default());
+            } else if point.expires > 0 && since > i64::from(point.expires) {
+                arenas.clear(point);
+            }
+        }
+    }
+}
+
+impl Arenas<'_> {
+    fn write(&mut self, point: &InputPoint, words: &[u64]) {
+        let (slot, width) = (point.slot as usize, point.width as usize);
+        match point.store {
+            Store::Real => {
+                for (place, word) in self.reals.iter_mut().skip(slot).take(width).zip(words) {
+                    let value = f64::from_bits(*word);
+                    *place = if value.is_nan() { NULL_REAL } else { value };
+                }
+            }
+            Store::Bool => {
+                for (place, word) in self.bools.iter_mut().skip(slot).take(width).zip(words) {
+                    *place = (*word).min(u64::from(NULL_BOOL)) as u8;
+                }
+            }
+            Store::Int => {
+                for (place, word) in self.ints.iter_mut().skip(slot).take(width).zip(words) {
+                    *place = word.cast_signed();
+                }
+            }
+        }
+    }
+
+    fn clear(&mut self, point: &InputPoint) {
+        let (slot, width) = (point.slot as usize, point.width as usize);
+        match point.store {
+            Store::Real => {
+                let places = self.reals.iter_mut().skip(slot).take(width);
+                places.for_each(|place| *place = NULL_REAL);
+            }
+            Store::Bool => {
+                let places = self.bools.iter_mut().skip(slot).take(width);
+                places.for_each(|place| *place = NULL_BOOL);
+            }
+            Store::Int => {
+                let places = self.ints.iter_mut().skip(slot).take(width);
+                places.for_each(|place| *place = NULL_INT);
+            }
+        }
+    }
+}
+
+fn check(plan: &Plan<'_>, value: &InputValue) -> Result<(), InputFault> {
+    let point = plan.inputs.get(value.input as usize);
+    let point = point.ok_or(InputFault::Unknown)?;
+    if value.words.len() != point.width as usize {
+        return Err(InputFault::Elements);
+    }
+    for (word, element) in value.words.iter().zip(0u32..) {
+        let good = match point.store {
+            Store::Real => !f64::from_bits(*word).is_infinite(),
+            Store::Bool => *word <= u64::from(NULL_BOOL),
+            Store::Int => true,
+        };
+        if !good {
+            return Err(InputFault::NoValue);
+        }
+        let inside = |bound: Option<u32>, least: bool| {
+            let bound = bound.map(|slot| (slot + element) as usize);
+            bound.is_none_or(|slot| is_inside(plan, point.store, *word, slot, least))
+        };
+        if !inside(point.at_least, true) || !inside(point.at_most, false) {
+            return Err(InputFault::OutOfRange);
+        }
+    }
+    Ok(())
+}
+
+/// Null is in every range, and a null bound is none.
+fn is_inside(plan: &Plan<'_>, store: Store, word: u64, slot: usize, least: bool) -> bool {
+    match store {
+        Store::Real => plan.reals.get(slot).is_none_or(|bound| {
+            let value = f64::from_bits(word);
+            // Written so that a NaN on either side is inside.
+            !(if least {
+                value < *bound
+            } else {
+                value > *bound
+            })
+        }),
+        Store::Int => plan.ints.get(slot).is_none_or(|bound| {
+            let value = word.cast_signed();
+            let outside = if least {
+                value < *bound
+            } else {
+                value > *bound
+            };
+            value == NULL_INT || *bound == NULL_INT || !outside
+        }),
+        Store::Bool => true,
+    }
+}

@@ -1,0 +1,79 @@
+//! Rules of values that are set from outside.
+//! The loader's threads.
+
+use rcc_config::diagnostic::Diagnostic;
+use rcc_core::plan::INPUT_ELEMENTS_MAX;
+use rcc_core::primitive::Role;
+use rcc_core::types::Type;
+
+use super::Typed;
+use crate::fault;
+use crate::lower::given;
+use crate::resolve::Item;
+
+/// By `Input`: the primitive and the type of its value, if it is known.
+fn inputs<'a>(net: Typed<'a>) -> impl Iterator<Item = (&'a Item<'a>, Type)> {
+    let items = net.graph.items.iter().enumerate();
+    let items = items.filter(|(_, item)| item.spec().role == Role::Input);
+    items.filter_map(move |(number, item)| {
+        let port = item.spec().outputs.first()?;
+        let ty = net.inferred.port_type(net.graph, number, port.ty)?;
+        Some((item, ty))
+    })
+}
+
+/// Only numbers have an order; and there is room for all inputs.
+pub fn bounds_are_of_numbers(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let mut elements = 0u32;
+    for (item, ty) in inputs(net) {
+        let ordered = matches!(ty, Type::Real | Type::Int | Type::Reals(_) | Type::Ints(_));
+        let bounds = ["at_least", "at_most"];
+        for (name, literal) in bounds.map(|name| (name, given(item, name))) {
+            if let (Some(literal), false) = (literal, ordered) {
+                let message = format!("`{}.{name}` bounds a {ty}, which has no order", item.id());
+                let fault = Diagnostic::error(fault::TYPE_MISMATCH, literal.span, message);
+                faults
+                    .push(fault.help("bounds are for Real, Int and arrays of them: leave it out"));
+            }
+        }
+        let before = elements;
+        elements = elements.saturating_add(ty.width());
+        if before <= INPUT_ELEMENTS_MAX && elements > INPUT_ELEMENTS_MAX {
+            let message =
+                format!("the inputs of a net have at most {INPUT_ELEMENTS_MAX} elements together");
+            let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
+            faults.push(fault.help("divide it into several nets"));
+        }
+    }
+}
+
+/// What an input begins as is a value that it could be set to.
+pub fn first_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for (item, _) in inputs(net) {
+        let Some(initial) = given(item, "initial") else {
+            continue;
+        };
+        for (name, least) in [("at_least", true), ("at_most", false)] {
+            let Some(bound) = given(item, name) else {
+                continue;
+            };
+            let pairs = initial.numbers().into_iter().zip(bound.numbers());
+            let mut outside = pairs.filter(|(value, bound)| match least {
+                true => value < bound,
+                false => value > bound,
+            });
+            if let Some((value, bound)) = outside.next() {
+                let message = format!(
+                    "`{}.initial` must be {} {bound}, this is {value}",
+                    item.id(),
+                    if least { "at least" } else { "at most" }
+                );
+                faults.push(Diagnostic::error(
+                    fault::OUT_OF_RANGE,
+                    initial.span,
+                    message,
+                ));
+            }
+        }
+    }
+}

@@ -1,0 +1,375 @@
+//! Values into a net and out of it: inputs are set, and ports are read as of one cycle.
+//! Run by blocking threads of the server; the real-time thread sees numbers only.
+
+use rcc_core::message::CommandState;
+use rcc_core::plan::ValuePoint;
+use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
+use rcc_ipc::control::{Answer, Call, READ_MAX, Values};
+use rcc_ipc::pattern::Pattern;
+use rcc_language::names::{Names, PortNames};
+use rcc_language::setting;
+use serde_json::{Number, Value};
+
+use super::api::{InputsSet, ValueView, ValuesView};
+use super::codes;
+use super::compile::findings;
+use super::error::ApiError;
+use super::service::{Service, unexpected};
+use super::store::Store as Files;
+
+/// A port, or an element of one, that somebody wants to see.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    /// `primitive.port`, or `primitive.port[index]`.
+    pub port: String,
+    /// Its type.
+    pub ty: String,
+    /// Its unit, where the type does not say it.
+    pub unit: Option<String>,
+    /// Where it lies.
+    pub point: ValuePoint,
+    /// It is null as a whole or not at all.
+    whole: bool,
+}
+
+/// A command with its names.
+pub(super) struct Named {
+    pub id: u64,
+    pub names: Names,
+}
+
+impl Service {
+    /// Sets inputs of a ready or active net, all of them between the same two cycles, or none; `text` maps their names to
+    /// constants of the language.
+    ///
+    /// # Errors
+    /// There is no such command, a value is not one of its input, or the executor refuses: then nothing has changed.
+    pub fn set(&self, name: &str, text: &str) -> Result<InputsSet, ApiError> {
+        let (attached, store) = self.attach()?;
+        let suits = |state: CommandState| state == CommandState::Ready || state.is_active();
+        let id = self.resolve(&attached, &store, name, suits)?;
+        let Named { id, names } = named(&store, id)?;
+        let values = setting::read(text, "values", &names).map_err(|faults| refused(&faults))?;
+        let set = values.iter().filter_map(|value| {
+            let input = names.inputs.get(value.input as usize)?;
+            Some(input.primitive.clone())
+        });
+        let (set, net) = (set.collect(), names.net.clone());
+        match self.executor.call(&Call::Set { id, values })? {
+            Answer::Done { cycle } => Ok(InputsSet {
+                id,
+                net,
+                cycle,
+                set,
+            }),
+            Answer::Refused(refusal) => {
+                Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+            }
+            _ => Err(unexpected()),
+        }
+    }
+
+    /// Values of the ports that the patterns name, without patterns of all outputs, as the last evaluation left them.
+    ///
+    /// # Errors
+    /// There is no such command or port, or more is asked for than is read at a time.
+    pub fn values(&self, name: &str, ports: &[String]) -> Result<ValuesView, ApiError> {
+        let (attached, store) = self.attach()?;
+        let id = self.resolve(&attached, &store, name, |state| state.is_active())?;
+        let Named { id, names } = named(&store, id)?;
+        let shown = select(&names, ports)?;
+        let points = shown.iter().map(|shown| shown.point).collect();
+        match self.executor.call(&Call::Read { id, points })? {
+            Answer::Values(values) => {
+                let period_ns = attached.status().period_ns;
+                Ok(view(id, &names.net, period_ns, &shown, &values))
+            }
+            Answer::Refused(refusal) => {
+                Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+            }
+            _ => Err(unexpected()),
+        }
+    }
+}
+
+/// The names of a command.
+pub(super) fn named(store: &Files, id: u64) -> Result<Named, ApiError> {
+    let file = store
+        .read(id)
+        .ok_or_else(|| super::words::unknown(&id.to_string()))?;
+    let names = serde_json::from_value(file.names).map_err(|_| {
+        let message = format!("#{id} has no names: it was never ready");
+        ApiError::new(codes::WRONG_STATE, message, "`rcc-cli state` says why")
+    })?;
+    Ok(Named { id, names })
+}
+
+fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {
+    let diagnostics = findings(faults);
+    let errors = diagnostics
+        .iter()
+        .filter(|finding| finding.severity == "error");
+    let messages: Vec<&str> = errors
+        .clone()
+        .map(|finding| finding.message.as_str())
+        .collect();
+    let help = errors.clone().find_map(|finding| finding.help.clone());
+    ApiError {
+        code: codes::INPUT_REFUSED,
+        message: format!("nothing is set: {}", messages.join("; ")),
+        help: help.unwrap_or_default(),
+        diagnostics,
+    }
+}
+
+/// The ports that the patterns name, in the order of the net, each once; without patterns all outputs.
+pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<Shown>, ApiError> {
+    let patterns = ports.iter().map(|port| {
+        let pattern: Result<Pattern, _> = port.parse();
+        pattern.map_err(|error| ApiError::new(codes::BAD_REQUEST, error.to_string(), ""))
+    });
+    let patterns: Vec<Pattern> = patterns.collect::<Result<_, _>>()?;
+    let mut used = vec![false; patterns.len()];
+    let mut shown: Vec<Shown> = Vec::new();
+    for primitive in &names.primitives {
+        if shown.len() > READ_MAX {
+            break;
+        }
+        let inputs = primitive.inputs.iter().map(|port| (port, true));
+        let outputs = primitive.outputs.iter().map(|port| (port, false));
+        for (port, is_input) in inputs.chain(outputs) {
+            let name = format!("{}.{}", primitive.id, port.name);
+            if patterns.is_empty() && !is_input {
+                shown.extend(of_port(&name, port, None));
+            }
+            for (pattern, used) in patterns.iter().zip(&mut used) {
+                let full = format!("{}/{name}", names.net);
+                if pattern.matches(&full) || pattern.matches(&name) {
+                    *used = true;
+                    let found = of_port(&name, port, pattern.element);
+                    let new = found.filter(|new| shown.iter().all(|old| old.port != new.port));
+                    shown.extend(new);
+                }
+            }
+        }
+    }
+    if shown.len() > READ_MAX {
+        let message = format!("these are more than {READ_MAX} ports of `{}`", names.net);
+        let help = "name fewer: `--ports 'move.*'`, or `?ports=move.*`";
+        return Err(ApiError::new(codes::TOO_MANY_PORTS, message, help));
+    }
+    let vain = ports.iter().zip(&used).find(|(_, used)| !**used);
+    match vain {
+        Some((port, _)) => Err(no_port(names, port)),
+        None => Ok(shown),
+    }
+}
+
+fn of_port(name: &str, port: &PortNames, element: Option<usize>) -> Option<Shown> {
+    let kind = port.type_name.split('[').next().unwrap_or_default();
+    let point = ValuePoint {
+        store: port.store,
+        slot: port.slot,
+        width: port.width,
+    };
+    let whole = Shown {
+        port: name.to_owned(),
+        ty: port.type_name.clone(),
+        unit: port.unit.clone(),
+        point,
+        whole: !matches!(kind, "Real" | "Bool" | "Int"),
+    };
+    let Some(element) = element else {
+        return Some(whole);
+    };
+    let index = u32::try_from(element)
+        .ok()
+        .filter(|index| *index < port.width)?;
+    Some(Shown {
+        port: format!("{name}[{element}]"),
+        // The elements of composites are numbers.
+        ty: if whole.whole { "Real" } else { kind }.to_owned(),
+        point: ValuePoint {
+            slot: port.slot + index,
+            width: 1,
+            ..point
+        },
+        whole: false,
+        ..whole
+    })
+}
+
+fn no_port(names: &Names, port: &str) -> ApiError {
+    let ports = names.primitives.iter().flat_map(|primitive| {
+        let ports = primitive.inputs.iter().chain(&primitive.outputs);
+        ports.map(|port| format!("{}.{}", primitive.id, port.name))
+    });
+    let ports: Vec<String> = ports.take(2000).collect();
+    let near = rcc_config::diagnostic::closest(port, ports.iter().map(String::as_str));
+    let help = match near {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => "write primitive.port, with * and ? for any characters; `rcc-cli state NET --values` lists the outputs".to_owned(),
+    };
+    let message = format!("`{}` has no port `{port}`", names.net);
+    ApiError::new(codes::UNKNOWN_PORT, message, help)
+}
+
+pub(super) fn view(
+    id: u64,
+    net: &str,
+    period_ns: u64,
+    shown: &[Shown],
+    values: &Values,
+) -> ValuesView {
+    let mut words = values.words.as_slice();
+    let values_of = shown.iter().map(|shown| {
+        let (own, rest) = words
+            .split_at_checked(shown.point.width as usize)
+            .unwrap_or_default();
+        words = rest;
+        ValueView {
+            port: shown.port.clone(),
+            ty: shown.ty.clone(),
+            unit: shown.unit.clone(),
+            value: json(shown, own),
+        }
+    });
+    let step_s = period_ns as f64 * f64::from(values.every) / 1e9;
+    ValuesView {
+        id,
+        net: net.to_owned(),
+        state: CommandState::from_number(values.state).name().to_owned(),
+        cycle: values.cycle,
+        net_cycle: values.evaluations,
+        time_s: values.evaluations.saturating_sub(1) as f64 * step_s,
+        values: values_of.collect(),
+    }
+}
+
+/// A value as JSON.
+fn json(shown: &Shown, words: &[u64]) -> Value {
+    let store = shown.point.store;
+    let mut elements: Vec<Value> = words.iter().map(|word| element(store, *word)).collect();
+    match elements.len() {
+        1 if !shown.whole && !shown.ty.contains('[') => elements.pop().unwrap_or_default(),
+        _ if shown.whole && elements.last().is_none_or(Value::is_null) => Value::Null,
+        _ => Value::Array(elements),
+    }
+}
+
+fn element(store: Store, word: u64) -> Value {
+    match store {
+        Store::Real => {
+            let value = f64::from_bits(word);
+            let number = Number::from_f64(value).map(Value::Number);
+            match number {
+                Some(number) => number,
+                None if value.is_nan() => Value::Null,
+                None => Value::from(value.to_string()),
+            }
+        }
+        Store::Bool if word >= u64::from(NULL_BOOL) => Value::Null,
+        Store::Bool => Value::Bool(word == 1),
+        Store::Int if word.cast_signed() == NULL_INT => Value::Null,
+        Store::Int => Value::from(word.cast_signed()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_language::names::PrimitiveNames;
+
+    fn port(name: &str, type_name: &str, store: Store, slot: u32, width: u32) -> PortNames {
+        PortNames {
+            name: name.to_owned(),
+            store,
+            slot,
+            width,
+            type_name: type_name.to_owned(),
+            unit: None,
+            source: None,
+        }
+    }
+
+    fn names() -> Names {
+        let primitive = |id: &str, inputs, outputs| PrimitiveNames {
+            id: id.to_owned(),
+            type_name: "Any".to_owned(),
+            inputs,
+            outputs,
+        };
+        Names {
+            net: "line".to_owned(),
+            primitives: vec![
+                primitive(
+                    "move",
+                    vec![port("stop", "Bool", Store::Bool, 1, 1)],
+                    vec![
+                        port("pose", "Pose", Store::Real, 0, 7),
+                        port("done", "Bool", Store::Bool, 0, 1),
+                    ],
+                ),
+                primitive(
+                    "a/filter",
+                    vec![],
+                    vec![port("out", "Real[2]", Store::Real, 7, 2)],
+                ),
+            ],
+            ..Names::default()
+        }
+    }
+
+    fn ports(patterns: &[&str]) -> Result<Vec<String>, ApiError> {
+        let patterns: Vec<String> = patterns.iter().map(|text| (*text).to_owned()).collect();
+        let shown = select(&names(), &patterns)?;
+        Ok(shown.into_iter().map(|shown| shown.port).collect())
+    }
+
+    #[test]
+    fn patterns_name_ports_elements_and_what_is_in_fragments() {
+        let all = ["move.pose", "move.done", "a/filter.out"].map(str::to_owned);
+        assert_eq!(ports(&[]).as_deref(), Ok(&all[..]));
+        assert_eq!(ports(&["move.stop"]), Ok(vec!["move.stop".to_owned()]));
+        assert_eq!(ports(&["line/move.*"]).map(|found| found.len()), Ok(3));
+        assert_eq!(
+            ports(&["a/filter.out[1]"]),
+            Ok(vec!["a/filter.out[1]".to_owned()])
+        );
+        assert_eq!(
+            ports(&["line/a/*", "*filter.out"]),
+            Ok(vec!["a/filter.out".to_owned()])
+        );
+    }
+
+    #[test]
+    fn a_port_that_is_not_there_is_refused_with_a_near_one() {
+        let refused = ports(&["move.pose", "move.pos"]);
+        let help = refused.map_err(|error| (error.code, error.help));
+        assert_eq!(
+            help,
+            Err((codes::UNKNOWN_PORT, "did you mean `move.pose`?".to_owned()))
+        );
+        assert!(ports(&["a b"]).is_err());
+    }
+
+    #[test]
+    fn null_is_null_and_a_composite_is_null_as_a_whole() {
+        let names = names();
+        let shown = select(&names, &[]).unwrap_or_default();
+        let mut words = vec![f64::NAN.to_bits(); 7];
+        words.push(2);
+        words.extend([f64::NAN.to_bits(), f64::INFINITY.to_bits()]);
+        let values = Values {
+            every: 2,
+            evaluations: 4,
+            words,
+            ..Values::default()
+        };
+        let view = view(3, "line", 1_000_000, &shown, &values);
+        let shown: Vec<&Value> = view.values.iter().map(|value| &value.value).collect();
+        let last = serde_json::json!([null, "inf"]);
+        assert_eq!(shown, [&Value::Null, &Value::Null, &last]);
+        assert_eq!(view.time_s, 0.006);
+    }
+}
