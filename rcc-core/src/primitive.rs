@@ -117,6 +117,8 @@ pub struct Example {
     pub parameters: &'static str,
     /// The period of the net, ms.
     pub period_ms: u32,
+    /// Numbers at ports that take whole and real ones are whole.
+    pub whole: bool,
     /// The first line names ports with `|` between them; each further line is a cycle and has a literal of the language
     /// below each name: what the inputs are, and what the outputs must then be (to 1e-12). Inputs without a column are
     /// left unconnected.
@@ -134,6 +136,7 @@ impl Example {
             shows,
             parameters,
             period_ms: 1,
+            whole: false,
             table,
         }
     }
@@ -141,6 +144,14 @@ impl Example {
     /// At another period.
     pub const fn every_ms(self, period_ms: u32) -> Example {
         Example { period_ms, ..self }
+    }
+
+    /// Of whole numbers, at ports that take whole and real ones.
+    pub const fn whole(self) -> Example {
+        Example {
+            whole: true,
+            ..self
+        }
     }
 }
 

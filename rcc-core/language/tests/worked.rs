@@ -37,7 +37,13 @@ impl<'a> Table<'a> {
 fn net(spec: &Spec, example: &Example, table: &Table<'_>, row: &[&str]) -> String {
     let (mut wires, mut more, mut discard) = (Vec::new(), String::new(), Vec::new());
     for (name, value) in table.names.iter().zip(row) {
-        if spec.input(name).is_some() {
+        if let Some((_, port)) = spec.input(name) {
+            // What reads it as an Int makes it one.
+            if example.whole && port.ty.is_open() {
+                let reader = format!("{{type: BitNot, inputs: {{in: in_{name}.value}}}}");
+                more.push_str(&format!("  whole_{name}: {reader}\n"));
+                discard.push(format!("whole_{name}.out"));
+            }
             wires.push(format!("{name}: in_{name}.value"));
             let input = format!("{{type: Input, parameters: {{initial: {value}}}}}");
             more.push_str(&format!("  in_{name}: {input}\n"));

@@ -1,12 +1,21 @@
 //! `And`: both are true; null if either is null (strict, as every primitive unless it says otherwise).
 
-use crate::primitive::{Entry, Kernel, Port, Spec, each_bool};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_bool};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "And",
         summary: "True while both are true.",
+        examples: &[Example::new(
+            "both must be true; whoever knows a default for null, puts `OrElse` before",
+            "",
+            "a | b | out
+                 true | true | true
+                 true | false | false
+                 null | false | null
+                 null | true | null",
+        )],
         inputs: &[
             Port::bool("a", "first operand"),
             Port::bool("b", "second operand"),

@@ -1,12 +1,20 @@
 //! `BitAnd`: the bits that two whole numbers have in common, in two's complement.
 
-use crate::primitive::{Entry, Kernel, Port, Spec, each_int};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "BitAnd",
         summary: "The bits that are set in both of two whole numbers.",
+        examples: &[Example::new(
+            "1100 and 1010; -1 has every bit",
+            "",
+            "a | b | out
+                 12 | 10 | 8
+                 -1 | 5 | 5
+                 null | 5 | null",
+        )],
         inputs: &[
             Port::int("a", "first operand"),
             Port::int("b", "second operand, for instance a mask"),

@@ -2,7 +2,7 @@
 //! (paper, section IV-C).
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Role, Spec, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Role, Spec, each};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -10,6 +10,12 @@ pub const ENTRY: Entry = Entry::new(
         name: "Cancel",
         summary: "True from the cycle after CANCEL was requested.",
         null: "never null",
+        examples: &[Example::new(
+            "nobody has requested it",
+            "",
+            "requested
+                 false",
+        )],
         outputs: &[Port::bool("requested", "CANCEL was requested")],
         role: Role::Cancel,
         ..Spec::PLAIN

@@ -1,6 +1,8 @@
 //! `Constant`: a value with a name. A number written at an input is the same without one.
 
-use crate::primitive::{Entry, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule};
+use crate::primitive::{
+    Entry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -8,6 +10,13 @@ pub const ENTRY: Entry = Entry::new(
         name: "Constant",
         summary: "A value that never changes.",
         null: "never null, unless its value is null",
+        examples: &[Example::new(
+            "with its unit",
+            "{value: 20 mm}",
+            "out
+                 0.02 m
+                 0.02 m",
+        )],
         outputs: &[Port::new(
             "out",
             PortType::Any,

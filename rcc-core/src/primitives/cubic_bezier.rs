@@ -9,12 +9,12 @@ pub const ENTRY: Entry = Entry::new(
         name: "CubicBezier",
         summary: "A number on a cubic Bézier curve.",
         undefined: "overflow",
-        formula: "out = (1-t)³ from + 3 (1-t)² t control1 + 3 (1-t) t² control2 + t³ to, t = amount (Farin, Curves and \
+        formula: "out = (1-t)³ from + 3 (1-t)² t control1 + 3 (1-t) t² control2 + t³ to (Farin, Curves and \
                   Surfaces for CAGD, 5th ed., 4.3)",
         examples: &[Example::new(
             "ends, middle, and beyond",
             "",
-            "from | control1 | control2 | to | amount | out
+            "from | control1 | control2 | to | t | out
              0 | 0 | 1 | 1 | 0 | 0
              0 | 0 | 1 | 1 | 0.25 | 0.15625
              0 | 0 | 1 | 1 | 0.5 | 0.5
@@ -29,7 +29,7 @@ pub const ENTRY: Entry = Entry::new(
             Port::real("control2", UnitRule::Var(0), "the curve arrives from it"),
             Port::real("to", UnitRule::Var(0), "result at 1"),
             Port::real(
-                "amount",
+                "t",
                 UnitRule::ONE,
                 "part of the way; beyond 0 and 1 the curve goes on",
             ),
@@ -41,16 +41,13 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    [from, control1, control2, to, amount, out]: [u32; 6],
-) -> Option<()> {
+fn step(frame: &mut Frame<'_>, [from, control1, control2, to, t, out]: [u32; 6]) -> Option<()> {
     let points = [from, control1, control2, to].map(|slot| frame.get_real(slot));
     let [Some(a), Some(b), Some(c), Some(d)] = points else {
         return None;
     };
-    let amount = frame.get_real(amount)?;
-    frame.put_real(out, finite(bezier([a, b, c, d], amount)))
+    let t = frame.get_real(t)?;
+    frame.put_real(out, finite(bezier([a, b, c, d], t)))
 }
 
 /// The point of the curve at `t`.

@@ -15,7 +15,7 @@ pub const ENTRY: Entry = Entry::new(
         examples: &[Example::new(
             "from rest to rest, and with a slope",
             "",
-            "from | from_slope | to | to_slope | amount | out
+            "from | from_slope | to | to_slope | t | out
              0 | 0 | 1 | 0 | 0.25 | 0.15625
              0 | 0 | 1 | 0 | 0.5 | 0.5
              0 | 1 | 1 | 1 | 0.3 | 0.3
@@ -28,16 +28,16 @@ pub const ENTRY: Entry = Entry::new(
             Port::real(
                 "from_slope",
                 UnitRule::Var(0),
-                "change of the result per amount at 0",
+                "change of the result per t at 0",
             ),
             Port::real("to", UnitRule::Var(0), "result at 1"),
             Port::real(
                 "to_slope",
                 UnitRule::Var(0),
-                "change of the result per amount at 1",
+                "change of the result per t at 1",
             ),
             Port::real(
-                "amount",
+                "t",
                 UnitRule::ONE,
                 "part of the way; beyond 0 and 1 the curve goes on",
             ),
@@ -49,13 +49,10 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(
-    frame: &mut Frame<'_>,
-    [from, from_slope, to, to_slope, amount, out]: [u32; 6],
-) -> Option<()> {
+fn step(frame: &mut Frame<'_>, [from, from_slope, to, to_slope, t, out]: [u32; 6]) -> Option<()> {
     let (from, from_slope) = (frame.get_real(from)?, frame.get_real(from_slope)?);
     let (to, to_slope) = (frame.get_real(to)?, frame.get_real(to_slope)?);
     let points = [from, from + from_slope / 3.0, to - to_slope / 3.0, to];
-    let amount = frame.get_real(amount)?;
-    frame.put_real(out, finite(bezier(points, amount)))
+    let t = frame.get_real(t)?;
+    frame.put_real(out, finite(bezier(points, t)))
 }

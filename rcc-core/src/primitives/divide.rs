@@ -1,7 +1,7 @@
 //! `Divide`: out = a / b, rounded once; a division by zero has no meaningful result and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -9,6 +9,15 @@ pub const ENTRY: Entry = Entry::new(
         name: "Divide",
         summary: "The quotient of two numbers; its unit is the quotient of theirs.",
         undefined: "b = 0",
+        examples: &[Example::new(
+            "a quotient, and none by zero",
+            "",
+            "a | b | out
+                 6 | 3 | 2
+                 1 | -4 | -0.25
+                 1 | 0 | null
+                 null | 1 | null",
+        )],
         inputs: &[
             Port::real("a", UnitRule::Var(0), "first operand"),
             Port::real("b", UnitRule::Var(1), "second operand"),

@@ -4,7 +4,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store, Type};
 
@@ -13,6 +13,32 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Equals",
         summary: "True while two values are equal.",
+        examples: &[
+            Example::new(
+                "within a tolerance",
+                "{tolerance: 0.1}",
+                "a | b | out
+                 1.0 | 1.05 | true
+                 1.0 | 1.2 | false
+                 null | 1.0 | null",
+            ),
+            Example::new(
+                "truth values",
+                "",
+                "a | b | out
+                 true | true | true
+                 true | false | false",
+            ),
+            Example::new(
+                "whole numbers",
+                "",
+                "a | b | out
+                 3 | 3 | true
+                 3 | 4 | false
+                 null | 3 | null",
+            )
+            .whole(),
+        ],
         inputs: &[
             Port::new("a", PortType::Scalar, UnitRule::Var(0), "first operand"),
             Port::new("b", PortType::Scalar, UnitRule::Var(0), "second operand"),

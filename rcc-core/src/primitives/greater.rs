@@ -1,6 +1,6 @@
 //! `Greater`: out = a > b, for two numbers of the same unit; null if either is null.
 
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, compare_int, compare_real};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, compare_int, compare_real};
 use crate::types::Store;
 
 /// The row of the catalogue.
@@ -8,6 +8,24 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Greater",
         summary: "True while the first number is greater than the second.",
+        examples: &[
+            Example::new(
+                "only what is really greater; not less is `Not` behind `Less`",
+                "",
+                "a | b | out
+                 2.0 | 1.0 | true
+                 1.0 | 1.0 | false
+                 null | 1.0 | null",
+            ),
+            Example::new(
+                "whole numbers",
+                "",
+                "a | b | out
+                 2 | 1 | true
+                 1 | 2 | false",
+            )
+            .whole(),
+        ],
         inputs: &[
             Port::number("a", UnitRule::Var(0), "first operand"),
             Port::number("b", UnitRule::Var(0), "second operand"),

@@ -9,11 +9,11 @@ pub const ENTRY: Entry = Entry::new(
         name: "Lerp",
         summary: "A number between two others, at a part of the way; beyond 0 and 1 the line goes on.",
         undefined: "overflow",
-        formula: "out = from + amount · (to - from); with amount = 1 exactly `to`",
+        formula: "out = from + t · (to - from); with t = 1 exactly `to`",
         examples: &[Example::new(
             "from 10 to 20",
             "",
-            "from | to | amount | out
+            "from | to | t | out
              10 | 20 | 0 | 10
              10 | 20 | 0.25 | 12.5
              10 | 20 | 1 | 20
@@ -23,7 +23,7 @@ pub const ENTRY: Entry = Entry::new(
         inputs: &[
             Port::real("from", UnitRule::Var(0), "result at 0"),
             Port::real("to", UnitRule::Var(0), "result at 1"),
-            Port::real("amount", UnitRule::ONE, "part of the way"),
+            Port::real("t", UnitRule::ONE, "part of the way"),
         ],
         outputs: &[Port::real("out", UnitRule::Var(0), "number in between")],
         ..Spec::PLAIN
@@ -32,14 +32,14 @@ pub const ENTRY: Entry = Entry::new(
 );
 
 #[inline(always)]
-fn step(frame: &mut Frame<'_>, [from, to, amount, out]: [u32; 4]) -> Option<()> {
+fn step(frame: &mut Frame<'_>, [from, to, t, out]: [u32; 4]) -> Option<()> {
     let (from, to) = (frame.get_real(from)?, frame.get_real(to)?);
-    let amount = frame.get_real(amount)?;
+    let t = frame.get_real(t)?;
     // From the nearer end: exact at both.
-    let value = if amount < 0.5 {
-        from + amount * (to - from)
+    let value = if t < 0.5 {
+        from + t * (to - from)
     } else {
-        to - (1.0 - amount) * (to - from)
+        to - (1.0 - t) * (to - from)
     };
     frame.put_real(out, finite(value))
 }

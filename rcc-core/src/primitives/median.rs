@@ -27,7 +27,8 @@ pub const ENTRY: Entry = Entry::new(
                 "a | b | c | out
                  1 | 9 | 2 | 2
                  null | 1 | 2 | null",
-            ),
+            )
+            .whole(),
         ],
         inputs: &[
             Port::number("a", UnitRule::Var(0), "first number"),

@@ -1,6 +1,6 @@
 //! `Multiply`: out = a · b, rounded once; an Int that overflows has no meaningful result and is null.
 
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each_int, each_real};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real};
 use crate::types::Store;
 
 /// The row of the catalogue.
@@ -10,6 +10,31 @@ pub const ENTRY: Entry = Entry::new(
         summary: "The product of two numbers; its unit is the product of theirs.",
         null: "a null input gives null, and so does a whole number out of range",
         undefined: "overflow of whole numbers",
+        examples: &[
+            Example::new(
+                "real numbers",
+                "",
+                "a | b | out
+                 2.5 | 4.0 | 10.0
+                 -2.0 | 0.5 | -1.0
+                 null | 0.0 | null",
+            ),
+            Example::new(
+                "a bare number gets a unit",
+                "",
+                "a | b | out
+                 2.5 | 1 mm | 2.5 mm",
+            ),
+            Example::new(
+                "whole numbers",
+                "",
+                "a | b | out
+                 6 | -7 | -42
+                 4611686018427387904 | 2 | null
+                 null | 0 | null",
+            )
+            .whole(),
+        ],
         inputs: &[
             Port::number("a", UnitRule::Var(0), "first operand"),
             Port::number("b", UnitRule::Var(1), "second operand"),

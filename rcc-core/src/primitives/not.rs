@@ -1,7 +1,7 @@
 //! `Not`: out = not in; null if it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, choose, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, choose, each};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
@@ -9,6 +9,14 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Not",
         summary: "True while its input is false.",
+        examples: &[Example::new(
+            "the opposite",
+            "",
+            "in | out
+                 true | false
+                 false | true
+                 null | null",
+        )],
         inputs: &[Port::bool("in", "operand")],
         outputs: &[Port::bool("out", "not in")],
         ..Spec::PLAIN

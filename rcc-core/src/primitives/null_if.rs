@@ -3,7 +3,9 @@
 //! With `OrElse` and `IsNull` it is how a net makes, meets and asks for null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, PortType, Spec, UnitRule, choose, each, real_unless};
+use crate::primitive::{
+    Entry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, real_unless,
+};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -13,6 +15,15 @@ pub const ENTRY: Entry = Entry::new(
         summary: "A value, or null while a condition is true.",
         null: "a null value gives null, and so does a null condition",
         undefined: "the condition is true",
+        examples: &[Example::new(
+            "a number, unless the condition is true or not known",
+            "",
+            "in | condition | out
+                 1.5 | false | 1.5
+                 1.5 | true | null
+                 1.5 | null | null
+                 null | false | null",
+        )],
         inputs: &[
             Port::new("in", PortType::Any, UnitRule::Var(0), "value to pass on"),
             Port::bool("condition", "while it is true there is no value"),

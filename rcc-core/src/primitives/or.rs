@@ -1,12 +1,21 @@
 //! `Or`: at least one is true; null if either is null (strict, as every primitive unless it says otherwise).
 
-use crate::primitive::{Entry, Kernel, Port, Spec, each_bool};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_bool};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Or",
         summary: "True while at least one is true.",
+        examples: &[Example::new(
+            "one is enough; whoever knows a default for null, puts `OrElse` before",
+            "",
+            "a | b | out
+                 false | false | false
+                 true | false | true
+                 null | true | null
+                 null | false | null",
+        )],
         inputs: &[
             Port::bool("a", "first operand"),
             Port::bool("b", "second operand"),

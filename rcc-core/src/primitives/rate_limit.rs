@@ -5,7 +5,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, Parameter, ParameterKind, Port, PortType, Spec, State, UnitRule, each,
+    Entry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, State, UnitRule, each,
 };
 use crate::types::{NULL_REAL, Type};
 
@@ -15,6 +15,19 @@ pub const ENTRY: Entry = Entry::new(
         name: "RateLimit",
         summary: "Follows a number no faster than a given rate.",
         null: "a null input gives null and holds the state: afterwards it goes on from the last output",
+        formula: "out += in - out, at most ±rate · dt",
+        examples: &[Example::new(
+            "10 per second, every 0.1 s; the first value is taken as it is",
+            "{rate: 10}",
+            "in | out
+                 5 | 5
+                 7.5 | 6
+                 7.5 | 7
+                 7.5 | 7.5
+                 null | null
+                 0 | 6.5",
+        )
+        .every_ms(100)],
         inputs: &[Port::real("in", UnitRule::Var(0), "number to follow")],
         outputs: &[Port::real("out", UnitRule::Var(0), "followed number")],
         parameters: &[Parameter::new(

@@ -32,7 +32,8 @@ pub const ENTRY: Entry = Entry::new(
                  7 | -3 | 1
                  7 | 0 | null
                  null | 3 | null",
-            ),
+            )
+            .whole(),
         ],
         inputs: &[
             Port::number("a", UnitRule::Var(0), "dividend"),

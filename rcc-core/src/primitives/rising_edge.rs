@@ -5,7 +5,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose, each,
+    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
+    each,
 };
 use crate::types::{NULL_BOOL, Type};
 
@@ -15,6 +16,28 @@ pub const ENTRY: Entry = Entry::new(
         name: "RisingEdge",
         summary: "True in the one cycle in which its input becomes true.",
         null: "a null input gives null; the last known value stays remembered",
+        formula: "R_TRIG of IEC 61131-3, table 44, but null instead of false before the first cycle",
+        examples: &[
+            Example::new(
+                "only the change counts, and null does not hide it",
+                "",
+                "in | out
+                 true | false
+                 false | false
+                 true | true
+                 true | false
+                 false | false
+                 null | null
+                 true | true",
+            ),
+            Example::new(
+                "false before the first cycle",
+                "{initial: false}",
+                "in | out
+                 true | true
+                 true | false",
+            ),
+        ],
         inputs: &[Port::bool("in", "signal to watch")],
         outputs: &[Port::bool("out", "true in the cycle of the change")],
         parameters: &[Parameter::new(

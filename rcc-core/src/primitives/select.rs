@@ -4,7 +4,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, real_unless,
+    Entry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, real_unless,
 };
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
@@ -15,6 +15,25 @@ pub const ENTRY: Entry = Entry::new(
         summary: "One of two values, by a condition.",
         null: "a null condition gives null; of the values only the chosen one matters",
         null_rule: NullRule::FirstAndAnyKnown,
+        examples: &[
+            Example::new(
+                "only the condition and the chosen value matter",
+                "",
+                "condition | yes | no | out
+                 true | 1.5 | 2.5 | 1.5
+                 false | 1.5 | 2.5 | 2.5
+                 true | 1.5 | null | 1.5
+                 false | 1.5 | null | null
+                 null | 1.5 | 2.5 | null",
+            ),
+            Example::new(
+                "vectors of whole numbers",
+                "",
+                "condition | yes | no | out
+                 true | [1, 2] | [3, 4] | [1, 2]
+                 false | [1, 2] | [3, 4] | [3, 4]",
+            ),
+        ],
         inputs: &[
             Port::bool("condition", "which value"),
             Port::new(

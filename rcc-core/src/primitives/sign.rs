@@ -27,7 +27,8 @@ pub const ENTRY: Entry = Entry::new(
                  -7 | -1
                  0 | 0
                  null | null",
-            ),
+            )
+            .whole(),
         ],
         inputs: &[Port::number("in", UnitRule::Var(0), "number")],
         outputs: &[Port::number("out", UnitRule::ONE, "its sign").within(-1.0, 1.0)],

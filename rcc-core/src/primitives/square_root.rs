@@ -1,7 +1,7 @@
 //! `SquareRoot`: correctly rounded; a negative number has none and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -10,6 +10,16 @@ pub const ENTRY: Entry = Entry::new(
         summary: "The square root of a number; its unit is the root of the number's.",
         null: "a null input gives null, and so does a negative one",
         undefined: "in < 0",
+        examples: &[Example::new(
+            "a root, and none of a negative number",
+            "",
+            "in | out
+                 4 | 2
+                 0 | 0
+                 2 | 1.4142135623730951
+                 -1 | null
+                 null | null",
+        )],
         inputs: &[Port::real("in", UnitRule::Var(0), "operand, at least 0")],
         outputs: &[Port::real("out", UnitRule::Root(0), "result")],
         ..Spec::PLAIN

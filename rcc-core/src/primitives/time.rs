@@ -2,7 +2,7 @@
 //! the wall clock does.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
@@ -11,6 +11,25 @@ pub const ENTRY: Entry = Entry::new(
         name: "Time",
         summary: "Logical time since the command was started.",
         null: "never null",
+        formula: "number of the cycle · period",
+        examples: &[
+            Example::new(
+                "a period a cycle",
+                "",
+                "out
+                 0 s
+                 1 ms
+                 2 ms",
+            ),
+            Example::new(
+                "of a slower net",
+                "",
+                "out
+                 0 s
+                 5 ms",
+            )
+            .every_ms(5),
+        ],
         outputs: &[Port::real(
             "out",
             UnitRule::Is(Unit::SECOND),

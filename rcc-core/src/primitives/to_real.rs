@@ -1,7 +1,7 @@
 //! `ToReal`: a whole number as a Real; beyond ±2^53 the nearest one, ties to even.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
 use crate::types::NULL_INT;
 
 /// The row of the catalogue.
@@ -9,6 +9,14 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "ToReal",
         summary: "A whole number as a real one.",
+        examples: &[Example::new(
+            "the same number",
+            "",
+            "in | out
+                 7 | 7.0
+                 -3 | -3.0
+                 null | null",
+        )],
         inputs: &[Port::int("in", "whole number")],
         outputs: &[Port::real(
             "out",

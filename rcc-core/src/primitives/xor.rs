@@ -1,12 +1,21 @@
 //! `Xor`: exactly one is true; null if either is null.
 
-use crate::primitive::{Entry, Kernel, Port, Spec, each_bool};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_bool};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Xor",
         summary: "True while exactly one of two is true.",
+        examples: &[Example::new(
+            "either, not both",
+            "",
+            "a | b | out
+                 true | false | true
+                 true | true | false
+                 false | false | false
+                 null | true | null",
+        )],
         inputs: &[
             Port::bool("a", "first operand"),
             Port::bool("b", "second operand"),
