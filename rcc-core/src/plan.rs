@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::DeviceModel;
 use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
-use crate::primitive::{ChannelKind, Kernel, Operand, Role, Width};
+use crate::primitive::{CYCLES_MAX, ChannelKind, Kernel, Operand, Role, Size};
 use crate::primitives;
 use crate::types::Store;
 
@@ -458,28 +458,17 @@ impl<'a> Plan<'a> {
         models: &[DeviceModel],
         seen: &mut Seen,
     ) -> Result<(), PlanError> {
-        let has_width = entry.spec.has_width(kernel);
-        let width = match group.last() {
-            Some(width) if has_width => *width,
-            _ => 1,
-        };
-        seen.work = seen
-            .work
-            .saturating_add(u64::from(width.max(1)) * group.len() as u64);
+        let spec = &entry.spec;
+        let sizes = spec.sizes_in(kernel, group);
+        let work = sizes.work().saturating_mul(group.len() as u64);
+        seen.work = seen.work.saturating_add(work);
         let mut device = None;
-        for ((operand, &value), index) in entry.spec.operands(kernel).zip(group).zip(first..) {
+        for ((operand, &value), index) in spec.operands(kernel).zip(group).zip(first..) {
             let bad = PlanError::BadOperand { operand: index };
             let good = match operand {
-                Operand::Slot {
-                    store,
-                    width: Width::Fixed(width),
-                    ..
-                } => self.contains(store, value, width),
-                Operand::Slot {
-                    store,
-                    width: Width::Operand,
-                    ..
-                } => self.contains(store, value, width),
+                Operand::Slot { store, width, .. } => {
+                    self.contains(store, value, sizes.width(width))
+                }
                 Operand::Arm => {
                     device = models.get(value as usize).map(|model| (value, model));
                     device.is_some_and(|(_, model)| model.arm.is_some())
@@ -490,7 +479,7 @@ impl<'a> Plan<'a> {
                 }
                 Operand::Channel(kind) => {
                     let (device, model) = device.ok_or(bad)?;
-                    seen.claim_channel(entry.spec.role, kind, device, value)?;
+                    seen.claim_channel(spec.role, kind, device, value)?;
                     model
                         .channels
                         .get(kind as usize)
@@ -498,13 +487,16 @@ impl<'a> Plan<'a> {
                         && value < channel_max(kind)
                 }
                 Operand::Clock => value < self.clocks && seen.take_clock(value),
-                Operand::Width => true,
+                // What a size multiplies is in its arena, and so the size is bounded.
+                Operand::Size(Size::Open | Size::Dim(_)) => value > 0,
+                Operand::Size(Size::Cycles) => (1..=CYCLES_MAX).contains(&value),
             };
             if !good {
                 return Err(bad);
             }
         }
-        seen.account(entry.spec.role, device, has_width.then_some(width), first)
+        let width = spec.has_width(kernel).then_some(sizes.get(Size::Open));
+        seen.account(spec.role, device, width, first)
     }
 
     /// The operands of a run.

@@ -7,15 +7,21 @@ use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::types::Store;
 
 mod duration;
+mod operand;
 mod port;
 mod step;
+mod wide;
 
 pub use duration::{elapsed, reached};
-pub use port::{ChannelKind, Literal, Parameter, ParameterKind, Port, PortType, UnitRule};
+pub use operand::{CYCLES_MAX, DIMS_MAX, Memory, Operand, Size, Sizes, Width};
+pub use port::{
+    ChannelKind, Dim, Elements, Literal, Parameter, ParameterKind, Port, PortType, UnitRule,
+};
 pub use step::{
     Outcome, choose, compare_int, compare_real, each, each_bool, each_finite, each_int, each_real,
     finite, higher, lower, map_real, map_whole, real_unless, whole, within,
 };
+pub use wide::{copy, fill_null, is_null, wide_int, wide_real};
 
 /// What a primitive remembers from cycle to cycle; each kind is one contiguous block in the arena.
 /// Reals start as null (NaN), Bools as null, Ints as 0, unless `prepare` or a [`ParameterKind::Start`] sets them.
@@ -104,6 +110,8 @@ pub struct Spec {
     pub parameters: &'static [Parameter],
     /// State.
     pub state: State,
+    /// What it remembers of its open type.
+    pub memory: Memory,
     /// Role.
     pub role: Role,
 }
@@ -172,70 +180,9 @@ impl Spec {
         outputs: &[],
         parameters: &[],
         state: State::NONE,
+        memory: Memory::NONE,
         role: Role::Plain,
     };
-
-    /// True if the primitive works on values of several widths; the operands of a kernel that is not
-    /// for single values then end with the width.
-    pub fn is_wide(&self) -> bool {
-        let ports = self.inputs.iter().chain(self.outputs).map(|port| port.ty);
-        let values = self
-            .parameters
-            .iter()
-            .filter_map(|parameter| Some(parameter.kind.value()?.0));
-        ports.chain(values).any(PortType::is_wide)
-    }
-
-    /// The operands of a kernel of this primitive, in order: inputs, outputs, parameters, state
-    /// (reals, bools, ints), path clock, width. This order is the contract between loader, check and
-    /// kernels.
-    pub fn operands(&self, kernel: &Kernel) -> impl Iterator<Item = Operand> + use<'_> {
-        let (store, has_width) = (kernel.store, self.has_width(kernel));
-        let width = if has_width {
-            Width::Operand
-        } else {
-            Width::Fixed(1)
-        };
-        let port = move |ty: PortType, written: bool| match ty {
-            PortType::Is(ty) => Operand::slot(ty.store(), Width::Fixed(ty.width()), written),
-            PortType::Any => Operand::slot(store, width, written),
-            PortType::Scalar | PortType::Number => Operand::slot(store, Width::Fixed(1), written),
-            PortType::Joints => Operand::slot(Some(Store::Real), width, written),
-        };
-        let state = [
-            (Store::Real, self.state.reals),
-            (Store::Bool, self.state.bools),
-            (Store::Int, self.state.ints),
-        ];
-        let inputs = self.inputs.iter().map(move |p| port(p.ty, false));
-        let outputs = self.outputs.iter().map(move |p| port(p.ty, true));
-        let parameters = self.parameters.iter().filter_map(move |p| match p.kind {
-            ParameterKind::Value(ty, _) => Some(port(ty, false)),
-            ParameterKind::Arm => Some(Operand::Arm),
-            ParameterKind::Device => Some(Operand::Device),
-            ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),
-            ParameterKind::Start(..) | ParameterKind::Rate => None,
-        });
-        let state = state.into_iter().filter(|(_, count)| *count > 0);
-        let state = state.map(|(store, count)| Operand::Slot {
-            store,
-            width: Width::Fixed(count),
-            written: true,
-        });
-        let clock = (self.role == Role::Motion).then_some(Operand::Clock);
-        let width = has_width.then_some(Operand::Width);
-        inputs
-            .chain(outputs)
-            .chain(parameters)
-            .chain(state)
-            .chain(clock)
-            .chain(width)
-    }
-
-    /// True if the operands of this kernel end with the width.
-    pub fn has_width(&self, kernel: &Kernel) -> bool {
-        self.is_wide() && !kernel.single
-    }
 
     /// Finds an input and its place.
     pub fn input(&self, name: &str) -> Option<(usize, &'static Port)> {
@@ -251,49 +198,6 @@ impl Spec {
             .iter()
             .enumerate()
             .find(|(_, port)| port.name == name)
-    }
-}
-
-/// How many elements a slot operand has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
-    /// This many.
-    Fixed(u32),
-    /// As many as the width operand says.
-    Operand,
-}
-
-/// What a number in the operand list means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Operand {
-    /// Index of the first element in the arena of `store`.
-    Slot {
-        /// Which arena.
-        store: Store,
-        /// How many elements.
-        width: Width,
-        /// The kernel writes it.
-        written: bool,
-    },
-    /// Index of a device that has an arm.
-    Arm,
-    /// Index of a device.
-    Device,
-    /// Index of a channel of the device before it.
-    Channel(ChannelKind),
-    /// Index of a path clock.
-    Clock,
-    /// Width of the polymorphic slots.
-    Width,
-}
-
-impl Operand {
-    fn slot(store: Option<Store>, width: Width, written: bool) -> Operand {
-        Operand::Slot {
-            store: store.unwrap_or(Store::Real),
-            width,
-            written,
-        }
     }
 }
 

@@ -25,6 +25,7 @@ mod blink;
 mod cancel;
 mod ceiling;
 mod constant;
+mod copy;
 mod cosine;
 mod counter;
 mod cross;
@@ -120,6 +121,7 @@ mod rotation_to_quaternion;
 mod rotation_to_rpy;
 mod rotation_to_vector;
 mod round;
+mod scale;
 mod second_order_low_pass;
 mod select;
 mod shift;
@@ -179,6 +181,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &cancel::ENTRY,
     &ceiling::ENTRY,
     &constant::ENTRY,
+    &copy::ENTRY,
     &cosine::ENTRY,
     &counter::ENTRY,
     &cross::ENTRY,
@@ -274,6 +277,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &rotation_to_rpy::ENTRY,
     &rotation_to_vector::ENTRY,
     &round::ENTRY,
+    &scale::ENTRY,
     &second_order_low_pass::ENTRY,
     &select::ENTRY,
     &shift::ENTRY,

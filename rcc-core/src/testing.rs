@@ -12,7 +12,7 @@ use crate::guard::JointLimits;
 use crate::kinematics::SrsArm;
 use crate::message::{JOINTS_MAX, Joints, Measurement};
 use crate::path::{PathClocks, PathLimits, PathState};
-use crate::primitive::{Entry, Kernel, Operand, ParameterKind, Width};
+use crate::primitive::{Entry, Kernel, Operand, Size, Sizes};
 use crate::primitives;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
@@ -108,7 +108,7 @@ impl Bench {
         let parameters = spec
             .parameters
             .iter()
-            .filter(|p| !matches!(p.kind, ParameterKind::Rate | ParameterKind::Start(..)))
+            .filter(|p| p.kind.is_operand())
             .map(|p| p.name);
         let inputs = spec.inputs.iter().map(|p| p.name);
         let names = inputs
@@ -120,18 +120,20 @@ impl Bench {
             .collect();
         let (mut reals, mut bools, mut ints) = (vec![], vec![], vec![]);
         let mut operands = vec![];
+        let mut sizes = Sizes::ONE;
+        sizes.set(Size::Open, if spec.has_width(kernel) { width } else { 1 });
         for operand in spec.operands(kernel) {
-            let Operand::Slot {
-                store, width: w, ..
-            } = operand
-            else {
-                operands.push(if operand == Operand::Width { width } else { 0 });
-                continue;
+            let (store, w) = match operand {
+                Operand::Slot { store, width, .. } => (store, sizes.width(width) as usize),
+                Operand::Size(size) => {
+                    operands.push(sizes.get(size));
+                    continue;
+                }
+                _ => {
+                    operands.push(0);
+                    continue;
+                }
             };
-            let w = match w {
-                Width::Fixed(w) => w,
-                Width::Operand => width,
-            } as usize;
             operands.push(match store {
                 Store::Real => extend(&mut reals, w, NULL_REAL),
                 Store::Bool => extend(&mut bools, w, NULL_BOOL),
@@ -309,37 +311,35 @@ fn extend<T: Clone>(arena: &mut Vec<T>, width: usize, null: T) -> u32 {
 
 /// Checks a `Real, Real → Real` primitive against rows `[a, b, out]`, and that null propagates.
 pub fn check_binary(name: &str, rows: &[[f64; 3]]) {
-    let mut bench = Bench::new(name);
-    for [a, b, out] in rows.iter().copied() {
-        let got = bench.set_real("a", a).set_real("b", b).step().real("out");
-        assert!(
-            got == out || (got.is_nan() && out.is_nan()),
-            "{name}({a}, {b}) = {got}, not {out}"
-        );
-    }
-    for (a, b) in [(NULL_REAL, 1.0), (1.0, NULL_REAL), (NULL_REAL, NULL_REAL)] {
-        assert!(
-            bench
-                .set_real("a", a)
-                .set_real("b", b)
-                .step()
-                .real("out")
-                .is_nan(),
-            "{name}({a}, {b})"
-        );
+    // By the kernel for single values, and by the one for wide values if there is one.
+    for width in [1, 3] {
+        let mut bench = Bench::wide(name, Some(Store::Real), width);
+        for [a, b, out] in rows.iter().copied() {
+            let got = bench.set_real("a", a).set_real("b", b).step().real("out");
+            assert!(
+                got == out || (got.is_nan() && out.is_nan()),
+                "{name}({a}, {b}) = {got}, not {out}"
+            );
+        }
+        for (a, b) in [(NULL_REAL, 1.0), (1.0, NULL_REAL), (NULL_REAL, NULL_REAL)] {
+            let got = bench.set_real("a", a).set_real("b", b).step().real("out");
+            assert!(got.is_nan(), "{name}({a}, {b})");
+        }
     }
 }
 
 /// Checks an `Int, Int → Int` primitive against rows `[a, b, out]`, and that null propagates.
 pub fn check_int(name: &str, rows: &[[i64; 3]]) {
-    let mut bench = Bench::wide(name, Some(Store::Int), 1);
-    for [a, b, out] in rows.iter().copied() {
-        let got = bench.set_int("a", a).set_int("b", b).step().int("out");
-        assert_eq!(got, out, "{name}({a}, {b})");
-    }
-    for (a, b) in [(NULL_INT, 1), (1, NULL_INT), (-1, NULL_INT), (NULL_INT, 0)] {
-        let got = bench.set_int("a", a).set_int("b", b).step().int("out");
-        assert_eq!(got, NULL_INT, "{name}({a}, {b})");
+    for width in [1, 3] {
+        let mut bench = Bench::wide(name, Some(Store::Int), width);
+        for [a, b, out] in rows.iter().copied() {
+            let got = bench.set_int("a", a).set_int("b", b).step().int("out");
+            assert_eq!(got, out, "{name}({a}, {b})");
+        }
+        for (a, b) in [(NULL_INT, 1), (1, NULL_INT), (-1, NULL_INT), (NULL_INT, 0)] {
+            let got = bench.set_int("a", a).set_int("b", b).step().int("out");
+            assert_eq!(got, NULL_INT, "{name}({a}, {b})");
+        }
     }
 }
 

@@ -88,6 +88,50 @@ impl Type {
         }
     }
 
+    /// True for what can be added element by element and multiplied by a number.
+    pub const fn is_linear(self) -> bool {
+        matches!(
+            self,
+            Type::Int
+                | Type::Real
+                | Type::Vector3
+                | Type::Twist
+                | Type::Wrench
+                | Type::Reals(_)
+                | Type::Ints(_)
+                | Type::Matrix(..)
+        )
+    }
+
+    /// The array of so many values of a scalar type.
+    pub const fn array(self, length: u16) -> Option<Type> {
+        match self {
+            Type::Real => Some(Type::Reals(length)),
+            Type::Bool => Some(Type::Bools(length)),
+            Type::Int => Some(Type::Ints(length)),
+            _ => None,
+        }
+    }
+
+    /// One number, truth value or whole number of it: `Real` of a composite.
+    pub const fn scalar(self) -> Type {
+        match self.store() {
+            Some(Store::Bool) => Type::Bool,
+            Some(Store::Int) => Type::Int,
+            _ => Type::Real,
+        }
+    }
+
+    /// What it is written as a list of: how many, and of which type. The rows of a matrix, the numbers of a vector.
+    pub const fn items(self) -> Option<(u32, Type)> {
+        match self {
+            Type::Matrix(rows, columns) => Some((rows as u32, Type::Reals(columns as u16))),
+            Type::Vector3 | Type::Twist | Type::Wrench => Some((self.width(), Type::Real)),
+            Type::Reals(_) | Type::Bools(_) | Type::Ints(_) => Some((self.width(), self.scalar())),
+            _ => None,
+        }
+    }
+
     /// False for an element that has no unit whatever the unit of its port is.
     pub const fn element_has_unit(self, index: u32) -> bool {
         match self {

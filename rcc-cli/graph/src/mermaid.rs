@@ -21,12 +21,10 @@ pub fn mermaid(net: &Anatomy, values: Option<&Values>) -> String {
         let (reader_id, pin) = (reader, &net.primitives[reader].inputs[input]);
         let output = source.outputs[link.output].name;
         let value = values.and_then(|values| values.get(&format!("{}.{output}", source.id)));
-        let index = link
-            .index
-            .map_or_else(String::new, |index| format!("[{index}]"));
+        let part = link.part.as_deref().unwrap_or_default();
         let element = element.map_or_else(String::new, |element| format!("[{element}]"));
         let value = value.map_or_else(String::new, |value| format!(": {value}"));
-        let words = format!("{output}{index} → {}{element}{value}", pin.name);
+        let words = format!("{output}{part} → {}{element}{value}", pin.name);
         let arrow = if link.delayed { "-.->" } else { "-->" };
         // Writing to a String cannot fail.
         let _ = writeln!(

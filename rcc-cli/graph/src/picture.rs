@@ -134,8 +134,8 @@ fn watch(net: &Anatomy, part: &Part) -> String {
             .get(link.primitive)?
             .outputs
             .get(link.output)?;
-        Some(match link.index {
-            Some(index) => format!("{}[{index}]", port.name),
+        Some(match &link.part {
+            Some(part) => format!("{}{part}", port.name),
             None => port.name.to_owned(),
         })
     });

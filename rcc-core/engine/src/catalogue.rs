@@ -7,7 +7,9 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, Joints, Measurement};
 use rcc_core::plan::{CLOCKS_MAX, Run};
-use rcc_core::primitive::{ChannelKind, Kernel, Literal, ParameterKind, PortType, Role, Spec};
+use rcc_core::primitive::{
+    ChannelKind, Kernel, Literal, Operand, PortType, Role, Size, Sizes, Spec,
+};
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
 use rcc_ipc::control::{PlanData, Refusal};
@@ -20,6 +22,8 @@ pub const RUN: u32 = 256;
 const JOINTS: u32 = 7;
 /// Width of values of wide kernels, as many as joints: primitives of devices take nothing else.
 const WIDTH: u32 = JOINTS;
+/// Evaluations of windows.
+const WINDOW: u32 = 100;
 /// Where the arms are.
 pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 const PERIOD_S: f64 = 1e-3;
@@ -170,61 +174,61 @@ struct Filling {
 impl Filling {
     /// The operands of one primitive, in the order of [`Spec::operands`].
     fn group(&mut self, spec: &Spec, kernel: &Kernel) {
-        let width = if spec.has_width(kernel) { WIDTH } else { 1 };
-        let open = (kernel.store.unwrap_or(Store::Real), width);
-        for port in spec.inputs {
-            let operand = self.value(port.ty, open, port.default);
-            self.data.operands.push(operand);
+        let mut sizes = Sizes::ONE;
+        for size in spec.sizes(kernel) {
+            sizes.set(size, if size == Size::Cycles { WINDOW } else { WIDTH });
         }
-        for port in spec.outputs {
-            let operand = self.value(port.ty, open, Some(Literal::Null));
-            self.data.operands.push(operand);
-        }
-        for parameter in spec.parameters {
-            let operand = match parameter.kind {
-                ParameterKind::Value(ty, _) => self.value(ty, open, parameter.default),
-                ParameterKind::Arm | ParameterKind::Device => self.number % DEVICES_MAX as u32,
-                ParameterKind::Channel(kind) => self.number / DEVICES_MAX as u32 % channels(kind),
-                ParameterKind::Start(..) | ParameterKind::Rate => continue,
+        let parameters = spec.parameters.iter().filter(|row| row.kind.is_operand());
+        // What there is to know of the first operands; state and sizes follow.
+        let inputs = spec.inputs.iter().map(|port| (Some(port.ty), port.default));
+        let outputs = spec.outputs.iter().map(|_| (None, Some(Literal::Null)));
+        let parameters = parameters.map(|row| (row.kind.value().map(|(ty, _)| ty), row.default));
+        let mut known = inputs.chain(outputs).chain(parameters);
+        for operand in spec.operands(kernel) {
+            let place = known.next();
+            let number = self.number;
+            let operand = match (operand, place) {
+                (Operand::Slot { store, width, .. }, Some((ty, default))) => {
+                    self.value(ty, store, sizes.width(width), default)
+                }
+                (Operand::Slot { store, width, .. }, None) => {
+                    let start = if store == Store::Int {
+                        Literal::Int(0)
+                    } else {
+                        Literal::Null
+                    };
+                    self.slot(store, sizes.width(width), Some(start))
+                }
+                (Operand::Arm | Operand::Device, _) => number % DEVICES_MAX as u32,
+                (Operand::Channel(kind), _) => number / DEVICES_MAX as u32 % channels(kind),
+                (Operand::Clock, _) => {
+                    self.data.clocks += 1;
+                    self.data.clocks - 1
+                }
+                (Operand::Size(size), _) => sizes.get(size),
             };
             self.data.operands.push(operand);
         }
-        let state = spec.state;
-        for (store, count) in [
-            (Store::Real, state.reals),
-            (Store::Bool, state.bools),
-            (Store::Int, state.ints),
-        ] {
-            if count > 0 {
-                let start = if store == Store::Int {
-                    Literal::Int(0)
-                } else {
-                    Literal::Null
-                };
-                let operand = self.slot(store, count, Some(start));
-                self.data.operands.push(operand);
-            }
-        }
-        if spec.role == Role::Motion {
-            self.data.operands.push(self.data.clocks);
-            self.data.clocks += 1;
-        }
-        if spec.has_width(kernel) {
-            self.data.operands.push(WIDTH);
-        }
     }
 
-    /// `open`: the arena and width of open ports.
-    fn value(&mut self, ty: PortType, open: (Store, u32), default: Option<Literal>) -> u32 {
+    fn value(
+        &mut self,
+        ty: Option<PortType>,
+        store: Store,
+        width: u32,
+        default: Option<Literal>,
+    ) -> u32 {
         match ty {
-            PortType::Is(ty) if default.is_none() && ty.store() == Some(Store::Real) => {
+            Some(PortType::Is(ty)) if default.is_none() && store == Store::Real => {
                 self.composite(ty)
             }
-            PortType::Is(ty) => self.slot(ty.store().unwrap_or(Store::Real), ty.width(), default),
-            PortType::Joints if default.is_none() => self.reals(&HOLD[..JOINTS as usize]),
-            PortType::Joints => self.slot(Store::Real, JOINTS, default),
-            PortType::Scalar | PortType::Number => self.slot(open.0, 1, default),
-            PortType::Any => self.slot(open.0, open.1, default),
+            Some(PortType::Matrix(..)) if default.is_none() => {
+                let rows = (0..width).map(|place| place % (WIDTH + 1) == 0);
+                let identity: Vec<f64> = rows.map(|one| f64::from(u8::from(one))).collect();
+                self.reals(&identity)
+            }
+            Some(PortType::Joints) if default.is_none() => self.reals(&HOLD[..JOINTS as usize]),
+            _ => self.slot(store, width, default),
         }
     }
 

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::plan::{Delay, MonitorPoint, Plan, Run};
+use rcc_core::primitive::{Entry, Kernel, Size};
 use rcc_core::primitives::{self, CATALOGUE, KERNELS_MAX};
 use rcc_core::types::Store;
 use rcc_ipc::clock::monotonic_ns;
@@ -169,10 +170,10 @@ impl Costs {
         let group = entry.spec.operands(kernel).count().max(1);
         let operands = plan.operands_of(run)?.chunks_exact(group);
         let cost = self.kernel(run.kernel);
-        // A part of it does not depend on the width.
-        let scale = |width: &u32| (f64::from(*width) / f64::from(cost.width)).max(0.25);
-        let each = operands.map(|operands| match (cost.width, operands.last()) {
-            (1.., Some(width)) => cost.ns * scale(width),
+        // A part of it does not depend on the sizes.
+        let scale = |size: u32| (f64::from(size) / f64::from(cost.width)).max(0.25);
+        let each = operands.map(|operands| match size_of(entry, kernel, operands) {
+            Some(size) if cost.width > 0 => cost.ns * scale(size),
             _ => cost.ns,
         });
         Some(each.collect())
@@ -238,13 +239,18 @@ fn each(many_ns: f64) -> f64 {
     (many_ns / f64::from(MANY)).max(0.0)
 }
 
-/// Elements of the values of the first primitive of a run, if its kernel has a width.
+/// Elements of the values of the first primitive of a run, if its kernel has a size.
 fn width(plan: &Plan<'_>, run: &Run) -> Option<u32> {
     let (entry, kernel) = primitives::kernel(run.kernel)?;
     let group = entry.spec.operands(kernel).count();
-    let operands = plan.operands_of(run)?;
-    let width = operands.get(group.checked_sub(1)?)?;
-    entry.spec.has_width(kernel).then_some(*width)
+    size_of(entry, kernel, plan.operands_of(run)?.get(..group)?)
+}
+
+/// What the time of a primitive grows with, if its kernel has a size.
+fn size_of(entry: &Entry, kernel: &Kernel, group: &[u32]) -> Option<u32> {
+    let work = entry.spec.sizes_in(kernel, group).work();
+    let sized = entry.spec.sizes(kernel).any(|size| size != Size::Cycles);
+    sized.then(|| u32::try_from(work).unwrap_or(u32::MAX))
 }
 
 /// A net of a `Termination` that never ends it, and what `add` makes [`MANY`] times of it.

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::plan::PlanError;
-use rcc_core::primitive::{Operand, Width};
+use rcc_core::primitive::Operand;
 use rcc_core::primitives;
 use rcc_core::types::Store;
 
@@ -318,7 +318,7 @@ fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference
         let (entry, kernel) = primitives::kernel(run.kernel)?;
         let group = entry.spec.operands(kernel).count().max(1);
         for operands in plan.operands_of(run)?.chunks_exact(group) {
-            let whole = operands.last().copied().unwrap_or(0);
+            let sizes = entry.spec.sizes_in(kernel, operands);
             for (operand, &slot) in entry.spec.operands(kernel).zip(operands) {
                 let Operand::Slot {
                     store,
@@ -328,12 +328,8 @@ fn first_difference(net: &Net, snapshot: &Snapshot<'_>) -> Option<SlotDifference
                 else {
                     continue;
                 };
-                let width = match width {
-                    Width::Fixed(width) => width,
-                    Width::Operand => whole,
-                };
-                let found =
-                    (slot..slot + width).find_map(|slot| differs(net, snapshot, store, slot));
+                let found = (slot..slot + sizes.width(width))
+                    .find_map(|slot| differs(net, snapshot, store, slot));
                 if let Some(found) = found {
                     let writer = Some(entry.spec.name);
                     return Some(SlotDifference { writer, ..found });

@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::check::Typed;
 use crate::lower::{ItemSlots, Lowered, Slot};
 use crate::nulls::{Nulls, nulls};
-use crate::resolve::{Feed, Item};
+use crate::resolve::{Feed, Item, Leaf, Wire};
 use crate::syntax::literal::{Literal, Shape};
 
 pub use short::short;
@@ -122,9 +122,9 @@ pub struct Link {
     pub primitive: usize,
     /// Which of its outputs.
     pub output: usize,
-    /// Which element.
+    /// Which part of its value: `[2]`, `.x`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub index: Option<u32>,
+    pub part: Option<String>,
     /// It carries the value of the cycle before.
     pub delayed: bool,
     /// Its first value, short.
@@ -230,15 +230,26 @@ fn pin(net: Typed<'_>, number: usize, port: &Port, slot: Option<&Slot>) -> Pin {
     }
 }
 
+fn link(wire: &Wire<'_>) -> Source {
+    Source::Link(Link {
+        primitive: wire.from.item,
+        output: wire.from.port,
+        part: wire.part.map(|part| part.to_string()),
+        delayed: wire.delayed,
+        initial: wire.initial.map(short),
+    })
+}
+
 fn sources(feed: &Feed<'_>) -> Vec<Source> {
     match feed {
-        Feed::Wire(wire) => vec![Source::Link(Link {
-            primitive: wire.from.item,
-            output: wire.from.port,
-            index: wire.index,
-            delayed: wire.delayed,
-            initial: wire.initial.map(short),
-        })],
+        Feed::Wire(wire) => vec![link(wire)],
+        Feed::List(list) => {
+            let leaves = list.leaves.iter().map(|leaf| match leaf {
+                Leaf::Wire(wire) => link(wire),
+                Leaf::Literal(literal, _) => Source::Constant(short(literal)),
+            });
+            leaves.collect()
+        }
         Feed::Literal(literal) => vec![Source::Constant(short(literal))],
         Feed::Default(value) => {
             let value = Literal::new(default(*value), Default::default());

@@ -13,7 +13,7 @@ use rcc_config::diagnostic::Diagnostic;
 use crate::infer::Inferred;
 use crate::resolve::Graph;
 
-pub use limits::every;
+pub use limits::{every, window};
 pub(crate) use loops::components;
 pub(crate) use values::literal_fits;
 
@@ -32,6 +32,8 @@ type Check = fn(Typed<'_>, &mut Vec<Diagnostic>);
 const CHECKS: &[Check] = &[
     values::elements_exist,
     values::links_fit,
+    values::lists_fit,
+    values::lengths_are_known,
     values::literals_fit,
     values::types_suit_their_primitives,
     values::units_of_a_primitive_agree,
@@ -50,6 +52,7 @@ const CHECKS: &[Check] = &[
     limits::arms_are_commanded_in_every_cycle,
     limits::monitors_are_possible,
     limits::counts_are_within_limits,
+    limits::windows_are_possible,
     limits::what_moves_can_be_cancelled,
 ];
 

@@ -16,8 +16,9 @@ use crate::fault;
 use crate::sources::{Shift, Sources};
 use crate::syntax::fragment::{Fragment, FragmentInput};
 use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::part::Part;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Link, Net, Primitive, Source};
+use crate::syntax::{Kind, Link, List, Net, Primitive, Source};
 use body::{Bodies, Body, Target};
 use parameters::Parameters;
 
@@ -341,7 +342,7 @@ impl<'a> Expander<'a, '_> {
         for (key, source) in &instance.inputs {
             if known.contains(key.name.as_str()) {
                 let (source, pins) = self.source(source, body, scope);
-                if let Source::Link(link) = &source {
+                for link in source.links() {
                     // Also where the fragment makes nothing of it, which is its own fault.
                     self.flat.read.push(link.from.clone());
                 }
@@ -367,9 +368,9 @@ impl<'a> Expander<'a, '_> {
 
     /// What is refused reads something all the same.
     fn read(&mut self, source: &'a Source, body: &'a Body<'a>, scope: &Scope<'a>) {
-        if let (Source::Link(link), _) = self.source(source, body, scope) {
-            self.flat.read.push(link.from);
-        }
+        let (source, _) = self.source(source, body, scope);
+        let links = source.links().into_iter();
+        self.flat.read.extend(links.map(|link| link.from.clone()));
     }
 
     fn source(&mut self, source: &'a Source, body: &'a Body<'a>, scope: &Scope<'a>) -> Fed<'a> {
@@ -382,6 +383,15 @@ impl<'a> Expander<'a, '_> {
                     false => Source::Literal(literal),
                 };
                 return (source, Vec::new());
+            }
+            Source::List(list) => {
+                let elements = list.elements.iter();
+                let elements = elements.map(|element| self.source(element, body, scope).0);
+                let list = List {
+                    elements: elements.collect(),
+                    span: scope.shift.span(list.span),
+                };
+                return (Source::List(list), Vec::new());
             }
             Source::Link(link) => Link {
                 initial: link
@@ -396,7 +406,7 @@ impl<'a> Expander<'a, '_> {
             let Some(bound) = scope.inputs.get(input.name.name.as_str()) else {
                 return (Source::Refused, Vec::new());
             };
-            let pins = match link.from.index {
+            let pins = match link.from.part {
                 None => bound.pins.clone(),
                 Some(_) => Vec::new(),
             };
@@ -416,15 +426,36 @@ impl<'a> Expander<'a, '_> {
                 let from = self.constant(literal, &inside.from, scope);
                 Source::Link(Link { from, ..inside })
             }
-            Source::Literal(literal) => match (inside.from.index, &literal.shape) {
+            Source::List(list) => match inside.from.part {
+                None if inside.delayed => {
+                    let message = format!("`{}` is a list and cannot be delayed", inside.from);
+                    let fault = Diagnostic::error(fault::WRONG_SHAPE, inside.span, message);
+                    self.faults
+                        .push(fault.help("let its links be delayed where the instance is fed"));
+                    Source::Refused
+                }
+                None => Source::List(list.clone()),
+                Some(Part::Element(index)) if (index as usize) < list.elements.len() => {
+                    let mut whole = inside;
+                    whole.from.part = None;
+                    self.through(&list.elements[index as usize], whole, scope)
+                }
+                Some(_) => {
+                    let what = format!("a list of {}", list.elements.len());
+                    self.no_element(&inside, &what)
+                }
+            },
+            Source::Literal(literal) => match (inside.from.part, &literal.shape) {
                 (None, _) => Source::Literal(literal.clone()),
-                (Some(index), Shape::List(elements)) if (index as usize) < elements.len() => {
+                (Some(Part::Element(index)), Shape::List(elements))
+                    if (index as usize) < elements.len() =>
+                {
                     Source::Literal(elements[index as usize].clone())
                 }
                 (Some(_), _) => self.no_element(&inside, &literal.to_string()),
             },
             Source::Link(link) => {
-                if link.from.index.is_some() && inside.from.index.is_some() {
+                if link.from.part.is_some() && inside.from.part.is_some() {
                     return self.no_element(&inside, &format!("`{}`", link.from));
                 }
                 if link.delayed && inside.delayed {
@@ -436,7 +467,7 @@ impl<'a> Expander<'a, '_> {
                     return Source::Refused;
                 }
                 let mut link = link.clone();
-                link.from.index = link.from.index.or(inside.from.index);
+                link.from.part = link.from.part.or(inside.from.part);
                 link.delayed |= inside.delayed;
                 link.initial = link.initial.or(inside.initial);
                 Source::Link(link)
@@ -498,7 +529,7 @@ impl<'a> Expander<'a, '_> {
                 Target::Instance(instance, output) => (instance, output),
                 Target::Input(_) | Target::Refused => return None,
             };
-            if found.index.is_some() && output.from.index.is_some() {
+            if found.part.is_some() && output.from.part.is_some() {
                 let message = format!(
                     "`{}.{}` is an element already",
                     instance.id.name, output.name.name
@@ -507,7 +538,7 @@ impl<'a> Expander<'a, '_> {
                 self.faults.push(fault.help("take the index out"));
                 return None;
             }
-            found.index = found.index.or(output.from.index);
+            found.part = found.part.or(output.from.part);
             path.push_str(&instance.id.name);
             path.push('/');
             (body, _) = self.bodies.body_of(instance)?;
@@ -537,10 +568,10 @@ impl Scope<'_> {
 fn weight(primitive: &Primitive) -> usize {
     let parameters = primitive.parameters.iter();
     let parameters = parameters.map(|(_, literal)| elements(literal));
-    let inputs = primitive.inputs.iter().map(|(_, source)| match source {
-        Source::Literal(literal) => elements(literal),
-        Source::Link(link) => 1 + link.initial.as_ref().map_or(0, elements),
-        Source::Refused => 1,
+    let inputs = primitive.inputs.iter();
+    let inputs = inputs.map(|(_, source)| {
+        let constants = source.constants().into_iter().map(elements);
+        1 + source.links().len() + constants.sum::<usize>()
     });
     // An instance is known by its path and by where it stands.
     let itself = if primitive.kind == Kind::Fragment {

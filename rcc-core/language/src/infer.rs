@@ -2,19 +2,24 @@
 //! Literals adapt; what nothing decides is a Real, and of unit 1. The loader's threads.
 
 mod constraint;
+mod types;
 
-use rcc_core::primitive::{Port, PortType, UnitRule};
+use rcc_core::primitive::{Dim, Port, PortType, UnitRule};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use crate::resolve::{Feed, Graph, Item, Output, Pin, Wire};
+use crate::resolve::{Feed, Graph, Item, Leaf, Output, Pin, Wire};
 use crate::syntax::literal::Literal;
+use crate::syntax::part::{PartUnit, Place, unit_of};
 use constraint::{Constraint, Solver};
+use types::Open;
 
 /// Types and units of every port of a net.
 #[derive(Debug)]
 pub struct Inferred {
-    types: Vec<Option<Type>>,
+    open: Vec<Open>,
+    /// By item: joints of its device.
+    joints: Vec<Option<u16>>,
     cells: Vec<Cells>,
     units: Vec<Option<Unit>>,
 }
@@ -22,10 +27,10 @@ pub struct Inferred {
 /// The unit variables of one item: its rules and their number in the solver.
 type Cells = Vec<(UnitRule, usize)>;
 
-/// Something with a type or unit: fixed, a variable of the solver, or nothing that could be compared.
+/// Something with a unit: fixed, a variable of the solver, or nothing that could be compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Term<T> {
-    Fixed(T),
+enum Term {
+    Fixed(Unit),
     Open(usize),
     None,
 }
@@ -33,12 +38,21 @@ enum Term<T> {
 impl Inferred {
     /// The type that a port of item `number` carries; `None` if a fault hides it.
     #[must_use]
-    pub fn port_type(&self, graph: &Graph<'_>, number: usize, ty: PortType) -> Option<Type> {
-        match type_term(graph.items.get(number)?, graph, number, ty) {
-            Term::Fixed(ty) => Some(ty),
-            Term::Open(variable) => self.types.get(variable).copied().flatten(),
-            Term::None => None,
-        }
+    pub fn port_type(&self, _: &Graph<'_>, number: usize, ty: PortType) -> Option<Type> {
+        let joints = self.joints.get(number).copied().flatten();
+        self.open.get(number)?.port(joints, ty)
+    }
+
+    /// The open type of item `number`.
+    #[must_use]
+    pub fn open_type(&self, number: usize) -> Option<Type> {
+        self.open.get(number)?.open()
+    }
+
+    /// A length of item `number`; `None` if nothing says it.
+    #[must_use]
+    pub fn length(&self, number: usize, dim: Dim) -> Option<u16> {
+        self.open.get(number)?.dim(dim)
     }
 
     /// The unit of a port of item `number`; `None`: its type says it, or a fault hides it.
@@ -58,21 +72,66 @@ impl Inferred {
         self.port_type(graph, output.item, port.ty)
     }
 
-    /// The unit of what a link carries: that of the output, but for elements that have none.
+    /// The unit of what a link carries: that of the output, but for parts that have another one.
     #[must_use]
     pub fn wire_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> Option<Unit> {
-        if self.has_unit(graph, wire) {
-            self.output_unit(graph, wire.from)
-        } else {
-            Some(Unit::ONE)
+        match self.source_unit(graph, wire) {
+            PartUnit::Port => self.output_unit(graph, wire.from),
+            PartUnit::Is(unit) => Some(unit),
+            PartUnit::None => None,
         }
     }
 
-    /// False if a link carries an element that has no unit, whatever that of the output is.
-    fn has_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> bool {
-        match (wire.index, self.output_type(graph, wire.from)) {
-            (Some(index), Some(ty)) => ty.element_has_unit(index),
-            _ => true,
+    /// The unit that a link must have where it ends: that of the input, but for elements of a list that have another one.
+    #[must_use]
+    pub fn place_unit(
+        &self,
+        graph: &Graph<'_>,
+        number: usize,
+        port: &Port,
+        place: Place,
+    ) -> Option<Unit> {
+        match self.sink_unit(number, port, place) {
+            PartUnit::Port => self.port_unit(graph, number, port.unit),
+            PartUnit::Is(unit) => Some(unit),
+            PartUnit::None => None,
+        }
+    }
+
+    fn source_unit(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> PartUnit {
+        let whole = self.output_type(graph, wire.from);
+        let part = whole.zip(wire.part);
+        let part = part.and_then(|(whole, part)| Some((whole, part.of(whole)?)));
+        part.map_or(PartUnit::Port, |(whole, (offset, part))| {
+            unit_of(whole, offset, part)
+        })
+    }
+
+    fn sink_unit(&self, number: usize, port: &Port, place: Place) -> PartUnit {
+        let joints = self.joints.get(number).copied().flatten();
+        let open = self.open.get(number);
+        let whole = open.and_then(|open| open.port(joints, port.ty));
+        let part = whole.and_then(|whole| Some((whole, place.of(whole)?)));
+        match part {
+            _ if matches!(port.ty, PortType::Many(_)) => PartUnit::Port,
+            Some((whole, (offset, part))) => unit_of(whole, offset, part),
+            None => PartUnit::Port,
+        }
+    }
+
+    /// The type that must be at a place of an input's list; of the whole input if it is no list.
+    #[must_use]
+    pub fn place_type(
+        &self,
+        graph: &Graph<'_>,
+        number: usize,
+        port: &Port,
+        place: Place,
+    ) -> Option<Type> {
+        let whole = self.port_type(graph, number, port.ty)?;
+        match port.ty {
+            PortType::Many(_) => Some(whole),
+            _ => place.of(whole).map(|(_, ty)| ty),
         }
     }
 
@@ -83,14 +142,13 @@ impl Inferred {
         self.port_unit(graph, output.item, port.unit)
     }
 
-    /// What a link carries: the output or one of its elements.
+    /// What a link carries: the output or a part of it.
     #[must_use]
     pub fn wire_type(&self, graph: &Graph<'_>, wire: &Wire<'_>) -> Option<Type> {
         let ty = self.output_type(graph, wire.from)?;
-        match wire.index {
+        match wire.part {
             None => Some(ty),
-            Some(index) if index < ty.width() => ty.element(),
-            Some(_) => None,
+            Some(part) => part.of(ty).map(|(_, ty)| ty),
         }
     }
 }
@@ -104,21 +162,7 @@ fn port_of(graph: &Graph<'_>, output: Output) -> Option<&'static Port> {
         .get(output.port)
 }
 
-fn type_term(item: &Item<'_>, graph: &Graph<'_>, number: usize, ty: PortType) -> Term<Type> {
-    match ty {
-        PortType::Is(ty) => Term::Fixed(ty),
-        PortType::Any | PortType::Scalar | PortType::Number => Term::Open(number),
-        PortType::Joints => {
-            let device = item.device.and_then(|index| graph.cell.devices.get(index));
-            device.map_or(Term::None, |device| {
-                // At most JOINTS_MAX = 8.
-                Term::Fixed(Type::Reals(device.model.joints as u16))
-            })
-        }
-    }
-}
-
-fn unit_term(item: &Item<'_>, cells: &Cells, rule: UnitRule) -> Term<Unit> {
+fn unit_term(item: &Item<'_>, cells: &Cells, rule: UnitRule) -> Term {
     match rule {
         UnitRule::Is(unit) => Term::Fixed(unit),
         UnitRule::Typed => Term::None,
@@ -135,9 +179,18 @@ fn unit_term(item: &Item<'_>, cells: &Cells, rule: UnitRule) -> Term<Unit> {
 /// Finds the types and units of all ports.
 #[must_use]
 pub fn infer(graph: &Graph<'_>) -> Inferred {
-    let types = infer_types(graph);
+    let joints: Vec<Option<u16>> = graph
+        .items
+        .iter()
+        .map(|item| {
+            let device = item.device.and_then(|index| graph.cell.devices.get(index));
+            // At most JOINTS_MAX = 8.
+            device.map(|device| device.model.joints as u16)
+        })
+        .collect();
     let mut inferred = Inferred {
-        types,
+        open: types::infer(graph, &joints),
+        joints,
         cells: Vec::new(),
         units: Vec::new(),
     };
@@ -158,84 +211,6 @@ pub fn literals<'g>(item: &'g Item<'_>) -> impl Iterator<Item = (&'g Literal, Po
         Some(((*literal)?, ty, unit))
     });
     inputs.chain(parameters)
-}
-
-/// The links of a net with the number of the item that each ends at.
-fn wires<'g>(graph: &'g Graph<'_>) -> impl Iterator<Item = (usize, &'static Port, &'g Wire<'g>)> {
-    graph.items.iter().enumerate().flat_map(|(number, item)| {
-        item.wires().filter_map(move |(port, wire)| {
-            let port = item.spec().inputs.get(port)?;
-            Some((number, port, wire))
-        })
-    })
-}
-
-fn infer_types(graph: &Graph<'_>) -> Vec<Option<Type>> {
-    let mut solver = Solver::new(graph.items.len());
-    for (number, item) in graph.items.iter().enumerate() {
-        let mut ports = item.spec().inputs.iter().chain(item.spec().outputs);
-        if ports.any(|port| port.ty == PortType::Number) {
-            solver.allow(number, |ty| matches!(ty, Type::Int | Type::Real));
-        }
-    }
-    for Pin { item, input, said } in &graph.pins {
-        let sink = graph
-            .items
-            .get(*item)
-            .zip(said.ty)
-            .and_then(|(sink, (ty, _))| {
-                let port = sink.spec().inputs.get(*input)?;
-                Some((ty, type_term(sink, graph, *item, port.ty)))
-            });
-        if let Some((ty, sink)) = sink {
-            solver.add(Constraint::Equal(Term::Fixed(ty), sink));
-        }
-    }
-    for (number, port, wire) in wires(graph) {
-        let Some((source, from)) = graph
-            .items
-            .get(wire.from.item)
-            .zip(port_of(graph, wire.from))
-        else {
-            continue;
-        };
-        let source = type_term(source, graph, wire.from.item, from.ty);
-        let sink = graph
-            .items
-            .get(number)
-            .map_or(Term::None, |item| type_term(item, graph, number, port.ty));
-        solver.add(match wire.index {
-            None => Constraint::Equal(source, sink),
-            Some(_) => Constraint::Element(source, sink),
-        });
-        // The first value of a delayed link says as much as a literal.
-        if let (Some(ty), None) = (wire.initial.and_then(Literal::firm_type), wire.index) {
-            solver.add(Constraint::Equal(Term::Fixed(ty), sink));
-        }
-    }
-    for (number, item) in graph.items.iter().enumerate() {
-        for (literal, ty, _) in literals(item) {
-            if let Some(firm) = literal.firm_type() {
-                solver.add(Constraint::Equal(
-                    Term::Fixed(firm),
-                    type_term(item, graph, number, ty),
-                ));
-            }
-        }
-    }
-    solver.solve();
-    for (number, item) in graph.items.iter().enumerate() {
-        let usual = literals(item)
-            .filter(|(_, ty, _)| ty.is_open())
-            .find_map(|(literal, ..)| literal.usual_type());
-        if let Some(usual) = usual {
-            solver.decide(number, usual);
-        }
-    }
-    for number in 0..graph.items.len() {
-        solver.decide(number, Type::Real);
-    }
-    solver.values
 }
 
 fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
@@ -262,15 +237,32 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
             else {
                 continue;
             };
-            let sink = term(number, port.unit);
-            let source = if inferred.has_unit(graph, wire) {
-                term(wire.from.item, from.unit)
-            } else {
-                Term::Fixed(Unit::ONE)
+            let of = |unit: PartUnit, port: Term| match unit {
+                PartUnit::Port => port,
+                PartUnit::Is(unit) => Term::Fixed(unit),
+                PartUnit::None => Term::None,
             };
+            let place = inferred.sink_unit(number, port, wire.place);
+            let sink = of(place, term(number, port.unit));
+            let source = inferred.source_unit(graph, wire);
+            let source = of(source, term(wire.from.item, from.unit));
             solver.add(Constraint::Equal(source, sink));
             for (unit, _) in wire.initial.map(Literal::units).unwrap_or_default() {
                 solver.add(Constraint::Equal(Term::Fixed(unit), sink));
+            }
+        }
+        for (port, list) in item.lists() {
+            let port = item.spec().inputs.get(port);
+            for (leaf, port) in list.leaves.iter().zip(std::iter::repeat(port)) {
+                let (Leaf::Literal(literal, place), Some(port)) = (leaf, port) else {
+                    continue;
+                };
+                if inferred.sink_unit(number, port, *place) == PartUnit::Port {
+                    for (unit, _) in literal.units() {
+                        let sink = term(number, port.unit);
+                        solver.add(Constraint::Equal(Term::Fixed(unit), sink));
+                    }
+                }
             }
         }
         for (literal, _, rule) in literals(item) {

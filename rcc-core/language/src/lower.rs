@@ -4,23 +4,28 @@
 mod arena;
 mod delays;
 mod inputs;
+mod lists;
 mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::plan::{MonitorPoint, OPERANDS_MAX, Run, SLOTS_MAX};
-use rcc_core::primitive::{Literal as Default, ParameterKind, Port, Role, State};
+use rcc_core::primitive::{
+    Dim, Kernel, Literal as Default, Operand, ParameterKind, Port, Role, Size, Sizes, State,
+};
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
 use rcc_ipc::control::PlanData;
 
-use crate::check::{Typed, every};
+use crate::check::{Typed, every, window};
 use crate::fault;
 use crate::resolve::{Feed, Item, Output, Wire};
 use crate::syntax::literal::{Literal, Shape, Stored};
+use crate::syntax::part::Place;
 use arena::{Arena, Bits};
 use delays::{Copies, CopyKey};
+use lists::Lists;
 use rcc_config::diagnostic::Span;
 use schedule::Batch;
 
@@ -68,6 +73,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         arena: Arena::default(),
         slots: vec![ItemSlots::default(); net.graph.items.len()],
         copies: BTreeMap::new(),
+        lists: Lists::default(),
         clocks: 0,
     };
     lowering.place(&schedule);
@@ -78,9 +84,12 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         arena,
         slots,
         copies,
+        lists,
         clocks,
         ..
     } = lowering;
+    let mut delays = delays::ranges(&copies);
+    delays.extend(lists.delays);
     check_size(&arena, operands.len())?;
     let plan = PlanData {
         catalogue: primitives::fingerprint(),
@@ -90,7 +99,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         ints: arena.ints,
         runs,
         operands,
-        delays: delays::ranges(&copies),
+        delays,
         monitors,
         inputs,
         clocks,
@@ -103,6 +112,17 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         slots,
         order: batches.flat_map(|batch| batch.items).collect(),
     })
+}
+
+/// A run of what lies between two places of the operands, if that is anything.
+fn end_run(runs: &mut Vec<Run>, kernel: u16, first: u32, end: u32) {
+    if end > first {
+        runs.push(Run {
+            kernel,
+            first,
+            operands: end - first,
+        });
+    }
 }
 
 fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {
@@ -151,6 +171,7 @@ struct Lowering<'a> {
     arena: Arena,
     slots: Vec<ItemSlots>,
     copies: Copies,
+    lists: Lists,
     clocks: u32,
 }
 
@@ -167,6 +188,7 @@ impl<'a> Lowering<'a> {
     }
 
     fn place(&mut self, schedule: &[Batch]) {
+        self.claim();
         // Outputs first and in the order of evaluation: what is computed together lies together.
         for number in schedule.iter().flat_map(|batch| &batch.items) {
             self.place_outputs(*number);
@@ -188,7 +210,7 @@ impl<'a> Lowering<'a> {
         let items = self.net.graph.items.iter().enumerate();
         let keys = items.flat_map(|(number, item)| {
             item.wires()
-                .filter(|(_, wire)| wire.delayed)
+                .filter(|(_, wire)| wire.delayed && wire.place == Place::default())
                 .filter_map(move |(port, wire)| Some((number, item.spec().inputs.get(port)?, wire)))
         });
         let keys: BTreeSet<CopyKey> = keys
@@ -210,12 +232,14 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    /// Where the output or the element is that a link begins at.
+    /// Where the output or the part of it is that a link begins at.
     fn source(&self, wire: &Wire<'_>, ty: Type) -> Slot {
         let Output { item, port } = wire.from;
         let output = self.slots[item].outputs[port];
+        let whole = self.net.inferred.output_type(self.net.graph, wire.from);
+        let part = wire.part.zip(whole).and_then(|(part, ty)| part.of(ty));
         Slot {
-            slot: output.slot + wire.index.unwrap_or(0),
+            slot: output.slot + part.map_or(0, |(offset, _)| offset),
             width: ty.width(),
             ..output
         }
@@ -224,23 +248,30 @@ impl<'a> Lowering<'a> {
     fn runs(&mut self, schedule: &[Batch]) -> (Vec<Run>, Vec<u32>) {
         let (mut runs, mut operands) = (Vec::new(), Vec::new());
         for batch in schedule {
-            let first = operands.len() as u32;
+            let mut first = operands.len() as u32;
             for number in &batch.items {
+                let before = operands.len() as u32;
+                let mut copies = Vec::new();
+                self.copies_before(*number, &mut copies, &mut operands);
+                if !copies.is_empty() {
+                    end_run(&mut runs, batch.kernel, first, before);
+                    runs.append(&mut copies);
+                    first = operands.len() as u32;
+                }
                 self.operands(*number, batch.kernel, &mut operands);
             }
-            runs.push(Run {
-                kernel: batch.kernel,
-                first,
-                operands: operands.len() as u32 - first,
-            });
+            end_run(&mut runs, batch.kernel, first, operands.len() as u32);
+        }
+        for number in self.left_to_copy() {
+            self.copies_before(number, &mut runs, &mut operands);
         }
         (runs, operands)
     }
 
     fn place_outputs(&mut self, number: usize) {
         let item = self.item(number);
-        let outputs = item.spec().outputs.iter();
-        let slots = outputs.enumerate().map(|(output, port)| {
+        let outputs = item.spec().outputs.iter().enumerate();
+        let slots = outputs.map(|(index, port)| {
             let ty = self.port_type(number, port);
             // Of a constant the value, of an input the first one; what comes after the first output begins as null.
             let value = item
@@ -248,23 +279,33 @@ impl<'a> Lowering<'a> {
                 .first()
                 .copied()
                 .flatten()
-                .filter(|_| output == 0);
+                .filter(|_| index == 0);
             let value = value.and_then(|literal| literal.stored(ty));
             let value = value.unwrap_or(Stored::null(ty));
-            match item.spec().role {
-                Role::Constant => self.arena.constant(&value),
-                Role::Input => self.arena.variable(&value),
-                _ => self.arena.variable(&Stored::null(ty)),
-            }
+            let value = match item.spec().role {
+                Role::Constant => return self.arena.constant(&value),
+                Role::Input => value,
+                _ => Stored::null(ty),
+            };
+            let output = Output {
+                item: number,
+                port: index,
+            };
+            let claimed = self.claimed(output, ty, &value);
+            claimed.unwrap_or_else(|| self.arena.variable(&value))
         });
         self.slots[number].outputs = slots.collect();
     }
 
     fn place_inputs(&mut self, number: usize) {
         let item = self.item(number);
-        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+        for (index, (feed, port)) in item.inputs.iter().zip(item.spec().inputs).enumerate() {
             let ty = self.port_type(number, port);
             let slot = match feed {
+                Feed::List(list) => match self.place_list(number, index, list) {
+                    Some(slot) => slot,
+                    None => self.constant(None, ty),
+                },
                 Feed::Wire(wire) => self.wire(wire, ty),
                 Feed::Literal(literal) => self.constant(Some(literal), ty),
                 Feed::Default(value) => self.default(*value, ty),
@@ -324,19 +365,71 @@ impl<'a> Lowering<'a> {
                 ParameterKind::Channel(_) => {
                     operands.push(item.channel.map_or(u32::MAX, |(channel, _)| channel));
                 }
-                ParameterKind::Start(..) | ParameterKind::Rate => {}
+                _ => {}
             }
         }
         self.place_state(item, operands);
+        let Some((_, kernel)) = primitives::kernel(kernel) else {
+            return;
+        };
+        let sizes = self.sizes(number, kernel);
+        self.place_memory(number, kernel, &sizes, operands);
         if spec.role == Role::Motion {
             operands.push(self.clocks);
             self.clocks += 1;
         }
-        if primitives::kernel(kernel).is_some_and(|(_, kernel)| spec.has_width(kernel)) {
-            let mut ports = spec.inputs.iter().chain(spec.outputs);
-            let open = ports.find(|port| port.ty.is_wide());
-            operands.push(open.map_or(0, |port| self.port_type(number, port).width()));
+        operands.extend(spec.sizes(kernel).map(|size| sizes.get(size)));
+    }
+
+    /// The sizes of an item.
+    fn sizes(&self, number: usize, kernel: &Kernel) -> Sizes {
+        let (item, inferred) = (self.item(number), self.net.inferred);
+        let mut sizes = Sizes::ONE;
+        for size in item.spec().sizes(kernel) {
+            let value = match size {
+                Size::Open => {
+                    let open = item.spec().types().find(|ty| ty.is_wide());
+                    let ty = open.and_then(|ty| inferred.port_type(self.net.graph, number, ty));
+                    ty.map(Type::width)
+                }
+                Size::Dim(index) => inferred.length(number, Dim::Var(index)).map(u32::from),
+                Size::Cycles => window(item, self.net.graph),
+            };
+            // The check refuses nets in which one is not known.
+            sizes.set(size, value.unwrap_or(0));
         }
+        sizes
+    }
+
+    /// Slots for the values that a primitive remembers.
+    fn place_memory(
+        &mut self,
+        number: usize,
+        kernel: &Kernel,
+        sizes: &Sizes,
+        operands: &mut Vec<u32>,
+    ) {
+        let item = self.item(number);
+        let memory = &item.spec().memory;
+        let Some(Operand::Slot { store, width, .. }) = item.spec().memory_operand(kernel) else {
+            return;
+        };
+        let scalar = match store {
+            Store::Real => Type::Real,
+            Store::Bool => Type::Bool,
+            Store::Int => Type::Int,
+        };
+        let mut rows = item.spec().parameters.iter().zip(&item.parameters);
+        let first = rows.find_map(|(parameter, given)| {
+            matches!(parameter.kind, ParameterKind::First(_)).then_some(*given)
+        });
+        let open = self.net.inferred.open_type(number);
+        let given = first.flatten().zip(open);
+        let start = given.and_then(|(literal, ty)| literal.stored(ty));
+        let start = start.or_else(|| literal(memory.start).stored(scalar));
+        let start = start.unwrap_or(Stored::null(scalar));
+        let count = sizes.width(width).checked_div(start.width()).unwrap_or(0);
+        operands.push(self.arena.repeated(&start, count));
     }
 
     /// Slots for what a primitive remembers, with its start values.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::check::{Typed, every};
 use crate::lower::{Lowered, Slot};
-use crate::resolve::{Feed, Item};
+use crate::resolve::{Feed, Item, Leaf, Wire};
 
 /// Names of one command.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -208,14 +208,22 @@ fn monitor_names(
 }
 
 fn source(net: Typed<'_>, feed: &Feed<'_>) -> Option<String> {
-    let Feed::Wire(wire) = feed else {
-        return None;
+    let wire_name = |wire: &Wire<'_>| {
+        let output = net.graph.output_name(wire.from);
+        wire.part
+            .map_or(output.clone(), |part| format!("{output}{part}"))
     };
-    let output = net.graph.output_name(wire.from);
-    Some(match wire.index {
-        Some(index) => format!("{output}[{index}]"),
-        None => output,
-    })
+    match feed {
+        Feed::Wire(wire) => Some(wire_name(wire)),
+        Feed::List(list) => {
+            let leaves = list.leaves.iter().map(|leaf| match leaf {
+                Leaf::Wire(wire) => wire_name(wire),
+                Leaf::Literal(literal, _) => literal.to_string(),
+            });
+            Some(format!("[{}]", leaves.collect::<Vec<_>>().join(", ")))
+        }
+        _ => None,
+    }
 }
 
 /// Where a port is and what it carries.

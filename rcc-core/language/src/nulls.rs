@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 
 use rcc_core::primitive::{Literal as Default, NullRule, Role};
 
-use crate::resolve::{Feed, Graph, Item, Output, Wire};
+use crate::resolve::{Feed, Graph, Item, Leaf, Output, Wire};
 use crate::syntax::literal::{Literal, Shape};
 
 pub use clause::clauses;
@@ -131,12 +131,22 @@ impl Nulls {
         match feed {
             Feed::Literal(literal) if literal.shape == Shape::Null => Some(InputCause::Constant),
             Feed::Default(Default::Null) => Some(InputCause::Constant),
-            Feed::Wire(wire) if self.output(wire.from).is_some() => {
-                Some(InputCause::Output(wire.from))
-            }
-            Feed::Wire(wire) if begins_null(wire) => Some(InputCause::FirstCycle),
+            Feed::Wire(wire) => self.wire(wire),
+            Feed::List(list) => list.leaves.iter().find_map(|leaf| match leaf {
+                Leaf::Wire(wire) => self.wire(wire),
+                Leaf::Literal(literal, _) => {
+                    (literal.shape == Shape::Null).then_some(InputCause::Constant)
+                }
+            }),
             _ => None,
         }
+    }
+
+    fn wire(&self, wire: &Wire<'_>) -> Option<InputCause> {
+        if self.output(wire.from).is_some() {
+            return Some(InputCause::Output(wire.from));
+        }
+        begins_null(wire).then_some(InputCause::FirstCycle)
     }
 
     /// The input through which null passes an item, as far as it is known to be null for a reason that counts.

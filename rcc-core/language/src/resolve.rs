@@ -18,8 +18,9 @@ use crate::expand::{self, Flat};
 use crate::fault;
 use crate::rate;
 use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::part::{Part, Place};
 use crate::syntax::reference::Reference;
-use crate::syntax::{Net, Primitive, Source};
+use crate::syntax::{Link, Net, Primitive, Source};
 use suggest::Suggestions;
 
 /// A net whose names are numbers.
@@ -72,7 +73,7 @@ pub struct Item<'a> {
 }
 
 /// What feeds an input.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum Feed<'a> {
     /// Nothing.
     Missing,
@@ -84,15 +85,58 @@ pub enum Feed<'a> {
     Literal(&'a Literal),
     /// The constant of the spec.
     Default(Default),
+    /// Links and constants side by side.
+    List(List<'a>),
 }
 
-/// A link from an output or from one of its elements.
+/// A list of links and constants, flat: each with its place.
+#[derive(Clone, Debug)]
+pub struct List<'a> {
+    /// What it consists of; what was refused is left out.
+    pub leaves: Vec<Leaf<'a>>,
+    /// How many elements it has.
+    pub count: u32,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// What feeds an element of a list.
+#[derive(Clone, Copy, Debug)]
+pub enum Leaf<'a> {
+    /// An output.
+    Wire(Wire<'a>),
+    /// A constant and its place in the list.
+    Literal(&'a Literal, Place),
+}
+
+impl<'a> Feed<'a> {
+    /// The links in it.
+    pub fn wires(&self) -> impl Iterator<Item = &Wire<'a>> {
+        let whole = match self {
+            Feed::Wire(wire) => Some(wire),
+            _ => None,
+        };
+        let leaves = match self {
+            Feed::List(list) => list.leaves.as_slice(),
+            _ => &[],
+        };
+        let leaves = leaves.iter().filter_map(|leaf| match leaf {
+            Leaf::Wire(wire) => Some(wire),
+            Leaf::Literal(..) => None,
+        });
+        whole.into_iter().chain(leaves)
+    }
+}
+
+/// A link from an output or from a part of its value.
 #[derive(Clone, Copy, Debug)]
 pub struct Wire<'a> {
     /// The output.
     pub from: Output,
-    /// The element.
-    pub index: Option<u32>,
+    /// The part of its value; `None`: all of it.
+    pub part: Option<Part>,
+    /// Where it ends in the list that feeds the input.
+    pub place: Place,
     /// It carries the value of the cycle before.
     pub delayed: bool,
     /// Its first value.
@@ -128,8 +172,14 @@ impl Item<'_> {
     /// The links that end at it, with the input's place in the spec.
     pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire<'_>)> {
         let inputs = self.inputs.iter().enumerate();
+        inputs.flat_map(|(port, feed)| feed.wires().map(move |wire| (port, wire)))
+    }
+
+    /// The lists that feed it, with the input's place in the spec.
+    pub fn lists(&self) -> impl Iterator<Item = (usize, &List<'_>)> {
+        let inputs = self.inputs.iter().enumerate();
         inputs.filter_map(|(port, feed)| match feed {
-            Feed::Wire(wire) => Some((port, wire)),
+            Feed::List(list) => Some((port, list)),
             _ => None,
         })
     }
@@ -351,9 +401,19 @@ impl<'a> Resolver<'a, '_> {
     /// What a mistyped input reads is read; what is wrong there is found all the same.
     fn read_in_vain(&mut self, inputs: impl IntoIterator<Item = &'a (Key, Source)>) {
         for (_, source) in inputs {
-            if let Source::Link(link) = source {
-                let output = self.output(&link.from);
-                self.read_in_vain.extend(output);
+            self.read_elements_in_vain(std::slice::from_ref(source));
+        }
+    }
+
+    fn read_elements_in_vain(&mut self, elements: &'a [Source]) {
+        for element in elements {
+            match element {
+                Source::Link(link) => {
+                    let output = self.output(&link.from);
+                    self.read_in_vain.extend(output);
+                }
+                Source::List(list) => self.read_elements_in_vain(&list.elements),
+                Source::Literal(_) | Source::Refused => {}
             }
         }
     }
@@ -369,21 +429,73 @@ impl<'a> Resolver<'a, '_> {
                 }
                 _ => Feed::Literal(literal),
             },
-            Source::Link(link) => match self.output(&link.from) {
-                Some(from) => Feed::Wire(Wire {
-                    from,
-                    index: link.from.index,
-                    delayed: link.delayed,
-                    initial: link
-                        .initial
-                        .as_ref()
-                        .filter(|initial| !initial.is_refused()),
-                    span: link.span,
-                    port_span: link.from.port_span,
-                }),
-                None => Feed::Refused,
-            },
+            Source::Link(link) => {
+                let wire = self.wire(link, Place::default());
+                wire.map_or(Feed::Refused, Feed::Wire)
+            }
+            Source::List(list) => {
+                let mut leaves = Vec::new();
+                if self.leaves(list, Place::default(), &mut leaves) {
+                    Feed::List(List {
+                        leaves,
+                        count: list.elements.len() as u32,
+                        span: list.span,
+                    })
+                } else {
+                    // The links that are good count as read.
+                    let wires = leaves.iter().filter_map(|leaf| match leaf {
+                        Leaf::Wire(wire) => Some(wire.from),
+                        Leaf::Literal(..) => None,
+                    });
+                    self.read_in_vain.extend(wires);
+                    Feed::Refused
+                }
+            }
         }
+    }
+
+    fn wire(&mut self, link: &'a Link, place: Place) -> Option<Wire<'a>> {
+        Some(Wire {
+            from: self.output(&link.from)?,
+            part: link.from.part,
+            place,
+            delayed: link.delayed,
+            initial: link
+                .initial
+                .as_ref()
+                .filter(|initial| !initial.is_refused()),
+            span: link.span,
+            port_span: link.from.port_span,
+        })
+    }
+
+    /// The elements of a list with their places; false if one of them is refused.
+    fn leaves(
+        &mut self,
+        list: &'a crate::syntax::List,
+        place: Place,
+        leaves: &mut Vec<Leaf<'a>>,
+    ) -> bool {
+        // Reading has refused lists that are too long or too deep.
+        let count = list.elements.len() as u32;
+        let mut good = true;
+        for (element, index) in list.elements.iter().zip(0u32..) {
+            let Some(place) = place.inside(index, count) else {
+                let message = "lists are nested at most twice: a matrix is a list of rows";
+                self.error(fault::WRONG_SHAPE, list.span, message.to_string(), None);
+                return false;
+            };
+            match element {
+                Source::Link(link) => match self.wire(link, place) {
+                    Some(wire) => leaves.push(Leaf::Wire(wire)),
+                    None => good = false,
+                },
+                Source::Literal(literal) => leaves.push(Leaf::Literal(literal, place)),
+                Source::List(list) => good &= self.leaves(list, place, leaves),
+                Source::Refused => good = false,
+            }
+        }
+        good
     }
 
     /// The output that a reference names; reports it if there is none. What was probably meant counts as read.
@@ -453,7 +565,7 @@ impl<'a> Resolver<'a, '_> {
                     .map(|(port, _)| Output { item, port }),
                 None => None,
             };
-            let message = match (found, reference.index) {
+            let message = match (found, reference.part) {
                 (Some(output), None) => {
                     discarded.push((output, reference.span));
                     continue;

@@ -3,10 +3,13 @@
 
 pub mod fragment;
 pub mod literal;
+pub mod part;
 pub mod reference;
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::{Entry, Key, Node, Value};
+
+use rcc_core::types::ELEMENTS_MAX;
 
 use crate::fault;
 use crate::syntax::fragment::Fragment;
@@ -82,8 +85,42 @@ pub enum Source {
     Link(Link),
     /// A constant.
     Literal(Literal),
+    /// A list with at least one link in it.
+    List(List),
     /// Something that was refused; its fault is reported.
     Refused,
+}
+
+impl Source {
+    /// The links in it.
+    #[must_use]
+    pub fn links(&self) -> Vec<&Link> {
+        match self {
+            Source::Link(link) => vec![link],
+            Source::List(list) => list.elements.iter().flat_map(Source::links).collect(),
+            Source::Literal(_) | Source::Refused => Vec::new(),
+        }
+    }
+
+    /// The constants in it, first values of delayed links included.
+    #[must_use]
+    pub fn constants(&self) -> Vec<&Literal> {
+        match self {
+            Source::Link(link) => link.initial.iter().collect(),
+            Source::Literal(literal) => vec![literal],
+            Source::List(list) => list.elements.iter().flat_map(Source::constants).collect(),
+            Source::Refused => Vec::new(),
+        }
+    }
+}
+
+/// A list of links and constants that becomes one value: an array, a vector, or, of lists, a matrix.
+#[derive(Clone, Debug)]
+pub struct List {
+    /// What it consists of, at most [`ELEMENTS_MAX`]; lists only in a list that is in none.
+    pub elements: Vec<Source>,
+    /// Where it stands.
+    pub span: Span,
 }
 
 /// A link from an output.
@@ -352,7 +389,47 @@ fn entries_of<'a>(node: &'a Node, key: &str, faults: &mut Vec<Diagnostic>) -> &'
     }
 }
 
+/// True for a list with a link in it.
+fn has_link(node: &Node) -> bool {
+    node.list().is_some_and(|nodes| {
+        nodes.iter().any(|node| {
+            let text = node.text();
+            let names =
+                |text| !rcc_config::quantity::looks_like(text) && !literal::is_parameter(text);
+            text.is_some_and(names)
+                || LINK_KEYS.iter().any(|key| node.get(key).is_some())
+                || has_link(node)
+        })
+    })
+}
+
+/// A list with links; `depth`: how many lists it is in.
+fn read_list(node: &Node, nodes: &[Node], depth: u32, faults: &mut Vec<Diagnostic>) -> Source {
+    if nodes.len() > usize::from(ELEMENTS_MAX) || depth > 1 {
+        let message = match depth {
+            0 | 1 => format!(
+                "a list has 1 to {ELEMENTS_MAX} elements, this one has {}",
+                nodes.len()
+            ),
+            _ => "lists are nested at most twice: a matrix is a list of rows".to_string(),
+        };
+        faults.push(Diagnostic::error(fault::WRONG_SHAPE, node.span, message));
+        return Source::Refused;
+    }
+    let read = |node: &Node| match node.list() {
+        Some(nodes) if has_link(node) => read_list(node, nodes, depth + 1, faults),
+        _ => read_source(node, faults),
+    };
+    Source::List(List {
+        elements: nodes.iter().map(read).collect(),
+        span: node.span,
+    })
+}
+
 fn read_source(node: &Node, faults: &mut Vec<Diagnostic>) -> Source {
+    if let Some(nodes) = node.list().filter(|_| has_link(node)) {
+        return read_list(node, nodes, 0, faults);
+    }
     if let Some(text) = node.text()
         && !rcc_config::quantity::looks_like(text)
         && !literal::is_parameter(text)

@@ -239,6 +239,7 @@ fn source_tree(source: &Source) -> Tree {
     match source {
         Source::Link(link) => link_tree(link),
         Source::Literal(literal) => literal_tree(literal),
+        Source::List(list) => Tree::list(list.elements.iter().map(source_tree)),
         Source::Refused => plain("null"),
     }
 }

@@ -1,33 +1,113 @@
 //! Ports and parameters in specs: names, types, units, defaults and ranges. For the loader and for people; the cycle never
 //! looks at them.
 
-use crate::types::Type;
+use crate::types::{Store, Type};
 use crate::unit::Unit;
 
-/// The type of a port in a spec.
+/// The type of a port in a spec. A primitive has one open type, which links and literals decide, and up to
+/// [`super::DIMS_MAX`] open lengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortType {
     /// Exactly this type.
     Is(Type),
-    /// Any type that can be in the arena; the same for all `Any` ports of one primitive.
+    /// The open type, any that can be in the arena.
     Any,
-    /// `Bool`, `Int` or `Real`; the same for all `Scalar` ports of one primitive.
+    /// The open type: `Bool`, `Int` or `Real`.
     Scalar,
-    /// `Int` or `Real`; the same for all `Number` ports of one primitive.
+    /// The open type: `Int` or `Real`.
     Number,
+    /// The open type: what can be added element by element: `Int`, `Real`, `Vector3`, `Twist`, `Wrench`, arrays of numbers,
+    /// matrices.
+    Linear,
+    /// One number of the open type: `Int` if that is of whole numbers, else `Real`.
+    Part,
+    /// An array.
+    Array(Elements, Dim),
+    /// `Real[rows,columns]`.
+    Matrix(Dim, Dim),
+    /// So many values of the open type, written as a list.
+    Many(Dim),
     /// `Real[n]` with n the number of joints of the primitive's device.
     Joints,
 }
 
+/// The elements of an array in a spec.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Elements {
+    /// Of this type: `Bool`, `Int` or `Real`.
+    Are(Type),
+    /// Of the open type, which is then `Bool`, `Int` or `Real`.
+    Open,
+}
+
+impl Elements {
+    /// The arena; `None`: that of the open type.
+    pub const fn store(self) -> Option<Store> {
+        match self {
+            Elements::Are(ty) => ty.store(),
+            Elements::Open => None,
+        }
+    }
+}
+
+/// A length in a spec.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dim {
+    /// Exactly this.
+    Is(u16),
+    /// A length variable, less than [`super::DIMS_MAX`]: the same wherever it occurs.
+    Var(u8),
+    /// The sum of two length variables; not in a matrix.
+    Sum(u8, u8),
+}
+
 impl PortType {
-    /// True if links and literals decide the type.
+    /// True if links and literals decide the type, but for lengths.
     pub const fn is_open(self) -> bool {
-        matches!(self, PortType::Any | PortType::Scalar | PortType::Number)
+        match self {
+            PortType::Any
+            | PortType::Scalar
+            | PortType::Number
+            | PortType::Linear
+            | PortType::Part
+            | PortType::Many(_) => true,
+            PortType::Array(elements, _) => matches!(elements, Elements::Open),
+            PortType::Is(_) | PortType::Matrix(..) | PortType::Joints => false,
+        }
     }
 
-    /// True if values of more than one width can be at the port.
+    /// True if values of more than one width can be at the port, because of the open type or the device.
     pub const fn is_wide(self) -> bool {
-        matches!(self, PortType::Any | PortType::Joints)
+        matches!(
+            self,
+            PortType::Any | PortType::Linear | PortType::Joints | PortType::Many(_)
+        )
+    }
+
+    /// True if the length variable occurs in it.
+    pub fn has_dim(self, dim: u8) -> bool {
+        let has = |length: Dim| match length {
+            Dim::Is(_) => false,
+            Dim::Var(a) => a == dim,
+            Dim::Sum(a, b) => a == dim || b == dim,
+        };
+        match self {
+            PortType::Array(_, length) | PortType::Many(length) => has(length),
+            PortType::Matrix(rows, columns) => has(rows) || has(columns),
+            _ => false,
+        }
+    }
+
+    /// False for what the open type cannot be because of this port.
+    pub const fn admits(self, open: Type) -> bool {
+        match self {
+            PortType::Number => matches!(open, Type::Int | Type::Real),
+            PortType::Scalar | PortType::Array(Elements::Open, _) => {
+                matches!(open, Type::Bool | Type::Int | Type::Real)
+            }
+            PortType::Linear => open.is_linear(),
+            _ => true,
+        }
     }
 }
 
@@ -129,6 +209,11 @@ impl Port {
         Port::new(name, PortType::Number, unit, doc)
     }
 
+    /// A port for everything that can be added, of one unit with all others of the variable.
+    pub const fn linear(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
+        Port::new(name, PortType::Linear, unit, doc)
+    }
+
     /// A `Bool` port.
     pub const fn bool(name: &'static str, doc: &'static str) -> Port {
         Port::new(name, PortType::Is(Type::Bool), UnitRule::Typed, doc)
@@ -186,6 +271,13 @@ pub enum ParameterKind {
     /// The start value of the primitive's state in the arena of this type; it may be null. No operand: it is in the
     /// initial arena and costs the cycle nothing.
     Start(Type, UnitRule),
+    /// The value that the primitive's memory begins with, of the open type; it may be null. No operand.
+    First(UnitRule),
+    /// The value of a length variable, an `Int`. No operand of its own: every length variable is one.
+    Length(u8),
+    /// A time that becomes a whole number of evaluations, the nearest, 1 to [`super::CYCLES_MAX`]: the window of the
+    /// primitive's memory. Its operand is the size [`super::Size::Cycles`].
+    Window,
     /// The name of a device that has an arm.
     Arm,
     /// The name of any device.
@@ -197,11 +289,26 @@ pub enum ParameterKind {
 }
 
 impl ParameterKind {
+    /// True if it is an operand at the place of parameters.
+    pub const fn is_operand(self) -> bool {
+        !matches!(
+            self,
+            ParameterKind::Start(..)
+                | ParameterKind::First(_)
+                | ParameterKind::Length(_)
+                | ParameterKind::Window
+                | ParameterKind::Rate
+        )
+    }
+
     /// Type and unit of a parameter that is a value.
     pub const fn value(self) -> Option<(PortType, UnitRule)> {
         match self {
             ParameterKind::Value(ty, unit) => Some((ty, unit)),
             ParameterKind::Start(ty, unit) => Some((PortType::Is(ty), unit)),
+            ParameterKind::First(unit) => Some((PortType::Any, unit)),
+            ParameterKind::Length(_) => Some((PortType::Is(Type::Int), UnitRule::Typed)),
+            ParameterKind::Window => Some((PortType::Is(Type::Real), UnitRule::Is(Unit::SECOND))),
             _ => None,
         }
     }

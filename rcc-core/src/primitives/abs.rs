@@ -8,17 +8,23 @@ use crate::types::Store;
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Abs",
-        summary: "The absolute value of a number.",
-        inputs: &[Port::number("in", UnitRule::Var(0), "operand")],
-        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
+        summary: "The absolute value of a number, or of each element of a vector, array or matrix.",
+        inputs: &[Port::linear("in", UnitRule::Var(0), "operand")],
+        outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
+        Kernel::single(Store::Real, |frame, operands| {
             each(frame, operands, step_real);
         }),
-        Kernel::of(Store::Int, |frame, operands| {
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, wide_real);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
             each(frame, operands, step_int);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, wide_int);
         }),
     ],
 );
@@ -34,6 +40,16 @@ fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
     let value = frame.get_int(input)?;
     // Null, `i64::MIN`, is its own negative.
     frame.put_int(out, value.wrapping_abs())
+}
+
+#[inline(always)]
+fn wide_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
+    (0..width).try_for_each(|i| step_real(frame, [input + i, out + i]))
+}
+
+#[inline(always)]
+fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
+    (0..width).try_for_each(|i| step_int(frame, [input + i, out + i]))
 }
 
 #[cfg(test)]

@@ -1,28 +1,36 @@
 //! `Add`: out = a + b, rounded once; an Int that overflows has no meaningful result and is null.
 
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each_int, each_real};
+use crate::primitive::{
+    Entry, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Add",
-        summary: "The sum of two numbers of the same unit.",
-        null: "a null input gives null, and so does a whole number out of range",
+        summary: "The sum of two numbers, vectors, arrays or matrices of the same unit.",
+        null: "a null input gives null, element by element",
         undefined: "overflow of whole numbers",
         inputs: &[
-            Port::number("a", UnitRule::Var(0), "first operand"),
-            Port::number("b", UnitRule::Var(0), "second operand"),
+            Port::linear("a", UnitRule::Var(0), "first operand"),
+            Port::linear("b", UnitRule::Var(0), "second operand"),
         ],
-        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
+        outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
+        Kernel::single(Store::Real, |frame, operands| {
             each_real(frame, operands, |a, b| a + b);
         }),
-        Kernel::of(Store::Int, |frame, operands| {
+        Kernel::of(Store::Real, |frame, operands| {
+            wide_real(frame, operands, |a, b| a + b);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
             each_int(frame, operands, i64::overflowing_add);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            wide_int(frame, operands, i64::overflowing_add);
         }),
     ],
 );

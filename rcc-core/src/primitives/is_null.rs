@@ -1,9 +1,9 @@
 //! `IsNull`: whether a value of any type is null. Its output is never null.
 //!
-//! A composite is null if its last element is.
+//! An array or composite is null if one of its elements is.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each, is_null};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -11,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "IsNull",
         summary: "True while its input has no value.",
-        null: "a null input gives true; the output is never null",
+        null: "a null input gives true, and so does an array or vector with a null element; the output is never null",
         null_rule: NullRule::Known,
         inputs: &[Port::new(
             "in",
@@ -64,20 +64,23 @@ fn step_int(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
 
 #[inline]
 fn wide_real(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    let value = frame.real((input + width).saturating_sub(1));
-    frame.set_bool(out, u8::from(value.is_nan()));
+    if let Some(null) = is_null(frame, Store::Real, input, width) {
+        frame.set_bool(out, u8::from(null));
+    }
 }
 
 #[inline]
 fn wide_bool(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    let value = frame.bool((input + width).saturating_sub(1));
-    frame.set_bool(out, u8::from(value & NULL_BOOL != 0));
+    if let Some(null) = is_null(frame, Store::Bool, input, width) {
+        frame.set_bool(out, u8::from(null));
+    }
 }
 
 #[inline]
 fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
-    let value = frame.int((input + width).saturating_sub(1));
-    frame.set_bool(out, u8::from(value == NULL_INT));
+    if let Some(null) = is_null(frame, Store::Int, input, width) {
+        frame.set_bool(out, u8::from(null));
+    }
 }
 
 #[cfg(test)]

@@ -10,15 +10,15 @@ use crate::types::{NULL_INT, Store};
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Limit",
-        summary: "Keeps a number between two bounds.",
+        summary: "Keeps a number, or each element of a vector, array or matrix, between two bounds.",
         null: "a null input gives null, and so do bounds with nothing between them",
         undefined: "low > high",
         inputs: &[
-            Port::number("in", UnitRule::Var(0), "number to limit"),
-            Port::number("low", UnitRule::Var(0), "least result"),
-            Port::number("high", UnitRule::Var(0), "greatest result"),
+            Port::linear("in", UnitRule::Var(0), "number to limit"),
+            Port::linear("low", UnitRule::Var(0), "least result"),
+            Port::linear("high", UnitRule::Var(0), "greatest result"),
         ],
-        outputs: &[Port::number(
+        outputs: &[Port::linear(
             "out",
             UnitRule::Var(0),
             "the number, low or high",
@@ -26,11 +26,17 @@ pub const ENTRY: Entry = Entry::new(
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
+        Kernel::single(Store::Real, |frame, operands| {
             each(frame, operands, step_real);
         }),
-        Kernel::of(Store::Int, |frame, operands| {
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, wide_real);
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
             each(frame, operands, step_int);
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, wide_int);
         }),
     ],
 );
@@ -53,6 +59,16 @@ fn step_int(frame: &mut Frame<'_>, [input, low, high, out]: [u32; 4]) -> Option<
     let limited = value.max(low).min(high);
     let null = (value == NULL_INT) | (low == NULL_INT) | (low > high);
     frame.put_int(out, choose(null, NULL_INT, limited))
+}
+
+#[inline(always)]
+fn wide_real(frame: &mut Frame<'_>, [input, low, high, out, width]: [u32; 5]) -> Option<()> {
+    (0..width).try_for_each(|i| step_real(frame, [input + i, low + i, high + i, out + i]))
+}
+
+#[inline(always)]
+fn wide_int(frame: &mut Frame<'_>, [input, low, high, out, width]: [u32; 5]) -> Option<()> {
+    (0..width).try_for_each(|i| step_int(frame, [input + i, low + i, high + i, out + i]))
 }
 
 #[cfg(test)]

@@ -1,30 +1,42 @@
 //! `Max`: out = the larger of a and b; null if either is null.
 
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each_int, each_real};
+use crate::primitive::{
+    Entry, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Max",
-        summary: "The larger of two numbers of the same unit.",
+        summary: "The larger of two numbers, of vectors, arrays and matrices element by element.",
         inputs: &[
-            Port::number("a", UnitRule::Var(0), "first operand"),
-            Port::number("b", UnitRule::Var(0), "second operand"),
+            Port::linear("a", UnitRule::Var(0), "first operand"),
+            Port::linear("b", UnitRule::Var(0), "second operand"),
         ],
-        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
+        outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN
     },
     &[
-        Kernel::of(Store::Real, |frame, operands| {
+        Kernel::single(Store::Real, |frame, operands| {
             each_real(
                 frame,
                 operands,
                 |a, b| if a.is_nan() | (a > b) { a } else { b },
             );
         }),
-        Kernel::of(Store::Int, |frame, operands| {
+        Kernel::of(Store::Real, |frame, operands| {
+            wide_real(
+                frame,
+                operands,
+                |a, b| if a.is_nan() | (a > b) { a } else { b },
+            );
+        }),
+        Kernel::single(Store::Int, |frame, operands| {
             each_int(frame, operands, |a, b| (a.max(b), false));
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            wide_int(frame, operands, |a, b| (a.max(b), false));
         }),
     ],
 );

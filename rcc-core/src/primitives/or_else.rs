@@ -1,7 +1,9 @@
 //! `OrElse`: a value, or another one while it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each};
+use crate::primitive::{
+    Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, is_null,
+};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -9,7 +11,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "OrElse",
         summary: "A value, or another one while the first is null.",
-        null: "a null `in` gives `other`; null only if both are null",
+        null: "a null `in`, or one with a null element, gives `other`; null only if both are null",
         null_rule: NullRule::AnyKnown,
         inputs: &[
             Port::new(
@@ -73,7 +75,7 @@ fn step_int(frame: &mut Frame<'_>, [input, other, out]: [u32; 3]) -> Option<()> 
 
 #[inline]
 fn wide_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
-    let null = frame.real((input + width).saturating_sub(1)).is_nan();
+    let null = is_null(frame, Store::Real, input, width).unwrap_or(true);
     let source = if null { other } else { input };
     for i in 0..width {
         let value = frame.real(source + i);
@@ -83,7 +85,7 @@ fn wide_real(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
 
 #[inline]
 fn wide_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
-    let null = frame.bool((input + width).saturating_sub(1)) & NULL_BOOL != 0;
+    let null = is_null(frame, Store::Bool, input, width).unwrap_or(true);
     let source = if null { other } else { input };
     for i in 0..width {
         let value = frame.bool(source + i);
@@ -93,7 +95,7 @@ fn wide_bool(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
 
 #[inline]
 fn wide_int(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
-    let null = frame.int((input + width).saturating_sub(1)) == NULL_INT;
+    let null = is_null(frame, Store::Int, input, width).unwrap_or(true);
     let source = if null { other } else { input };
     for i in 0..width {
         let value = frame.int(source + i);

@@ -2,7 +2,9 @@
 //! Computed on request by the server's threads.
 
 use rcc_config::device::kind_name;
-use rcc_core::primitive::{Literal, Parameter, ParameterKind, Port, PortType, Role, UnitRule};
+use rcc_core::primitive::{
+    Dim, Elements, Literal, Parameter, ParameterKind, Port, PortType, Role, UnitRule,
+};
 use rcc_core::primitives::CATALOGUE;
 
 use super::api::{ParameterView, PortView, PrimitiveView};
@@ -42,6 +44,9 @@ fn parameter(parameter: &Parameter) -> ParameterView {
     let (ty, unit) = match parameter.kind {
         ParameterKind::Value(ty, unit) => (type_words(ty), unit_words(unit)),
         ParameterKind::Start(ty, unit) => (ty.to_string(), unit_words(unit)),
+        ParameterKind::First(unit) => ("any".to_owned(), unit_words(unit)),
+        ParameterKind::Length(_) => ("Int".to_owned(), String::new()),
+        ParameterKind::Window => ("time".to_owned(), "s".to_owned()),
         ParameterKind::Arm => ("device with an arm".to_owned(), String::new()),
         ParameterKind::Device => ("device".to_owned(), String::new()),
         ParameterKind::Channel(kind) => (kind_name(kind).to_owned(), String::new()),
@@ -65,7 +70,29 @@ fn type_words(ty: PortType) -> String {
         PortType::Any => "any".to_owned(),
         PortType::Scalar => "Bool, Int or Real".to_owned(),
         PortType::Number => "Int or Real".to_owned(),
+        PortType::Linear => "Int, Real, Vector3, Twist, Wrench, array or matrix".to_owned(),
+        PortType::Part => "Int or Real".to_owned(),
+        PortType::Array(elements, length) => {
+            let elements = match elements {
+                Elements::Are(ty) => ty.to_string(),
+                Elements::Open => "any".to_owned(),
+            };
+            format!("{elements}[{}]", dim_words(length))
+        }
+        PortType::Matrix(rows, columns) => {
+            format!("Real[{},{}]", dim_words(rows), dim_words(columns))
+        }
+        PortType::Many(length) => format!("list of {}", dim_words(length)),
         PortType::Joints => "Real[joints]".to_owned(),
+    }
+}
+
+/// A length: a number, or a letter that stands for the same number wherever it occurs.
+fn dim_words(dim: Dim) -> String {
+    match dim {
+        Dim::Is(length) => length.to_string(),
+        Dim::Var(index) => char::from(b'n'.saturating_add(index)).to_string(),
+        Dim::Sum(a, b) => format!("{}+{}", dim_words(Dim::Var(a)), dim_words(Dim::Var(b))),
     }
 }
 

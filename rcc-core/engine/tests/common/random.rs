@@ -3,7 +3,7 @@
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, MAGIC, Measurement};
 use rcc_core::plan::{Delay, InputPoint, Rate, Run};
-use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Width};
+use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Size, Sizes};
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_INT, Store};
 use rcc_ipc::control::{InputValue, PlanData};
@@ -139,26 +139,24 @@ impl Maker<'_> {
     fn add(&mut self, number: usize, entry: &Entry) {
         let kernel = self.random.below(entry.kernels.len());
         let ports = || entry.spec.inputs.iter().chain(entry.spec.outputs);
-        let width = if ports().any(|port| port.ty == PortType::Joints) {
-            self.models[0].joints
-        } else if ports().any(|port| port.ty == PortType::Any) {
-            1 + self.random.below(9) as u32
-        } else {
-            1
-        };
+        let kernel_of = &entry.kernels[kernel];
+        let mut sizes = Sizes::ONE;
+        for size in entry.spec.sizes(kernel_of) {
+            sizes.set(size, 1 + self.random.below(9) as u32);
+        }
+        if ports().any(|port| port.ty == PortType::Joints) {
+            sizes.set(Size::Open, self.models[0].joints);
+        }
         let mut operands = Vec::new();
         let mut device = 0;
-        for operand in entry.spec.operands(&entry.kernels[kernel]) {
+        for operand in entry.spec.operands(kernel_of) {
             operands.push(match operand {
                 Operand::Slot {
                     store,
                     width: wide,
                     written,
                 } => {
-                    let wide = match wide {
-                        Width::Fixed(fixed) => fixed,
-                        Width::Operand => width,
-                    };
+                    let wide = sizes.width(wide);
                     match written {
                         true => self.fresh(store, wide),
                         false if entry.spec.role == Role::Motion => self.of_motion(store, wide),
@@ -179,7 +177,7 @@ impl Maker<'_> {
                     self.data.clocks += 1;
                     self.data.clocks - 1
                 }
-                Operand::Width => width,
+                Operand::Size(size) => sizes.get(size),
             });
         }
         self.arm_taken |= entry.spec.role == Role::CommandsArm;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::message::MONITOR_WIDTH_MAX;
 use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX};
-use rcc_core::primitive::{ChannelKind, Literal as Default, ParameterKind, Role};
+use rcc_core::primitive::{CYCLES_MAX, ChannelKind, Literal as Default, ParameterKind, Role};
 use rcc_core::unit::Unit;
 
 use super::Typed;
@@ -113,6 +113,48 @@ pub fn every(item: &Item<'_>, graph: &Graph<'_>) -> Option<u32> {
     (cycles <= f64::from(u32::MAX)).then_some((cycles as u32).max(1))
 }
 
+/// The evaluations that the window of a primitive spans: the nearest whole number. `None`: it has no window, or one that
+/// is too short or too long.
+#[must_use]
+pub fn window(item: &Item<'_>, graph: &Graph<'_>) -> Option<u32> {
+    let seconds = window_s(item)?.0;
+    let cycles = (seconds * graph.evaluations_hz()).round();
+    // In range by the comparison; a NaN is not.
+    (cycles >= 1.0 && cycles <= f64::from(CYCLES_MAX)).then_some(cycles as u32)
+}
+
+/// The window of an item, s, and where it is given.
+fn window_s(item: &Item<'_>) -> Option<(f64, Option<Span>)> {
+    let mut rows = item.spec().parameters.iter().zip(&item.parameters);
+    let (parameter, given) = rows.find(|(parameter, _)| parameter.kind == ParameterKind::Window)?;
+    match (given, parameter.default) {
+        (Some(literal), _) => Some((literal.number()?, Some(literal.span))),
+        (None, Some(Default::Real(seconds))) => Some((seconds, None)),
+        _ => None,
+    }
+}
+
+/// A window is at least one evaluation long, and its values fit into the arena.
+pub fn windows_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for item in &net.graph.items {
+        let Some((seconds, span)) = window_s(item) else {
+            continue;
+        };
+        if window(item, net.graph).is_some() {
+            continue;
+        }
+        let period_s = 1.0 / net.graph.evaluations_hz();
+        let most_s = period_s * f64::from(CYCLES_MAX);
+        let message = format!(
+            "a window of {seconds} s is not possible: `{}` is evaluated every {period_s} s and remembers 1 to {CYCLES_MAX} evaluations",
+            item.id()
+        );
+        let span = span.unwrap_or(item.primitive.id.span);
+        let fault = Diagnostic::error(fault::OUT_OF_RANGE, span, message);
+        faults.push(fault.help(format!("choose a time from {period_s} s to {most_s} s")));
+    }
+}
+
 /// Monitors show what fits, at a rate that is possible.
 pub fn monitors_are_possible(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -148,6 +190,7 @@ fn feed_span(feed: &Feed<'_>) -> Option<Span> {
     match feed {
         Feed::Wire(wire) => Some(wire.span),
         Feed::Literal(literal) => Some(literal.span),
+        Feed::List(list) => Some(list.span),
         _ => None,
     }
 }

@@ -15,7 +15,7 @@ use rcc_core::primitive::{Literal as Default, NullRule};
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Graph, Item, Wire};
+use crate::resolve::{Feed, Graph, Item, Leaf, Wire};
 use crate::syntax::literal::Shape;
 use components::{Components, circle};
 
@@ -157,12 +157,17 @@ fn settle(graph: &Graph<'_>, components: &Components, sources: &[Vec<usize>], kn
 }
 
 fn becomes_known(item: &Item<'_>, number: usize, components: &Components, known: &[bool]) -> bool {
+    let wire_known = |wire: &Wire<'_>| {
+        let source = wire.from.item;
+        // What comes from another loop counts as known: its own fault is reported there.
+        !components.same(number, source) || known.get(source) == Some(&true)
+    };
     let input = |feed: &Feed<'_>| match feed {
-        Feed::Wire(wire) => {
-            let source = wire.from.item;
-            // What comes from another loop counts as known: its own fault is reported there.
-            !components.same(number, source) || known.get(source) == Some(&true)
-        }
+        Feed::Wire(wire) => wire_known(wire),
+        Feed::List(list) => list.leaves.iter().all(|leaf| match leaf {
+            Leaf::Wire(wire) => wire_known(wire),
+            Leaf::Literal(literal, _) => literal.shape != Shape::Null,
+        }),
         Feed::Literal(literal) => literal.shape != Shape::Null,
         Feed::Default(value) => *value != Default::Null,
         Feed::Missing | Feed::Refused => true,

@@ -8,31 +8,32 @@ use rcc_core::unit::Unit;
 
 use super::Typed;
 use crate::fault;
-use crate::resolve::{Feed, Wire};
+use crate::resolve::{Feed, Leaf, List, Wire};
 use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::part::{Part, Place, parts_of};
 
-/// `port[i]` names an element that there is.
+/// `port[i]` and the like name a part that there is.
 pub fn elements_exist(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let wires = net.graph.items.iter().flat_map(|item| item.wires());
     for (_, wire) in wires {
         let ty = net.inferred.output_type(net.graph, wire.from);
-        let (Some(index), Some(ty)) = (wire.index, ty) else {
+        let (Some(part), Some(ty)) = (wire.part, ty) else {
             continue;
         };
+        if part.of(ty).is_some() {
+            continue;
+        }
         let name = net.graph.output_name(wire.from);
-        let (message, help) = match ty.element() {
-            None => (
-                format!("`{name}` is a {ty} and has no elements to pick"),
-                "only arrays such as Real[7] have elements".to_string(),
+        let (message, help) = match (parts_of(ty), part) {
+            (None, _) => (
+                format!("`{name}` is a {ty} and has no parts to pick"),
+                "only arrays such as Real[7], matrices and composites have parts".to_string(),
             ),
-            Some(_) if index >= ty.width() => (
-                format!(
-                    "`{name}` has {} elements, there is no [{index}]",
-                    ty.width()
-                ),
-                format!("elements are counted from 0 to {}", ty.width() - 1),
+            (Some(help), Part::Element(_)) if ty.element().is_some() => (
+                format!("`{name}` has {} elements, there is no {part}", ty.width()),
+                help,
             ),
-            Some(_) => continue,
+            (Some(help), _) => (format!("`{name}` is a {ty} and has no `{part}`"), help),
         };
         faults.push(Diagnostic::error(fault::BAD_ELEMENT, wire.port_span, message).help(help));
     }
@@ -46,17 +47,18 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 continue;
             };
             let have = net.inferred.wire_type(net.graph, wire);
-            let want = net.inferred.port_type(net.graph, number, port.ty);
+            // A list that does not fit its input is a fault of its own.
+            let want = net.inferred.place_type(net.graph, number, port, wire.place);
             let (Some(have), Some(want)) = (have, want) else {
                 continue;
             };
-            let input = format!("{}.{}", item.id(), port.name);
+            let input = format!("{}.{}{}", item.id(), port.name, place_name(wire.place));
             if have != want {
                 faults.push(other_type(net, wire, &input, have, want));
                 continue;
             }
             let source = net.inferred.wire_unit(net.graph, wire);
-            let sink = net.inferred.port_unit(net.graph, number, port.unit);
+            let sink = net.inferred.place_unit(net.graph, number, port, wire.place);
             if let (Some(have), Some(want)) = (source, sink)
                 && have != want
             {
@@ -73,15 +75,90 @@ pub fn links_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     }
 }
 
+/// A place in a list, as it is read: `[2]`, `[1,2]`.
+fn place_name(place: Place) -> String {
+    match place.steps {
+        [Some((row, _)), Some((column, _))] => format!("[{row},{column}]"),
+        [Some((index, _)), _] => format!("[{index}]"),
+        _ => String::new(),
+    }
+}
+
+/// A list of links has as many elements as its input, which is something that is written as a list.
+pub fn lists_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for (number, item) in net.graph.items.iter().enumerate() {
+        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
+                continue;
+            };
+            let input = format!("{}.{}", item.id(), port.name);
+            let (span, message, help) = match (feed, port.ty) {
+                (Feed::Wire(wire), PortType::Many(_)) => (
+                    wire.span,
+                    format!("type mismatch: `{input}` is a list of values, this is one link"),
+                    format!("write `{}: [a.out, b.out]`", port.name),
+                ),
+                (Feed::Literal(literal), PortType::Many(_)) => (
+                    literal.span,
+                    format!("type mismatch: `{input}` is a list of values with a link in it"),
+                    format!("write `{}: [a.out, b.out]`", port.name),
+                ),
+                (Feed::List(list), _) => match misfit(list, port.ty, ty) {
+                    Some(what) => (
+                        list.span,
+                        format!("type mismatch: `{input}` is a {ty}, this is {what}"),
+                        list_example(ty),
+                    ),
+                    None => continue,
+                },
+                _ => continue,
+            };
+            faults.push(Diagnostic::error(fault::TYPE_MISMATCH, span, message).help(help));
+        }
+    }
+}
+
+/// What a list is that does not fit a type.
+fn misfit(list: &List<'_>, port: PortType, ty: Type) -> Option<String> {
+    let mut places = list.leaves.iter().map(|leaf| match leaf {
+        Leaf::Wire(wire) => wire.place,
+        Leaf::Literal(_, place) => *place,
+    });
+    let fits = |place: Place| match port {
+        PortType::Many(_) => place.steps[1].is_none(),
+        _ => place.of(ty).is_some(),
+    };
+    let odd = places.find(|place| !fits(*place))?;
+    Some(match odd.steps {
+        [_, Some((_, columns))] => format!("a list of {} with a row of {columns}", list.count),
+        _ => format!("a list of {}", list.count),
+    })
+}
+
+fn list_example(ty: Type) -> String {
+    match (ty, ty.items()) {
+        (Type::Matrix(rows, columns), _) => {
+            format!("write {rows} rows of {columns} numbers, or {rows} links to Real[{columns}]")
+        }
+        (_, Some((count, item))) => format!("write a list of {count}, each a {item}"),
+        (Type::Pose | Type::Rotation, None) => {
+            "a pose is made of a position and a rotation by a primitive".to_string()
+        }
+        _ => "connect one link, without brackets".to_string(),
+    }
+}
+
 fn other_type(net: Typed<'_>, wire: &Wire<'_>, input: &str, have: Type, want: Type) -> Diagnostic {
     let output = net.graph.output_name(wire.from);
     let message = format!("type mismatch: `{output}` is a {have}, `{input}` is a {want}");
     let fault =
         Diagnostic::error(fault::TYPE_MISMATCH, wire.span, message).label(format!("a {have}"));
-    let is_element = wire.index.is_none() && have.element() == Some(want);
+    let is_element = wire.part.is_none() && have.element() == Some(want);
     fault.help_if(match (have, want) {
         _ if is_element => Some(format!("pick an element: `{output}[0]`")),
         (Type::Int, Type::Real) | (Type::Real, Type::Int) => Some(WHOLE_AND_REAL.to_string()),
+        (Type::Pose, Type::Vector3) => Some(format!("its position: `{output}.position`")),
+        (Type::Pose, Type::Rotation) => Some(format!("its rotation: `{output}.rotation`")),
         _ => None,
     })
 }
@@ -99,7 +176,7 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             }
         };
         for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
-            if let Feed::Literal(literal) = feed {
+            if let (Feed::Literal(literal), false) = (feed, matches!(port.ty, PortType::Many(_))) {
                 place(literal, port.name, port.ty, port.unit);
             }
         }
@@ -108,6 +185,63 @@ pub fn literals_fit(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 place(literal, parameter.name, ty, unit);
             }
         }
+        for (port, list) in item.lists() {
+            for leaf in &list.leaves {
+                if let (Leaf::Literal(literal, place), Some(port)) =
+                    (leaf, item.spec().inputs.get(port))
+                    && let Some(ty) = net.inferred.place_type(net.graph, number, port, *place)
+                {
+                    let unit = net.inferred.place_unit(net.graph, number, port, *place);
+                    let name = format!("{}.{}{}", item.id(), port.name, place_name(*place));
+                    literal_fits(literal, ty, unit, &name, faults);
+                }
+            }
+        }
+    }
+}
+
+/// The lengths that a primitive leaves open are known.
+pub fn lengths_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for (number, item) in net.graph.items.iter().enumerate() {
+        let spec = item.spec();
+        let ports = spec.inputs.iter().chain(spec.outputs);
+        let unknown = ports.clone().find(|port| match port.ty {
+            PortType::Array(_, length) => net.inferred.length(number, length).is_none(),
+            PortType::Matrix(rows, columns) => {
+                let length = |dim| net.inferred.length(number, dim);
+                length(rows).is_none() || length(columns).is_none()
+            }
+            _ => false,
+        });
+        let Some(port) = unknown else { continue };
+        // An input that is missing, or that is fed by what does not fit, is told by its own rule.
+        let hidden = item.inputs.iter().any(|feed| {
+            let mut wires = feed.wires();
+            matches!(feed, Feed::Missing | Feed::Refused)
+                || wires.any(|wire| net.inferred.wire_type(net.graph, wire).is_none())
+        });
+        let fed = item.inputs.iter().zip(spec.inputs);
+        let misfit = fed.clone().any(|(feed, port)| {
+            matches!(port.ty, PortType::Array(..) | PortType::Matrix(..))
+                && matches!(feed, Feed::Wire(_) | Feed::List(_))
+        });
+        let parameters = item.parameters.iter().zip(spec.parameters);
+        let refused = parameters.clone().any(|(given, parameter)| {
+            matches!(parameter.kind, ParameterKind::Length(_))
+                || (given.is_none() && parameter.default.is_none())
+        });
+        let message = if hidden || refused {
+            continue;
+        } else if misfit {
+            format!(
+                "type mismatch: {} needs an array or matrix of a length that fits at every input",
+                spec.name
+            )
+        } else {
+            format!("nothing says how long `{}.{}` is", item.id(), port.name)
+        };
+        let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
+        faults.push(fault.help(format!("`{}` is {}", port.name, port.doc)));
     }
 }
 
@@ -170,19 +304,17 @@ pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
         let Some(port) = ports.find(|port| port.ty.is_open()) else {
             continue;
         };
-        let Some(ty) = net.inferred.port_type(net.graph, number, port.ty) else {
+        let Some(ty) = net.inferred.open_type(number) else {
             continue;
         };
-        let fits = match port.ty {
-            PortType::Number => matches!(ty, Type::Int | Type::Real),
-            PortType::Scalar => matches!(ty, Type::Bool | Type::Int | Type::Real),
-            _ => true,
-        };
+        let fits = spec.types().all(|port| port.admits(ty));
         let kernels = item.entry.kernels;
         let runs = kernels.is_empty() || kernels.iter().any(|kernel| kernel.store == ty.store());
         if !fits || !runs {
             let wanted = match port.ty {
                 PortType::Number => "single numbers",
+                PortType::Linear | PortType::Part => "numbers, vectors, arrays and matrices",
+                PortType::Array(..) => "arrays of single values",
                 _ => "single numbers or truth values",
             };
             let message = format!("type mismatch: {} takes {wanted}, not a {ty}", spec.name);
@@ -255,7 +387,9 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let may_be_null = matches!(parameter.default, Some(rcc_core::primitive::Literal::Null))
                 || matches!(
                     parameter.kind,
-                    ParameterKind::Value(PortType::Any, _) | ParameterKind::Start(..)
+                    ParameterKind::Value(PortType::Any, _)
+                        | ParameterKind::Start(..)
+                        | ParameterKind::First(_)
                 );
             let message = if null && !may_be_null {
                 "cannot be null".to_string()

@@ -13,7 +13,7 @@ use crate::check::components::{Components, circle};
 use crate::fault;
 use crate::syntax::fragment::{Fragment, FragmentInput, FragmentOutput};
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Net, Primitive, Source};
+use crate::syntax::{Kind, Net, Primitive};
 
 /// Most names that one is compared with.
 const COMPARED_MAX: usize = 100;
@@ -84,10 +84,7 @@ impl<'a> Body<'a> {
             let inputs = primitive.inputs.iter().map(|(_, source)| source);
             inputs.chain(&primitive.active)
         });
-        let links = inputs.filter_map(|source| match source {
-            Source::Link(link) => Some(&link.from),
-            _ => None,
-        });
+        let links = inputs.flat_map(|source| source.links().into_iter().map(|link| &link.from));
         let outputs = self.fragment.map_or(&[][..], |fragment| &fragment.outputs);
         links.chain(outputs.iter().map(|output| &output.from))
     }
@@ -340,7 +337,7 @@ impl<'a> Bodies<'a> {
                     fault::BAD_DISCARD,
                     format!("`{reference}` is discarded twice"),
                 )
-            } else if reference.index.is_some() {
+            } else if reference.part.is_some() {
                 let message = "an output is discarded as a whole, not by element";
                 (fault::BAD_DISCARD, message.to_owned())
             } else if read.contains(&names(reference)) {

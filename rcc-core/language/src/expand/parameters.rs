@@ -11,7 +11,7 @@ use crate::fault;
 use crate::sources::Shift;
 use crate::syntax::fragment::{Fragment, FragmentParameter};
 use crate::syntax::literal::{self, Literal, Shape};
-use crate::syntax::{Primitive, Source, Timing};
+use crate::syntax::{Primitive, Timing};
 
 /// The values of the parameters of an instance, by name.
 #[derive(Debug, Default)]
@@ -168,11 +168,7 @@ pub fn constants(primitive: &Primitive) -> impl Iterator<Item = &Literal> {
     let parameters = primitive.parameters.iter().map(|(_, literal)| literal);
     let inputs = primitive.inputs.iter().map(|(_, source)| source);
     let sources = inputs.chain(&primitive.active);
-    let sources = sources.filter_map(|source| match source {
-        Source::Literal(literal) => Some(literal),
-        Source::Link(link) => link.initial.as_ref(),
-        Source::Refused => None,
-    });
+    let sources = sources.flat_map(|source| source.constants());
     parameters.chain(sources)
 }
 

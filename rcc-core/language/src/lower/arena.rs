@@ -96,6 +96,25 @@ impl Arena {
         slot
     }
 
+    /// Changes the initial values from a slot on, in the arena of the value.
+    pub fn write(&mut self, slot: u32, value: &Stored) {
+        match value {
+            Stored::Reals(values) => write(&mut self.reals, slot, values),
+            Stored::Bools(values) => write(&mut self.bools, slot, values),
+            Stored::Ints(values) => write(&mut self.ints, slot, values),
+        }
+    }
+
+    /// Gives the slots from `to` on the initial values of others.
+    pub fn repeat(&mut self, from: Slot, to: u32) {
+        let range = from.slot as usize..(from.slot + from.width) as usize;
+        match from.store {
+            Store::Real => repeat(&mut self.reals, range, to),
+            Store::Bool => repeat(&mut self.bools, range, to),
+            Store::Int => repeat(&mut self.ints, range, to),
+        }
+    }
+
     /// The first of `count` new slots that begin with the first value of `one`.
     pub fn repeated(&mut self, one: &Stored, count: u32) -> u32 {
         (0..count)
@@ -103,6 +122,17 @@ impl Arena {
             .min()
             .unwrap_or(0)
     }
+}
+
+fn write<T: Copy>(arena: &mut [T], slot: u32, values: &[T]) {
+    for (place, value) in arena.iter_mut().skip(slot as usize).zip(values) {
+        *place = *value;
+    }
+}
+
+fn repeat<T: Copy>(arena: &mut [T], range: std::ops::Range<usize>, to: u32) {
+    let values = arena.get(range).unwrap_or(&[]).to_vec();
+    write(arena, to, &values);
 }
 
 fn extend<T: Copy>(arena: &mut Vec<T>, values: &[T]) -> u32 {

@@ -23,10 +23,9 @@ pub struct Batch {
 
 /// The index of the kernel that an item needs; `None` if it has none.
 fn kernel_of(net: Typed<'_>, number: usize, item: &Item<'_>) -> Option<usize> {
-    let spec = item.spec();
-    let mut ports = spec.inputs.iter().chain(spec.outputs);
-    let open = ports.find(|port| port.ty.is_open());
-    let ty = open.and_then(|port| net.inferred.port_type(net.graph, number, port.ty));
+    // Without an open port the kernel is for no arena.
+    let open = item.spec().types().find(|port| port.is_open());
+    let ty = open.and_then(|_| net.inferred.open_type(number));
     let width = ty.map_or(1, Type::width);
     item.entry.kernel_for(ty.and_then(Type::store), width)
 }

@@ -97,7 +97,7 @@ fn describe(spec: &Spec, output: &str) -> String {
     let ty = match port.ty {
         PortType::Is(ty) => ty.to_string(),
         PortType::Joints => "Real, one a joint".to_string(),
-        PortType::Any | PortType::Scalar | PortType::Number => return String::new(),
+        _ => return String::new(),
     };
     match port.unit {
         UnitRule::Is(unit) => format!(" ({ty}, {unit})"),

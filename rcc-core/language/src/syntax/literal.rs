@@ -89,6 +89,18 @@ impl Stored {
         }
     }
 
+    /// Number of elements.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        let count = match self {
+            Stored::Reals(values) => values.len(),
+            Stored::Bools(values) => values.len(),
+            Stored::Ints(values) => values.len(),
+        };
+        // Types have at most 2^16 elements.
+        count as u32
+    }
+
     /// Null of a type.
     #[must_use]
     pub fn null(ty: Type) -> Stored {
@@ -130,7 +142,7 @@ impl Literal {
             Shape::Real(..) => Some(Type::Real),
             Shape::Rotation(_) => Some(Type::Rotation),
             Shape::Pose(_) => Some(Type::Pose),
-            Shape::List(elements) => match elements.first()?.shape {
+            Shape::List(elements) => match first_known(elements)? {
                 Shape::Bool(_) => Some(Type::Bools(length(elements))),
                 Shape::List(_) => matrix_type(elements),
                 _ => None,
@@ -144,7 +156,7 @@ impl Literal {
     pub fn usual_type(&self) -> Option<Type> {
         match &self.shape {
             Shape::Int(_) => Some(Type::Real),
-            Shape::List(elements) => Some(match elements.first()?.shape {
+            Shape::List(elements) => Some(match first_known(elements)? {
                 Shape::Bool(_) => Type::Bools(length(elements)),
                 Shape::List(_) => matrix_type(elements)?,
                 _ => Type::Reals(length(elements)),
@@ -179,6 +191,13 @@ impl Literal {
         }
     }
 
+    fn number_or_null(&self) -> Option<f64> {
+        match self.shape {
+            Shape::Null => Some(NULL_REAL),
+            _ => self.number(),
+        }
+    }
+
     /// The number, if it is one.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
@@ -203,6 +222,12 @@ impl Literal {
     }
 }
 
+/// What the first element of a list that is not null looks like.
+fn first_known(elements: &[Literal]) -> Option<&Shape> {
+    let mut shapes = elements.iter().map(|element| &element.shape);
+    shapes.find(|shape| **shape != Shape::Null)
+}
+
 /// The type of a list of rows; reading has refused rows of different lengths.
 fn matrix_type(rows: &[Literal]) -> Option<Type> {
     let Shape::List(first) = &rows.first()?.shape else {
@@ -219,7 +244,7 @@ fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
             _ => None,
         });
         let rows: Vec<_> = rows.collect::<Option<_>>()?;
-        let values = rows.into_iter().flatten().map(Literal::number);
+        let values = rows.into_iter().flatten().map(Literal::number_or_null);
         let values: Vec<f64> = values.collect::<Option<_>>()?;
         return (matrix_type(elements) == Some(ty)).then_some(Stored::Reals(values));
     }
@@ -230,6 +255,7 @@ fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
         Type::Bools(_) => {
             let value = |element: &Literal| match element.shape {
                 Shape::Bool(value) => Some(u8::from(value)),
+                Shape::Null => Some(NULL_BOOL),
                 _ => None,
             };
             elements
@@ -241,6 +267,7 @@ fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
         Type::Ints(_) => {
             let value = |element: &Literal| match element.shape {
                 Shape::Int(value) => Some(value),
+                Shape::Null => Some(NULL_INT),
                 _ => None,
             };
             elements
@@ -250,7 +277,7 @@ fn stored_list(ty: Type, elements: &[Literal]) -> Option<Stored> {
                 .map(Stored::Ints)
         }
         Type::Reals(_) | Type::Vector3 | Type::Twist | Type::Wrench => {
-            let values = elements.iter().map(Literal::number);
+            let values = elements.iter().map(Literal::number_or_null);
             values.collect::<Option<_>>().map(Stored::Reals)
         }
         _ => None,
@@ -364,14 +391,24 @@ fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Shape
     }
     let kind = |element: &Literal| match &element.shape {
         Shape::Bool(_) => ListOf::Bools,
-        Shape::List(row) if row.iter().all(|x| x.number().is_some()) => ListOf::Rows(row.len()),
+        Shape::Null => ListOf::Nulls,
+        Shape::List(row)
+            if row
+                .iter()
+                .all(|x| x.number().is_some() || x.shape == Shape::Null) =>
+        {
+            ListOf::Rows(row.len())
+        }
         _ if element.number().is_some() => ListOf::Numbers,
         _ => ListOf::Nothing,
     };
-    let first = elements.first().map_or(ListOf::Nothing, kind);
+    let mut kinds = elements.iter().map(kind);
+    let first = kinds.find(|kind| *kind != ListOf::Nulls);
+    let first = first.unwrap_or(ListOf::Nothing);
     let odd = elements.iter().zip(nodes).find(|(element, _)| {
         let kind = kind(element);
-        kind == ListOf::Nothing || kind != first
+        let null = kind == ListOf::Nulls && matches!(first, ListOf::Numbers | ListOf::Bools);
+        !null && (kind == ListOf::Nothing || kind != first)
     });
     if let Some((_, node)) = odd {
         let wanted = match first {
@@ -392,6 +429,8 @@ enum ListOf {
     Numbers,
     /// Lists of so many numbers.
     Rows(usize),
+    /// Null, which goes with truth values and numbers.
+    Nulls,
     Nothing,
 }
 

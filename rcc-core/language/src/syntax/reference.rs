@@ -1,4 +1,4 @@
-//! `primitive.port` and `primitive.port[index]`: how a net names an output.
+//! `primitive.port`, `primitive.port[index]` and `primitive.port.x`: how a net names an output or a part of its value.
 //! The loader's threads.
 
 use std::fmt;
@@ -6,9 +6,10 @@ use std::fmt;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Node;
 
+use super::part::{self, Part};
 use crate::fault;
 
-/// The name of an output or of one of its elements; in a fragment also of an input of it, or of one of its elements.
+/// The name of an output or of a part of its value; in a fragment also of an input of it, or of a part of that.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reference {
     /// Id of the primitive, or name of the fragment's input.
@@ -16,13 +17,13 @@ pub struct Reference {
     /// Name of the output; empty for an input of a fragment, and if only a primitive is named, which is refused with a
     /// list of its outputs.
     pub port: String,
-    /// Element, counted from 0.
-    pub index: Option<u32>,
+    /// The part of its value; `None`: all of it.
+    pub part: Option<Part>,
     /// Where it stands.
     pub span: Span,
     /// Where the primitive's id stands in it.
     pub primitive_span: Span,
-    /// Where the port's name (with the index) stands in it.
+    /// Where the port's name (with the part) stands in it.
     pub port_span: Span,
 }
 
@@ -32,8 +33,8 @@ impl fmt::Display for Reference {
         if !self.port.is_empty() {
             write!(f, ".{}", self.port)?;
         }
-        match self.index {
-            Some(index) => write!(f, "[{index}]"),
+        match self.part {
+            Some(part) => write!(f, "{part}"),
             None => Ok(()),
         }
     }
@@ -45,21 +46,22 @@ pub fn read(node: &Node, text: &str, faults: &mut Vec<Diagnostic>) -> Option<Ref
     if parsed.is_none() {
         let message = format!("`{text}` names no output");
         let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, message);
-        faults.push(fault.help("an output is written `primitive.port` or `primitive.port[index]`"));
+        faults.push(fault.help(
+            "an output is written `primitive.port`, a part of it `primitive.port[index]`, `[from..to]`, `[row,column]`, `[row,..]`, `.x` or `.position`",
+        ));
     }
     parsed
 }
 
 fn parse(text: &str, span: Span) -> Option<Reference> {
-    let (name, index) = match text.split_once('[') {
+    let (name, mut part) = match text.split_once('[') {
         None => (text, None),
-        Some((name, index)) => {
-            let index = index.strip_suffix(']')?;
-            let digits = !index.is_empty() && index.bytes().all(|byte| byte.is_ascii_digit());
-            (name, Some(index.parse().ok().filter(|_| digits)?))
-        }
+        Some((name, inner)) => (name, Some(bracket(inner.strip_suffix(']')?)?)),
     };
-    let (primitive, port) = name.split_once('.').unwrap_or((name, ""));
+    let (primitive, mut port) = name.split_once('.').unwrap_or((name, ""));
+    if let (None, Some((name, member))) = (part, port.split_once('.')) {
+        (port, part) = (name, Some(part::member(member)?));
+    }
     let word = |name: &str| {
         !name.is_empty()
             && name
@@ -87,11 +89,30 @@ fn parse(text: &str, span: Span) -> Option<Reference> {
     Some(Reference {
         primitive: primitive.to_string(),
         port: port.to_string(),
-        index,
+        part,
         span,
         primitive_span,
         port_span,
     })
+}
+
+/// What stands in brackets.
+fn bracket(text: &str) -> Option<Part> {
+    let number = |text: &str| {
+        let text = text.trim();
+        let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        text.parse().ok().filter(|_| digits)
+    };
+    if let Some((row, column)) = text.split_once(',') {
+        return Some(match column.trim() {
+            ".." => Part::Row(number(row)?),
+            column => Part::Cell(number(row)?, number(column)?),
+        });
+    }
+    match text.split_once("..") {
+        Some((from, to)) => Some(Part::Slice(number(from)?, number(to)?)),
+        None => Some(Part::Element(number(text)?)),
+    }
 }
 
 #[cfg(test)]
@@ -106,12 +127,24 @@ mod tests {
             (
                 reference.primitive.as_str(),
                 reference.port.as_str(),
-                reference.index
+                reference.part
             ),
-            ("traj", "q", Some(3))
+            ("traj", "q", Some(Part::Element(3)))
         );
         assert_eq!(reference.port_span, Span::new(15, 19));
         assert_eq!(reference.to_string(), "traj.q[3]");
+        for (text, part) in [
+            ("a.b[1..3]", Part::Slice(1, 3)),
+            ("a.b[1,2]", Part::Cell(1, 2)),
+            ("a.b[1,..]", Part::Row(1)),
+            ("a.b.position", Part::Member("position")),
+        ] {
+            let reference = place(text).unwrap();
+            assert_eq!(
+                (reference.part, reference.to_string()),
+                (Some(part), text.to_string())
+            );
+        }
         for text in [
             "traj.",
             ".q",
@@ -123,6 +156,10 @@ mod tests {
             "a.b[99999999999]",
             "a b.c",
             "a.b[+1]",
+            "a.b[1..]",
+            "a.b[,2]",
+            "a.b[1,2,3]",
+            "a.b[0].x",
         ] {
             assert_eq!(place(text), None, "{text}");
         }

@@ -10,6 +10,7 @@ use super::{Build, Ours, Value, Wire};
 use crate::directionet::flatten::Source;
 use crate::fault;
 use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::part::Part;
 use crate::syntax::reference::Reference;
 use crate::syntax::{Kind, Link, NAME_MAX, Net, Primitive, Source as Feed, Timing};
 
@@ -336,7 +337,7 @@ fn reference(
     Reference {
         primitive: ids.get(primitive).cloned().unwrap_or_default(),
         port: port.to_string(),
-        index,
+        part: index.map(Part::Element),
         span,
         primitive_span: span,
         port_span: span,

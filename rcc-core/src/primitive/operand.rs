@@ -1,0 +1,356 @@
+//! The operands of kernels: what each number in a plan's operand list means. The loader writes them, `Plan::check` proves
+//! them, kernels read them; all three go by [`Spec::operands`]. The cycle never looks at it.
+
+use super::{ChannelKind, Dim, Kernel, ParameterKind, PortType, Role, Spec};
+use crate::types::Store;
+
+/// Most length variables of a primitive.
+pub const DIMS_MAX: usize = 4;
+/// Most evaluations that a window or delay line spans.
+pub const CYCLES_MAX: u32 = 10_000;
+
+/// A size that differs from use to use of a primitive; it is an operand of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// Elements of a value of the open type, or joints.
+    Open,
+    /// A length variable.
+    Dim(u8),
+    /// Evaluations of a window, 1 to [`CYCLES_MAX`].
+    Cycles,
+}
+
+/// How many elements a slot operand has: a number times at most two sizes, or times their sum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Width {
+    /// The number.
+    pub times: u32,
+    /// The sizes.
+    pub sizes: [Option<Size>; 2],
+    /// The sizes are added, not multiplied.
+    pub sum: bool,
+}
+
+impl Width {
+    /// So many elements, always.
+    pub const fn fixed(times: u32) -> Width {
+        Width {
+            times,
+            sizes: [None, None],
+            sum: false,
+        }
+    }
+
+    /// As many elements as the size says.
+    pub const fn of(size: Size) -> Width {
+        Width {
+            times: 1,
+            sizes: [Some(size), None],
+            sum: false,
+        }
+    }
+
+    /// As many elements as both sizes multiplied.
+    pub const fn product(a: Size, b: Size) -> Width {
+        Width {
+            times: 1,
+            sizes: [Some(a), Some(b)],
+            sum: false,
+        }
+    }
+}
+
+/// The sizes of one use of a primitive; a size that is no operand of its kernel is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    open: u32,
+    dims: [u32; DIMS_MAX],
+    cycles: u32,
+}
+
+impl Sizes {
+    /// All sizes are 1.
+    pub const ONE: Sizes = Sizes {
+        open: 1,
+        dims: [1; DIMS_MAX],
+        cycles: 1,
+    };
+
+    /// One of them.
+    pub fn get(&self, size: Size) -> u32 {
+        match size {
+            Size::Open => self.open,
+            Size::Dim(index) => self.dims.get(usize::from(index)).copied().unwrap_or(1),
+            Size::Cycles => self.cycles,
+        }
+    }
+
+    /// Sets one of them.
+    pub fn set(&mut self, size: Size, value: u32) {
+        match size {
+            Size::Open => self.open = value,
+            Size::Dim(index) => {
+                if let Some(place) = self.dims.get_mut(usize::from(index)) {
+                    *place = value;
+                }
+            }
+            Size::Cycles => self.cycles = value,
+        }
+    }
+
+    /// The elements of a slot operand; more than any arena has if the product is.
+    pub fn width(&self, width: Width) -> u32 {
+        let sizes = width.sizes.into_iter().flatten().map(|size| self.get(size));
+        if width.sum {
+            return sizes
+                .fold(0, u32::saturating_add)
+                .saturating_mul(width.times);
+        }
+        sizes.fold(width.times, u32::saturating_mul)
+    }
+
+    /// The elements that one evaluation may touch for each operand.
+    pub fn work(&self) -> u64 {
+        let sizes = self.dims.iter().chain([&self.open]);
+        sizes.fold(1, |product: u64, size| {
+            product.saturating_mul(u64::from((*size).max(1)))
+        })
+    }
+}
+
+/// What a number in the operand list means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operand {
+    /// Index of the first element in the arena of `store`.
+    Slot {
+        /// Which arena.
+        store: Store,
+        /// How many elements.
+        width: Width,
+        /// The kernel writes it.
+        written: bool,
+    },
+    /// Index of a device that has an arm.
+    Arm,
+    /// Index of a device.
+    Device,
+    /// Index of a channel of the device before it.
+    Channel(ChannelKind),
+    /// Index of a path clock.
+    Clock,
+    /// A size.
+    Size(Size),
+}
+
+/// What a primitive remembers besides its [`super::State`]: values of its open type, one or one for each evaluation of a
+/// window. It is one block in the arena of that type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory {
+    /// How many values; 0: none.
+    pub values: u32,
+    /// So many for each evaluation of the window that a [`ParameterKind::Window`] gives.
+    pub window: bool,
+    /// They are `Bool` or `Int` or `Real`, whatever the open type is; `None`: of the open type.
+    pub store: Option<Store>,
+    /// What every element begins as; a [`ParameterKind::First`] says it instead.
+    pub start: super::Literal,
+}
+
+impl Memory {
+    /// Remembers nothing.
+    pub const NONE: Memory = Memory {
+        values: 0,
+        window: false,
+        store: None,
+        start: super::Literal::Null,
+    };
+
+    /// So many values of the open type that begin as null.
+    pub const fn values(values: u32) -> Memory {
+        Memory {
+            values,
+            ..Memory::NONE
+        }
+    }
+
+    /// So many values of the open type for each evaluation of the window; they begin as null.
+    pub const fn window(values: u32) -> Memory {
+        Memory {
+            values,
+            window: true,
+            ..Memory::NONE
+        }
+    }
+
+    /// Elements of this arena, whatever the open type is.
+    pub const fn of(self, store: Store) -> Memory {
+        Memory {
+            store: Some(store),
+            ..self
+        }
+    }
+
+    /// They begin as this.
+    pub const fn starting(self, start: super::Literal) -> Memory {
+        Memory { start, ..self }
+    }
+
+    /// The operand; `open`: the arena of the open type.
+    fn operand(&self, open: Option<Store>) -> Option<Operand> {
+        let values = if self.store.is_none() {
+            Some(Size::Open)
+        } else {
+            None
+        };
+        let cycles = if self.window {
+            Some(Size::Cycles)
+        } else {
+            None
+        };
+        (self.values > 0).then(|| Operand::Slot {
+            store: self.store.or(open).unwrap_or(Store::Real),
+            width: Width {
+                times: self.values,
+                sizes: [values, cycles],
+                sum: false,
+            },
+            written: true,
+        })
+    }
+}
+
+/// A port in the operands of a kernel whose open ports are in the arena of `open`.
+fn slot(ty: PortType, open: Option<Store>, written: bool) -> Operand {
+    let open = open.unwrap_or(Store::Real);
+    let (store, width) = match ty {
+        PortType::Is(ty) => (ty.store().unwrap_or(Store::Real), Width::fixed(ty.width())),
+        PortType::Any | PortType::Linear => (open, Width::of(Size::Open)),
+        PortType::Scalar | PortType::Number | PortType::Part => (open, Width::fixed(1)),
+        PortType::Joints => (Store::Real, Width::of(Size::Open)),
+        PortType::Array(elements, length) => (elements.store().unwrap_or(open), of_dim(length)),
+        PortType::Matrix(rows, columns) => {
+            let (rows, columns) = (of_dim(rows), of_dim(columns));
+            let times = rows.times * columns.times;
+            let [a, b] = [rows.sizes, columns.sizes].map(|[size, _]| size);
+            (
+                Store::Real,
+                Width {
+                    times,
+                    sizes: [a, b],
+                    sum: false,
+                },
+            )
+        }
+        PortType::Many(length) => {
+            let [count, _] = of_dim(length).sizes;
+            let sizes = [Some(Size::Open), count];
+            (
+                open,
+                Width {
+                    times: 1,
+                    sizes,
+                    sum: false,
+                },
+            )
+        }
+    };
+    Operand::Slot {
+        store,
+        width,
+        written,
+    }
+}
+
+fn of_dim(dim: Dim) -> Width {
+    match dim {
+        Dim::Is(length) => Width::fixed(length as u32),
+        Dim::Var(index) => Width::of(Size::Dim(index)),
+        Dim::Sum(a, b) => Width {
+            sum: true,
+            ..Width::product(Size::Dim(a), Size::Dim(b))
+        },
+    }
+}
+
+impl Spec {
+    /// The types of all ports and parameters that are values.
+    pub fn types(&self) -> impl Iterator<Item = PortType> + use<'_> {
+        let ports = self.inputs.iter().chain(self.outputs).map(|port| port.ty);
+        let values = self
+            .parameters
+            .iter()
+            .filter_map(|parameter| Some(parameter.kind.value()?.0));
+        ports.chain(values)
+    }
+
+    /// True if the primitive works on values of several widths; the operands of a kernel that is not
+    /// for single values then have the width.
+    pub fn is_wide(&self) -> bool {
+        self.types().any(PortType::is_wide)
+    }
+
+    /// The sizes that the operands of this kernel end with, in order.
+    pub fn sizes(&self, kernel: &Kernel) -> impl Iterator<Item = Size> + use<'_> {
+        let open = (self.is_wide() && !kernel.single).then_some(Size::Open);
+        let dims = (0..DIMS_MAX as u8).filter(|dim| self.types().any(|ty| ty.has_dim(*dim)));
+        let cycles = self.memory.window.then_some(Size::Cycles);
+        open.into_iter().chain(dims.map(Size::Dim)).chain(cycles)
+    }
+
+    /// The sizes that one group of operands of this kernel ends with.
+    pub fn sizes_in(&self, kernel: &Kernel, group: &[u32]) -> Sizes {
+        let mut sizes = Sizes::ONE;
+        let count = self.sizes(kernel).count();
+        let tail = group.len().saturating_sub(count);
+        let values = group.get(tail..).unwrap_or(&[]);
+        for (size, value) in self.sizes(kernel).zip(values) {
+            sizes.set(size, *value);
+        }
+        sizes
+    }
+
+    /// The operand of this kernel that is the primitive's memory.
+    pub fn memory_operand(&self, kernel: &Kernel) -> Option<Operand> {
+        self.memory.operand(kernel.store)
+    }
+
+    /// The operands of a kernel of this primitive, in order: inputs, outputs, parameters, state
+    /// (reals, bools, ints), memory, path clock, sizes. This order is the contract between loader, check and
+    /// kernels.
+    pub fn operands(&self, kernel: &Kernel) -> impl Iterator<Item = Operand> + use<'_> {
+        let store = kernel.store;
+        let state = [
+            (Store::Real, self.state.reals),
+            (Store::Bool, self.state.bools),
+            (Store::Int, self.state.ints),
+        ];
+        let inputs = self.inputs.iter().map(move |p| slot(p.ty, store, false));
+        let outputs = self.outputs.iter().map(move |p| slot(p.ty, store, true));
+        let parameters = self.parameters.iter().filter_map(move |p| match p.kind {
+            ParameterKind::Value(ty, _) => Some(slot(ty, store, false)),
+            ParameterKind::Arm => Some(Operand::Arm),
+            ParameterKind::Device => Some(Operand::Device),
+            ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),
+            _ => None,
+        });
+        let state = state.into_iter().filter(|(_, count)| *count > 0);
+        let state = state.map(|(store, count)| Operand::Slot {
+            store,
+            width: Width::fixed(count),
+            written: true,
+        });
+        let clock = (self.role == Role::Motion).then_some(Operand::Clock);
+        inputs
+            .chain(outputs)
+            .chain(parameters)
+            .chain(state)
+            .chain(self.memory.operand(store))
+            .chain(clock)
+            .chain(self.sizes(kernel).map(Operand::Size))
+    }
+
+    /// True if the operands of this kernel have the width of open or joint ports.
+    pub fn has_width(&self, kernel: &Kernel) -> bool {
+        self.is_wide() && !kernel.single
+    }
+}
