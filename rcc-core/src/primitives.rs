@@ -393,6 +393,9 @@ pub fn fingerprint() -> u64 {
 }
 
 #[cfg(test)]
+mod laws;
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::primitive::{NullRule, PROPAGATES, ParameterKind, Role};
