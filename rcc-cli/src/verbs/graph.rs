@@ -4,9 +4,15 @@ use std::path::PathBuf;
 
 use rcc_graph::scene::{BOXES_MAX, scene};
 use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
+use rcc_graph::Values;
+use rcc_language::anatomy::short;
+use rcc_language::syntax::literal::{Literal, Shape};
 use rcc_loader::server::codes;
+use serde::Deserialize;
+use serde_json::Value;
 
 use super::source::{self, Found};
+use crate::client::segment;
 use crate::context::{Context, say};
 use crate::failure::Failure;
 
@@ -21,6 +27,9 @@ pub struct Arguments {
     /// Write to this file instead of the standard output.
     #[arg(short = 'o', long, value_name = "FILE")]
     file: Option<PathBuf>,
+    /// Show the values of a running net, all of one cycle, instead of types.
+    #[arg(long)]
+    values: bool,
     /// The cell's configuration whose devices the net uses (default: the running cell's, else the demo cell's).
     #[arg(long)]
     config: Option<PathBuf>,
@@ -43,11 +52,16 @@ pub enum Kind {
 /// The file is not there or not valid, there is no such net, it is too large for a picture, or nothing can be written.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let Found { anatomy, .. } = source::find(context, &arguments.net, arguments.config)?;
+    let values = match arguments.values {
+        true => Some(values(context, &arguments.net)?),
+        false => None,
+    };
+    let values = values.as_ref();
     let picture = match arguments.format {
-        Kind::Dot => dot(&anatomy, None),
-        Kind::Mermaid => mermaid(&anatomy, None),
+        Kind::Dot => dot(&anatomy, values),
+        Kind::Mermaid => mermaid(&anatomy, values),
         Kind::Svg => {
-            let scene = scene(&anatomy, None).map_err(|many| {
+            let scene = scene(&anatomy, values).map_err(|many| {
                 let message = format!("the net would be {} boxes, {BOXES_MAX} are a picture", many.boxes);
                 let help = "use `--format dot`, which Graphviz draws at any size (`sfdp`), or `rcc-cli explain`";
                 Failure::new(codes::BAD_REQUEST, message, help)
@@ -61,4 +75,81 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             .map_err(|error| Failure::new(codes::NOT_STORED, format!("{}: {error}", path.display()), ""))?,
     }
     Ok(())
+}
+
+/// The values of a loaded net by port, as words.
+fn values(context: &Context, net: &str) -> Result<Values, Failure> {
+    let path = format!("/commands/{}/values", segment(net));
+    let answer: Snapshot = context.client()?.get(&path)?;
+    let rows = answer.values.into_iter();
+    Ok(rows.map(|row| (row.port.clone(), row.words())).collect())
+}
+
+/// What a picture needs of the answer of `GET /commands/{net}/values`.
+#[derive(Deserialize)]
+struct Snapshot {
+    values: Vec<Row>,
+}
+
+#[derive(Deserialize)]
+struct Row {
+    port: String,
+    #[serde(default)]
+    unit: Option<String>,
+    value: Value,
+}
+
+/// Elements of an array that are shown.
+const ELEMENTS_MAX: usize = 3;
+
+impl Row {
+    /// "0.25 m/s", "[0.1, 0.2, 0.3, …] rad", "null".
+    fn words(&self) -> String {
+        let words = match &self.value {
+            Value::Array(values) => {
+                let shown = values.iter().take(ELEMENTS_MAX).map(one);
+                let more = (values.len() > ELEMENTS_MAX).then(|| "…".to_owned());
+                let shown: Vec<String> = shown.chain(more).collect();
+                format!("[{}]", shown.join(", "))
+            }
+            value => one(value),
+        };
+        match &self.unit {
+            Some(unit) if !self.value.is_null() => format!("{words} {unit}"),
+            _ => words,
+        }
+    }
+}
+
+fn one(value: &Value) -> String {
+    match value.as_f64().filter(|_| !value.is_i64()) {
+        Some(number) => short(&Literal::new(Shape::Real(number, None), Default::default())),
+        None => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn values_are_short_and_null_is_null() {
+        for (value, unit, words) in [
+            (json!(0.123_456), Some("m/s"), "0.1235 m/s"),
+            (json!(null), Some("m"), "null"),
+            (json!(true), None, "true"),
+            (json!(7), None, "7"),
+            (json!([0.5, null]), Some("rad"), "[0.5, null] rad"),
+            (json!([1.0, 2.0, 3.0, 4.0]), None, "[1, 2, 3, …]"),
+        ] {
+            let row = Row {
+                port: String::new(),
+                unit: unit.map(str::to_owned),
+                value,
+            };
+            assert_eq!(row.words(), words);
+        }
+    }
 }

@@ -1,13 +1,28 @@
 //! Rules of the null analysis: where null begins, how far it goes, and what stops it. A thread of the test harness.
 
+mod bench;
+
 use std::path::{Path, PathBuf};
 
+use bench::Bench;
+use proptest::prelude::*;
 use rcc_config::CellConfig;
 use rcc_language::compile;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::NoFiles;
 use rcc_language::nulls::{Cause, Nulls, nulls};
 use rcc_language::resolve::{Graph, resolve};
+
+/// Where the arm is: the example nets begin near it.
+const HOLD: [f64; 7] = [
+    0.0,
+    (-30.0_f64).to_radians(),
+    0.0,
+    90.0_f64.to_radians(),
+    0.0,
+    (-60.0_f64).to_radians(),
+    0.0,
+];
 
 /// Why each primitive of a net can be null, `-` if it cannot; in the order of the file.
 fn why(primitives: &str) -> Vec<String> {
@@ -165,4 +180,154 @@ fn a_long_way_is_shown_by_its_ends() {
         why(&text)[19],
         "it is not set: p0 → p1 → p2 → … → p16 → p17 → p18"
     );
+}
+
+/// Outputs that the analysis says are never null, as `primitive.port`.
+fn never_null(text: &str) -> Vec<String> {
+    look(text, |graph, nulls| {
+        let items = graph.items.iter().enumerate();
+        items
+            .filter(|(number, _)| nulls.item(*number).is_none())
+            .flat_map(|(_, item)| {
+                let outputs = item.spec().outputs.iter();
+                outputs.map(|port| format!("{}.{}", item.id(), port.name))
+            })
+            .collect()
+    })
+}
+
+/// Runs a net, with its devices and then without them: what is never null is not.
+fn run(text: &str) {
+    let never = never_null(text);
+    let cell = bench::cell("configs/cells/demo.yaml");
+    let net = compile(text, "net", &cell).unwrap_or_else(|faults| panic!("{faults}\n{text}"));
+    let mut bench = Bench::new(net, &cell, HOLD);
+    for cycle in 0..60 {
+        if cycle == 30 {
+            bench
+                .inputs
+                .iter_mut()
+                .for_each(|input| input.present = false);
+        }
+        bench.cancel = cycle >= 50;
+        bench.step();
+        for name in &never {
+            let values = bench.values(name);
+            assert!(
+                !values.iter().any(|value| value.is_nan()),
+                "{name} in {cycle}: {text}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_never_null_is_not_in_the_example_nets() {
+    let mut nets = 0;
+    for entry in std::fs::read_dir(folder("configs/nets")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|end| end == "yaml") {
+            run(&std::fs::read_to_string(path).unwrap());
+            nets += 1;
+        }
+    }
+    assert!(nets >= 10);
+}
+
+/// Primitives of a random net: the type, whether it gives a truth value, and its inputs.
+const KINDS: [(&str, bool, &[&str]); 14] = [
+    ("Add", false, &["a", "b"]),
+    ("Divide", false, &["a", "b"]),
+    ("SquareRoot", false, &["in"]),
+    ("Abs", false, &["in"]),
+    ("OrElse", false, &["in", "other"]),
+    ("Select", false, &["condition", "yes", "no"]),
+    ("NullIf", false, &["in", "condition"]),
+    ("Limit", false, &["in", "low", "high"]),
+    ("LowPass", false, &["in"]),
+    ("Greater", true, &["a", "b"]),
+    ("IsNull", true, &["in"]),
+    ("Input", false, &[]),
+    ("AnalogInput", false, &[]),
+    ("Not", true, &["in"]),
+];
+
+/// What a random primitive is made of: its kind, and by input what it reads: a number of an earlier one or a constant, and
+/// whether it reads that late, and with which first value.
+type Recipe = (usize, Vec<(usize, u8)>);
+
+fn net_of(recipes: &[Recipe]) -> String {
+    let mut text = "net: random\nprimitives:\n".to_owned();
+    // Outputs so far: the name, and whether it is a truth value.
+    let mut outputs: Vec<(String, bool)> = Vec::new();
+    for (number, (kind, sources)) in recipes.iter().enumerate() {
+        let (name, truth, inputs) = KINDS[*kind];
+        let mut wires = Vec::new();
+        for (place, input) in inputs.iter().enumerate() {
+            let wants = name == "Not" || *input == "condition";
+            let fits: Vec<&str> = outputs
+                .iter()
+                .filter(|(_, truth)| *truth == wants)
+                .map(|(name, _)| name.as_str())
+                .collect();
+            let (from, how) = sources[place];
+            let constant = match (wants, from % 4) {
+                (true, 0) => "null",
+                (true, _) => "true",
+                (false, 0) => "null",
+                (false, 1) => "0",
+                (false, 2) => "-1.5",
+                (false, _) => "2.0",
+            };
+            let source = match fits.get(from % (fits.len() + 1)) {
+                None => constant.to_owned(),
+                Some(output) => match how {
+                    0 => format!("{{from: {output}, delayed: true, initial: null}}"),
+                    1 => format!("{{from: {output}, delayed: true, initial: {constant}}}"),
+                    _ => (*output).to_owned(),
+                },
+            };
+            wires.push(format!("{}: {source}", input));
+        }
+        let parameters = match name {
+            "LowPass" => ", parameters: {gain: 0.5}",
+            "Input" => ", parameters: {initial: 1.0}",
+            "AnalogInput" => ", parameters: {device: io, channel: temperature}",
+            _ => "",
+        };
+        text += &format!(
+            "  p{number}: {{type: {name}{parameters}, inputs: {{{}}}}}\n",
+            wires.join(", ")
+        );
+        // A device's unit would not fit to the others.
+        if name == "AnalogInput" {
+            text +=
+                &format!("  u{number}: {{type: Divide, inputs: {{a: p{number}.out, b: 1 K}}}}\n");
+            outputs.push((format!("u{number}.out"), false));
+        } else {
+            let port = if name == "Input" { "value" } else { "out" };
+            outputs.push((format!("p{number}.{port}"), truth));
+        }
+    }
+    let unread: Vec<&str> = outputs
+        .iter()
+        .map(|(name, _)| name.as_str())
+        .filter(|name| !text.contains(&format!(" {name}")))
+        .collect();
+    let unread = unread.join(", ");
+    text + &format!("  end: {{type: Termination, inputs: {{done: false}}}}\ndiscard: [{unread}]\n")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(150))]
+
+    #[test]
+    fn what_is_never_null_is_not_in_a_random_net(
+        recipes in prop::collection::vec(
+            (0..KINDS.len(), prop::collection::vec((0_usize..1000, 0_u8..8), 3)),
+            1..25,
+        )
+    ) {
+        run(&net_of(&recipes));
+    }
 }

@@ -151,7 +151,7 @@ fn nulls(it: &Explanation, shown: Shown, is_small: bool) -> String {
         lines.push(format!("… and {} more", grouped(more as u64)));
     }
     if count == 0 {
-        lines.push("nothing in it can be null".to_owned());
+        lines.push("nothing in it can be null, overflow aside".to_owned());
     }
     lines.join("\n")
 }
