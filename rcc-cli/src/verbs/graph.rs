@@ -7,12 +7,11 @@ use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
 use rcc_graph::Values;
 use rcc_language::anatomy::short;
 use rcc_language::syntax::literal::{Literal, Shape};
+use rcc_loader::server::api::ValueView;
 use rcc_loader::server::codes;
-use serde::Deserialize;
 use serde_json::Value;
 
 use super::source::{self, Found};
-use crate::client::segment;
 use crate::context::{Context, say};
 use crate::failure::Failure;
 
@@ -79,49 +78,35 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 
 /// The values of a loaded net by port, as words.
 fn values(context: &Context, net: &str) -> Result<Values, Failure> {
-    let path = format!("/commands/{}/values", segment(net));
-    let answer: Snapshot = context.client()?.get(&path)?;
-    let rows = answer.values.into_iter();
-    Ok(rows.map(|row| (row.port.clone(), row.words())).collect())
-}
-
-/// What a picture needs of the answer of `GET /commands/{net}/values`.
-#[derive(Deserialize)]
-struct Snapshot {
-    values: Vec<Row>,
-}
-
-#[derive(Deserialize)]
-struct Row {
-    port: String,
-    #[serde(default)]
-    unit: Option<String>,
-    value: Value,
+    let answer = context.client()?.values(net, &[])?;
+    let rows = answer.values.iter();
+    Ok(rows.map(|row| (row.port.clone(), words(row))).collect())
 }
 
 /// Elements of an array that are shown.
 const ELEMENTS_MAX: usize = 3;
 
-impl Row {
-    /// "0.25 m/s", "[0.1, 0.2, 0.3, …] rad", "null".
-    fn words(&self) -> String {
-        let words = match &self.value {
-            Value::Array(values) => {
-                let shown = values.iter().take(ELEMENTS_MAX).map(one);
-                let more = (values.len() > ELEMENTS_MAX).then(|| "…".to_owned());
-                let shown: Vec<String> = shown.chain(more).collect();
-                format!("[{}]", shown.join(", "))
-            }
-            value => one(value),
-        };
-        match &self.unit {
-            Some(unit) if !self.value.is_null() => format!("{words} {unit}"),
-            _ => words,
+/// "0.25 m/s", "[0.1, 0.2, 0.3, …] rad", "null".
+fn words(row: &ValueView) -> String {
+    let words = match &row.value {
+        Value::Array(values) => {
+            let shown = values.iter().take(ELEMENTS_MAX).map(one);
+            let more = (values.len() > ELEMENTS_MAX).then(|| "…".to_owned());
+            let shown: Vec<String> = shown.chain(more).collect();
+            format!("[{}]", shown.join(", "))
         }
+        value => one(value),
+    };
+    match &row.unit {
+        Some(unit) if !row.value.is_null() => format!("{words} {unit}"),
+        _ => words,
     }
 }
 
 fn one(value: &Value) -> String {
+    if let Value::String(infinite) = value {
+        return infinite.clone();
+    }
     match value.as_f64().filter(|_| !value.is_i64()) {
         Some(number) => short(&Literal::new(Shape::Real(number, None), Default::default())),
         None => value.to_string(),
@@ -141,15 +126,16 @@ mod tests {
             (json!(null), Some("m"), "null"),
             (json!(true), None, "true"),
             (json!(7), None, "7"),
+            (json!("-inf"), None, "-inf"),
             (json!([0.5, null]), Some("rad"), "[0.5, null] rad"),
             (json!([1.0, 2.0, 3.0, 4.0]), None, "[1, 2, 3, …]"),
         ] {
-            let row = Row {
-                port: String::new(),
+            let row = ValueView {
                 unit: unit.map(str::to_owned),
                 value,
+                ..ValueView::default()
             };
-            assert_eq!(row.words(), words);
+            assert_eq!(super::words(&row), words);
         }
     }
 }
