@@ -139,12 +139,17 @@ fn everything_is_in_a_picture_once_and_in_its_place() {
     }
 }
 
+/// Those of the docs; a new example net needs none.
+const PICTURES: [&str; 4] = ["feedback", "guarded-line", "line", "welding-line"];
+
 #[test]
 fn the_pictures_in_the_docs_are_those_of_the_example_nets() {
     let write = std::env::var_os("RCC_BLESS").is_some();
-    for (name, net) in nets() {
+    let nets = nets();
+    for name in PICTURES {
+        let net = &nets[name];
         let path = folder("docs/pictures").join(format!("{name}.svg"));
-        let drawn = svg(&net, &scene(&net, None).unwrap());
+        let drawn = svg(net, &scene(net, None).unwrap());
         if write {
             std::fs::create_dir_all(folder("docs/pictures")).unwrap();
             std::fs::write(&path, &drawn).unwrap();
