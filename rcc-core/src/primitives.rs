@@ -410,6 +410,22 @@ mod tests {
     }
 
     #[test]
+    fn the_names_of_the_docs_are_names_of_primitives() {
+        let text = include_str!("../../docs/names.md");
+        let rows = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("| ")?.split_once(" | "));
+        let here = rows
+            .skip(1)
+            .flat_map(|(_, here)| here.split('`').skip(1).step_by(2));
+        let names: std::vec::Vec<_> = here.collect();
+        assert!(names.len() > 50);
+        for name in names {
+            assert!(find(name).is_some(), "{name}");
+        }
+    }
+
+    #[test]
     fn every_primitive_is_documented() {
         for entry in CATALOGUE {
             let spec = &entry.spec;
