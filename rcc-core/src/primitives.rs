@@ -34,6 +34,7 @@ mod cubic_hermite;
 mod cycle_period;
 mod dead_band;
 mod debounce;
+mod delay;
 mod derivative;
 mod device_status;
 mod digital_input;
@@ -50,6 +51,7 @@ mod force_torque;
 mod forward_kinematics;
 mod greater;
 mod high_pass;
+mod hold;
 mod hypotenuse;
 mod hysteresis;
 mod input;
@@ -153,6 +155,7 @@ mod twist_transform;
 mod unwrap;
 mod up_down_counter;
 mod velocity_kinematics;
+mod window_mean;
 mod wrap;
 mod wrench_shift;
 mod wrench_transform;
@@ -190,6 +193,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &cycle_period::ENTRY,
     &dead_band::ENTRY,
     &debounce::ENTRY,
+    &delay::ENTRY,
     &derivative::ENTRY,
     &device_status::ENTRY,
     &digital_input::ENTRY,
@@ -206,6 +210,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &forward_kinematics::ENTRY,
     &greater::ENTRY,
     &high_pass::ENTRY,
+    &hold::ENTRY,
     &hypotenuse::ENTRY,
     &hysteresis::ENTRY,
     &input::ENTRY,
@@ -309,6 +314,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &unwrap::ENTRY,
     &up_down_counter::ENTRY,
     &velocity_kinematics::ENTRY,
+    &window_mean::ENTRY,
     &wrap::ENTRY,
     &wrench_shift::ENTRY,
     &wrench_transform::ENTRY,

@@ -1,0 +1,101 @@
+//! `Delay`: a value as it was some time ago.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Memory, Parameter, ParameterKind, Port, PortType, Spec, State,
+    UnitRule, copy, each, fill_null,
+};
+use crate::types::Store;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Delay",
+        summary: "A value as it was some time ago.",
+        null: "null is delayed like any value; a null age gives null, and so does one that is negative or beyond `max`",
+        undefined: "the age is beyond `max`, or the net is not that old; age < 0",
+        formula: "the value of so many evaluations ago as the age is periods, to the nearest; age 0: the value itself",
+        examples: &[
+            Example::new(
+                "two cycles",
+                "{max: 2 ms}",
+                "in | age | out
+                 1 | 0.002 | null
+                 2 | 0.002 | null
+                 3 | 0.002 | 1
+                 4 | 0.001 | 3
+                 5 | 0 | 5
+                 6 | 0.003 | null
+                 7 | null | null",
+            ),
+            Example::new(
+                "of truth values",
+                "{max: 1 ms}",
+                "in | age | out\n true | 0.001 | null\n false | 0.001 | true\n false | 0.001 | false",
+            ),
+        ],
+        inputs: &[
+            Port::new("in", PortType::Any, UnitRule::Var(0), "value to delay"),
+            Port::real(
+                "age",
+                UnitRule::Is(Unit::SECOND),
+                "how long ago, from 0 to `max`",
+            ),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Any,
+            UnitRule::Var(0),
+            "the value of then",
+        )],
+        parameters: &[Parameter::new(
+            "max",
+            ParameterKind::Window,
+            "greatest age, the nearest whole number of evaluations",
+        )],
+        // the place of the next value in the ring
+        state: State {
+            ints: 1,
+            ..State::NONE
+        },
+        memory: Memory::window(1),
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, |frame, it| step(frame, Store::Real, it));
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, |frame, it| step(frame, Store::Bool, it));
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, |frame, it| step(frame, Store::Int, it));
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    store: Store,
+    [input, age, out, place, ring, width, cycles]: [u32; 7],
+) -> Option<()> {
+    let length = i64::from(cycles.max(1));
+    let next = frame.get_int(place)?;
+    let next = if (0..length).contains(&next) { next } else { 0 };
+    // At most CYCLES_MAX places of a width that the plan's check has multiplied with it.
+    let slot = |place: i64| ring + place as u32 * width;
+    let back = libm::round(frame.get_real(age)? / frame.dt_s);
+    if back == 0.0 {
+        copy(frame, store, input, out, width)?;
+    } else if back >= 1.0 && back <= length as f64 {
+        let then = next - back as i64;
+        let then = if then < 0 { then + length } else { then };
+        copy(frame, store, slot(then), out, width)?;
+    } else {
+        fill_null(frame, store, out, width)?;
+    }
+    copy(frame, store, input, slot(next), width)?;
+    frame.put_int(place, if next + 1 < length { next + 1 } else { 0 })
+}
