@@ -41,6 +41,8 @@ verbs! {
     Fmt = fmt;
     /// What a net needs, in which order it runs, and what can be null and why.
     Explain = explain;
+    /// A net of the predecessor (DirectIONet) as YAML or JSON, and back.
+    Convert = convert;
     /// Draw a net: SVG, DOT or Mermaid.
     Graph = graph;
     /// What primitives cost on this machine.

@@ -6,6 +6,7 @@
 
 pub mod boards;
 pub mod cell;
+pub mod directionet;
 pub mod door;
 pub mod engine;
 pub mod fri;
@@ -25,6 +26,7 @@ pub type Target = (&'static str, fn(&[u8]));
 pub const TARGETS: &[Target] = &[
     ("boards", boards::run),
     ("cell", cell::run),
+    ("directionet", directionet::run),
     ("door", door::run),
     ("fri", fri::run),
     ("incident", incident::run),

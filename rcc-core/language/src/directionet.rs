@@ -2,10 +2,12 @@
 //! The loader's threads and `rcc-cli`.
 
 mod build;
+pub mod document;
 mod flatten;
 pub mod table;
 pub mod text;
 pub mod values;
+pub mod write;
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 

@@ -83,22 +83,268 @@ fn every_fault_of_a_text_is_told_at_once_and_with_its_place() {
     );
 }
 
+/// A motion that was run: its file, where it starts, the results that end it, and where the text says that it goes.
+struct Motion {
+    file: &'static str,
+    start: [f64; 7],
+    end: &'static str,
+    goal: [f64; 7],
+}
+
+/// Where the PTP motions of the library's programs lead, as their texts say.
+const AFTER_PTP: [f64; 7] = [0.3, 0.4, 0.0, -1.4, 0.0, 1.1, 0.0];
+const ZERO: [f64; 7] = [0.0; 7];
+
+const PTP: &[Motion] = &[
+    Motion {
+        file: "flat/lwr_lin-01-lwr-ptp.net",
+        start: ZERO,
+        end: "_2",
+        goal: AFTER_PTP,
+    },
+    Motion {
+        file: "flat/lwr_lin_blend-01-lwr-ptp.net",
+        start: ZERO,
+        end: "_1",
+        goal: AFTER_PTP,
+    },
+    Motion {
+        file: "flat/lwr_spline-01-lwr-ptp.net",
+        start: ZERO,
+        end: "_1",
+        goal: AFTER_PTP,
+    },
+];
+
+/// Runs a net until it ends by its own result; the arm follows at once.
+fn run(motion: &Motion, cell: &CellConfig) -> Vec<[f64; 7]> {
+    let header = format!("# end: {}", motion.end);
+    let net = load(&header, motion.file, cell).unwrap_or_else(|faults| panic!("{faults}"));
+    let mut bench = Bench::new(net, cell, motion.start);
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let mut trace = vec![motion.start];
+    while !bench.terminated {
+        assert!(bench.cycle < 5000, "{} does not end", motion.file);
+        bench.step();
+        let output = &bench.outputs[lwr];
+        assert!(
+            output.has_position,
+            "{} in cycle {}",
+            motion.file, bench.cycle
+        );
+        trace.push(output.position[..7].try_into().unwrap());
+        bench.inputs[lwr].measurement.hold = output.position;
+    }
+    trace
+}
+
+/// Finite, within the limits of the arm's configuration, and without a jump at the start.
+fn judge(trace: &[[f64; 7]], file: &str, cell: &CellConfig) {
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let limits = cell.models()[lwr].limits;
+    for joint in 0..7 {
+        let of = |cycle: usize| trace[cycle][joint];
+        for cycle in 1..trace.len() {
+            let position = of(cycle);
+            let within = position >= limits.lower[joint] && position <= limits.upper[joint];
+            assert!(within, "{file}: joint {joint} at {position}");
+            let velocity = (position - of(cycle - 1)).abs() / 1e-3;
+            assert!(
+                velocity <= limits.velocity_max[joint],
+                "{file}: joint {joint}: {velocity} rad/s"
+            );
+        }
+        let jump = (of(1) - of(0)).abs();
+        assert!(
+            jump < 0.1_f64.to_radians(),
+            "{file}: joint {joint} jumps by {jump}"
+        );
+    }
+}
+
 #[test]
-fn every_net_is_read_to_the_end() {
+fn ptp_motions_end_at_their_goals_by_their_own_results() {
     let cell = demo();
+    for motion in PTP {
+        let trace = run(motion, &cell);
+        judge(&trace, motion.file, &cell);
+        let last = trace.last().unwrap();
+        for (joint, goal) in motion.goal.iter().enumerate() {
+            assert!(
+                (last[joint] - goal).abs() < 1e-12,
+                "{}: {last:?}",
+                motion.file
+            );
+        }
+    }
+}
+
+#[test]
+fn straight_motions_stay_on_their_lines() {
+    let cell = demo();
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let arm = cell.models()[lwr].arm.unwrap();
+    for (file, start, end) in [
+        ("flat/lwr_lin-02-lwr-lin.net", AFTER_PTP, "_2"),
+        ("flat/lwr_lin_blend-02-lwr-lin.net", AFTER_PTP, "_4"),
+    ] {
+        let motion = Motion {
+            file,
+            start,
+            end,
+            goal: ZERO,
+        };
+        let trace = run(&motion, &cell);
+        judge(&trace, file, &cell);
+        let poses: Vec<_> = trace.iter().map(|joints| arm.forward(joints)).collect();
+        let (first, last) = (poses[0], poses[poses.len() - 1]);
+        let way: [f64; 3] = std::array::from_fn(|i| last.position[i] - first.position[i]);
+        let length = way.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(length > 0.05, "{file} moves {length} m");
+        for pose in &poses {
+            let from: [f64; 3] = std::array::from_fn(|i| pose.position[i] - first.position[i]);
+            let along = (0..3).map(|i| from[i] * way[i]).sum::<f64>() / length;
+            let beside = (0..3)
+                .map(|i| (from[i] - along * way[i] / length).powi(2))
+                .sum::<f64>();
+            assert!(
+                beside.sqrt() < 1e-9,
+                "{file}: {} m beside the line",
+                beside.sqrt()
+            );
+            assert!(first.angle_to(pose) < 1e-7, "{file}: it turns");
+        }
+    }
+}
+
+#[test]
+fn a_line_begins_where_its_text_says() {
+    let cell = demo();
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let arm = cell.models()[lwr].arm.unwrap();
+    // The first vector of flat/lwr_lin-02: computed by the predecessor's own kinematics.
+    let theirs = [
+        -0.5294755315685863,
+        -0.16378597519548818,
+        0.5145808437891821,
+    ];
+    let ours = arm.forward(&AFTER_PTP).position;
+    for axis in 0..3 {
+        assert!((ours[axis] - theirs[axis]).abs() < 1e-12, "{ours:?}");
+    }
+}
+
+#[test]
+fn flat_and_nested_forms_give_the_same_set_points_bit_for_bit() {
+    let cell = demo();
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let mut pairs = 0;
+    for name in all().iter().filter(|name| name.starts_with("flat/lwr")) {
+        let nested = name.replacen("flat", "nested", 1);
+        if !all().contains(&nested) {
+            continue;
+        }
+        let bench = |name: &str| {
+            let net = load("", name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
+            Bench::new(
+                net,
+                &cell,
+                if name.contains("-01-") {
+                    ZERO
+                } else {
+                    AFTER_PTP
+                },
+            )
+        };
+        let (mut flat, mut nested) = (bench(name), bench(&nested));
+        for cycle in 0..1500 {
+            flat.step();
+            nested.step();
+            let bits = |bench: &Bench| bench.outputs[lwr].position.map(f64::to_bits);
+            assert_eq!(bits(&flat), bits(&nested), "{name} in cycle {cycle}");
+        }
+        pairs += 1;
+    }
+    assert_eq!(pairs, 7);
+}
+
+#[test]
+fn every_net_for_the_demos_arm_loads() {
+    let cell = demo();
+    let mut loaded = 0;
     for name in all() {
-        match load("", &name, &cell) {
-            Ok(net) => println!("{name}: {} primitives", net.names.primitives.len()),
+        let header = "# devices: io0=io, iiwa=lwr\n# channels: io.InBool.8=door_closed, io.InReal.1=temperature, io.OutBool.2=clamp";
+        match load(header, &name, &cell) {
+            Ok(net) => {
+                println!("{name}: {} primitives", net.names.primitives.len());
+                loaded += 1;
+            }
             Err(faults) => {
-                println!("{name}:");
-                let mut seen = std::collections::BTreeSet::new();
-                for fault in &faults.diagnostics {
-                    assert!(fault.code >= "RCC12", "{name}: {}", fault.message);
-                    if seen.insert(&fault.message) {
-                        println!("  {} {}", fault.code, fault.message);
-                    }
-                }
+                assert!(name.contains("/kr_"), "{name}:\n{faults}");
+                let told = |code| faults.diagnostics.iter().any(|fault| fault.code == code);
+                assert!(
+                    told(rcc_language::fault::UNKNOWN_DEVICE),
+                    "{name}:\n{faults}"
+                );
             }
         }
     }
+    // All but the five nets for a KR of six axes.
+    assert_eq!(loaded, 26);
+}
+
+#[test]
+fn a_net_for_six_axes_is_refused_for_an_arm_of_seven() {
+    let faults = load("# devices: kr=lwr", "flat/kr_lin-01-kr-ptp.net", &demo()).unwrap_err();
+    let codes: Vec<_> = faults.diagnostics.iter().map(|fault| fault.code).collect();
+    assert!(codes.contains(&rcc_language::fault::WRONG_ARM), "{faults}");
+}
+
+#[test]
+fn what_is_written_in_our_form_is_the_same_plan() {
+    let cell = demo();
+    let table = rcc_language::devices::DeviceTable::from(&cell);
+    for name in all().iter().filter(|name| name.contains("/lwr")) {
+        let text = text(name);
+        let theirs = compile(&text, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
+        let mut faults = Vec::new();
+        let model = rcc_language::compile::read(&text, name, &table, &mut faults).unwrap();
+        let yaml = rcc_language::write::yaml(&model);
+        let ours = compile(&yaml, "yaml", &cell).unwrap_or_else(|faults| panic!("{faults}"));
+        assert!(
+            format!("{:?}", theirs.plan) == format!("{:?}", ours.plan),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn a_net_of_ours_goes_there_and_back() {
+    let cell = demo();
+    let table = rcc_language::devices::DeviceTable::from(&cell);
+    let yaml = "net: there-and-back\nprimitives:\n  cancel: {type: Cancel}\n  sum: {type: Add, inputs: {a: 1.5, b: 2.0}}\n  \
+        big: {type: Greater, inputs: {a: sum.out, b: 3.0}}\n  stop: {type: Or, inputs: {a: cancel.requested, b: big.out}}\n  \
+        lamp: {type: DigitalOutput, parameters: {device: io, channel: lamp}, inputs: {in: big.out}}\n  \
+        end: {type: Termination, inputs: {done: stop.out}}\n";
+    let there = |yaml: &str| {
+        let compiled = compile(yaml, "net", &cell).unwrap_or_else(|faults| panic!("{faults}"));
+        let mut faults = Vec::new();
+        let model = rcc_language::compile::read(yaml, "net", &table, &mut faults).unwrap();
+        let text =
+            rcc_language::directionet::write::text(&model, &compiled.names, &table, &mut faults);
+        text.ok_or(faults)
+    };
+    let text = there(yaml).unwrap();
+    let net = compile(&text, "net", &cell).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+    let mut bench = Bench::new(net, &cell, ZERO);
+    bench.step();
+    assert!(bench.terminated, "{text}");
+    let (io, _) = cell.device("io").unwrap();
+    assert_eq!(bench.outputs[io].digital & 1, 1);
+    let yaml = yaml.replace(
+        "{type: Add, inputs: {a: 1.5, b: 2.0}}",
+        "{type: LowPass, parameters: {gain: 0.5}, inputs: {in: 1.5}}",
+    );
+    let faults = there(&yaml).unwrap_err();
+    assert_eq!(faults[0].code, rcc_language::fault::NO_COUNTERPART);
 }

@@ -7,7 +7,7 @@ mod special;
 mod template;
 mod units;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::Key;
@@ -15,7 +15,7 @@ use rcc_core::unit::Unit;
 
 use super::Options;
 use super::flatten::{Flat, Primitive, Source};
-use super::table::{self, Builtin, Entry, Port, Reads, To};
+use super::table::{self, Entry, Port, Reads, To};
 use super::values;
 use crate::devices::DeviceTable;
 use crate::fault;
@@ -35,6 +35,8 @@ enum Value {
     List(Vec<Value>),
     /// What an earlier-breaking `Pre` gives: the value of the cycle before.
     Delayed(usize),
+    /// What an output gave in the cycle before, and what it is in the first.
+    Before(Wire, Literal),
     /// Its fault is reported.
     Refused,
 }
@@ -90,8 +92,10 @@ struct Build<'t, 'f> {
     arms: BTreeMap<String, Arm>,
     /// Values to the application by key.
     keys: Vec<(String, Value)>,
-    /// Of each `Pre` of the text: what is delayed.
-    delayed: Vec<usize>,
+    /// Each `Pre` of the text, and its condition.
+    delayed: Vec<(usize, Option<Value>)>,
+    /// Outputs of the text that something reads.
+    read: HashSet<(usize, String)>,
     suggestions: usize,
     /// Devices whose absence is reported.
     absent: Vec<String>,
@@ -118,6 +122,7 @@ pub fn build(
         arms: BTreeMap::new(),
         keys: Vec::new(),
         delayed: Vec::new(),
+        read: flat.reads(),
         suggestions: 0,
         absent: Vec::new(),
         current: 0,
@@ -125,6 +130,14 @@ pub fn build(
     for primitive in &flat.primitives {
         let entry = build.known(primitive);
         build.entries.push(entry);
+    }
+    for number in (0..flat.primitives.len())
+        .filter(|number| build.is_pre(*number))
+        .collect::<Vec<_>>()
+    {
+        let value = Value::Delayed(build.delayed.len());
+        build.delayed.push((number, None));
+        build.put(number, "outValue", value);
     }
     let order = build.order();
     for number in order {
@@ -208,6 +221,7 @@ impl<'t> Build<'t, '_> {
                 self.not_connected(number, port.name, entry);
             }
         }
+        self.must_be_mentioned(number, entry, "inReset");
         let active = self.active(number);
         let first = self.ours.len();
         match entry.row.to {
@@ -227,17 +241,24 @@ impl<'t> Build<'t, '_> {
             To::None(_) => {}
         }
         if let Some(active) = active {
-            let span = self.span(number);
             for ours in self.ours.iter_mut().skip(first) {
                 // What is shared does not stop with one that uses it, nor does what makes the condition.
                 if ours.made_for == number && ours.active.is_none() {
                     ours.active = Some(active.clone());
                 }
             }
-            if entry.row.to == To::Special(Builtin::Pre) {
-                let message = "a delayed link has no condition".to_string();
-                self.error(fault::NO_COUNTERPART, span, message, None);
-            }
+        }
+    }
+
+    /// What resets a primitive is never passed over in silence.
+    fn must_be_mentioned(&mut self, number: usize, entry: &Entry, input: &str) {
+        let mentioned = entry.nets.iter().any(|net| net.mentions(input));
+        let Some((key, _)) = self.given(number, input) else {
+            return;
+        };
+        if entry.input(input).is_some() && !mentioned && !self.is_pre(number) {
+            let message = format!("the input `{input}` of {} has no counterpart", entry.name);
+            self.error(fault::NO_COUNTERPART, key.span, message, None);
         }
     }
 
@@ -426,14 +447,25 @@ impl<'t> Build<'t, '_> {
             value => {
                 let span = self.span(self.current);
                 let key = format!("{reads:?} {value:?} {constant:?}");
-                let made = if reads == Reads::Parameter {
-                    let constant = ("other", Value::Constant(constant), span);
-                    let inputs = vec![("in", value, span), constant];
-                    self.shared(key, "OrElse", "known", Vec::new(), inputs)
+                let inputs = vec![("in", value, span)];
+                let name = if reads == Reads::Parameter {
+                    "known"
                 } else {
-                    let initial = vec![("initial", constant)];
-                    self.shared(key, "LastKnown", "last", initial, vec![("in", value, span)])
+                    "last"
                 };
+                let made = self.shared(key, "OrElse", name, Vec::new(), inputs);
+                let other = match (reads, self.wire(made, "out")) {
+                    // The last known value: itself of the cycle before.
+                    (Reads::Last, Value::Wire(wire)) => Value::Before(wire, constant),
+                    _ => Value::Constant(constant),
+                };
+                if let Some(ours) = self
+                    .ours
+                    .get_mut(made)
+                    .filter(|ours| ours.inputs.len() == 1)
+                {
+                    ours.inputs.push(("other", other, span));
+                }
                 self.wire(made, "out")
             }
         }

@@ -1,7 +1,7 @@
 //! Fragments taken apart: every primitive with its path, every link followed through the borders of fragments to the
 //! primitive that feeds it. Names only, no types. The loader's threads.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use rcc_config::diagnostic::{Diagnostic, Span, closest};
 use rcc_config::yaml::Key;
@@ -41,6 +41,25 @@ pub struct Primitive<'t> {
     pub inputs: Vec<(&'t Key, Source<'t>)>,
     /// The conditions of the fragments around it, outermost first.
     pub active: Vec<Source<'t>>,
+}
+
+impl Flat<'_> {
+    /// Every output that an input, a condition or the net as a whole reads.
+    #[must_use]
+    pub fn reads(&self) -> HashSet<(usize, String)> {
+        let inputs = self.primitives.iter().flat_map(|primitive| {
+            let links = primitive.inputs.iter().map(|(_, source)| source);
+            links.chain(&primitive.active)
+        });
+        let outputs = self.outputs.iter().map(|(_, source)| source);
+        inputs
+            .chain(outputs)
+            .filter_map(|source| match source {
+                Source::Output { primitive, port } => Some((*primitive, port.name.clone())),
+                Source::Refused => None,
+            })
+            .collect()
+    }
 }
 
 /// What feeds an input.

@@ -76,6 +76,8 @@ pub enum Builtin {
     NetcommIn,
     /// A `Monitor` with the key as its id.
     NetcommOut,
+    /// Inverse kinematics as the hint wants it.
+    InvKin,
     /// Elements of one `JointState`.
     JointMonitor,
     /// An element of one `JointPositionCommand`.

@@ -25,6 +25,30 @@ pub struct Fragment {
     pub items: Vec<Item>,
 }
 
+impl Fragment {
+    /// True if something in it reads `parent.port`.
+    #[must_use]
+    pub fn mentions(&self, port: &str) -> bool {
+        let mut items = self.items.iter();
+        items.any(|item| item.primitive.mentions(port, item.port.as_ref()))
+    }
+}
+
+impl Primitive {
+    fn mentions(&self, port: &str, read: Option<&Key>) -> bool {
+        let arguments = match self {
+            Primitive::Named(name) => {
+                return name.name == "parent" && read.is_some_and(|read| read.name == port);
+            }
+            Primitive::Typed(_, arguments) | Primitive::Fragment(_, arguments, _) => arguments,
+        };
+        arguments.iter().any(|argument| match &argument.value {
+            Value::Link(from, read) => from.mentions(port, Some(read)),
+            Value::Text(..) => false,
+        })
+    }
+}
+
 /// A primitive or fragment with a name, or an output of the fragment around.
 #[derive(Clone, Debug)]
 pub struct Item {

@@ -12,7 +12,7 @@ use crate::fault;
 use crate::syntax::literal::{Literal, Shape};
 use crate::syntax::part::Part;
 use crate::syntax::reference::Reference;
-use crate::syntax::{Kind, Link, NAME_MAX, Net, Primitive, Source as Feed, Timing};
+use crate::syntax::{Kind, Link, List, NAME_MAX, Net, Primitive, Source as Feed, Timing};
 
 /// A name of the predecessor as an id of ours: small letters, digits and `_`, beginning with a letter.
 #[must_use]
@@ -43,7 +43,6 @@ impl Build<'_, '_> {
         self.terminate();
         self.warn_of_debug();
         let delayed = self.delayed_values();
-        self.lists();
         let order = self.order_of_the_text();
         let ids = self.ids(&order);
         let mut read = HashSet::new();
@@ -71,18 +70,6 @@ impl Build<'_, '_> {
             fragments: Vec::new(),
             primitives,
             discard,
-        }
-    }
-
-    /// What needs lists of links is told.
-    fn lists(&mut self) {
-        for ours in &self.ours {
-            let mut values = ours.inputs.iter();
-            if values.any(|(_, value, _)| matches!(value, Value::List(_))) {
-                let message = format!("`{}` needs a list of links", ours.ty);
-                self.faults
-                    .push(Diagnostic::error(fault::NO_COUNTERPART, ours.span, message));
-            }
         }
     }
 
@@ -230,19 +217,26 @@ impl Build<'_, '_> {
     /// What each `Pre` delays, as a plain number.
     fn delayed_values(&mut self) -> Vec<Value> {
         let mut values = Vec::new();
-        for at in 0..self.delayed.len() {
-            let number = self.delayed[at];
+        for (number, active) in self.delayed.clone() {
             self.current = number;
-            let value = match self.given(number, "inValue") {
-                Some((_, source)) => self.value(source),
-                None => Value::Refused,
+            let Some(entry) = self.entries.get(number).copied().flatten() else {
+                continue;
             };
+            let (value, span) = self.argument(number, entry, "inValue");
             let value = self.in_unit(value, rcc_core::unit::Unit::ONE);
-            values.push(match value {
-                // A constant and what is delayed already need a place of their own.
-                Value::Constant(_) | Value::Delayed(_) | Value::List(_) => self.pass(value),
-                value => value,
-            });
+            let reset = self.given(number, "inReset");
+            let is_place = matches!(value, Value::Wire(_) | Value::Refused);
+            if is_place && active.is_none() && reset.is_none() {
+                values.push(value);
+                continue;
+            }
+            // A constant, what is delayed already, and what is not always stored need a place of their own.
+            let never = Value::Constant(Literal::new(Shape::Bool(false), span));
+            let reset = reset.map_or(never, |(_, source)| self.value(source));
+            let inputs = vec![("in", value, span), ("condition", reset, span)];
+            let made = self.one(number, "NullIf", inputs);
+            self.ours[made].active = active;
+            values.push(self.wire(made, "out"));
         }
         values
     }
@@ -380,6 +374,23 @@ impl Writer<'_> {
         }
     }
 
+    fn link(
+        &self,
+        wire: &Wire,
+        initial: Option<Literal>,
+        span: Span,
+        read: &mut HashSet<(usize, &'static str)>,
+    ) -> Feed {
+        read.insert((wire.primitive, wire.port));
+        let wire = (wire.primitive, wire.port, wire.index);
+        Feed::Link(Link {
+            from: reference(self.ids, wire, span),
+            delayed: initial.is_some(),
+            initial,
+            span,
+        })
+    }
+
     fn feed(
         &self,
         value: &Value,
@@ -389,21 +400,23 @@ impl Writer<'_> {
     ) -> Feed {
         match value {
             Value::Wire(wire) => {
-                read.insert((wire.primitive, wire.port));
-                let wire = (wire.primitive, wire.port, wire.index);
-                Feed::Link(Link {
-                    from: reference(self.ids, wire, span),
-                    delayed,
-                    initial: delayed.then_some(Literal::new(Shape::Null, span)),
-                    span,
-                })
+                let null = || Literal::new(Shape::Null, span);
+                self.link(wire, delayed.then(null), span, read)
             }
+            Value::Before(wire, initial) => self.link(wire, Some(initial.clone()), span, read),
             Value::Constant(literal) => Feed::Literal(literal.clone()),
             Value::Delayed(number) => match self.delayed.get(*number) {
                 Some(value) => self.feed(value, span, true, read),
                 None => Feed::Refused,
             },
-            Value::List(_) | Value::Refused => Feed::Refused,
+            Value::List(elements) => Feed::List(List {
+                elements: elements
+                    .iter()
+                    .map(|element| self.feed(element, span, delayed, read))
+                    .collect(),
+                span,
+            }),
+            Value::Refused => Feed::Refused,
         }
     }
 }

@@ -2,6 +2,7 @@
 //! by one there and all at once here. The loader's threads.
 
 use rcc_config::diagnostic::Span;
+use rcc_core::unit::Unit;
 
 use super::{Build, Ours, Value};
 use crate::directionet::table::{Builtin, Entry};
@@ -17,14 +18,12 @@ impl Build<'_, '_> {
         active: Option<&Value>,
     ) {
         match builtin {
+            // What it gives was known from the beginning: it may be read before it is made.
             Builtin::Pre => {
-                if self.given(number, "inReset").is_some() {
-                    let message = "a delayed link has no `inReset`".to_string();
-                    self.error(fault::NO_COUNTERPART, self.span(number), message, None);
+                let mut delayed = self.delayed.iter_mut();
+                if let Some(pre) = delayed.find(|pre| pre.0 == number) {
+                    pre.1 = active.cloned();
                 }
-                self.delayed.push(number);
-                let value = Value::Delayed(self.delayed.len() - 1);
-                self.put(number, "outValue", value);
             }
             Builtin::Array | Builtin::ArrayGet | Builtin::ArraySet | Builtin::ArraySlice => {
                 self.array(number, entry, builtin);
@@ -33,12 +32,13 @@ impl Build<'_, '_> {
             Builtin::ArraySetNull => self.array_set_null(number, entry),
             Builtin::NetcommIn => self.set_from_outside(number, entry),
             Builtin::NetcommOut => self.shown_outside(number, entry),
+            Builtin::InvKin => self.inverse_kinematics(number, entry),
             Builtin::JointMonitor => self.joint_monitor(number, entry),
             Builtin::JointPosition => self.joint_position(number, entry, active),
         }
     }
 
-    fn put(&mut self, number: usize, port: &'static str, value: Value) {
+    pub(super) fn put(&mut self, number: usize, port: &'static str, value: Value) {
         if let Some(values) = self.values.get_mut(number) {
             values.insert(port, value);
         }
@@ -137,7 +137,7 @@ impl Build<'_, '_> {
         self.put(number, "outValue", value);
     }
 
-    fn one(
+    pub(super) fn one(
         &mut self,
         number: usize,
         ty: &'static str,
@@ -233,43 +233,113 @@ impl Build<'_, '_> {
         Some((device, axis, robot.span))
     }
 
-    /// The one JointState of a robot.
-    fn joint_state(&mut self, device: &str, span: Span) -> usize {
+    /// The one primitive of a type that a robot has.
+    fn of_robot(&mut self, ty: &'static str, name: &str, device: &str, span: Span) -> usize {
         let literal = Literal::new(Shape::Text(device.to_string()), span);
-        let name = super::finish::id(&format!("{device}_state"));
+        let name = super::finish::id(&format!("{device}_{name}"));
         let parameters = vec![("device", literal)];
-        let key = format!("state {device}");
-        self.shared(key, "JointState", &name, parameters, Vec::new())
+        let key = format!("{ty} {device}");
+        self.shared(key, ty, &name, parameters, Vec::new())
     }
 
     fn joint_monitor(&mut self, number: usize, entry: &'static Entry) {
         let Some((device, axis, span)) = self.robot(number, entry) else {
             return self.refuse(number, entry);
         };
-        let state = self.joint_state(&device, span);
         let index = Value::Constant(Literal::new(Shape::Int(i64::from(axis)), span));
-        for (theirs, ours) in [
-            ("outMeasuredPosition", "position"),
-            ("outMeasuredVelocity", "velocity"),
-            ("outCommandedPosition", "commanded"),
-            ("outCommandedVelocity", "commanded_velocity"),
+        for (theirs, ty, name, port) in [
+            ("outMeasuredPosition", "JointState", "state", "position"),
+            ("outCommandedPosition", "JointState", "state", "hold"),
+            (
+                "outMeasuredVelocity",
+                "JointVelocity",
+                "velocity",
+                "velocity",
+            ),
+            (
+                "outCommandedVelocity",
+                "JointVelocity",
+                "velocity",
+                "commanded",
+            ),
         ] {
-            let has = |port: &str| {
-                self.spec(state)
-                    .is_some_and(|spec| spec.output(port).is_some())
-            };
-            // Without a net an arm is held where it was commanded last.
-            let ours = match ours {
-                "commanded" if !has(ours) => "hold",
-                ours => ours,
-            };
-            if has(ours) {
-                let all = self.wire(state, ours);
+            // Only what is read is made: most nets read one of them.
+            if self.is_read(number, theirs) {
+                let made = self.of_robot(ty, name, &device, span);
+                let all = self.wire(made, port);
                 let value = self.element(all, &index, span);
                 self.put(number, theirs, value);
             }
         }
         self.put(number, "outError", constant(Shape::Int(0), span));
+    }
+
+    /// True if something of the text reads an output.
+    fn is_read(&self, number: usize, output: &str) -> bool {
+        self.read.contains(&(number, output.to_string()))
+    }
+
+    /// With the robot's own position as the hint the arm angle stays that of the start; with any other it is the hint's.
+    fn inverse_kinematics(&mut self, number: usize, entry: &'static Entry) {
+        let Some(robot) = self.parameter(number, entry, "Robot") else {
+            return self.refuse(number, entry);
+        };
+        let Shape::Text(name) = &robot.shape else {
+            return self.refuse(number, entry);
+        };
+        let Some(device) = self.device(name, true, robot.span) else {
+            return self.refuse(number, entry);
+        };
+        let (hint, at) = self.argument(number, entry, "inHintJoints");
+        let (pose, span) = self.argument(number, entry, "inFrame");
+        let parameter = || {
+            vec![(
+                "device",
+                Literal::new(Shape::Text(device.clone()), robot.span),
+            )]
+        };
+        let made = if self.is_own_position(&hint, &device) {
+            let made = self.one(number, "InverseKinematics", vec![("pose", pose, span)]);
+            self.ours[made].parameters = parameter();
+            made
+        } else {
+            let angle = self.one(number, "ArmAngle", Vec::new());
+            self.ours[angle].parameters = parameter();
+            let made = self.one(number, "InverseKinematicsNear", Vec::new());
+            self.ours[made].parameters = parameter();
+            let hint = self.in_unit(hint, Unit::RADIAN);
+            self.ours[angle].id.push_str("_angle");
+            self.ours[angle].inputs = vec![("joints", hint.clone(), at)];
+            let arm_angle = self.wire(angle, "angle");
+            self.ours[made].inputs = vec![
+                ("pose", pose, span),
+                ("arm_angle", arm_angle, at),
+                ("hint", hint, at),
+            ];
+            made
+        };
+        let joints = self.wire(made, "joints");
+        self.put(number, "outJoints", joints);
+    }
+
+    /// True for a list of all positions of a robot, measured or commanded, in order.
+    fn is_own_position(&self, hint: &Value, device: &str) -> bool {
+        let Value::List(elements) = hint else {
+            return false;
+        };
+        elements
+            .iter()
+            .zip(0..)
+            .all(|(element, index)| match element {
+                Value::Wire(wire) => self.ours.get(wire.primitive).is_some_and(|ours| {
+                    let own = ours
+                        .parameters
+                        .iter()
+                        .any(|(_, it)| it.shape == Shape::Text(device.to_string()));
+                    ours.ty == "JointState" && own && wire.index == Some(index)
+                }),
+                _ => false,
+            })
     }
 
     /// What is read of a primitive whose fault is reported.

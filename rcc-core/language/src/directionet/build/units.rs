@@ -8,6 +8,7 @@ use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use super::{Build, Value, Wire};
+use crate::directionet::values::Type as Theirs;
 use crate::syntax::literal::{Literal, Shape};
 
 impl Build<'_, '_> {
@@ -32,10 +33,13 @@ impl Build<'_, '_> {
         })
     }
 
+    /// The unit of a port, every unit that is open being that of a plain number.
     fn unit_of(&self, primitive: usize, port: &Port) -> Unit {
         match port.unit {
             UnitRule::Is(unit) => unit,
             UnitRule::Channel => self.channel_unit(primitive).unwrap_or(Unit::ONE),
+            UnitRule::PerSecond(_) => Unit::HERTZ,
+            UnitRule::PerSecond2(_) => Unit::HERTZ.per(Unit::SECOND),
             _ => Unit::ONE,
         }
     }
@@ -55,13 +59,29 @@ impl Build<'_, '_> {
         match port.ty {
             PortType::Is(ty) => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
             PortType::Joints => false,
-            // The same as what feeds it.
+            // The same as what feeds it, or as what it begins with.
             _ => self.ours.get(primitive).is_some_and(|ours| {
-                ours.inputs.iter().any(|(_, value, _)| match value {
-                    Value::Wire(wire) => wire.is_vector && wire.index.is_none(),
-                    _ => false,
-                })
+                let inputs = ours.inputs.iter().map(|(_, value, _)| value);
+                let begins = ours.parameters.iter().map(|(_, literal)| literal);
+                inputs.into_iter().any(|value| self.is_vector_value(value))
+                    || begins.into_iter().any(is_vector_literal)
             }),
+        }
+    }
+
+    fn is_vector_value(&self, value: &Value) -> bool {
+        match value {
+            Value::Wire(wire) | Value::Before(wire, _) => wire.is_vector && wire.index.is_none(),
+            Value::Constant(literal) => is_vector_literal(literal),
+            Value::Delayed(number) => {
+                let pre = self.delayed.get(*number).map(|(primitive, _)| *primitive);
+                let entry = pre.and_then(|pre| self.entries.get(pre).copied().flatten());
+                let port = entry.and_then(|entry| entry.output("outValue"));
+                port.is_some_and(|port| {
+                    matches!(port.ty, Theirs::Vector | Theirs::Twist | Theirs::Wrench)
+                })
+            }
+            Value::List(_) | Value::Refused => false,
         }
     }
 
@@ -89,12 +109,10 @@ impl Build<'_, '_> {
 
     /// A value as an input of ours takes it.
     pub(super) fn fit(&mut self, value: Value, primitive: usize, port: &Port) -> Value {
-        let unit = match port.unit {
-            UnitRule::Is(unit) => unit,
-            UnitRule::Channel => self.channel_unit(primitive).unwrap_or(Unit::ONE),
-            UnitRule::Typed => return value,
-            _ => Unit::ONE,
-        };
+        if port.unit == UnitRule::Typed {
+            return value;
+        }
+        let unit = self.unit_of(primitive, port);
         self.in_unit(value, unit)
     }
 
@@ -166,4 +184,9 @@ impl Build<'_, '_> {
         let made = self.shared(key, "NullIf", "before", Vec::new(), inputs);
         self.wire(made, "out")
     }
+}
+
+/// True for a list, which multiplication by a number wants as a whole.
+fn is_vector_literal(literal: &Literal) -> bool {
+    matches!(&literal.shape, Shape::List(elements) if elements.iter().all(|it| it.number().is_some()))
 }

@@ -16,25 +16,31 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("Core::BooleanAnd", M, "inFirst:bool inSecond:bool", "outValue:bool", "First:bool=true Second:bool=true")
         .to(Parameter, Net("{outValue=And(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("Core::BooleanHistory", S, "inValue*:bool", "outAll:bool outAmount:double outNone:bool", "Duration:double=1")
-        .to(Null, Net("HISTORY")),
+        .to(Last, None(Reason::Later))
+        .note("windows of truth values come with the arrays of the catalogue; `OnDelay` tells \"true for so long\""),
     Row::new("Core::BooleanLastN", S, "inValue*:bool", "outAll:bool outCount:int outNone:bool", "Count:int=1")
-        .to(Null, Net("LASTN")),
+        .to(Last, None(Reason::Later))
+        .note("windows of truth values come with the arrays of the catalogue; `OnDelay` tells \"true for so long\""),
     Row::new("Core::BooleanNot", M, "inValue:bool", "outValue:bool", "Value:bool=false")
         .to(Parameter, Net("{outValue=Not(in=parent.inValue).out}")),
     Row::new("Core::BooleanOr", M, "inFirst:bool inSecond:bool", "outValue:bool", "First:bool=false Second:bool=false")
         .to(Parameter, Net("{outValue=Or(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("Core::EdgeDetection", S, "inValue*:bool", "outValue:bool", "Direction:bool=true")
-        .to(Null, By("Direction", "{outValue=RisingEdge(in=parent.inValue).out}", "{outValue=FallingEdge(in=parent.inValue).out}")),
+        .to(Null, By("Direction", "{outValue=RisingEdge(in=parent.inValue,initial='false').out}", "{outValue=FallingEdge(in=parent.inValue,initial='false').out}")),
     Row::new("Core::Trigger", S, "inOff:bool inOn:bool", "outActive:bool", "On:bool=false Off:bool=false")
         .to(Parameter, Net("{outActive=Trigger(on=parent.inOn,off=parent.inOff,reset=parent.inReset).out}")),
     Row::new("Core::BCDToDec", A, "inArray:bool[]", "outValue:int", "amountBits:uint signBit:bool=true")
-        .to(Last, Net("TODO")),
+        .to(Last, None(Reason::Later))
+        .note("words of bits come with the arrays of the catalogue"),
     Row::new("Core::BinToDec", A, "inArray:bool[]", "outValue:int", "amountBits:uint signBit:bool=false")
-        .to(Last, Net("TODO")),
+        .to(Last, None(Reason::Later))
+        .note("words of bits come with the arrays of the catalogue"),
     Row::new("Core::DecToBCD", A, "inValue:int", "outArray:bool[] overflowBit:bool", "amountBits:uint signBit:bool=true")
-        .to(Last, Net("TODO")),
+        .to(Last, None(Reason::Later))
+        .note("words of bits come with the arrays of the catalogue"),
     Row::new("Core::DecToBin", A, "inValue:int", "outArray:bool[] overflowBit:bool", "amountBits:uint signBit:bool=false")
-        .to(Last, Net("TODO")),
+        .to(Last, None(Reason::Later))
+        .note("words of bits come with the arrays of the catalogue"),
     Row::new("Core::DoubleAcos", M, "inValue:double", "outValue:double", "Value:double=1")
         .to(Parameter, Net("{outValue=ArcCosine(in=parent.inValue).out}"))
         .note("outside of its range null, not NaN"),
@@ -87,15 +93,15 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("Core::IntMultiply", M, "inFirst:int inSecond:int", "outValue:int", "First:int=0 Second:int=0")
         .to(Last, Net("{outValue=Multiply(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("Core::Clock", S, "inIncrement:double", "outValue:double", "Increment:double=1")
-        .to(Last, Net("{outValue=Integrator(in=parent.inIncrement).out}")),
+        .to(Last, Net("{outValue=Integrator(in=parent.inIncrement,reset=parent.inReset).out}")),
     Row::new("Core::CycleTime", M, "", "outValue:double", "")
         .to(Last, Net("{outValue=CyclePeriod().out}")),
     Row::new("Core::TimeAdd", M, "inDelta:double inTime:nsecs", "outValue:nsecs", "")
         .to(Last, Net("{outValue=Add(a=parent.inTime,b=parent.inDelta).out}"))
         .note("times are seconds in a Real"),
     Row::new("Core::TimeAtTime", M, "inAge:double inValue*:nsecs", "outValue:nsecs", "Age:double=0 MaxAge:double=1")
-        .to(Null, Net("{outValue=Delay(in=parent.inValue,age=parent.inAge,max=parent.MaxAge).out}")).may_be_null()
-        .note("times are seconds in a Real"),
+        .to(Null, Net("{outValue=Delay(in=parent.inValue,age=Add(a=parent.inAge,b=CyclePeriod().out).out,max=parent.MaxAge).out}")).may_be_null()
+        .note("one cycle more than `Age`, as there; times are seconds in a Real"),
     Row::new("Core::TimeConsistentRange", S, "inFirstEnd*:nsecs inFirstStart*:nsecs inSecondEnd*:nsecs inSecondStart*:nsecs", "outEnd:nsecs outStart:nsecs", "MaxSize:double=1 MaxAge:double=1")
         .to(Last, None(Reason::Dead))
         .note("its histories are never filled there: it never gives a value"),
@@ -106,28 +112,30 @@ pub(super) const ROWS: &[Row] = &[
         .to(Last, None(Reason::Rare))
         .note("no search in histories of times; `Delay` gives the value of a known age"),
     Row::new("Core::TimeNet", M, "", "outValue:nsecs", "")
-        .to(Last, Net("{outValue=Time().t}"))
+        .to(Last, Net("{outValue=Time().out}"))
         .note("seconds since START instead of nanoseconds since the executor began"),
     Row::new("Core::TimePre", S, "inValue:nsecs", "outValue:nsecs", "")
         .to(Null, Special(Builtin::Pre)).may_be_null()
-        .note("a delayed link: null in the first cycle"),
+        .note("null in the first cycle"),
     Row::new("Core::TimeWall", M, "", "outValue:nsecs", "")
         .to(Last, None(Reason::Clock))
         .note("no clock inside a cycle: the same inputs give the same values; `Core::TimeNet` is there"),
     Row::new("Core::CubicBezier", A, "inControl1:double inControl2:double inFrom:double inTo:double inValue*:double", "outValue:double", "From:double=0 To:double=0 Control1:double=0 Control2:double=0")
-        .to(Last, Net("{outValue=CubicBezier(t=parent.inValue,from=parent.inFrom,control1=parent.inControl1,control2=parent.inControl2,to=parent.inTo).out}")),
+        .to(Last, Net("{outValue=CubicBezier(from=parent.inFrom,control1=parent.inControl1,control2=parent.inControl2,to=parent.inTo,t=parent.inValue).out}")),
     Row::new("Core::DoubleBezier", M, "inFrom:double inFromVel:double inTo:double inToVel:double inValue*:double", "outValue:double", "From:double=0 To:double=0 FromVel:double=0 ToVel:double=0")
-        .to(Last, Net("{outValue=Hermite(t=parent.inValue,from=parent.inFrom,from_velocity=parent.inFromVel,to=parent.inTo,to_velocity=parent.inToVel).out}")),
+        .to(Last, Net("{outValue=CubicHermite(from=parent.inFrom,from_slope=parent.inFromVel,to=parent.inTo,to_slope=parent.inToVel,t=parent.inValue).out}")),
     Row::new("Core::Interval", A, "inMax:double inMin:double inValue*:double", "outActive:bool outValue:double", "Min:double=0 Max:double=1000")
         .to(Last, Net("{i=Interval(in=parent.inValue,low=parent.inMin,high=parent.inMax),outActive=i.inside,outValue=i.fraction}")),
     Row::new("Core::Lerp", A, "inAmount*:double inFrom:double inTo:double", "outValue:double", "From:double=0 To:double=0")
-        .to(Last, Net("{outValue=Lerp(t=parent.inAmount,from=parent.inFrom,to=parent.inTo).out}")),
+        .to(Last, Net("{outValue=Lerp(from=parent.inFrom,to=parent.inTo,t=parent.inAmount).out}")),
     Row::new("Core::OTG", A, "inCurAcc:double inCurPos:double inCurVel:double inDestPos:double inDestVel:double inMaxAcc:double inMaxVel:double", "outAcc:double outPos:double outVel:double", "maxVel:double=0 maxAcc:double=0")
-        .to(Last, Net("TODO")),
+        .to(Last, Net("{o=OnlineTrajectory(goal=parent.inDestPos,goal_velocity=parent.inDestVel,max_velocity=Else(link=parent.inMaxVel,otherwise=parent.maxVel).x,max_acceleration=Else(link=parent.inMaxAcc,otherwise=parent.maxAcc).x,reset_to=Else(link=parent.inCurPos,otherwise=parent.inDestPos).x),outPos=o.position,outVel=o.velocity,outAcc=o.acceleration}"))
+        .note("`inCurPos` is where it begins; from there on it goes on from its own set-point, at rest in the beginning whatever `inCurVel` and `inCurAcc` say"),
     Row::new("Core::OTG2", A, "inCurPos:double inCurVel:double inDesPos:double inMaxAcc:double inMaxVel:double", "outAcc:double outPos:double outVel:double", "maxVel:double=0 maxAcc:double=0")
-        .to(Last, Net("TODO")),
+        .to(Last, Net("{o=OnlineTrajectory(goal=parent.inDesPos,max_velocity=Else(link=parent.inMaxVel,otherwise=parent.maxVel).x,max_acceleration=Else(link=parent.inMaxAcc,otherwise=parent.maxAcc).x,reset_to=Else(link=parent.inCurPos,otherwise=parent.inDesPos).x),outPos=o.position,outVel=o.velocity,outAcc=o.acceleration}"))
+        .note("as `Core::OTG`, to a goal that does not move"),
     Row::new("Core::Rampify", A, "inValue*:double", "outValue:double", "Constant:double=0.5")
-        .to(Last, Net("{outValue=Rampify(in=parent.inValue,constant=parent.Constant).out}")),
+        .to(Last, Net("{outValue=TrapezoidalProgress(in=parent.inValue,constant=parent.Constant).out}")),
     Row::new("Core::MatrixApply", M, "inMatrix*:matrix inVector*:double[]", "outValue:double[]", "Size:int=0")
         .to(Last, None(Reason::Library))
         .note("only the Java core has it, and no net of the library contains it; matrices are `Real[r,c]` here"),

@@ -16,43 +16,43 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("SetNull", M, "inNull*:bool inValue*:T", "outValue:T", "")
         .to(Null, Net("{outValue=NullIf(in=parent.inValue,condition=parent.inNull).out}")).may_be_null(),
     Row::new("AtTime", M, "inAge:double inValue*:T", "outValue:T", "Age:double=0 MaxAge:double=1")
-        .to(Null, Net("{outValue=Delay(in=parent.inValue,age=parent.inAge,max=parent.MaxAge).out}")).may_be_null(),
+        .to(Null, Net("{outValue=Delay(in=parent.inValue,age=Add(a=parent.inAge,b=CyclePeriod().out).out,max=parent.MaxAge).out}")).may_be_null()
+        .note("one cycle more than `Age`, as there; the age is rounded to whole cycles"),
     Row::new("Snapshot", S, "inSnapshot*:bool inValue*:T", "outValue:T", "Value:T")
         .to(Null, Net("{outValue=Hold(in=parent.inValue,sample=parent.inSnapshot,initial=parent.Value).out}"))
         .note("before the first snapshot it is `Value`, as documented there (their core gives 0)"),
     Row::new("Pre", S, "inValue:T", "outValue:T", "")
         .to(Null, Special(Builtin::Pre)).may_be_null()
-        .note("a delayed link: null in the first cycle"),
+        .note("null in the first cycle"),
     Row::new("Array", M, "", "outArray:T[]", "Size:int=1")
         .to(Last, Special(Builtin::Array))
         .note("elements are 0 or false where theirs are random"),
     Row::new("ArrayGet", M, "inArray*:T[]", "outValue:T", "Size:int=1 Index:int=0")
         .to(Last, Special(Builtin::ArrayGet))
-        .note("the element itself: `x.out[2]`"),
+        .note("`x.out[2]`"),
     Row::new("ArraySet", M, "inArray*:T[] inValue*:T", "outArray:T[]", "Size:int=1 Index:int=0")
         .to(Last, Special(Builtin::ArraySet))
-        .note("a list of links: `[a.out, b.out]`"),
+        .note("`[a.out, b.out]`"),
     Row::new("ArrayIsNull", M, "inValue*:T[]", "outValue:bool", "")
         .to(Null, Special(Builtin::ArrayIsNull)),
     Row::new("ArraySetNull", M, "inNull:bool inValue*:T[]", "outValue:T[]", "Size:int=1")
         .to(Null, Special(Builtin::ArraySetNull)).may_be_null(),
     Row::new("ArraySlice", M, "inArray*:T[]", "outArray:T[]", "Size:int=1 Start:int=0")
-        .to(Last, Special(Builtin::ArraySlice))
-        .note("a list of links"),
+        .to(Last, Special(Builtin::ArraySlice)),
     Row::new("Conditional", M, "inCondition*:bool inFalse:T inTrue:T", "outValue:T", "True:T False:T")
         .to(Last, Net("{outValue=Select(condition=parent.inCondition,yes=parent.inTrue,no=parent.inFalse).out}")),
     Row::new("NetcommIn", M, "", "outLastUpdated:nsecs outValue:T", "Key:string= Value:T")
         .to(Last, Special(Builtin::NetcommIn))
-        .note("`Input` with the id `in<Key>`; `outLastUpdated` has no counterpart: read `age`"),
+        .note("its id is `in<Key>`; `outLastUpdated` has no counterpart: read `age`"),
     Row::new("ArrayNetcommIn", M, "", "outLastUpdated:nsecs outValue:T[]", "Key:string= Value:T[]=[]")
         .to(Last, Special(Builtin::NetcommIn))
         .note("as for single values; the length is that of `Value`"),
     Row::new("NetcommOut", M, "inValue:T", "", "Key:string= Report:bool=true Value:T")
         .to(Null, Special(Builtin::NetcommOut))
-        .note("`Monitor` with the id `out<Key>`"),
+        .note("its id is `out<Key>`"),
     Row::new("ArrayNetcommOut", M, "inValue:T[]", "", "Key:string= Report:bool=true Value:T[]=[]")
         .to(Null, Special(Builtin::NetcommOut))
-        .note("`Monitor` with the id `out<Key>`"),
+        .note("its id is `out<Key>`"),
     Row::new("InterNetcommIn", M, "", "outLastUpdated:nsecs outValue:T", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
         .to(Last, None(Reason::Elsewhere))
         .note("a net reads another net's values by `Subscribe`, once both are written for it; the name of a net there says nothing here"),

@@ -11,22 +11,23 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::VectorAdd", A, "inFirst*:Vector inSecond*:Vector", "outValue:Vector", "")
         .to(Last, Net("{outValue=Add(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::VectorAverage", M, "inReset:bool inValue*:Vector", "outValue:Vector", "Duration:double=1")
-        .to(Last, Net("{outValue=WindowMean(in=parent.inValue,window=parent.Duration).out}")),
+        .to(Last, Net("{s=SplitVector(in=parent.inValue),outValue=MakeVector(x=WindowMean(in=s.x,window=parent.Duration).out,y=WindowMean(in=s.y,window=parent.Duration).out,z=WindowMean(in=s.z,window=parent.Duration).out).out}"))
+        .note("`inReset` has no counterpart"),
     Row::new("World::VectorCross", A, "inFirst*:Vector inSecond*:Vector", "outValue:Vector", "")
         .to(Last, Net("{outValue=Cross(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::VectorDot", A, "inFirst*:Vector inSecond*:Vector", "outValue:double", "")
-        .to(Last, Net("{outValue=Dot(a=parent.inFirst,b=parent.inSecond).out}")),
+        .to(Last, Net("{a=SplitVector(in=parent.inFirst),b=SplitVector(in=parent.inSecond),xy=Add(a=Multiply(a=a.x,b=b.x).out,b=Multiply(a=a.y,b=b.y).out),outValue=Add(a=xy.out,b=Multiply(a=a.z,b=b.z).out).out}")),
     Row::new("World::VectorFromXYZ", A, "inX:double inY:double inZ:double", "outValue:Vector", "X:double=0 Y:double=0 Z:double=0")
         .to(Last, Net("{outValue=MakeVector(x=parent.inX,y=parent.inY,z=parent.inZ).out}")),
     Row::new("World::VectorRotate", A, "inRot*:Rotation inValue*:Vector", "outValue:Vector", "")
-        .to(Last, Net("{outValue=Rotate(rotation=parent.inRot,in=parent.inValue).out}")),
+        .to(Last, Net("{outValue=TransformPoint(pose=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inRot).out,point=parent.inValue).out}")),
     Row::new("World::VectorScale", A, "inFactor:double inValue*:Vector", "outValue:Vector", "Factor:double=1")
-        .to(Last, Net("{outValue=Scale(in=parent.inValue,by=parent.inFactor).out}")),
+        .to(Last, Net("{outValue=Scale(in=parent.inValue,factor=parent.inFactor).out}")),
     Row::new("World::VectorToXYZ", A, "inValue:Vector", "outX:double outY:double outZ:double", "")
         .to(Last, Net("{s=SplitVector(in=parent.inValue),outX=s.x,outY=s.y,outZ=s.z}")),
     Row::new("World::RotationAverage", M, "inReset:bool inValue*:Rotation", "outValue:Rotation", "Duration:double=1")
         .to(Last, None(Reason::Rare))
-        .note("a mean of rotations is taken from `RotationError` by `WindowMean`"),
+        .note("a mean of rotations is made from `RotationError` and a mean of vectors"),
     Row::new("World::RotationBezier", M, "inFrom*:Rotation inFromVel*:Vector inTo*:Rotation inToVel*:Vector inValue*:double", "outValue:Rotation", "")
         .to(Last, Net("{outValue=RotationBezier(from=parent.inFrom,to=parent.inTo,from_velocity=parent.inFromVel,to_velocity=parent.inToVel,s=parent.inValue).out}"))
         .note("turns the short way where theirs does not look"),
@@ -38,7 +39,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::RotationFromQuaternion", A, "inW:double inX:double inY:double inZ:double", "outValue:Rotation", "X:double=1 Y:double=0 Z:double=0 W:double=0")
         .to(Last, Net("{outValue=RotationFromQuaternion(x=parent.inX,y=parent.inY,z=parent.inZ,w=parent.inW).out}")),
     Row::new("World::RotationInvert", A, "inValue*:Rotation", "outValue:Rotation", "")
-        .to(Last, Net("{outValue=Invert(in=parent.inValue).out}")),
+        .to(Last, Net("{outValue=SplitPose(in=PoseInvert(in=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inValue).out).out).rotation}")),
     Row::new("World::RotationToABC", A, "inValue:Rotation", "outA:double outB:double outC:double", "")
         .to(Last, Net("{r=RotationToRpy(in=parent.inValue),outA=r.yaw,outB=r.pitch,outC=r.roll}")),
     Row::new("World::RotationToAxisAngle", A, "inValue*:Rotation", "outAngle:double outAxis:Vector", "")
@@ -46,7 +47,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::RotationToQuaternion", A, "inValue*:Rotation", "outW:double outX:double outY:double outZ:double", "")
         .to(Last, Net("{r=RotationToQuaternion(in=parent.inValue),outX=r.x,outY=r.y,outZ=r.z,outW=r.w}")),
     Row::new("World::RotationTransform", A, "inFirst:Rotation inSecond:Rotation", "outValue:Rotation", "")
-        .to(Last, Net("{outValue=Compose(a=parent.inFirst,b=parent.inSecond).out}")),
+        .to(Last, Net("{outValue=SplitPose(in=PoseCompose(a=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inFirst).out,b=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inSecond).out).out).rotation}")),
     Row::new("World::FrameAddTwist", A, "inFrame*:Frame inTwist*:Twist", "outValue:Frame", "")
         .to(Last, Net("{outValue=PoseAddTwist(pose=parent.inFrame,twist=parent.inTwist).out}")),
     Row::new("World::FrameFromPosRot", A, "inPos:Vector inRot:Rotation", "outValue:Frame", "X:double=0 Y:double=0 Z:double=0 A:double=0 B:double=0 C:double=0")
@@ -54,9 +55,9 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::FrameFromXYZ", A, "inRot:Rotation inX:double inY:double inZ:double", "outValue:Frame", "X:double=0 Y:double=0 Z:double=0 A:double=0 B:double=0 C:double=0")
         .to(Last, Net("{outValue=MakePose(position=MakeVector(x=parent.inX,y=parent.inY,z=parent.inZ).out,rotation=Else(link=parent.inRot,otherwise=RotationFromRpy(roll=parent.C,pitch=parent.B,yaw=parent.A).out).x).out}")),
     Row::new("World::FrameInvert", A, "inValue*:Frame", "outValue:Frame", "")
-        .to(Last, Net("{outValue=Invert(in=parent.inValue).out}")),
+        .to(Last, Net("{outValue=PoseInvert(in=parent.inValue).out}")),
     Row::new("World::FrameLerp", A, "inAmount*:double inFrom*:Frame inTo*:Frame", "outValue:Frame", "")
-        .to(Last, Net("{outValue=PoseInterpolate(from=parent.inFrom,to=parent.inTo,t=parent.inAmount).out}")),
+        .to(Last, Net("{e=PoseError(from=parent.inFrom,to=parent.inTo),f=SplitPose(in=parent.inFrom),turn=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=RotationFromVector(in=Scale(in=e.rotation,factor=parent.inAmount).out).out),start=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=f.rotation),r=SplitPose(in=PoseCompose(a=turn.out,b=start.out).out),outValue=MakePose(position=Add(a=f.position,b=Scale(in=e.translation,factor=parent.inAmount).out).out,rotation=r.rotation).out}")),
     Row::new("World::FrameOTG", A, "inCurPos*:Frame inCurVel*:Twist inDestPos*:Frame inDestVel:Twist inMaxRotAcc:double inMaxRotVel:double inMaxTransAcc:double inMaxTransVel:double", "outPos:Frame outVel:Twist", "MaxTransVel:double=1 MaxTransAcc:double=1 MaxRotVel:double=1 MaxRotAcc:double=1")
         .to(Last, None(Reason::Later))
         .note("trajectories that replan themselves in space come with the motions of the catalogue"),
@@ -65,7 +66,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::FrameToXYZ", A, "inValue:Frame", "outRot:Rotation outX:double outY:double outZ:double", "")
         .to(Last, Net("{s=SplitPose(in=parent.inValue),v=SplitVector(in=s.position),outRot=s.rotation,outX=v.x,outY=v.y,outZ=v.z}")),
     Row::new("World::FrameTransform", A, "inFirst*:Frame inSecond*:Frame", "outValue:Frame", "")
-        .to(Last, Net("{outValue=Compose(a=parent.inFirst,b=parent.inSecond).out}")),
+        .to(Last, Net("{outValue=PoseCompose(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::TwistAdd", A, "inFirst:Twist inSecond:Twist", "outValue:Twist", "")
         .to(Last, Net("{outValue=Add(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::TwistChangeCenter", A, "inValue*:Twist inVector*:Vector", "outValue:Twist", "")
@@ -77,7 +78,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::TwistFromXYZ", A, "inA:double inB:double inC:double inX:double inY:double inZ:double", "outValue:Twist", "X:double=0 Y:double=0 Z:double=0 A:double=0 B:double=0 C:double=0")
         .to(Last, Net("{outValue=MakeTwist(linear=MakeVector(x=parent.inX,y=parent.inY,z=parent.inZ).out,angular=MakeVector(x=parent.inC,y=parent.inB,z=parent.inA).out).out}")),
     Row::new("World::TwistRotate", A, "inRot*:Rotation inValue*:Twist", "outValue:Twist", "")
-        .to(Last, Net("{outValue=Rotate(rotation=parent.inRot,in=parent.inValue).out}")),
+        .to(Last, Net("{outValue=TwistTransform(pose=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inRot).out,in=parent.inValue).out}")),
     Row::new("World::TwistToVelocities", A, "inValue*:Twist", "outRotVel:Vector outTransVel:Vector", "")
         .to(Last, Net("{s=SplitTwist(in=parent.inValue),outTransVel=s.linear,outRotVel=s.angular}")),
     Row::new("World::TwistToXYZ", A, "inValue:Twist", "outA:double outB:double outC:double outX:double outY:double outZ:double", "")

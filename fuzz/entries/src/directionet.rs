@@ -1,0 +1,34 @@
+//! Target `directionet`: any text in the predecessor's form. As for `net`; and what is accepted is the same net when it is
+//! written as YAML and read again. Run by the thread of the target.
+
+use rcc_language::{compile, directionet, write};
+
+use crate::net;
+use crate::shipped::shipped;
+
+/// Reads the bytes as DirectIONet, runs what is accepted, and writes it in our form.
+pub fn run(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else {
+        return;
+    };
+    if !directionet::looks_like(text) {
+        return;
+    }
+    net::run(data);
+    let table = &shipped().table;
+    let Ok(theirs) = compile::compile_for(text, "net.net", table) else {
+        return;
+    };
+    let mut faults = Vec::new();
+    let Some(model) = compile::read(text, "net.net", table, &mut faults) else {
+        panic!("what compiles cannot be read");
+    };
+    let yaml = write::yaml(&model);
+    match compile::compile_for(&yaml, "net.yaml", table) {
+        Ok(ours) => assert!(
+            format!("{:?}", theirs.plan) == format!("{:?}", ours.plan),
+            "another plan:\n{yaml}"
+        ),
+        Err(faults) => panic!("the YAML of an accepted net is refused:\n{yaml}\n{faults}"),
+    }
+}

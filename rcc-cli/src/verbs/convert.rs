@@ -1,0 +1,105 @@
+//! `convert FILE`: a net in another form: the predecessor's DirectIONet as our YAML or JSON, and back. Needs no cell.
+
+use std::path::PathBuf;
+
+use rcc_language::devices::DeviceTable;
+use rcc_language::{Faults, compile, directionet, write};
+use rcc_loader::server::{codes, compile as compile_server};
+
+use super::check::load_config;
+use crate::context::{Context, say};
+use crate::failure::{Failure, draw};
+use crate::follow::read_text;
+use crate::supervisor::places;
+
+/// What to convert.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// A net: DirectIONet, YAML or JSON; - is the standard input.
+    file: String,
+    /// The form that comes out.
+    #[arg(long, value_enum, default_value = "yaml")]
+    to: Form,
+    /// Where it goes (default: the standard output).
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// The cell's configuration whose devices the net is for (default: the demo cell's).
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// What a device of the text is called in the cell.
+    #[arg(long = "device", value_name = "THEIRS=OURS")]
+    devices: Vec<String>,
+    /// What a channel of the text is called in the cell: io.InBool.8=door_closed.
+    #[arg(long = "channel", value_name = "DEVICE.TYPE.PORT=NAME")]
+    channels: Vec<String>,
+    /// A value to the application that ends the net when it is true.
+    #[arg(long, value_name = "KEY")]
+    end: Vec<String>,
+}
+
+/// A form of nets.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// Ours, by hand.
+    Yaml,
+    /// Ours, by machine.
+    Json,
+    /// The predecessor's.
+    Directionet,
+}
+
+/// Does it.
+///
+/// # Errors
+/// The net is not valid, or something of it cannot be said in the other form.
+pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let config = match &arguments.config {
+        Some(path) => path.clone(),
+        None => places::config("cells/demo.yaml")?,
+    };
+    let cell = DeviceTable::from(&load_config(&config)?);
+    let (name, text) = read_text(&arguments.file)?;
+    let text = header(&arguments)? + &text;
+    let invalid = |faults: &_| Failure::of_faults("the net is not valid", faults);
+    let compiled = compile::compile_for(&text, &name, &cell).map_err(|faults| invalid(&faults))?;
+    let mut faults = Vec::new();
+    let net = compile::read(&text, &name, &cell, &mut faults);
+    let converted = net.and_then(|net| match arguments.to {
+        Form::Yaml => Some(write::yaml(&net)),
+        Form::Json => Some(write::json(&net)),
+        Form::Directionet => {
+            directionet::write::text(&net, &compiled.names, &cell, &mut faults)
+        }
+    });
+    // What compiles can be read, so only writing can have failed.
+    let Some(converted) = converted else {
+        return Err(invalid(&Faults::new(name, text, faults)));
+    };
+    let warnings = compile_server::findings(&compiled.warnings);
+    eprint!("{}", draw(&warnings, Some(&(name, text)), Context::colour()));
+    match arguments.output {
+        None => say(converted.trim_end()),
+        Some(path) => std::fs::write(&path, converted)
+            .map_err(|error| Failure::new(codes::BAD_REQUEST, format!("{}: {error}", path.display()), "name a file that can be written"))?,
+    }
+    Ok(())
+}
+
+/// The lines before a net that say the same as the flags.
+fn header(arguments: &Arguments) -> Result<String, Failure> {
+    let mut header = String::new();
+    for (key, values) in [
+        ("devices", &arguments.devices),
+        ("channels", &arguments.channels),
+        ("end", &arguments.end),
+    ] {
+        if let Some(bad) = values.iter().find(|value| value.contains('\n')) {
+            let message = format!("`{bad}` is more than a line");
+            return Err(Failure::new(codes::BAD_REQUEST, message, "give names only"));
+        }
+        if !values.is_empty() {
+            header += &format!("# {key}: {}\n", values.join(", "));
+        }
+    }
+    Ok(header)
+}

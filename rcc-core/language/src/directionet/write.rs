@@ -1,0 +1,539 @@
+//! A net of ours in the predecessor's form, as far as each of its primitives has an exact counterpart there; everything that
+//! has none is told with its place. The threads of `rcc-cli convert`.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use rcc_config::diagnostic::{Diagnostic, Span};
+use rcc_core::primitive::ChannelKind;
+
+use super::table::{self, Entry, FAMILIES, Kind};
+use super::text::{self, Argument};
+use super::values::Type;
+use crate::devices::DeviceTable;
+use crate::fault;
+use crate::names::{Names, PrimitiveNames};
+use crate::syntax::literal::{Literal, Shape};
+use crate::syntax::part::Part;
+use crate::syntax::{Link, Net, Primitive, Source};
+
+/// A row of the table read backwards: what a primitive of ours was.
+struct Backwards {
+    entry: &'static Entry,
+    /// Our input or parameter, and theirs.
+    arguments: Vec<(&'static str, &'static str)>,
+    /// Our output and theirs.
+    outputs: Vec<(&'static str, &'static str)>,
+}
+
+struct Writer<'n, 'f> {
+    net: &'n Net,
+    names: HashMap<&'n str, &'n PrimitiveNames>,
+    cell: &'n DeviceTable,
+    rows: HashMap<&'static str, Vec<Backwards>>,
+    faults: &'f mut Vec<Diagnostic>,
+}
+
+/// Writes a net that compiles; `names` are those of its plan. `None`: something has no counterpart.
+#[must_use]
+pub fn text(
+    net: &Net,
+    names: &Names,
+    cell: &DeviceTable,
+    faults: &mut Vec<Diagnostic>,
+) -> Option<String> {
+    let before = faults.len();
+    let names = names.primitives.iter().map(|row| (row.id.as_str(), row));
+    let mut writer = Writer {
+        net,
+        names: names.collect(),
+        cell,
+        rows: backwards(),
+        faults,
+    };
+    if let Some(key) = net.uses.first() {
+        writer.refuse(key.span, "libraries of fragments".to_string());
+    }
+    if let Some(fragment) = net.fragments.first() {
+        writer.refuse(fragment.name.span, "fragments".to_string());
+    }
+    for literal in [&net.timing.period, &net.timing.rate, &net.timing.phase]
+        .into_iter()
+        .flatten()
+    {
+        writer.refuse(
+            literal.span,
+            "a period: it is said when a net is loaded".to_string(),
+        );
+    }
+    let items: Vec<String> = net
+        .primitives
+        .iter()
+        .flat_map(|it| writer.primitive(it))
+        .collect();
+    (writer.faults.len() == before).then(|| format!("{{{}}}", items.join(",")))
+}
+
+/// Every row that is one primitive of ours with nothing but inputs and parameters of theirs around it.
+fn backwards() -> HashMap<&'static str, Vec<Backwards>> {
+    let mut entries: Vec<&Entry> = table::all().values().collect();
+    entries.sort_by_key(|entry| &entry.name);
+    let mut rows: HashMap<&str, Vec<Backwards>> = HashMap::new();
+    for entry in entries {
+        if let [net] = entry.nets.as_slice()
+            && let Some((ours, row)) = backward(entry, net)
+        {
+            rows.entry(ours).or_default().push(row);
+        }
+    }
+    rows
+}
+
+fn backward(
+    entry: &'static Entry,
+    net: &'static text::Fragment,
+) -> Option<(&'static str, Backwards)> {
+    let mut found = None;
+    let mut outputs = Vec::new();
+    for item in &net.items {
+        if let text::Primitive::Typed(ty, arguments) = &item.primitive {
+            if found.is_some() {
+                return None;
+            }
+            found = Some((ty, arguments));
+        }
+        if let Some(port) = &item.port {
+            outputs.push((port.name.as_str(), item.name.name.as_str()));
+        }
+    }
+    let (ty, arguments) = found?;
+    let plain = arguments
+        .iter()
+        .map(|Argument { name, value, .. }| match value {
+            text::Value::Link(from, port) => match &**from {
+                text::Primitive::Named(parent) if parent.name == "parent" => {
+                    Some((name.name.as_str(), port.name.as_str()))
+                }
+                _ => None,
+            },
+            text::Value::Text(..) => None,
+        });
+    let arguments = plain.collect::<Option<Vec<_>>>()?;
+    Some((
+        ty.name.as_str(),
+        Backwards {
+            entry,
+            arguments,
+            outputs,
+        },
+    ))
+}
+
+/// A type of ours by its name in [`Names`] as theirs.
+fn theirs(name: &str) -> Option<Type> {
+    Some(match name {
+        "Bool" => Type::Bool,
+        "Int" => Type::Int,
+        "Real" => Type::Double,
+        "Vector3" => Type::Vector,
+        "Rotation" => Type::Rotation,
+        "Pose" => Type::Frame,
+        "Twist" => Type::Twist,
+        "Wrench" => Type::Wrench,
+        _ => return None,
+    })
+}
+
+fn family(ty: Type) -> Option<&'static str> {
+    let row = FAMILIES.iter().find(|row| row.1 == ty);
+    row.map(|row| row.0)
+}
+
+impl Writer<'_, '_> {
+    fn refuse(&mut self, span: Span, what: String) {
+        let message = format!("DirectIONet has no counterpart of {what}");
+        let fault = Diagnostic::error(fault::NO_COUNTERPART, span, message);
+        self.faults
+            .push(fault.help("docs/from-the-predecessor.md says what there is"));
+    }
+
+    /// The items that a primitive becomes.
+    fn primitive(&mut self, primitive: &Primitive) -> Vec<String> {
+        let id = &primitive.id.name;
+        match primitive.type_name.name.as_str() {
+            "Termination" => {
+                let done = self.input(primitive, "done", Type::Bool);
+                vec![format!("outTerminate={}", done.unwrap_or_default())]
+            }
+            "Monitor" => self.keyed(primitive, "NetcommOut"),
+            "Input" => self.keyed(primitive, "NetcommIn"),
+            "JointPositionCommand" => self.axes(primitive),
+            // Read by axis, where it is read.
+            "JointState" => Vec::new(),
+            _ => {
+                let Some(arguments) = self.arguments(primitive) else {
+                    return Vec::new();
+                };
+                let (name, arguments) = arguments;
+                vec![format!("{id}={name}({})", arguments.join(","))]
+            }
+        }
+    }
+
+    fn type_of(&self, primitive: &str, port: &str) -> Option<Type> {
+        let row = self.names.get(primitive)?;
+        let mut ports = row.outputs.iter().chain(&row.inputs);
+        theirs(&ports.find(|known| known.name == port)?.type_name)
+    }
+
+    /// The row whose types are those of a primitive.
+    fn row(&self, primitive: &Primitive) -> Option<&Backwards> {
+        let rows = self.rows.get(primitive.type_name.name.as_str())?;
+        let id = primitive.id.name.as_str();
+        let names = self.names.get(id)?;
+        rows.iter().find(|row| {
+            let fits = |ours: &str, ty: Type| {
+                let known = names
+                    .inputs
+                    .iter()
+                    .chain(&names.outputs)
+                    .find(|port| port.name == ours);
+                known.is_none_or(|_| self.type_of(id, ours) == Some(ty))
+            };
+            let inputs = row.arguments.iter().all(|(ours, theirs)| {
+                row.entry
+                    .input(theirs)
+                    .is_none_or(|port| port.array || fits(ours, port.ty))
+            });
+            let outputs = row.outputs.iter().all(|(ours, theirs)| {
+                row.entry
+                    .output(theirs)
+                    .is_none_or(|port| port.array || fits(ours, port.ty))
+            });
+            inputs && outputs
+        })
+    }
+
+    /// Type and arguments of a primitive that is a row read backwards.
+    fn arguments(&mut self, primitive: &Primitive) -> Option<(String, Vec<String>)> {
+        let Some(row) = self.row(primitive) else {
+            let what = format!("`{}`", primitive.type_name.name);
+            self.refuse(primitive.type_name.span, what);
+            return None;
+        };
+        let (entry, known) = (row.entry, row.arguments.clone());
+        let mut arguments = Vec::new();
+        for (name, source) in &primitive.inputs {
+            let Some((_, theirs)) = known.iter().find(|(ours, _)| *ours == name.name) else {
+                self.refuse(name.span, format!("the input `{}`", name.name));
+                continue;
+            };
+            let port = entry.input(theirs);
+            let stem = theirs
+                .strip_prefix("in")
+                .and_then(|stem| entry.parameter(stem));
+            let ty = port.map_or(Type::Any, |port| port.ty);
+            match (source, port, stem) {
+                (Source::Literal(literal), _, Some(parameter)) => {
+                    let text = self.constant(literal, parameter.ty);
+                    arguments.push(format!("{}='{text}'", parameter.name));
+                }
+                (source, Some(port), _) => {
+                    let text = self.source(source, ty, port.array);
+                    arguments.push(format!("{}={text}", port.name));
+                }
+                _ => self.refuse(name.span, format!("a link at `{}`", name.name)),
+            }
+        }
+        for (name, literal) in &primitive.parameters {
+            let theirs = known.iter().find(|(ours, _)| *ours == name.name);
+            let port = theirs.and_then(|(_, theirs)| entry.parameter(theirs));
+            match port {
+                Some(port) if port.name == "Port" => {
+                    let number = self.channel(primitive, literal);
+                    arguments.push(format!("Port='{number}'"));
+                }
+                Some(port) => arguments.push(format!(
+                    "{}='{}'",
+                    port.name,
+                    self.constant(literal, port.ty)
+                )),
+                None => self.refuse(name.span, format!("the parameter `{}`", name.name)),
+            }
+        }
+        if let Some(active) = &primitive.active {
+            if entry.row.kind == Kind::M {
+                self.refuse(primitive.id.span, format!("a condition of {}", entry.name));
+            }
+            arguments.push(format!(
+                "inActive={}",
+                self.source(active, Type::Bool, false)
+            ));
+        }
+        Some((entry.name.clone(), arguments))
+    }
+
+    fn channel(&mut self, primitive: &Primitive, channel: &Literal) -> usize {
+        let kind = match primitive.type_name.name.as_str() {
+            "DigitalInput" => ChannelKind::DigitalInput,
+            "AnalogInput" => ChannelKind::AnalogInput,
+            "DigitalOutput" | "DigitalOutputState" => ChannelKind::DigitalOutput,
+            _ => ChannelKind::AnalogOutput,
+        };
+        let mut parameters = primitive.parameters.iter();
+        let device = parameters.find(|(name, _)| name.name == "device");
+        let number = device.and_then(|(_, device)| match (&device.shape, &channel.shape) {
+            (Shape::Text(device), Shape::Text(channel)) => {
+                let (_, device) = self.cell.find(device)?;
+                device
+                    .channels_of(kind)
+                    .iter()
+                    .position(|known| known.name == *channel)
+            }
+            _ => None,
+        });
+        number.unwrap_or_default()
+    }
+
+    /// A value from or to the application, its id as the key.
+    fn keyed(&mut self, primitive: &Primitive, suffix: &str) -> Vec<String> {
+        let id = &primitive.id.name;
+        let ty = self.type_of(id, "value");
+        let Some((ty, prefix)) = ty.and_then(|ty| Some((ty, family(ty)?))) else {
+            self.refuse(
+                primitive.id.span,
+                format!("`{}` of an array", primitive.type_name.name),
+            );
+            return Vec::new();
+        };
+        let mut arguments = vec![format!("Key='{id}'")];
+        for (name, literal) in &primitive.parameters {
+            match name.name.as_str() {
+                "initial" => arguments.push(format!("Value='{}'", self.constant(literal, ty))),
+                // How often a value is shown is the server's business there.
+                "rate" => {}
+                other => self.refuse(name.span, format!("the parameter `{other}`")),
+            }
+        }
+        if suffix == "NetcommOut" {
+            let value = self.input(primitive, "value", ty).unwrap_or_default();
+            arguments.push(format!("inValue={value}"));
+        }
+        vec![format!("{id}={prefix}{suffix}({})", arguments.join(","))]
+    }
+
+    fn robot(&mut self, primitive: &Primitive) -> Option<(String, u32)> {
+        let mut parameters = primitive.parameters.iter();
+        let (_, device) = parameters.find(|(name, _)| name.name == "device")?;
+        let Shape::Text(name) = &device.shape else {
+            return None;
+        };
+        Some((name.clone(), self.cell.find(name)?.1.model.joints))
+    }
+
+    /// One command an axis.
+    fn axes(&mut self, primitive: &Primitive) -> Vec<String> {
+        let Some((robot, joints)) = self.robot(primitive) else {
+            return Vec::new();
+        };
+        let mut inputs = primitive.inputs.iter();
+        let Some((name, source)) = inputs.find(|(name, _)| name.name == "position") else {
+            return Vec::new();
+        };
+        let mut items = Vec::new();
+        for axis in 0..joints {
+            let value = match source {
+                Source::List(list) => list
+                    .elements
+                    .get(axis as usize)
+                    .map(|it| self.source(it, Type::Double, false)),
+                Source::Link(link) => {
+                    let element = Link {
+                        from: crate::syntax::reference::Reference {
+                            part: Some(Part::Element(axis)),
+                            ..link.from.clone()
+                        },
+                        ..link.clone()
+                    };
+                    Some(self.link(&element, Type::Double))
+                }
+                _ => None,
+            };
+            let Some(value) = value else {
+                self.refuse(name.span, "these joint positions".to_string());
+                break;
+            };
+            let id = &primitive.id.name;
+            items.push(format!(
+                "{id}_{axis}=RobotArm::JointPosition(inPosition={value},Robot='{robot}',Axis='{axis}')"
+            ));
+        }
+        if primitive.active.is_some() {
+            self.refuse(
+                primitive.id.span,
+                "a condition of `JointPositionCommand`".to_string(),
+            );
+        }
+        items
+    }
+
+    fn input(&mut self, primitive: &Primitive, name: &str, ty: Type) -> Option<String> {
+        let mut inputs = primitive.inputs.iter();
+        let (_, source) = inputs.find(|(key, _)| key.name == name)?;
+        Some(self.source(source, ty, false))
+    }
+
+    fn source(&mut self, source: &Source, ty: Type, array: bool) -> String {
+        match source {
+            Source::Link(link) => self.link(link, ty),
+            Source::Literal(literal) if !array => {
+                let value = self.constant(literal, ty);
+                format!(
+                    "{}Value(Value='{value}').outValue",
+                    family(ty).unwrap_or("Core::Double")
+                )
+            }
+            Source::List(list) => {
+                let (prefix, size) = (family(ty).unwrap_or("Core::Double"), list.elements.len());
+                let mut text = format!("{prefix}Array(Size='{size}').outArray");
+                for (index, element) in list.elements.iter().enumerate() {
+                    let element = self.source(element, ty, false);
+                    text = format!(
+                        "{prefix}ArraySet(inArray={text},inValue={element},Size='{size}',Index='{index}').outArray"
+                    );
+                }
+                text
+            }
+            Source::Literal(literal) => {
+                self.refuse(literal.span, "a constant array".to_string());
+                String::new()
+            }
+            Source::Refused => String::new(),
+        }
+    }
+
+    fn link(&mut self, link: &Link, ty: Type) -> String {
+        let from = &link.from;
+        let primitives = &self.net.primitives;
+        let Some(primitive) = primitives.iter().find(|it| it.id.name == from.primitive) else {
+            self.refuse(link.span, "inputs of fragments".to_string());
+            return String::new();
+        };
+        let text = self.output(primitive, link);
+        let initial = link.initial.as_ref().filter(|it| it.shape != Shape::Null);
+        if let Some(initial) = initial {
+            self.refuse(
+                initial.span,
+                "a first value of a delayed link: there it is null".to_string(),
+            );
+        }
+        match link.delayed {
+            true => format!(
+                "{}Pre(inValue={text}).outValue",
+                family(ty).unwrap_or("Core::Double")
+            ),
+            false => text,
+        }
+    }
+
+    /// What a link reads, without its delay.
+    fn output(&mut self, primitive: &Primitive, link: &Link) -> String {
+        let from = &link.from;
+        let id = &from.primitive;
+        let ty = primitive.type_name.name.as_str();
+        match (ty, from.port.as_str(), from.part) {
+            ("JointState", "position" | "hold", Some(Part::Element(axis))) => {
+                let robot = self
+                    .robot(primitive)
+                    .map_or_else(String::new, |(robot, _)| robot);
+                let port = if from.port == "hold" {
+                    "outCommandedPosition"
+                } else {
+                    "outMeasuredPosition"
+                };
+                return format!("RobotArm::JointMonitor(Robot='{robot}',Axis='{axis}').{port}");
+            }
+            ("Input", "value", None) => return format!("{id}.outValue"),
+            _ => {}
+        }
+        let row = self.row(primitive);
+        let found = row.and_then(|row| {
+            let (_, theirs) = row.outputs.iter().find(|(ours, _)| *ours == from.port)?;
+            row.entry.output(theirs)
+        });
+        let size = self.names.get(id.as_str()).and_then(|names| {
+            let mut outputs = names.outputs.iter();
+            Some(outputs.find(|port| port.name == from.port)?.width)
+        });
+        match (found, from.part) {
+            (Some(port), None) => format!("{id}.{}", port.name),
+            (Some(port), Some(Part::Element(index))) if port.array => {
+                let (prefix, size) = (family(port.ty).unwrap_or("Core::Double"), size.unwrap_or(0));
+                format!(
+                    "{prefix}ArrayGet(inArray={id}.{},Size='{size}',Index='{index}').outValue",
+                    port.name
+                )
+            }
+            // What has no counterpart at all is told where it stands.
+            (None, _) if self.row(primitive).is_none() => String::new(),
+            _ => {
+                self.refuse(link.span, format!("`{from}`"));
+                String::new()
+            }
+        }
+    }
+
+    /// A constant as the predecessor writes it.
+    fn constant(&mut self, literal: &Literal, ty: Type) -> String {
+        let numbers = match &literal.shape {
+            Shape::List(elements) => elements
+                .iter()
+                .map(Literal::number)
+                .collect::<Option<Vec<_>>>(),
+            _ => None,
+        };
+        let mut text = String::new();
+        // Writing into a String cannot fail.
+        let _ = match (&literal.shape, numbers.as_deref(), ty) {
+            (Shape::Bool(value), ..) => write!(text, "{value}"),
+            (Shape::Int(value), ..) => write!(text, "{value}"),
+            (Shape::Real(value, _), ..) => write!(text, "{value:?}"),
+            (Shape::Null, _, Type::Double | Type::Time) => write!(text, "nan"),
+            (Shape::Text(name), ..) => {
+                write!(text, "{}", name.replace('\\', "\\\\").replace('\'', "\\'"))
+            }
+            (_, Some([x, y, z]), Type::Vector) => write!(text, "{{x:{x:?},y:{y:?},z:{z:?}}}"),
+            (_, Some([a, b, c, d, e, f]), Type::Twist) => {
+                write!(
+                    text,
+                    "{{vel:{{x:{a:?},y:{b:?},z:{c:?}}},rot:{{x:{d:?},y:{e:?},z:{f:?}}}}}"
+                )
+            }
+            (_, Some([a, b, c, d, e, f]), Type::Wrench) => {
+                write!(
+                    text,
+                    "{{force:{{x:{a:?},y:{b:?},z:{c:?}}},torque:{{x:{d:?},y:{e:?},z:{f:?}}}}}"
+                )
+            }
+            (Shape::Rotation(q), ..) => write!(text, "{{{}}}", angles(*q)),
+            (Shape::Pose([x, y, z, q @ ..]), ..) => {
+                write!(
+                    text,
+                    "{{pos:{{x:{x:?},y:{y:?},z:{z:?}}},rot:{{{}}}}}",
+                    angles(*q)
+                )
+            }
+            _ => {
+                self.refuse(literal.span, format!("the constant {literal}"));
+                Ok(())
+            }
+        };
+        text
+    }
+}
+
+/// Turns about z, y, x of a rotation: `a:…,b:…,c:…`, rad.
+fn angles(orientation: [f64; 4]) -> String {
+    let [roll, pitch, yaw] = rcc_core::rotation::to_rpy(orientation);
+    format!("a:{yaw:?},b:{pitch:?},c:{roll:?}")
+}

@@ -1,0 +1,339 @@
+//! The table of the predecessor's types: every row is whole, the document is current, and what it promises loads.
+
+#[allow(dead_code)] // Nothing runs here.
+mod bench;
+
+use std::collections::BTreeSet;
+
+use bench::{cell, folder};
+use rcc_core::primitive::Spec;
+use rcc_core::primitives;
+use rcc_language::compile;
+use rcc_language::directionet::document;
+use rcc_language::directionet::table::{self, Entry, To};
+use rcc_language::directionet::text::{Argument, Fragment, Primitive, Value};
+use rcc_language::directionet::values::Type;
+
+/// Types of the predecessor: 304 of its core (168 of them in families), 17 that only its library knows.
+const TYPES: usize = 321;
+
+/// Words of the notation that are no primitives.
+const WORDS: [&str; 3] = ["List", "At", "Else"];
+
+fn entries() -> Vec<&'static Entry> {
+    let mut entries: Vec<&Entry> = table::all().values().collect();
+    entries.sort_by_key(|entry| &entry.name);
+    entries
+}
+
+#[test]
+fn every_type_has_a_counterpart_or_a_reason() {
+    assert_eq!(table::all().len(), TYPES);
+    for entry in entries() {
+        match entry.row.to {
+            To::None(_) => assert!(!entry.row.note.is_empty(), "{} has no reason", entry.name),
+            To::Net(_) => assert_eq!(entry.nets.len(), 1, "{}", entry.name),
+            To::By(..) => assert_eq!(entry.nets.len(), 2, "{}", entry.name),
+            To::Special(_) => {}
+        }
+    }
+}
+
+#[test]
+fn every_output_comes_from_something_or_the_note_says_why_not() {
+    for entry in entries() {
+        for net in &entry.nets {
+            let given: Vec<&str> = net
+                .items
+                .iter()
+                .map(|item| item.name.name.as_str())
+                .collect();
+            let missing = entry
+                .outputs
+                .iter()
+                .find(|port| !given.contains(&port.name));
+            if let Some(port) = missing {
+                assert!(
+                    !entry.row.note.is_empty(),
+                    "{}: nothing gives `{}`",
+                    entry.name,
+                    port.name
+                );
+            }
+        }
+    }
+}
+
+/// What is wrong with the net of a row.
+fn judge(entry: &Entry, net: &Fragment) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for item in &net.items {
+        judge_primitive(entry, net, &item.primitive, &mut wrong);
+        if let (Some(port), primitive) = (&item.port, &item.primitive) {
+            judge_port(entry, net, primitive, &port.name, &mut wrong);
+        }
+    }
+    wrong
+}
+
+fn spec(name: &str) -> Option<&'static Spec> {
+    primitives::find(name).map(|(_, entry)| &entry.spec)
+}
+
+fn judge_primitive(entry: &Entry, net: &Fragment, primitive: &Primitive, wrong: &mut Vec<String>) {
+    let Primitive::Typed(ty, arguments) = primitive else {
+        return;
+    };
+    for Argument { value, .. } in arguments {
+        if let Value::Link(from, port) = value {
+            judge_primitive(entry, net, from, wrong);
+            judge_port(entry, net, from, &port.name, wrong);
+        }
+    }
+    if WORDS.contains(&ty.name.as_str()) {
+        return;
+    }
+    let Some(spec) = spec(&ty.name) else {
+        return wrong.push(format!("there is no `{}`", ty.name));
+    };
+    let given = |name: &str| arguments.iter().any(|argument| argument.name.name == name);
+    for port in spec
+        .inputs
+        .iter()
+        .filter(|port| port.default.is_none() && !given(port.name))
+    {
+        wrong.push(format!("{} is not fed at `{}`", ty.name, port.name));
+    }
+    for parameter in spec
+        .parameters
+        .iter()
+        .filter(|it| it.default.is_none() && !given(it.name))
+    {
+        wrong.push(format!("{} has no `{}`", ty.name, parameter.name));
+    }
+    for Argument { name, .. } in arguments {
+        let parameter = spec.parameters.iter().any(|it| it.name == name.name);
+        if !parameter && spec.input(&name.name).is_none() {
+            wrong.push(format!("{} knows no `{}`", ty.name, name.name));
+        }
+    }
+}
+
+fn judge_port(
+    entry: &Entry,
+    net: &Fragment,
+    from: &Primitive,
+    port: &str,
+    wrong: &mut Vec<String>,
+) {
+    let ty = match from {
+        Primitive::Named(name) if name.name == "parent" => {
+            if entry.input(port).is_none() && entry.parameter(port).is_none() {
+                wrong.push(format!("it has no `{port}`"));
+            }
+            return;
+        }
+        Primitive::Named(name) => {
+            let item = net
+                .items
+                .iter()
+                .find(|item| item.name == *name || item.name.name == name.name);
+            match item.map(|item| &item.primitive) {
+                Some(Primitive::Typed(ty, _)) => ty,
+                _ => return wrong.push(format!("the net has no `{}`", name.name)),
+            }
+        }
+        Primitive::Typed(ty, _) => ty,
+        Primitive::Fragment(..) => return wrong.push("fragments have no place here".to_string()),
+    };
+    if !WORDS.contains(&ty.name.as_str())
+        && spec(&ty.name).is_some_and(|spec| spec.output(port).is_none())
+    {
+        wrong.push(format!("{} has no output `{port}`", ty.name));
+    }
+}
+
+#[test]
+fn every_row_names_what_the_catalogue_has() {
+    let mut wrong = BTreeSet::new();
+    for entry in entries() {
+        for net in &entry.nets {
+            let found = judge(entry, net);
+            wrong.extend(
+                found
+                    .into_iter()
+                    .map(|it| format!("{}: {it}", entry.row.name)),
+            );
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn the_document_is_current() {
+    let path = folder("docs/from-the-predecessor.md");
+    let made = document::markdown();
+    if std::env::var_os("RCC_BLESS").is_some() {
+        std::fs::write(&path, &made).unwrap();
+    }
+    let there = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        there == made,
+        "cargo run -p rcc-language --example from_the_predecessor > docs/from-the-predecessor.md"
+    );
+}
+
+/// Pseudo-random numbers from a printed seed.
+struct Chance(u64);
+
+impl Chance {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as usize % bound.max(1)
+    }
+}
+
+/// A constant of a type as the predecessor writes it.
+fn constant(ty: Type, chance: &mut Chance) -> String {
+    let mut number = || format!("{}.{}", chance.below(3), chance.below(10));
+    match ty {
+        Type::Bool => ["true", "false"][chance.below(2)].to_string(),
+        Type::Int => chance.below(5).to_string(),
+        Type::Vector => format!("{{x:{},y:{},z:{}}}", number(), number(), number()),
+        Type::Rotation => format!("{{a:{},b:{},c:{}}}", number(), number(), number()),
+        Type::Frame => format!("{{pos:{{x:{}}},rot:{{a:{}}}}}", number(), number()),
+        Type::Twist => format!("{{vel:{{x:{}}},rot:{{y:{}}}}}", number(), number()),
+        Type::Wrench => format!("{{force:{{x:{}}},torque:{{y:{}}}}}", number(), number()),
+        Type::Text => String::new(),
+        _ => number(),
+    }
+}
+
+/// A family's name for a type.
+fn family(ty: Type) -> &'static str {
+    let row = table::FAMILIES.iter().find(|row| row.1 == ty);
+    row.map_or("Core::Double", |row| row.0)
+}
+
+/// A net of `count` primitives that the table promises to load.
+fn net(count: usize, chance: &mut Chance) -> String {
+    let usable: Vec<&Entry> = entries()
+        .into_iter()
+        .filter(|entry| {
+            let array = entry
+                .inputs
+                .iter()
+                .chain(&entry.outputs)
+                .any(|port| port.array);
+            let device = entry
+                .parameters
+                .iter()
+                .any(|port| port.ty == Type::Text && port.name != "Key");
+            let whole = entry.nets.iter().all(|net| judge(entry, net).is_empty());
+            !matches!(entry.row.to, To::None(_)) && !array && !device && whole
+        })
+        .collect();
+    let mut text = String::from("{");
+    // Outputs so far, by type: where a link may come from.
+    let mut outputs: Vec<(Type, String)> = Vec::new();
+    for number in 0..count {
+        let entry = usable[chance.below(usable.len())];
+        let mut arguments = Vec::new();
+        for port in &entry.inputs {
+            let optional = !port.required && chance.below(3) == 0;
+            if optional || ["inReset", "inActive"].contains(&port.name) {
+                continue;
+            }
+            let fitting: Vec<&String> = outputs
+                .iter()
+                .filter(|(ty, _)| *ty == port.ty)
+                .map(|(_, name)| name)
+                .collect();
+            if fitting.is_empty() || chance.below(6) == 0 {
+                let value = constant(port.ty, chance);
+                let ty = if port.ty == Type::Time {
+                    "Core::TimeNet".to_string()
+                } else {
+                    format!("{}Value", family(port.ty))
+                };
+                let value = if port.ty == Type::Time {
+                    String::new()
+                } else {
+                    format!("Value='{value}'")
+                };
+                arguments.push(format!("{}={ty}({value}).outValue", port.name));
+            } else {
+                arguments.push(format!(
+                    "{}={}",
+                    port.name,
+                    fitting[chance.below(fitting.len())]
+                ));
+            }
+        }
+        for port in &entry.parameters {
+            let value = match (port.name, port.ty) {
+                ("Key", _) => format!("k{number}"),
+                ("Duration" | "MaxAge", _) => "0.05".to_string(),
+                ("Age" | "Constant", _) => "0.02".to_string(),
+                (_, ty) => constant(ty, chance),
+            };
+            arguments.push(format!("{}='{value}'", port.name));
+        }
+        text += &format!("p{number}={}({}),", entry.name, arguments.join(","));
+        let unread = ["outLastUpdated"];
+        for port in entry
+            .outputs
+            .iter()
+            .filter(|port| !unread.contains(&port.name))
+        {
+            outputs.push((port.ty, format!("p{number}.{}", port.name)));
+        }
+    }
+    text + "no=Core::BooleanValue(Value='false'),outTerminate=no.outValue}"
+}
+
+#[test]
+fn random_nets_of_the_predecessors_types_load() {
+    let cell = cell("tests/nets/cell.yaml");
+    for seed in 1..200_u64 {
+        let mut chance = Chance(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let text = net(1 + chance.below(60), &mut chance);
+        if let Err(faults) = compile(&text, "net", &cell) {
+            panic!("seed {seed}:\n{text}\n{faults}");
+        }
+    }
+}
+
+#[test]
+fn broken_nets_are_refused_with_a_place_and_never_break_the_reader() {
+    let cell = cell("tests/nets/cell.yaml");
+    for seed in 1..400_u64 {
+        let mut chance = Chance(seed.wrapping_mul(0xd134_2543_de82_ef95));
+        let mut bytes = net(1 + chance.below(12), &mut chance).into_bytes();
+        for _ in 0..=chance.below(4) {
+            let at = chance.below(bytes.len());
+            match chance.below(3) {
+                0 => bytes[at] = b"{}()=.,'[]ao1:"[chance.below(14)],
+                1 => drop(bytes.remove(at)),
+                _ => {
+                    let end = (at + chance.below(40)).min(bytes.len());
+                    let part = bytes[at..end].to_vec();
+                    let to = chance.below(bytes.len());
+                    bytes.splice(to..to, part);
+                }
+            }
+        }
+        let text = String::from_utf8(bytes).unwrap();
+        if let Err(faults) = compile(&text, "net", &cell) {
+            for fault in &faults.diagnostics {
+                let placed = fault
+                    .place
+                    .is_some_and(|place| text.get(place.start..place.end).is_some());
+                let whole = fault.place.is_none();
+                assert!(placed || whole, "seed {seed}: {fault:?}\n{text}");
+            }
+        }
+    }
+}
