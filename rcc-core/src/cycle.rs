@@ -10,26 +10,32 @@ use crate::types::Store;
 ///
 /// Touches only `frame`; no clock, no chance, so the same plan and inputs give the same bits.
 pub fn cycle(plan: &Plan<'_>, frame: &mut Frame<'_>) {
-    run_all(plan, frame, plan.runs);
+    if plan.blocks.is_empty() {
+        run_all(plan, frame, plan.runs);
+    } else {
+        run_blocks(plan, frame, |frame, _, runs| run_all(plan, frame, runs));
+    }
     move_on(plan, frame);
 }
 
 /// As [`cycle`], and says how long the run `timed` took: the time between two looks at `clock`, ns. The values are the
-/// same. 0 if there is no such run.
+/// same. 0 if there is no such run, or if its region is not active.
 pub fn cycle_timed(
     plan: &Plan<'_>,
     frame: &mut Frame<'_>,
     timed: usize,
     clock: fn() -> u64,
 ) -> u64 {
-    let (before, rest) = plan.runs.split_at(timed.min(plan.runs.len()));
-    run_all(plan, frame, before);
     let mut ns = 0;
-    if let Some((timed, after)) = rest.split_first() {
-        let begun_ns = clock();
-        run_all(plan, frame, core::slice::from_ref(timed));
-        ns = clock().saturating_sub(begun_ns);
-        run_all(plan, frame, after);
+    if plan.blocks.is_empty() {
+        ns = run_timed(plan, frame, plan.runs, timed, clock);
+    } else {
+        run_blocks(plan, frame, |frame, first, runs| {
+            match timed.checked_sub(first).filter(|at| *at < runs.len()) {
+                Some(timed) => ns = run_timed(plan, frame, runs, timed, clock),
+                None => run_all(plan, frame, runs),
+            }
+        });
     }
     move_on(plan, frame);
     ns
@@ -40,6 +46,51 @@ fn run_all(plan: &Plan<'_>, frame: &mut Frame<'_>, runs: &[Run]) {
         if let Some(operands) = plan.operands_of(run) {
             primitives::run(run.kernel, frame, operands);
         }
+    }
+}
+
+fn run_timed(
+    plan: &Plan<'_>,
+    frame: &mut Frame<'_>,
+    runs: &[Run],
+    timed: usize,
+    clock: fn() -> u64,
+) -> u64 {
+    let (before, rest) = runs.split_at(timed.min(runs.len()));
+    run_all(plan, frame, before);
+    let mut ns = 0;
+    if let Some((timed, after)) = rest.split_first() {
+        let begun_ns = clock();
+        run_all(plan, frame, core::slice::from_ref(timed));
+        ns = clock().saturating_sub(begun_ns);
+        run_all(plan, frame, after);
+    }
+    ns
+}
+
+/// Decides each region where its first block begins, and gives the blocks that are evaluated to `run`, with the index of
+/// their first run.
+fn run_blocks<'a>(
+    plan: &Plan<'a>,
+    frame: &mut Frame<'_>,
+    mut run: impl FnMut(&mut Frame<'_>, usize, &'a [Run]),
+) {
+    let (mut runs, mut blanks) = (plan.runs, plan.blanks);
+    let (mut first, mut decided) = (0, 0);
+    for block in plan.blocks {
+        let (now, later) = runs.split_at((block.runs as usize).min(runs.len()));
+        let region = plan.regions.get(block.region as usize);
+        if let Some(region) = region.filter(|_| block.region == decided) {
+            let (mine, others) = blanks.split_at((region.blanks as usize).min(blanks.len()));
+            region.decide(mine, frame);
+            blanks = others;
+            decided += 1;
+        }
+        if region.is_none_or(|region| frame.bool(region.active) == 1) {
+            run(frame, first, now);
+        }
+        first += now.len();
+        runs = later;
     }
 }
 

@@ -1,6 +1,8 @@
 //! A plan: a net lowered to numbers. Checked by the loader before sending and by the executor
 //! before accepting; the cycle relies on nothing else.
 
+mod regions;
+
 use serde::{Deserialize, Serialize};
 
 use crate::frame::DeviceModel;
@@ -8,6 +10,8 @@ use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_W
 use crate::primitive::{CYCLES_MAX, ChannelKind, Kernel, Operand, Role, Size};
 use crate::primitives;
 use crate::types::Store;
+
+pub use regions::{Blank, Block, NO_REGION, REGIONS_MAX, Region};
 
 /// Most slots in one arena of a net.
 pub const SLOTS_MAX: usize = 1 << 20;
@@ -143,6 +147,12 @@ pub struct Plan<'a> {
     pub runs: &'a [Run],
     /// Operands of all runs.
     pub operands: &'a [u32],
+    /// How the runs are divided among regions; empty: all of them are always evaluated.
+    pub blocks: &'a [Block],
+    /// What is evaluated only under a condition, those around others first.
+    pub regions: &'a [Region],
+    /// What becomes null when a region ceases to be evaluated, in the order of the regions.
+    pub blanks: &'a [Blank],
     /// Delayed links.
     pub delays: &'a [Delay],
     /// Monitors.
@@ -295,6 +305,21 @@ pub enum PlanError {
         /// How many there are.
         count: u32,
     },
+    /// The blocks are not the runs, or name regions in another order.
+    BadBlock {
+        /// Index of the block; that behind the last one: all of them together.
+        block: u32,
+    },
+    /// The condition of a region is outside of its arena.
+    BadRegion {
+        /// Index of the region; that behind the last one: all of them together.
+        region: u32,
+    },
+    /// What a region makes null is outside of its arena.
+    BadBlank {
+        /// Index of the blank.
+        blank: u32,
+    },
     /// A delayed link points outside its arena.
     BadDelay {
         /// Index of the delay.
@@ -354,7 +379,7 @@ impl<'a> Plan<'a> {
         if !self.rate.is_good() {
             return Err(PlanError::BadRate);
         }
-        let copied = self.check_copies()?;
+        let copied = self.check_copies()?.saturating_add(self.check_regions()?);
         let checked = self.check_runs(models)?;
         let arms = checked.resources.arms;
         if arms != 0 && self.rate.every > 1 {

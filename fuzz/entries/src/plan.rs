@@ -4,7 +4,7 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::DeviceState;
-use rcc_core::plan::{Delay, MonitorPoint, Run};
+use rcc_core::plan::{Blank, Block, Delay, MonitorPoint, NO_REGION, Region, Run};
 use rcc_core::types::Store;
 use rcc_engine::queue::Order;
 use rcc_ipc::control::PlanData;
@@ -67,7 +67,7 @@ fn changed(bytes: &mut Unstructured<'_>) -> PlanData {
 }
 
 fn change(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
-    match bytes.int_in_range(0..=15)? {
+    match bytes.int_in_range(0..=18)? {
         0..=2 => set(&mut plan.reals, real, bytes),
         3 => set(&mut plan.bools, u8::arbitrary, bytes),
         4 => set(&mut plan.ints, i64::arbitrary, bytes),
@@ -88,6 +88,12 @@ fn change(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
             }
             Ok(())
         }
+        15 => a_region_more(plan, bytes),
+        16 => set(&mut plan.regions, a_region, bytes),
+        17 => match bool::arbitrary(bytes)? {
+            true => insert(&mut plan.blocks, a_block, bytes),
+            false => set(&mut plan.blocks, a_block, bytes),
+        },
         _ => {
             plan.clocks = bytes.int_in_range(0..=65)?;
             plan.survives_device_loss = bool::arbitrary(bytes)?;
@@ -178,6 +184,62 @@ fn a_run(bytes: &mut Unstructured<'_>) -> Result<Run> {
         first: near_number(bytes)?,
         operands: near_number(bytes)?,
     })
+}
+
+fn a_block(bytes: &mut Unstructured<'_>) -> Result<Block> {
+    let region = match bool::arbitrary(bytes)? {
+        true => NO_REGION,
+        false => bytes.int_in_range(0..=3)?,
+    };
+    Ok(Block {
+        region,
+        runs: bytes.int_in_range(0..=20)?,
+    })
+}
+
+fn a_region(bytes: &mut Unstructured<'_>) -> Result<Region> {
+    Ok(Region {
+        condition: near_number(bytes)?,
+        within: match bool::arbitrary(bytes)? {
+            true => NO_REGION,
+            false => near_number(bytes)?,
+        },
+        active: near_number(bytes)?,
+        blanks: bytes.int_in_range(0..=3)?,
+    })
+}
+
+/// Puts some runs at the end under a condition, so that the blocks still are the runs.
+fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
+    let region = a_region(bytes)?;
+    for _ in 0..region.blanks {
+        plan.blanks.push(Blank {
+            store: a_store(bytes)?,
+            slot: near_number(bytes)?,
+            width: bytes.int_in_range(0..=9)?,
+        });
+    }
+    let number = plan.regions.len() as u32;
+    if plan.blocks.is_empty() {
+        plan.blocks.push(Block {
+            region: NO_REGION,
+            runs: plan.runs.len() as u32,
+        });
+    }
+    let runs = match plan.blocks.last_mut() {
+        Some(last) => {
+            let runs = bytes.int_in_range(0..=last.runs)?;
+            last.runs -= runs;
+            runs
+        }
+        None => 0,
+    };
+    plan.regions.push(region);
+    plan.blocks.push(Block {
+        region: number,
+        runs,
+    });
+    Ok(())
 }
 
 fn a_store(bytes: &mut Unstructured<'_>) -> Result<Store> {

@@ -67,7 +67,8 @@ fn read() -> Shipped {
     texts.sort();
     let plan = |path: &PathBuf| {
         let text = fs::read_to_string(path).ok()?;
-        rcc_language::compile_for(&text, "net", &table)
+        let name = path.to_string_lossy();
+        rcc_language::compile_with(&text, &name, &table, &rcc_language::library::Files)
             .ok()
             .map(|compiled| compiled.plan)
     };

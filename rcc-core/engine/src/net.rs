@@ -313,6 +313,8 @@ impl Net {
             ns = cycle_timed(plan, frame, timed, clock);
         });
         let run = self.data.runs.get(timed).zip(self.run_lengths.get(timed));
+        // A run whose region is not active took no time, which says nothing about it.
+        let run = run.filter(|_| ns > 0);
         let time = run.map(|(run, primitives)| RunTime {
             kernel: run.kernel,
             primitives: *primitives,

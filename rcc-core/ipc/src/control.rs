@@ -3,7 +3,8 @@
 
 use rcc_core::frame::PrepareFault;
 use rcc_core::plan::{
-    Delay, InputPoint, MonitorPoint, Plan, PlanError, Rate, Resource, Run, ValuePoint,
+    Blank, Block, Delay, InputPoint, MonitorPoint, Plan, PlanError, Rate, Region, Resource, Run,
+    ValuePoint,
 };
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +57,12 @@ pub struct PlanData {
     pub runs: Vec<Run>,
     /// Operands of all runs.
     pub operands: Vec<u32>,
+    /// How the runs are divided among regions.
+    pub blocks: Vec<Block>,
+    /// What is evaluated only under a condition.
+    pub regions: Vec<Region>,
+    /// What becomes null when a region ceases to be evaluated.
+    pub blanks: Vec<Blank>,
     /// Delayed links.
     pub delays: Vec<Delay>,
     /// Monitors.
@@ -82,6 +89,9 @@ impl PlanData {
             ints: &self.ints,
             runs: &self.runs,
             operands: &self.operands,
+            blocks: &self.blocks,
+            regions: &self.regions,
+            blanks: &self.blanks,
             delays: &self.delays,
             monitors: &self.monitors,
             inputs: &self.inputs,

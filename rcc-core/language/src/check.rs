@@ -39,6 +39,8 @@ const CHECKS: &[Check] = &[
     values::units_of_a_primitive_agree,
     values::parameters_are_in_range,
     fragments::inputs_are_as_fragments_say,
+    fragments::conditions_are_truth_values,
+    fragments::what_leaves_a_region_can_become_null,
     inputs::bounds_are_of_numbers,
     inputs::first_values_are_within_bounds,
     connections::inputs_are_connected,

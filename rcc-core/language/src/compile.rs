@@ -91,17 +91,6 @@ fn compile_and<T>(
     let Some(flat) = flat else {
         return Err(sources.finished(faults));
     };
-    for region in &flat.regions {
-        let message = format!(
-            "`{}`: conditions (`active`) are not yet evaluated",
-            region.id.name
-        );
-        faults.push(Diagnostic::error(
-            fault::NOT_SUPPORTED,
-            region.id.span,
-            message,
-        ));
-    }
     let graph = resolve(&flat, cell, &mut faults);
     let inferred = infer(&graph);
     let typed = Typed {

@@ -101,6 +101,8 @@ rules! {
         "take one of the instances out";
     DELAYED_TWICE = "RCC1410", "A link is delayed in a fragment and where its instance is fed.",
         "take one of the two `delayed: true` out";
+    NEVER_NULL = "RCC1411", "A constant or input is read outside of what is under its condition.",
+        "read it only where it stands";
     NO_TERMINATION = "RCC1501", "The net has no Termination.",
         "add `end: {type: Termination, inputs: {done: …}}`";
     MANY_TERMINATIONS = "RCC1502", "The net has more than one Termination.",

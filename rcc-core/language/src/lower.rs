@@ -5,6 +5,7 @@ mod arena;
 mod delays;
 mod inputs;
 mod lists;
+mod regions;
 mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -78,6 +79,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     };
     lowering.place(&schedule);
     let (runs, operands) = lowering.runs(&schedule);
+    let regions = lowering.regions(&schedule);
     let monitors = lowering.monitors();
     let inputs = lowering.inputs();
     let Lowering {
@@ -99,6 +101,9 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         ints: arena.ints,
         runs,
         operands,
+        blocks: regions.blocks,
+        regions: regions.regions,
+        blanks: regions.blanks,
         delays,
         monitors,
         inputs,
@@ -213,8 +218,14 @@ impl<'a> Lowering<'a> {
                 .filter(|(_, wire)| wire.delayed && wire.place == Place::default())
                 .filter_map(move |(port, wire)| Some((number, item.spec().inputs.get(port)?, wire)))
         });
+        let conditions = self.net.graph.regions.iter();
+        let conditions = conditions.filter_map(|region| match &region.condition {
+            Feed::Wire(wire) if wire.delayed => Some(self.copy_key(wire, Type::Bool)),
+            _ => None,
+        });
         let keys: BTreeSet<CopyKey> = keys
             .map(|(number, port, wire)| self.copy_key(wire, self.port_type(number, port)))
+            .chain(conditions)
             .collect();
         for key in keys {
             let copy = self.arena.variable(&key.initial.stored());

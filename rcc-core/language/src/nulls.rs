@@ -25,6 +25,8 @@ pub enum Cause {
     NotSet,
     /// Its value is the constant null.
     Constant,
+    /// It is evaluated only while a condition is true.
+    NotActive,
     /// This input can be null, for this reason, and null passes.
     Input(usize, InputCause),
 }
@@ -95,6 +97,7 @@ fn origin(graph: &Graph<'_>, item: &Item<'_>) -> Option<Cause> {
             let is_null = value.is_some_and(|value| value.shape == Shape::Null);
             is_null.then_some(Cause::Constant)
         }
+        _ if item.region.is_some() => Some(Cause::NotActive),
         _ => clauses(graph, item)
             .next()
             .is_some()
@@ -208,6 +211,11 @@ impl Nulls {
             Cause::NotSet if has_first_value(item) => "it was set to null".to_owned(),
             Cause::NotSet => "it is not set".to_owned(),
             Cause::Constant => "its value is null".to_owned(),
+            Cause::NotActive => {
+                let region = graph.conditions(item).next();
+                let id = region.map_or("", |region| &region.id.name);
+                format!("`{id}` is not active")
+            }
             Cause::Undefined => {
                 let clauses: Vec<&str> = clauses(graph, item).collect();
                 let device = item

@@ -37,10 +37,23 @@ pub struct Graph<'a> {
     pub discarded: Vec<(Output, Span)>,
     /// Outputs read by inputs or primitives that do not exist.
     pub read_in_vain: Vec<Output>,
+    /// What is evaluated only under a condition; those around others come first.
+    pub regions: Vec<Region<'a>>,
     /// What fragments say of the types and units of their inputs.
     pub pins: Vec<Pin<'a>>,
     /// The net has a primitive of unknown type: what is missing may be hidden there.
     pub has_unknown_types: bool,
+}
+
+/// Primitives that are evaluated only while a condition is true.
+#[derive(Clone, Debug)]
+pub struct Region<'a> {
+    /// Id of the instance or primitive that has the condition.
+    pub id: &'a Key,
+    /// The condition.
+    pub condition: Feed<'a>,
+    /// Index of the region around it.
+    pub parent: Option<usize>,
 }
 
 /// The type and unit that a fragment gives its input, at an input that it feeds.
@@ -68,6 +81,8 @@ pub struct Item<'a> {
     pub channel: Option<(u32, Unit)>,
     /// By input of the spec.
     pub inputs: Vec<Feed<'a>>,
+    /// Index of its innermost region.
+    pub region: Option<usize>,
     /// By parameter of the spec; `None`: not given, or reported.
     pub parameters: Vec<Option<&'a Literal>>,
 }
@@ -185,7 +200,35 @@ impl Item<'_> {
     }
 }
 
-impl Graph<'_> {
+impl<'a> Graph<'a> {
+    /// The conditions that an item depends on, from the innermost to the outermost, with the region of each.
+    pub fn conditions(&self, item: &Item<'_>) -> impl Iterator<Item = &Region<'a>> {
+        let first = item.region.and_then(|region| self.regions.get(region));
+        std::iter::successors(first, |region| self.regions.get(region.parent?))
+    }
+
+    /// All links that an item depends on, each with the name of its input: those of its conditions too.
+    pub fn links(&self, item: &'a Item<'a>) -> impl Iterator<Item = (&'static str, &Wire<'a>)> {
+        let inputs = item.wires().map(|(port, wire)| {
+            let input = item.spec().inputs.get(port);
+            (input.map_or("", |input| input.name), wire)
+        });
+        let conditions = self
+            .conditions(item)
+            .filter_map(|region| match &region.condition {
+                Feed::Wire(wire) => Some(("active", wire)),
+                _ => None,
+            });
+        inputs.chain(conditions)
+    }
+
+    /// True if everything of region `inner` is in region `outer` too.
+    #[must_use]
+    pub fn is_within(&self, inner: Option<usize>, outer: usize) -> bool {
+        let parent = |region: &usize| self.regions.get(*region).and_then(|region| region.parent);
+        std::iter::successors(inner, parent).any(|region| region == outer)
+    }
+
     /// Evaluations per second.
     #[must_use]
     pub fn evaluations_hz(&self) -> f64 {
@@ -225,12 +268,23 @@ pub fn resolve<'a>(
     };
     resolver.find_types();
     let mut items = Vec::new();
-    for (primitive, row) in net.primitives.iter().zip(resolver.rows.clone()) {
+    let rows = net.primitives.iter().zip(resolver.rows.clone());
+    for (number, (primitive, row)) in rows.enumerate() {
+        let region = flat.region_of.get(number).copied().flatten();
         match row {
-            Some((row, entry)) => items.push(resolver.item(primitive, row, entry)),
+            Some((row, entry)) => items.push(Item {
+                region,
+                ..resolver.item(primitive, row, entry)
+            }),
             None => resolver.read_in_vain(&primitive.inputs),
         }
     }
+    let regions = flat.regions.iter().map(|region| Region {
+        id: &region.id,
+        condition: resolver.feed(&region.condition, &CONDITION),
+        parent: region.parent,
+    });
+    let regions = regions.collect();
     for reference in &flat.read {
         let output = resolver.output(reference);
         resolver.read_in_vain.extend(output);
@@ -245,10 +299,14 @@ pub fn resolve<'a>(
         items,
         discarded,
         pins: pins.collect(),
+        regions,
         read_in_vain: resolver.read_in_vain,
         has_unknown_types,
     }
 }
+
+/// `active`, as if it were an input.
+const CONDITION: Port = Port::bool("active", "the condition");
 
 /// `a/b/` of `a/b/id`: the instance that a primitive is in; empty: the net itself.
 fn scope_of(id: &str) -> &str {
@@ -321,6 +379,7 @@ impl<'a> Resolver<'a, '_> {
             entry,
             device,
             channel,
+            region: None,
             inputs: self.inputs(primitive, &entry.spec),
             parameters,
         }

@@ -7,7 +7,7 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
-use rcc_core::plan::{Delay, InputPoint, MonitorPoint, Rate, Run};
+use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region, Run};
 use rcc_core::types::Store;
 use rcc_ipc::control::PlanData;
 use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
@@ -74,6 +74,9 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
         ints,
         runs,
         operands,
+        blocks,
+        regions,
+        blanks,
         delays,
         monitors,
         inputs,
@@ -97,6 +100,20 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
         out.push(u64::from(run.operands));
     }
     list(&mut out, operands.iter().map(|value| u64::from(*value)));
+    list(
+        &mut out,
+        blocks.iter().map(|block| pair(block.region, block.runs)),
+    );
+    out.push(regions.len() as u64);
+    for region in regions {
+        out.push(pair(region.condition, region.within));
+        out.push(pair(region.active, region.blanks));
+    }
+    out.push(blanks.len() as u64);
+    for blank in blanks {
+        out.push(pair(blank.store as u32, blank.slot));
+        out.push(u64::from(blank.width));
+    }
     out.push(delays.len() as u64);
     for delay in delays {
         out.push(pair(delay.store as u32, delay.from));
@@ -188,6 +205,33 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
     });
     let runs = runs.collect::<Result<_, _>>()?;
     let operands = words.list("a plan's operands")?;
+    let blocks = words.list("a plan's blocks")?.iter().map(|word| {
+        let [region, runs] = parts(*word);
+        Block { region, runs }
+    });
+    let blocks = blocks.collect();
+    let regions = pairs(words, "a plan's regions")?.iter();
+    let regions = regions.map(|[first, second]| {
+        let ([condition, within], [active, blanks]) = (parts(*first), parts(*second));
+        Region {
+            condition,
+            within,
+            active,
+            blanks,
+        }
+    });
+    let regions = regions.collect();
+    let blanks = pairs(words, "a plan's blanks")?
+        .iter()
+        .map(|[place, width]| {
+            let ([number, slot], [width, _]) = (parts(*place), parts(*width));
+            Ok(Blank {
+                store: store(number)?,
+                slot,
+                width,
+            })
+        });
+    let blanks = blanks.collect::<Result<_, _>>()?;
     let delays = pairs(words, "a plan's delays")?.iter().map(|[from, to]| {
         let ([number, from], [to, width]) = (parts(*from), parts(*to));
         let store = store(number)?;
@@ -223,6 +267,9 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
         ints: ints.iter().map(|word| word.cast_signed()).collect(),
         runs,
         operands: operands.iter().map(|word| *word as u32).collect(),
+        blocks,
+        regions,
+        blanks,
         delays,
         monitors,
         inputs,

@@ -31,7 +31,13 @@ pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 /// All outputs that something reads.
 fn read(net: Typed<'_>) -> BTreeSet<Output> {
     let wires = net.graph.items.iter().flat_map(|item| item.wires());
-    let read = wires.map(|(_, wire)| wire.from);
+    let wires = wires.map(|(_, wire)| wire);
+    let regions = net.graph.regions.iter();
+    let conditions = regions.filter_map(|region| match &region.condition {
+        Feed::Wire(wire) => Some(wire),
+        _ => None,
+    });
+    let read = wires.chain(conditions).map(|wire| wire.from);
     read.chain(net.graph.read_in_vain.iter().copied()).collect()
 }
 

@@ -25,7 +25,7 @@ const NAMED_MAX: usize = 12;
 /// By item: the items that it reads from.
 fn sources(graph: &Graph<'_>, keep: impl Fn(usize, &Wire<'_>) -> bool) -> Vec<Vec<usize>> {
     let of = |(number, item): (usize, &Item<'_>)| {
-        let wires = item.wires().filter(|(_, wire)| keep(number, wire));
+        let wires = graph.links(item).filter(|(_, wire)| keep(number, wire));
         wires.map(|(_, wire)| wire.from.item).collect()
     };
     graph.items.iter().enumerate().map(of).collect()
@@ -38,8 +38,8 @@ fn describe<'g>(graph: &'g Graph<'_>, circle: &[usize]) -> Option<(String, &'g W
     for (place, number) in circle.iter().enumerate() {
         let next = circle.get(place + 1).or(circle.first())?;
         let item = graph.items.get(*next)?;
-        let (port, wire) = item.wires().find(|(_, wire)| wire.from.item == *number)?;
-        let input = item.spec().inputs.get(port)?.name;
+        let mut links = graph.links(item);
+        let (input, wire) = links.find(|(_, wire)| wire.from.item == *number)?;
         let delayed = if wire.delayed { " (delayed)" } else { "" };
         parts.push(format!(
             "`{}` → `{}.{input}`{delayed}",
@@ -77,12 +77,11 @@ pub fn delayed_loops_have_a_first_value(net: Typed<'_>, faults: &mut Vec<Diagnos
     let sources = sources(net.graph, |_, _| true);
     let components = Components::of(&sources);
     for (number, item) in net.graph.items.iter().enumerate() {
-        for (port, wire) in item.wires() {
+        for (input, wire) in net.graph.links(item) {
             let closes = components.same(number, wire.from.item);
             if !wire.delayed || wire.initial.is_some() || !closes {
                 continue;
             }
-            let input = item.spec().inputs.get(port).map_or("", |port| port.name);
             let from = net.graph.output_name(wire.from);
             let message = format!(
                 "the delayed link `{from}` → `{}.{input}` closes a loop and has no first value",
@@ -126,7 +125,7 @@ fn has_delay(graph: &Graph<'_>, circle: &[usize]) -> bool {
     let mut links = circle.iter().enumerate().flat_map(|(place, number)| {
         let next = circle.get(place + 1).or(circle.first());
         let item = next.and_then(|next| graph.items.get(*next));
-        let wires = item.into_iter().flat_map(|item| item.wires());
+        let wires = item.into_iter().flat_map(|item| graph.links(item));
         wires.filter(move |(_, wire)| wire.from.item == *number)
     });
     links.any(|(_, wire)| wire.delayed)
@@ -147,7 +146,9 @@ fn settle(graph: &Graph<'_>, components: &Components, sources: &[Vec<usize>], kn
         let Some(item) = graph.items.get(number) else {
             continue;
         };
-        if known.get(number) == Some(&false) && becomes_known(item, number, components, known) {
+        if known.get(number) == Some(&false)
+            && becomes_known(graph, item, number, components, known)
+        {
             if let Some(known) = known.get_mut(number) {
                 *known = true;
             }
@@ -156,7 +157,13 @@ fn settle(graph: &Graph<'_>, components: &Components, sources: &[Vec<usize>], kn
     }
 }
 
-fn becomes_known(item: &Item<'_>, number: usize, components: &Components, known: &[bool]) -> bool {
+fn becomes_known(
+    graph: &Graph<'_>,
+    item: &Item<'_>,
+    number: usize,
+    components: &Components,
+    known: &[bool],
+) -> bool {
     let wire_known = |wire: &Wire<'_>| {
         let source = wire.from.item;
         // What comes from another loop counts as known: its own fault is reported there.
@@ -172,6 +179,13 @@ fn becomes_known(item: &Item<'_>, number: usize, components: &Components, known:
         Feed::Default(value) => *value != Default::Null,
         Feed::Missing | Feed::Refused => true,
     };
+    // What is evaluated under a condition is null until that is known.
+    if !graph
+        .conditions(item)
+        .all(|region| input(&region.condition))
+    {
+        return false;
+    }
     let mut inputs = item.inputs.iter().map(input);
     match item.spec().null_rule {
         NullRule::Known => true,

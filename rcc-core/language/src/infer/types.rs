@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use rcc_core::primitive::{DIMS_MAX, Dim, Elements, ParameterKind, PortType, Spec};
 use rcc_core::types::Type;
 
-use crate::resolve::{Feed, Graph, Item, Leaf};
+use crate::resolve::{Feed, Graph, Item, Leaf, Wire};
 use crate::syntax::literal::{Literal, Shape};
 use crate::syntax::part::{Part, Place};
 
@@ -223,6 +223,19 @@ impl Solver<'_, '_> {
         self.run();
         self.backwards = true;
         self.run_all();
+        for region in &self.graph.regions {
+            let Feed::Wire(Wire {
+                from, part: None, ..
+            }) = &region.condition
+            else {
+                continue;
+            };
+            let item = self.graph.items.get(from.item);
+            if let Some(port) = item.and_then(|item| item.spec().outputs.get(from.port)) {
+                self.learn(from.item, port.ty, Type::Bool);
+                self.run();
+            }
+        }
         for (number, item) in items.clone() {
             if let Some((port, ty)) = self.usual(item) {
                 self.learn(number, port, ty);

@@ -12,11 +12,13 @@ use rcc_core::types::Type;
 use crate::check::Typed;
 use crate::resolve::Item;
 
-/// Primitives of one kernel in a row.
+/// Primitives of one kernel and one region in a row.
 #[derive(Debug)]
 pub struct Batch {
     /// Number of the kernel.
     pub kernel: u16,
+    /// Index of the region.
+    pub region: Option<usize>,
     /// Numbers of the items.
     pub items: Vec<usize>,
 }
@@ -39,6 +41,9 @@ struct Ready {
     left: usize,
 }
 
+/// What may be in one batch: region and kernel.
+type Lot = (Option<usize>, u16);
+
 /// What the schedule knows of the links.
 struct Links {
     /// By item: sources that are not done.
@@ -47,13 +52,15 @@ struct Links {
     readers: Vec<Vec<usize>>,
 }
 
-fn links(items: &[Item<'_>], kernels: &[Option<u16>]) -> Links {
+fn links(net: Typed<'_>, kernels: &[Option<Lot>]) -> Links {
+    let items = &net.graph.items;
     let mut links = Links {
         waits: vec![0; items.len()],
         readers: vec![Vec::new(); items.len()],
     };
     for (number, item) in items.iter().enumerate() {
-        for (_, wire) in item.wires() {
+        // A primitive under a condition waits for it.
+        for (_, wire) in net.graph.links(item) {
             let source = wire.from.item;
             if !wire.delayed && kernels[source].is_some() {
                 links.waits[number] += 1;
@@ -65,7 +72,7 @@ fn links(items: &[Item<'_>], kernels: &[Option<u16>]) -> Links {
 }
 
 /// By item: the most changes of the kernel on any way from it to a result that nobody reads.
-fn heights(links: &Links, kernels: &[Option<u16>]) -> Vec<u32> {
+fn heights(links: &Links, kernels: &[Option<Lot>]) -> Vec<u32> {
     let mut waits = links.waits.clone();
     let mut order: Vec<usize> = (0..waits.len()).filter(|item| waits[*item] == 0).collect();
     let mut done = 0;
@@ -89,21 +96,21 @@ fn heights(links: &Links, kernels: &[Option<u16>]) -> Vec<u32> {
     heights
 }
 
-/// Orders the items that have a kernel. Of the kernels with ready items that one comes first which will be finished for
-/// good, then the one with the highest item, then that with most ready ones, then that of the smallest number.
+/// Orders the items that have a kernel. Of the kernels with ready items that one comes first which is of the region at
+/// hand, then that which will be finished for good, then the one with the highest item, then that with most ready ones, then that of the smallest number.
 pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     let items = &net.graph.items;
-    let kernels: Vec<Option<u16>> = items
+    let kernels: Vec<Option<Lot>> = items
         .iter()
         .enumerate()
         .map(|(number, item)| {
             let kernel = kernel_of(net, number, item)?;
-            Some(primitives::kernel_number(item.row, kernel))
+            Some((item.region, primitives::kernel_number(item.row, kernel)))
         })
         .collect();
-    let mut links = links(items, &kernels);
+    let mut links = links(net, &kernels);
     let heights = heights(&links, &kernels);
-    let mut ready: BTreeMap<u16, Ready> = BTreeMap::new();
+    let mut ready: BTreeMap<Lot, Ready> = BTreeMap::new();
     for (number, kernel) in kernels.iter().enumerate() {
         let Some(kernel) = kernel else { continue };
         let row = ready.entry(*kernel).or_default();
@@ -112,10 +119,11 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
             row.items.insert((Reverse(heights[number]), number));
         }
     }
-    let mut batches = Vec::new();
-    while let Some(kernel) = next_kernel(&ready) {
+    let mut batches: Vec<Batch> = Vec::new();
+    while let Some(kernel) = next_kernel(&ready, batches.last().and_then(|last| last.region)) {
         let mut batch = Batch {
-            kernel,
+            region: kernel.0,
+            kernel: kernel.1,
             items: Vec::new(),
         };
         while let Some(number) = take(&mut ready, kernel) {
@@ -135,19 +143,20 @@ pub fn schedule(net: Typed<'_>) -> Vec<Batch> {
     batches
 }
 
-fn next_kernel(ready: &BTreeMap<u16, Ready>) -> Option<u16> {
+fn next_kernel(ready: &BTreeMap<Lot, Ready>, region: Option<usize>) -> Option<Lot> {
     let rated = ready.iter().filter_map(|(kernel, row)| {
         let (Reverse(height), _) = row.items.first()?;
         let finishes = row.items.len() == row.left;
+        let stays = kernel.0 == region;
         Some((
-            (finishes, *height, row.items.len(), Reverse(*kernel)),
+            (stays, finishes, *height, row.items.len(), Reverse(*kernel)),
             *kernel,
         ))
     });
     rated.max().map(|(_, kernel)| kernel)
 }
 
-fn take(ready: &mut BTreeMap<u16, Ready>, kernel: u16) -> Option<usize> {
+fn take(ready: &mut BTreeMap<Lot, Ready>, kernel: Lot) -> Option<usize> {
     let row = ready.get_mut(&kernel)?;
     let (_, number) = row.items.pop_first()?;
     row.left -= 1;
