@@ -142,6 +142,7 @@ pub enum InputFault {
 }
 
 /// A request to the executor.
+#[allow(clippy::large_enum_variant)] // One at a time, and sent at once.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Call {
     /// Gives out a command id in state `loading`.
