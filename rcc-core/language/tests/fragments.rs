@@ -362,3 +362,26 @@ fn instances_nest_only_so_deep() {
     text += &format!("primitives:\n  a: {{fragment: f0}}\n{END}discard: [a.y]\n");
     assert!(bad(&text, &[])[0].starts_with("RCC1505"));
 }
+
+#[test]
+fn what_the_docs_show_is_valid() {
+    let text = std::fs::read_to_string(bench::folder("docs/fragments.md")).unwrap();
+    let blocks: Vec<&str> = text
+        .split("```yaml\n")
+        .skip(1)
+        .map(|block| block.split("```").next().unwrap())
+        .collect();
+    let [net, library] = blocks.as_slice() else {
+        panic!("a net and a library")
+    };
+    let shown = good(net);
+    assert!(ids(&shown).contains(&"a/first/filter"));
+    let user = format!(
+        "net: user\nuse: [library/filters.yaml]\nprimitives:\n  a: {{fragment: smooth, inputs: {{x: 1}}}}\n{END}discard: [a.y]\n"
+    );
+    let net = compile(&user, &[("nets/library/filters.yaml", library)]);
+    assert_eq!(
+        ids(&net.unwrap_or_else(|faults| panic!("{faults}")))[0],
+        "a/filter"
+    );
+}
