@@ -163,8 +163,8 @@ impl Writer {
             Op::Count => ("Counter", &["in"]),
             Op::Nullif => ("NullIf", &["in", "condition"]),
             Op::Select => ("Select", &["condition", "no", "yes"]),
-            Op::Mmul => ("TransformCompose", &["a", "b"]),
-            Op::Minv => ("TransformInvert", &["in"]),
+            Op::Mmul => ("Compose", &["a", "b"]),
+            Op::Minv => ("Invert", &["in"]),
             // Its place is an element.
             Op::Mget => return,
             Op::Edge => {

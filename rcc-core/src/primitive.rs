@@ -15,7 +15,7 @@ mod wide;
 pub use duration::{elapsed, reached};
 pub use operand::{CYCLES_MAX, DIMS_MAX, Memory, Operand, Size, Sizes, Width};
 pub use port::{
-    ChannelKind, Dim, Elements, Literal, Parameter, ParameterKind, Port, PortType, UnitRule,
+    ChannelKind, Dim, Elements, Family, Literal, Parameter, ParameterKind, Port, PortType, UnitRule,
 };
 pub use step::{
     Outcome, choose, compare_int, compare_real, each, each_bool, each_finite, each_int, each_real,

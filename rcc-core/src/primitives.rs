@@ -24,6 +24,7 @@ mod bit_xor;
 mod blink;
 mod cancel;
 mod ceiling;
+mod compose;
 mod constant;
 mod copy;
 mod cosine;
@@ -41,6 +42,7 @@ mod digital_input;
 mod digital_output;
 mod digital_output_state;
 mod divide;
+mod dot;
 mod equals;
 mod exponential;
 mod falling_edge;
@@ -57,10 +59,12 @@ mod hysteresis;
 mod input;
 mod int_divide;
 mod integrator;
+mod interpolate;
 mod interval;
 mod inverse_kinematics;
 mod inverse_kinematics_near;
 mod inverse_velocity_kinematics;
+mod invert;
 mod is_null;
 mod jacobian;
 mod joint_position_command;
@@ -86,6 +90,7 @@ mod monitor;
 mod multiply;
 mod negate;
 mod noise;
+mod norm;
 mod normalize;
 mod not;
 mod notch;
@@ -98,16 +103,15 @@ mod or_else;
 mod peak_hold;
 mod pid;
 mod pose_add_twist;
-mod pose_compose;
 mod pose_error;
 mod pose_from_transform;
-mod pose_invert;
 mod power;
 mod pulse;
 mod quantize;
 mod rate_limit;
 mod remainder;
 mod rising_edge;
+mod rotate;
 mod rotation_bezier;
 mod rotation_error;
 mod rotation_from_axes;
@@ -141,10 +145,8 @@ mod termination;
 mod time;
 mod to_real;
 mod toggle;
-mod transform_compose;
 mod transform_from_pose;
 mod transform_from_position;
-mod transform_invert;
 mod transform_point;
 mod trapezoidal_progress;
 mod trigger;
@@ -183,6 +185,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &blink::ENTRY,
     &cancel::ENTRY,
     &ceiling::ENTRY,
+    &compose::ENTRY,
     &constant::ENTRY,
     &copy::ENTRY,
     &cosine::ENTRY,
@@ -200,6 +203,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &digital_output::ENTRY,
     &digital_output_state::ENTRY,
     &divide::ENTRY,
+    &dot::ENTRY,
     &equals::ENTRY,
     &exponential::ENTRY,
     &falling_edge::ENTRY,
@@ -216,10 +220,12 @@ pub const CATALOGUE: &[&Entry] = &[
     &input::ENTRY,
     &int_divide::ENTRY,
     &integrator::ENTRY,
+    &interpolate::ENTRY,
     &interval::ENTRY,
     &inverse_kinematics::ENTRY,
     &inverse_kinematics_near::ENTRY,
     &inverse_velocity_kinematics::ENTRY,
+    &invert::ENTRY,
     &is_null::ENTRY,
     &jacobian::ENTRY,
     &joint_position_command::ENTRY,
@@ -245,6 +251,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &multiply::ENTRY,
     &negate::ENTRY,
     &noise::ENTRY,
+    &norm::ENTRY,
     &normalize::ENTRY,
     &not::ENTRY,
     &notch::ENTRY,
@@ -257,16 +264,15 @@ pub const CATALOGUE: &[&Entry] = &[
     &pid::ENTRY,
     &peak_hold::ENTRY,
     &pose_add_twist::ENTRY,
-    &pose_compose::ENTRY,
     &pose_error::ENTRY,
     &pose_from_transform::ENTRY,
-    &pose_invert::ENTRY,
     &power::ENTRY,
     &pulse::ENTRY,
     &quantize::ENTRY,
     &rate_limit::ENTRY,
     &remainder::ENTRY,
     &rising_edge::ENTRY,
+    &rotate::ENTRY,
     &rotation_bezier::ENTRY,
     &rotation_error::ENTRY,
     &rotation_from_axes::ENTRY,
@@ -300,10 +306,8 @@ pub const CATALOGUE: &[&Entry] = &[
     &time::ENTRY,
     &to_real::ENTRY,
     &toggle::ENTRY,
-    &transform_compose::ENTRY,
     &transform_from_pose::ENTRY,
     &transform_from_position::ENTRY,
-    &transform_invert::ENTRY,
     &transform_point::ENTRY,
     &trapezoidal_progress::ENTRY,
     &trigger::ENTRY,

@@ -8,7 +8,7 @@ use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, Joints, Measurement};
 use rcc_core::plan::{CLOCKS_MAX, Run};
 use rcc_core::primitive::{
-    ChannelKind, Kernel, Literal, Operand, PortType, Role, Size, Sizes, Spec,
+    ChannelKind, Family, Kernel, Literal, Operand, PortType, Role, Size, Sizes, Spec,
 };
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
@@ -165,6 +165,24 @@ pub fn net(row: &Row, count: u32) -> Result<Box<Net>, Refusal> {
     Net::build(data, &models(), 0, &holds, PERIOD_S)
 }
 
+/// The member of a family that its primitives are measured with.
+fn member(family: Family) -> Type {
+    match family {
+        Family::Frame | Family::Turn => Type::Pose,
+        Family::Axes => Type::Twist,
+        Family::Vector => Type::Vector3,
+    }
+}
+
+/// The same for a primitive; `None` if it has none.
+fn member_of(spec: &Spec) -> Option<Type> {
+    let families = spec.types().find_map(|ty| match ty {
+        PortType::Of(family) => Some(family),
+        _ => None,
+    });
+    families.map(member)
+}
+
 /// Lays operands and slots out, primitive by primitive.
 struct Filling {
     data: PlanData,
@@ -176,7 +194,12 @@ impl Filling {
     fn group(&mut self, spec: &Spec, kernel: &Kernel) {
         let mut sizes = Sizes::ONE;
         for size in spec.sizes(kernel) {
-            sizes.set(size, if size == Size::Cycles { WINDOW } else { WIDTH });
+            let width = match size {
+                Size::Cycles => WINDOW,
+                Size::Open => member_of(spec).map_or(WIDTH, Type::width),
+                Size::Dim(_) => WIDTH,
+            };
+            sizes.set(size, width);
         }
         let parameters = spec.parameters.iter().filter(|row| row.kind.is_operand());
         // What there is to know of the first operands; state and sizes follow.
@@ -221,6 +244,9 @@ impl Filling {
         match ty {
             Some(PortType::Is(ty)) if default.is_none() && store == Store::Real => {
                 self.composite(ty)
+            }
+            Some(PortType::Of(family)) if default.is_none() && store == Store::Real => {
+                self.composite(member(family))
             }
             Some(PortType::Matrix(..)) if default.is_none() => {
                 let rows = (0..width).map(|place| place % (WIDTH + 1) == 0);

@@ -195,7 +195,7 @@ fragments:
     outputs: {{y: there.out}}
     primitives:
       here: {{type: Constant, parameters: {{value: {value}}}}}
-      there: {{type: PoseCompose, inputs: {{a: here.out, b: $place}}}}
+      there: {{type: Compose, inputs: {{a: here.out, b: $place}}}}
 primitives:
   a: {{fragment: shift, parameters: {parameters}}}
 {END}discard: [a.y]

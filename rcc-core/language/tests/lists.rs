@@ -103,7 +103,7 @@ fn null_is_per_element() {
 fn parts_of_composites_have_names_and_units() {
     let mut bench = run(
         "  goal: {type: Constant, parameters: {value: {xyz: [0.1, 0.2, 0.3], quat: [0, 0, 0, 1]}}}
-  same: {type: PoseInvert, inputs: {in: goal.out}}
+  same: {type: Invert, inputs: {in: goal.out}}
   twice: {type: Scale, inputs: {in: same.out.position, factor: 2.0}}
   high: {type: Greater, inputs: {a: same.out.z, b: -250 mm}}
   turning: {type: Copy, inputs: {in: same.out.rotation}}

@@ -87,8 +87,8 @@ fn units_go_through_roots_limits_and_transforms() {
     type: TransformFromPosition
     parameters: {rotation: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}
     inputs: {x: 1 m, y: 2 m, z: 3 m}
-  back: {type: TransformInvert, inputs: {in: frame.out}}
-  both: {type: TransformCompose, inputs: {a: frame.out, b: back.out}}
+  back: {type: Invert, inputs: {in: frame.out}}
+  both: {type: Compose, inputs: {a: frame.out, b: back.out}}
   height: {type: Abs, inputs: {in: 'back.out[11]'}}
   axis: {type: Abs, inputs: {in: 'frame.out[1]'}}",
         "ft.fy, ft.fz, ft.tx, ft.ty, ft.tz, bound.out, both.out, height.out, axis.out",
@@ -111,8 +111,8 @@ fn a_transform_and_its_inverse_cancel() {
     type: TransformFromPosition
     parameters: {rotation: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}
     inputs: {x: 1 m, y: 2 m, z: 3 m}
-  back: {type: TransformInvert, inputs: {in: frame.out}}
-  both: {type: TransformCompose, inputs: {a: frame.out, b: back.out}}",
+  back: {type: Invert, inputs: {in: frame.out}}
+  both: {type: Compose, inputs: {a: frame.out, b: back.out}}",
         "both.out",
     );
     bench.step();

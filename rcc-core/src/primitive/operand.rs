@@ -224,7 +224,7 @@ fn slot(ty: PortType, open: Option<Store>, written: bool) -> Operand {
     let open = open.unwrap_or(Store::Real);
     let (store, width) = match ty {
         PortType::Is(ty) => (ty.store().unwrap_or(Store::Real), Width::fixed(ty.width())),
-        PortType::Any | PortType::Linear => (open, Width::of(Size::Open)),
+        PortType::Any | PortType::Linear | PortType::Of(_) => (open, Width::of(Size::Open)),
         PortType::Scalar | PortType::Number | PortType::Part => (open, Width::fixed(1)),
         PortType::Joints => (Store::Real, Width::of(Size::Open)),
         PortType::Array(elements, length) => (elements.store().unwrap_or(open), of_dim(length)),

@@ -19,6 +19,8 @@ pub enum PortType {
     /// The open type: what can be added element by element: `Int`, `Real`, `Vector3`, `Twist`, `Wrench`, arrays of numbers,
     /// matrices.
     Linear,
+    /// The open type: a member of this family.
+    Of(Family),
     /// One number of the open type: `Int` if that is of whole numbers, else `Real`.
     Part,
     /// An array.
@@ -29,6 +31,41 @@ pub enum PortType {
     Many(Dim),
     /// `Real[n]` with n the number of joints of the primitive's device.
     Joints,
+}
+
+/// A few types that an operation means the same for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    /// `Rotation`, `Pose`, or `Real[4,4]`, a homogeneous transform: where a frame is in another one.
+    Frame,
+    /// `Rotation` or `Pose`.
+    Turn,
+    /// `Vector3`, `Twist` or `Wrench`: one or two vectors in axes of a frame.
+    Axes,
+    /// `Vector3` or `Real[n]`.
+    Vector,
+}
+
+impl Family {
+    /// True for its members.
+    pub const fn has(self, ty: Type) -> bool {
+        match self {
+            Family::Frame => matches!(ty, Type::Rotation | Type::Pose | Type::TRANSFORM),
+            Family::Turn => matches!(ty, Type::Rotation | Type::Pose),
+            Family::Axes => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
+            Family::Vector => matches!(ty, Type::Vector3 | Type::Reals(_)),
+        }
+    }
+
+    /// Its members, for people.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Family::Frame => "Rotation, Pose or Real[4,4]",
+            Family::Turn => "Rotation or Pose",
+            Family::Axes => "Vector3, Twist or Wrench",
+            Family::Vector => "Vector3 or Real[n]",
+        }
+    }
 }
 
 /// The elements of an array in a spec.
@@ -69,6 +106,7 @@ impl PortType {
             | PortType::Scalar
             | PortType::Number
             | PortType::Linear
+            | PortType::Of(_)
             | PortType::Part
             | PortType::Many(_) => true,
             PortType::Array(elements, _) => matches!(elements, Elements::Open),
@@ -80,7 +118,11 @@ impl PortType {
     pub const fn is_wide(self) -> bool {
         matches!(
             self,
-            PortType::Any | PortType::Linear | PortType::Joints | PortType::Many(_)
+            PortType::Any
+                | PortType::Linear
+                | PortType::Of(_)
+                | PortType::Joints
+                | PortType::Many(_)
         )
     }
 
@@ -106,6 +148,7 @@ impl PortType {
                 matches!(open, Type::Bool | Type::Int | Type::Real)
             }
             PortType::Linear => open.is_linear(),
+            PortType::Of(family) => family.has(open),
             _ => true,
         }
     }
@@ -212,6 +255,11 @@ impl Port {
     /// A port for everything that can be added, of one unit with all others of the variable.
     pub const fn linear(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
         Port::new(name, PortType::Linear, unit, doc)
+    }
+
+    /// A port for the members of a family, of one unit with all others of the variable.
+    pub const fn of(name: &'static str, family: Family, unit: UnitRule, doc: &'static str) -> Port {
+        Port::new(name, PortType::Of(family), unit, doc)
     }
 
     /// A `Bool` port.

@@ -313,6 +313,7 @@ pub fn types_suit_their_primitives(net: Typed<'_>, faults: &mut Vec<Diagnostic>)
         if !fits || !runs {
             let wanted = match port.ty {
                 PortType::Number => "single numbers",
+                PortType::Of(family) => family.words(),
                 PortType::Linear | PortType::Part => "numbers, vectors, arrays and matrices",
                 PortType::Array(..) => "arrays of single values",
                 _ => "single numbers or truth values",

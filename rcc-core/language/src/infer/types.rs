@@ -31,6 +31,7 @@ impl Open {
             | PortType::Scalar
             | PortType::Number
             | PortType::Linear
+            | PortType::Of(_)
             | PortType::Many(_) => self.ty,
             PortType::Part => self.ty.map(Type::scalar),
             PortType::Array(elements, length) => {
@@ -66,6 +67,7 @@ impl Open {
             | PortType::Scalar
             | PortType::Number
             | PortType::Linear
+            | PortType::Of(_)
             | PortType::Many(_) => self.learn_type(spec, ty),
             PortType::Array(elements, length) => {
                 let of = ty.scalar();

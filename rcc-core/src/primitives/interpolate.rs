@@ -1,0 +1,88 @@
+//! `Interpolate`: a rotation or pose between two others, by the shorter way about one axis.
+
+use crate::frame::Frame;
+use crate::pose::Pose;
+use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::rotation;
+use crate::types::{Store, Type};
+use crate::unit::Unit;
+use crate::vector;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Interpolate",
+        summary: "A rotation or pose on the way between two others: straight, and turned about one axis.",
+        undefined: "rotations half a turn apart, for both ways are equally short; overflow: an infinite input, a quaternion without direction, a result too large for a number",
+        formula: "p + t (p_to - p) and exp(t log(R_to Rᵀ)) R (Slerp: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985)",
+        examples: &[
+            Example::new(
+                "a quarter of the way between rotations (scipy 1.17)",
+                "",
+                "from | to | t | out\n\
+                 {quat: [0.18485641079320972, -0.323498718888117, 0.5083551296813268, 0.7763708832723447]} | {rpy: [0.3, -0.5, 1.2]} | 0.25 | {quat: [0.2040813503540178, -0.2738042666146767, 0.5266950958135888, 0.7784435124446696]}\n\
+                 {rpy: [0, 0, 0]} | {quat: [1, 0, 0, 0]} | 0.25 | null\n\
+                 null | {rpy: [0, 0, 0]} | 0.25 | null",
+            ),
+            Example::new(
+                "half way between poses, and as far again",
+                "",
+                "from | to | t | out\n\
+                 {xyz: [0, 0, 0], rpy: [0, 0, 0]} | {xyz: [1, 2, 4], rpy: [0, 0, 1]} | 0.5 | {xyz: [0.5, 1, 2], rpy: [0, 0, 0.5]}\n\
+                 {xyz: [0, 0, 0], rpy: [0, 0, 0]} | {xyz: [1, 2, 4], rpy: [0, 0, 1]} | 2 | {xyz: [2, 4, 8], rpy: [0, 0, 2]}\n\
+                 {xyz: [0, 0, 0], rpy: [0, 0, 0]} | {xyz: [1, 2, 4], rpy: [0, 0, 1]} | null | null",
+            ),
+        ],
+        inputs: &[
+            Port::of(
+                "from",
+                Family::Turn,
+                UnitRule::Var(0),
+                "what it is at t = 0",
+            ),
+            Port::of("to", Family::Turn, UnitRule::Var(0), "what it is at t = 1"),
+            Port::real(
+                "t",
+                UnitRule::Is(Unit::ONE),
+                "how far on the way; below 0 and above 1 it goes on",
+            ),
+        ],
+        outputs: &[Port::of(
+            "out",
+            Family::Turn,
+            UnitRule::Var(0),
+            "what it is at t",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::of(Store::Real, |frame, operands| {
+        each(frame, operands, step);
+    })],
+);
+
+const ROTATION: u32 = Type::Rotation.width();
+const POSE: u32 = Type::Pose.width();
+
+fn step(frame: &mut Frame<'_>, [from, to, t, out, width]: [u32; 5]) -> Option<()> {
+    let t = frame.real(t);
+    match width {
+        ROTATION => {
+            let ends = frame.rotation(from).zip(frame.rotation(to));
+            let between = ends.and_then(|(from, to)| rotation::slerp(from, to, t));
+            frame.set_composite(out, between);
+        }
+        POSE => {
+            let ends = frame.known_pose(from).zip(frame.known_pose(to));
+            let between = ends.and_then(|(from, to)| {
+                let way = vector::subtract(to.position, from.position);
+                Some(Pose {
+                    position: vector::add(from.position, vector::scale(way, t)),
+                    orientation: rotation::slerp(from.orientation, to.orientation, t)?,
+                })
+            });
+            frame.set_known_pose(out, between);
+        }
+        _ => return None,
+    }
+    Some(())
+}

@@ -1,0 +1,44 @@
+//! `Norm`: the Euclidean length of a vector.
+
+use crate::frame::Frame;
+use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::types::{NULL_REAL, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Norm",
+        summary: "The Euclidean length of a vector or array.",
+        null: "a null element gives null",
+        undefined: "overflow: an infinite element, a result too large for a number",
+        formula: "the square root of the sum of the squares, by hypot: no square overflows",
+        examples: &[Example::new(
+            "any size",
+            "",
+            "in | out\n\
+             [2.0, -3.0, 6.0] | 7\n\
+             [3e200, 0.0, -4e200] | 5e200\n\
+             [0.0, 0.0, 0.0] | 0\n\
+             null | null",
+        )],
+        inputs: &[Port::of("in", Family::Vector, UnitRule::Var(0), "vector")],
+        outputs: &[Port::real("out", UnitRule::Var(0), "its length").within(0.0, f64::MAX)],
+        ..Spec::PLAIN
+    },
+    &[Kernel::of(Store::Real, |frame, operands| {
+        each(frame, operands, step);
+    })],
+);
+
+fn step(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> {
+    let mut length = 0.0;
+    let mut null = false;
+    for i in 0..width {
+        let element = frame.get_real(input + i)?;
+        // The hypotenuse of infinity and NaN is infinite.
+        null |= !element.is_finite();
+        length = libm::hypot(length, element);
+    }
+    let known = !null && length.is_finite();
+    frame.put_real(out, if known { length } else { NULL_REAL })
+}
