@@ -143,10 +143,10 @@ fn the_moment_of_a_force_is_a_torque_and_nothing_else() {
     let good = net("force: both.force, torque: moment.out");
     compile(&good, "net", &cell).unwrap_or_else(|faults| panic!("{faults}"));
     let bad = net("force: moment.out, torque: both.force");
-    let faults = compile(&bad, "net", &cell)
-        .err()
-        .expect("two faults")
-        .to_string();
+    let Err(faults) = compile(&bad, "net", &cell) else {
+        panic!("two faults");
+    };
+    let faults = faults.to_string();
     let said = [
         "`moment.out` is in N·m, `sum.force` is in N",
         "`both.force` is in N, `sum.torque` is in N·m",
@@ -180,4 +180,38 @@ fn what_a_device_is_told_and_how_it_does_is_read_without_claiming_it() {
     bench.step();
     assert!(bench.value("lamp.out").is_nan() && bench.value("speed.out").is_nan());
     assert_eq!(bench.value("lost.out"), 1.0);
+}
+
+#[test]
+fn the_net_of_the_docs_steers_the_flange() {
+    let docs = std::fs::read_to_string(bench::folder("docs/space.md")).expect("the docs");
+    let net = docs
+        .split("```")
+        .find_map(|block| block.strip_prefix("yaml\n"));
+    let cell = cell("tests/nets/cell.yaml");
+    let compiled = compile(net.expect("a net"), "docs", &cell);
+    let net = compiled.unwrap_or_else(|faults| panic!("{faults}"));
+    let mut bench = Bench::new(net, &cell, HOLD);
+    let arm = cell.models()[0].arm.expect("an arm");
+    let flange = |bench: &Bench| {
+        let joints: [f64; 7] = bench.values("next.out").try_into().expect("seven joints");
+        arm.forward(&joints)
+    };
+    bench.step();
+    assert_eq!(bench.values("next.out"), HOLD);
+    let start = flange(&bench);
+    bench.inputs[1].measurement.digital = 1;
+    for _ in 0..2000 {
+        bench.step();
+    }
+    // Half a second from 0 to 50 mm/s, then on: 87.5 mm, and nothing else changes.
+    let (there, turned) = (flange(&bench), start.angle_to(&flange(&bench)));
+    let way = [0, 1, 2].map(|axis: usize| there.position[axis] - start.position[axis]);
+    assert!(close(&way, &[0.0, 0.0875, 0.0], 2e-4), "{way:?}");
+    assert!(turned < 2e-4, "{turned}");
+    bench.cancel = true;
+    for _ in 0..1000 {
+        bench.step();
+    }
+    assert!(bench.terminated && bench.value("speed.out") == 0.0);
 }
