@@ -57,6 +57,8 @@ verbs! {
     Run = run;
     /// Set inputs of a net while it is ready or runs, or list them.
     Set = set;
+    /// Values of any ports of a net, again and again.
+    Watch = watch;
     /// CANCEL: ask a net to end in its own way.
     Cancel = cancel;
     /// ABORT: end a net at once; the drivers bring its devices to rest.

@@ -20,3 +20,4 @@ mod rt_calls;
 mod services;
 mod syscalls;
 mod timing;
+mod values;

@@ -1,0 +1,158 @@
+//! Values into a running net and out of it, through every process: REST, the command line, and a watcher that dies.
+//! Each test has a cell of its own.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+use rcc_tests::{TestCell, await_some, program, repository};
+use serde_json::{Value, json};
+
+fn belt() -> String {
+    let path = repository().join("configs/nets/belt.yaml");
+    std::fs::read_to_string(path).expect("the example")
+}
+
+/// The value of a port by REST.
+fn value(cell: &TestCell, id: u64, port: &str) -> Value {
+    let reply = cell.rest("GET", &format!("/commands/{id}/values?ports={port}"), "");
+    assert_eq!(reply.status, 200, "{reply:?}");
+    reply.body["values"][0]["value"].clone()
+}
+
+#[test]
+fn inputs_are_set_by_rest_all_at_once_or_not_at_all() {
+    let cell = TestCell::demo();
+    let id = cell.load(&belt());
+    let path = format!("/commands/{id}/inputs");
+    let early = cell.rest("PUT", &path, r#"{"lamp": true}"#);
+    assert_eq!(early.status, 200, "{early:?}");
+    cell.start_when_ready(id);
+    assert_eq!(
+        value(&cell, id, "lamp.value"),
+        json!(true),
+        "set before START"
+    );
+    let set = cell.rest("PUT", &path, r#"{"speed": "200 mm/s", "lamp": false}"#);
+    assert_eq!(
+        (set.status, &set.body["set"]),
+        (200, &json!(["speed", "lamp"])),
+        "{set:?}"
+    );
+    let both = cell.rest("GET", &format!("/commands/{id}/values?ports=*.value"), "");
+    let values: Vec<&Value> = (0..2)
+        .map(|port| &both.body["values"][port]["value"])
+        .collect();
+    assert_eq!(values, [&json!(0.2), &json!(false)], "{both:?}");
+    assert!(
+        both.body["cycle"].as_u64() >= set.body["cycle"].as_u64(),
+        "{both:?}"
+    );
+    let refused = cell.rest(
+        "PUT",
+        &path,
+        r#"{"lamp": true, "sped": 1, "speed": "2 m/s"}"#,
+    );
+    assert_eq!(
+        (refused.status, refused.code()),
+        (422, "RCC3040"),
+        "{refused:?}"
+    );
+    let words = refused.words();
+    assert!(
+        words.contains("`sped`") && words.contains("at most 1 m/s"),
+        "{words}"
+    );
+    assert_eq!(
+        value(&cell, id, "lamp.value"),
+        json!(false),
+        "nothing was set"
+    );
+    let expired = || value(&cell, id, "speed.value").is_null().then_some(());
+    await_some("what nobody sets again expires", expired);
+    cell.done(id, "cancel");
+    cell.assert_ends(id, "canceled");
+    let over = cell.rest("PUT", &path, r#"{"lamp": true}"#);
+    assert_eq!((over.status, over.code()), (409, "RCC3003"), "{over:?}");
+    cell.stop();
+}
+
+#[test]
+fn every_command_of_the_page_about_values_runs() {
+    let cell = TestCell::demo();
+    cell.await_devices();
+    let page = std::fs::read_to_string(repository().join("docs/values.md")).expect("the page");
+    let program = program("rcc-cli");
+    let folder = program.parent().expect("a folder").to_owned();
+    let path = std::env::var("PATH").unwrap_or_default();
+    let commands = page.lines().filter_map(|line| line.strip_prefix("$ "));
+    let mut run = 0;
+    for command in commands {
+        let like = cell.program("rcc-cli");
+        let mut shell = Command::new("sh");
+        for (name, value) in like.get_envs() {
+            match value {
+                Some(value) => shell.env(name, value),
+                None => shell.env_remove(name),
+            };
+        }
+        let arguments: Vec<_> = like.get_args().collect();
+        let named = arguments.windows(2).find(|pair| pair[0] == "--cell");
+        shell.env("RCC_CELL", named.expect("the cell's name")[1]);
+        shell.env("PATH", format!("{}:{path}", folder.display()));
+        let output = shell
+            .args(["-c", command])
+            .current_dir(repository())
+            .output();
+        let output = output.expect("a shell");
+        let (out, err) = (
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr),
+        );
+        assert_eq!(output.status.code(), Some(0), "{command}: {out}\n{err}");
+        run += 1;
+    }
+    assert!(run >= 8, "{run} commands");
+    cell.stop();
+}
+
+#[test]
+fn a_watcher_that_is_killed_leaves_nothing_and_others_are_told_the_end() {
+    let cell = TestCell::demo();
+    let id = cell.run(&belt());
+    let watch = |more: &[&str]| {
+        let mut watch = cell.program("rcc-cli");
+        watch.args(["watch", &id.to_string(), "soft.out", "speed.*", "--json"]);
+        watch.args(more).stdout(Stdio::piped());
+        watch.spawn().expect("a watcher")
+    };
+    let mut killed = watch(&["--rate", "100"]);
+    let mut other = watch(&["--rate", "20"]);
+    let lines = |child: &mut std::process::Child| {
+        BufReader::new(child.stdout.take().expect("piped")).lines()
+    };
+    let (mut of_killed, mut of_other) = (lines(&mut killed), lines(&mut other));
+    for lines in [&mut of_killed, &mut of_other] {
+        let line = lines.next().expect("a line").expect("text");
+        let line: Value = serde_json::from_str(&line).expect("JSON");
+        assert_eq!(line["values"][0]["port"], "speed.value", "{line}");
+        assert_eq!(line["values"][2]["unit"], "m/s", "{line}");
+    }
+    killed.kill().expect("SIGKILL");
+    killed.wait().expect("dead");
+    assert_eq!(cell.state(id)["state"], "running");
+    let (out, _) = cell.cli_exits(
+        0,
+        &["watch", "belt", "soft.*", "--count", "2", "--rate", "50"],
+    );
+    assert!(out.contains("soft.out") && out.contains("m/s"), "{out}");
+    let (_, err) = cell.cli_exits(1, &["watch", "belt", "sofd.out"]);
+    assert!(
+        err.contains("RCC3041") && err.contains("did you mean `soft.out`?"),
+        "{err}"
+    );
+    cell.done(id, "cancel");
+    let last = of_other.last().expect("a line").expect("text");
+    assert!(last.contains(r#""state":"terminated""#), "{last}");
+    assert_eq!(other.wait().expect("it ends").code(), Some(0));
+    cell.stop();
+}
