@@ -73,6 +73,8 @@ verbs! {
     Devices = devices;
     /// List the primitives, or explain one.
     Primitives = primitives;
+    /// Print the JSON Schema of nets, for editors.
+    Schema = schema;
     /// The executor's health and the processes of the cell.
     Status = status;
     /// Where the time of the cycles goes, live: nets, histograms, primitives, late cycles.

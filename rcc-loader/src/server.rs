@@ -11,6 +11,7 @@ pub mod error;
 pub mod executor;
 mod handover;
 mod head;
+pub mod manual;
 pub mod routes;
 pub mod service;
 mod show;

@@ -1,60 +1,125 @@
-//! `primitives [NAME]`: the catalogue, or everything about one type. Needs no cell.
+//! `primitives [NAME|WORD]`: the manual: the catalogue by groups, everything about one type, or types that a word occurs in.
+//! Needs no cell.
 
-use rcc_loader::server::api::{ParameterView, PortView, PrimitiveView};
-use rcc_loader::server::catalogue;
+use rcc_loader::server::api::{ExampleView, ParameterView, PortView, PrimitiveView};
+use rcc_loader::server::catalogue::{self, GROUPS};
 use rcc_loader::server::codes;
+use rcc_loader::server::manual;
 
-use crate::context::Context;
+use crate::context::{Context, say};
 use crate::failure::Failure;
 use crate::table;
 
 /// Which.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// Name of a type; all without.
+    /// Name of a type, or a word to look for in names, summaries and ports; all types without.
     name: Option<String>,
+    /// Only this group: a word of its title.
+    #[arg(long, conflicts_with = "name")]
+    group: Option<String>,
+    /// As Markdown: one type, or the whole manual.
+    #[arg(long, conflicts_with = "group")]
+    markdown: bool,
 }
 
 /// Does it.
 ///
 /// # Errors
-/// There is no such primitive.
+/// There is no such primitive or group.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let all = catalogue::primitives();
-    let Some(name) = arguments.name else {
-        context.print(&all, |all| list(all));
-        return Ok(());
+    let found = match (&arguments.name, &arguments.group) {
+        (None, None) => all.clone(),
+        (None, Some(group)) => of_group(&all, group)?,
+        (Some(name), _) => match all.iter().find(|view| view.name.eq_ignore_ascii_case(name)) {
+            Some(view) => {
+                if arguments.markdown {
+                    say(manual::page(view).trim_end());
+                } else {
+                    context.print(view, one);
+                }
+                return Ok(());
+            }
+            None => with_word(&all, name)?,
+        },
     };
-    let Some(found) = all.iter().find(|view| view.name.eq_ignore_ascii_case(&name)) else {
-        let known = all.iter().map(|view| view.name.as_str());
-        let closest = rcc_config::diagnostic::closest(&name, known);
-        let help = closest.map_or_else(
-            || "`rcc-cli primitives` lists all".to_owned(),
-            |closest| format!("did you mean {closest}?"),
-        );
-        let message = format!("there is no primitive `{name}`");
-        return Err(Failure::new(codes::BAD_REQUEST, message, help));
-    };
-    context.print(found, one);
+    if arguments.markdown {
+        say(manual::document(&found).trim_end());
+    } else {
+        context.print(&found, |found| list(found));
+    }
     Ok(())
 }
 
-fn list(all: &[PrimitiveView]) -> String {
-    let mut rows = table::table(&["PRIMITIVE", "WHAT IT DOES"]);
-    for view in all {
-        rows.add_row([&view.name, &view.summary]);
+fn of_group(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Failure> {
+    let fits = |group: &str| group.to_lowercase().contains(&word.to_lowercase());
+    let found: Vec<_> = all.iter().filter(|view| fits(&view.group)).cloned().collect();
+    if found.is_empty() {
+        let message = format!("there is no group `{word}`");
+        let help = format!("groups: {}", GROUPS.join(", "));
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
-    table::text(&rows)
+    Ok(found)
+}
+
+fn with_word(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Failure> {
+    let lower = word.to_lowercase();
+    let has = |text: &str| text.to_lowercase().contains(&lower);
+    let port = |port: &PortView| has(&port.name) || has(&port.doc);
+    let fits = |view: &&PrimitiveView| {
+        let ports = view.inputs.iter().chain(&view.outputs).any(port);
+        let parameters = view.parameters.iter().any(|one| has(&one.name) || has(&one.doc));
+        has(&view.name) || has(&view.summary) || has(&view.formula) || ports || parameters
+    };
+    let found: Vec<_> = all.iter().filter(fits).cloned().collect();
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let known = all.iter().map(|view| view.name.as_str());
+    let closest = rcc_config::diagnostic::closest(word, known);
+    let help = closest.map_or_else(
+        || "`rcc-cli primitives` lists all".to_owned(),
+        |closest| format!("did you mean {closest}?"),
+    );
+    let message = format!("there is no primitive `{word}`");
+    Err(Failure::new(codes::BAD_REQUEST, message, help))
+}
+
+fn list(all: &[PrimitiveView]) -> String {
+    let mut text = String::new();
+    for group in GROUPS {
+        let mut rows = table::table(&[&group.to_uppercase(), "WHAT IT DOES"]);
+        let mut any = false;
+        for view in all.iter().filter(|view| view.group == *group) {
+            rows.add_row([&view.name, &view.summary]);
+            any = true;
+        }
+        if any {
+            let gap = if text.is_empty() { "" } else { "\n\n" };
+            text = format!("{text}{gap}{}", table::text(&rows));
+        }
+    }
+    text
 }
 
 fn one(view: &PrimitiveView) -> String {
     let mut text = format!("{}  {}\n  null: {}\n", view.name, view.summary, view.null);
+    if !view.undefined.is_empty() {
+        text = format!("{text}  no result for: {}\n", view.undefined);
+    }
+    if !view.formula.is_empty() {
+        text = format!("{text}  formula: {}\n", view.formula);
+    }
+    if view.remembers {
+        text.push_str("  it remembers from cycle to cycle\n");
+    }
     if view.unique {
         text.push_str("  a unique resource: one net at a time\n");
     }
-    for (head, ports) in [("INPUT", &view.inputs), ("OUTPUT", &view.outputs)] {
+    for (head, more, ports) in [("INPUT", "DEFAULT", &view.inputs), ("OUTPUT", "RANGE", &view.outputs)] {
         if !ports.is_empty() {
-            let mut rows = table::table(&[head, "TYPE", "UNIT", "DEFAULT", "WHAT"]);
+            let mut rows = table::table(&[head, "TYPE", "UNIT", more, "WHAT"]);
             for port in ports {
                 rows.add_row(port_row(port));
             }
@@ -68,25 +133,22 @@ fn one(view: &PrimitiveView) -> String {
         }
         text = format!("{text}\n{}\n", table::text(&rows));
     }
+    for example in &view.examples {
+        text = format!("{text}\n{}\n", worked(example));
+    }
     text
 }
 
 fn port_row(port: &PortView) -> [String; 5] {
     let (ty, unit) = (port.ty.clone(), port.unit.clone());
-    let default = port.default.clone().unwrap_or_default();
-    [port.name.clone(), ty, unit, default, port.doc.clone()]
+    let more = port.default.clone().unwrap_or_else(|| manual::range(port));
+    [port.name.clone(), ty, unit, more, port.doc.clone()]
 }
 
 fn parameter_row(parameter: &ParameterView) -> [String; 5] {
-    let bounds = [
-        parameter.above.map(|bound| format!("more than {bound}")),
-        parameter.at_least.map(|bound| format!("at least {bound}")),
-        parameter.at_most.map(|bound| format!("at most {bound}")),
-    ];
-    let bounds: Vec<String> = bounds.into_iter().flatten().collect();
-    let bound = match bounds.is_empty() {
-        true => String::new(),
-        false => format!(" ({})", bounds.join(", ")),
+    let bound = match manual::bounds(parameter).as_str() {
+        "" => String::new(),
+        bounds => format!(" ({bounds})"),
     };
     let default = parameter.default.clone().unwrap_or_default();
     [
@@ -96,4 +158,22 @@ fn parameter_row(parameter: &ParameterView) -> [String; 5] {
         default,
         format!("{}{bound}", parameter.doc),
     ]
+}
+
+/// Worked values, one row a cycle.
+fn worked(example: &ExampleView) -> String {
+    let names: Vec<String> = example.names.iter().map(|name| name.to_uppercase()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let mut rows = table::table(&names);
+    for row in &example.rows {
+        rows.add_row(row);
+    }
+    let mut about = format!("worked: {}", example.shows);
+    if !example.parameters.is_empty() {
+        about = format!("{about}; parameters: {}", example.parameters);
+    }
+    if example.period_ms != 1 {
+        about = format!("{about}; every {} ms", example.period_ms);
+    }
+    format!("{about}\n{}", table::text(&rows))
 }

@@ -508,8 +508,17 @@ pub struct PrimitiveView {
     pub name: String,
     /// What it does.
     pub summary: String,
+    /// What it is for: the chapter of the manual.
+    #[serde(default)]
+    pub group: String,
     /// What null does.
     pub null: String,
+    /// Which known inputs have no result; empty: all have one.
+    #[serde(default)]
+    pub undefined: String,
+    /// The formula and where it is from; may be empty.
+    #[serde(default)]
+    pub formula: String,
     /// Inputs.
     pub inputs: Vec<PortView>,
     /// Outputs.
@@ -518,6 +527,12 @@ pub struct PrimitiveView {
     pub parameters: Vec<ParameterView>,
     /// True if it claims a resource for its net alone.
     pub unique: bool,
+    /// True if it remembers something from cycle to cycle.
+    #[serde(default)]
+    pub remembers: bool,
+    /// Worked values.
+    #[serde(default)]
+    pub examples: Vec<ExampleView>,
 }
 
 /// A port of a primitive.
@@ -538,6 +553,27 @@ pub struct PortView {
     /// An output that may be left unread.
     #[serde(default)]
     pub diagnostic: bool,
+    /// An output is never less than this.
+    #[serde(default)]
+    pub least: Option<f64>,
+    /// An output is never greater than this.
+    #[serde(default)]
+    pub greatest: Option<f64>,
+}
+
+/// Worked values of a primitive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ExampleView {
+    /// What it shows.
+    pub shows: String,
+    /// Parameters as in a net; may be empty.
+    pub parameters: String,
+    /// The period of the net, ms.
+    pub period_ms: u32,
+    /// Names of ports.
+    pub names: Vec<String>,
+    /// One row a cycle, with a constant below each name.
+    pub rows: Vec<Vec<String>>,
 }
 
 /// A parameter of a primitive.

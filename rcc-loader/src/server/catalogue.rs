@@ -3,11 +3,13 @@
 
 use rcc_config::device::kind_name;
 use rcc_core::primitive::{
-    Dim, Elements, Literal, Parameter, ParameterKind, Port, PortType, Role, UnitRule,
+    Dim, Elements, Example, Literal, Parameter, ParameterKind, Port, PortType, Role, Spec, State,
+    UnitRule,
 };
 use rcc_core::primitives::CATALOGUE;
+use rcc_core::types::Type;
 
-use super::api::{ParameterView, PortView, PrimitiveView};
+use super::api::{ExampleView, ParameterView, PortView, PrimitiveView};
 
 /// Every primitive, sorted by name.
 #[must_use]
@@ -19,11 +21,16 @@ pub fn primitives() -> Vec<PrimitiveView> {
             PrimitiveView {
                 name: spec.name.to_owned(),
                 summary: spec.summary.to_owned(),
+                group: group(spec).to_owned(),
                 null: spec.null.to_owned(),
+                undefined: spec.undefined.to_owned(),
+                formula: spec.formula.to_owned(),
                 inputs: spec.inputs.iter().map(port).collect(),
                 outputs: spec.outputs.iter().map(port).collect(),
                 parameters: spec.parameters.iter().map(parameter).collect(),
                 unique: matches!(spec.role, Role::CommandsArm | Role::CommandsChannel),
+                remembers: spec.state != State::NONE,
+                examples: spec.examples.iter().map(example).collect(),
             }
         })
         .collect()
@@ -37,6 +44,74 @@ fn port(port: &Port) -> PortView {
         doc: port.doc.to_owned(),
         default: port.default.map(literal),
         diagnostic: port.diagnostic,
+        least: port.least,
+        greatest: port.greatest,
+    }
+}
+
+/// A table of worked values taken apart.
+fn example(example: &Example) -> ExampleView {
+    let mut lines = example
+        .table
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty());
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect();
+    ExampleView {
+        shows: example.shows.to_owned(),
+        parameters: example.parameters.to_owned(),
+        period_ms: example.period_ms,
+        names: lines.next().map(cells).unwrap_or_default(),
+        rows: lines.map(cells).collect(),
+    }
+}
+
+/// The chapters of the manual, in their order.
+pub const GROUPS: &[&str] = &[
+    "Nets",
+    "Motion and devices",
+    "Logic",
+    "Comparison",
+    "Arithmetic",
+    "Arrays and matrices",
+    "Space",
+    "Signals over time",
+    "Any type",
+];
+
+/// The chapter of a primitive: by what it belongs to, else by the types of its ports.
+fn group(spec: &Spec) -> &'static str {
+    let ports = || spec.inputs.iter().chain(spec.outputs).map(|port| port.ty);
+    let is =
+        |wanted: &[Type]| ports().any(|ty| matches!(ty, PortType::Is(ty) if wanted.contains(&ty)));
+    let of_device = |parameter: &Parameter| {
+        matches!(
+            parameter.kind,
+            ParameterKind::Arm | ParameterKind::Device | ParameterKind::Channel(_)
+        )
+    };
+    let has_array = ports().any(|ty| type_words(ty).contains('['));
+    let bools = |ports: &[Port]| ports.iter().all(|port| port.ty == PortType::Is(Type::Bool));
+    let space = [
+        Type::Vector3,
+        Type::Rotation,
+        Type::Pose,
+        Type::Twist,
+        Type::Wrench,
+        Type::TRANSFORM,
+    ];
+    match spec.role {
+        Role::Motion | Role::CommandsArm | Role::CommandsChannel => "Motion and devices",
+        Role::Plain if spec.parameters.iter().any(of_device) => "Motion and devices",
+        Role::Plain if is(&space) => "Space",
+        Role::Plain if spec.state != State::NONE => "Signals over time",
+        Role::Plain if spec.inputs.is_empty() => "Signals over time",
+        Role::Plain if has_array => "Arrays and matrices",
+        Role::Plain if bools(spec.inputs) && bools(spec.outputs) => "Logic",
+        Role::Plain if ports().any(|ty| ty == PortType::Any) => "Any type",
+        Role::Plain if bools(spec.outputs) => "Comparison",
+        Role::Plain => "Arithmetic",
+        _ => "Nets",
     }
 }
 
@@ -129,6 +204,14 @@ mod tests {
     fn every_primitive_is_there_with_all_its_ports() {
         let views = primitives();
         assert_eq!(views.len(), CATALOGUE.len());
+        for view in &views {
+            assert!(
+                GROUPS.contains(&view.group.as_str()),
+                "{}: {}",
+                view.name,
+                view.group
+            );
+        }
         let motion = views.iter().find(|view| view.name == "LinearMotion");
         assert!(motion.is_some_and(|view| {
             view.inputs.len() == 1 && view.outputs.len() == 5 && view.parameters[3].unit == "m/s"

@@ -69,6 +69,7 @@ struct Shared {
         incident,
         devices,
         primitives,
+        schema,
         status,
         timing,
         acknowledge
@@ -105,6 +106,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/incidents", post(incident))
         .route("/devices", get(devices))
         .route("/primitives", get(primitives))
+        .route("/schema", get(schema))
         .route("/status", get(status))
         .route("/status/acknowledge", post(acknowledge))
         .route("/timing", get(timing))
@@ -435,6 +437,12 @@ async fn primitives() -> Json<Vec<PrimitiveView>> {
     Json(catalogue::primitives())
 }
 
+/// The JSON Schema of nets, with the names of this cell's devices and channels.
+#[utoipa::path(get, path = "/schema", responses((status = 200, body = serde_json::Value)))]
+async fn schema(State(shared): State<Shared>) -> Json<serde_json::Value> {
+    Json(shared.service.schema())
+}
+
 /// The executor's health and the processes of the cell.
 #[utoipa::path(get, path = "/status",
     responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
@@ -493,6 +501,7 @@ mod tests {
             "/devices",
             "/incidents",
             "/primitives",
+            "/schema",
             "/status",
             "/status/acknowledge",
             "/switch",

@@ -9,6 +9,7 @@ use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
 use rcc_ipc::control::{Answer, Call};
 use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_language::devices::DeviceTable;
 
 use super::api::{CommandDetail, CommandView, Done, Finding, Frozen};
 use super::codes;
@@ -76,6 +77,12 @@ impl Service {
             recorder: None,
             told: Mutex::new(None),
         }
+    }
+
+    /// The JSON Schema of nets for this cell.
+    #[must_use]
+    pub fn schema(&self) -> serde_json::Value {
+        rcc_language::schema::schema(Some(&DeviceTable::from(&self.config)))
     }
 
     /// Writes what happens to the cell's event log.

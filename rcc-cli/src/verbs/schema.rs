@@ -1,0 +1,38 @@
+//! `schema`: the JSON Schema of nets, from the running cell with its devices, else from this program.
+
+use std::path::PathBuf;
+
+use rcc_language::devices::DeviceTable;
+use rcc_language::schema::schema;
+use serde_json::Value;
+
+use super::check::load_config;
+use crate::context::{Context, say};
+use crate::failure::Failure;
+
+/// Whose devices it names.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    /// A cell's configuration whose devices and channels are named (default: the running cell's, else none are).
+    #[arg(long)]
+    config: Option<PathBuf>,
+}
+
+/// Does it.
+///
+/// # Errors
+/// The configuration is not valid.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let schema = match arguments.config {
+        Some(path) => schema(Some(&DeviceTable::from(&load_config(&path)?))),
+        None => running(context).unwrap_or_else(|| schema(None)),
+    };
+    let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
+    say(&text);
+    Ok(())
+}
+
+/// That of the running cell, if one runs.
+fn running(context: &Context) -> Option<Value> {
+    context.client().ok()?.get("/schema").ok()
+}

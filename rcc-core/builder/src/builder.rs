@@ -1,0 +1,573 @@
+//! The builder itself: primitives with their sources, delayed links, and the way to the model of the language.
+//! Used by applications, never on a real-time thread.
+
+use std::cell::RefCell;
+use std::collections::HashSet;
+use std::marker::PhantomData;
+
+use rcc_config::diagnostic::Faults;
+use rcc_config::yaml;
+use rcc_config::yaml::layout::{Block, Entry, Tree, render};
+use rcc_language::syntax::{self, Net};
+use rcc_language::write;
+use thiserror::Error;
+
+use crate::value::{AnyValue, Late, Real, Type, Value};
+
+/// Why there is no net.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum BuildError {
+    /// A delayed link was used and never fed.
+    #[error("the delayed link of `{primitive}.{input}` is never fed: call `feed` on it")]
+    NeverFed {
+        /// Whose input it feeds.
+        primitive: String,
+        /// Which input.
+        input: String,
+    },
+    /// A name or a constant is not one of the language; two ids are the same. The places are in the text.
+    #[error("{0}")]
+    Faulty(Faults),
+}
+
+/// Makes one net.
+#[derive(Debug)]
+pub struct NetBuilder {
+    pub(crate) state: RefCell<State>,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct State {
+    name: String,
+    /// Keys of the net before its primitives.
+    keys: Vec<(String, Tree)>,
+    pub(crate) fragments: Vec<(String, Tree)>,
+    pub(crate) nodes: Vec<NodeState>,
+    delayed: Vec<DelayedState>,
+    discard: Vec<String>,
+    /// Outputs that must be read or discarded.
+    outputs: Vec<String>,
+    /// How many ids have been made up.
+    made_up: usize,
+}
+
+#[derive(Debug)]
+pub(crate) struct NodeState {
+    pub(crate) id: String,
+    pub(crate) kind: &'static str,
+    pub(crate) type_name: String,
+    parameters: Vec<(String, Tree)>,
+    inputs: Vec<(String, Source)>,
+    active: Option<Source>,
+}
+
+#[derive(Debug)]
+struct DelayedState {
+    initial: Option<Tree>,
+    from: Option<String>,
+}
+
+/// What feeds an input.
+#[derive(Clone, Debug)]
+pub(crate) enum Source {
+    Output(String),
+    Constant(Tree),
+    Delayed(usize),
+}
+
+/// A primitive of a builder.
+#[derive(Clone, Copy, Debug)]
+pub struct Node<'n> {
+    net: &'n NetBuilder,
+    index: usize,
+}
+
+/// An output of a primitive.
+#[derive(Clone, Copy, Debug)]
+pub struct Out<'n, T> {
+    pub(crate) net: &'n NetBuilder,
+    at: Place,
+    ty: PhantomData<T>,
+}
+
+/// Where an output is.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// Of a primitive, and perhaps an element of it.
+    Port(usize, &'static str, Option<usize>),
+    /// In the table of names that are no `&'static str`.
+    Named(usize, Option<usize>),
+}
+
+/// What feeds an input: an output, a delayed link, or a constant.
+#[derive(Clone, Debug)]
+pub struct In<'n, T> {
+    source: Source,
+    ty: PhantomData<(&'n (), T)>,
+}
+
+/// What feeds an input whose type is known when the net is loaded.
+#[derive(Clone, Debug)]
+pub struct AnyIn<'n> {
+    source: Source,
+    net: PhantomData<&'n ()>,
+}
+
+/// A link that carries the value of the cycle before; fed later, so that loops can be built.
+#[derive(Clone, Copy, Debug)]
+pub struct Delayed<'n, T> {
+    net: &'n NetBuilder,
+    index: usize,
+    ty: PhantomData<T>,
+}
+
+impl NetBuilder {
+    /// A net without primitives. Names are small letters, digits and `-`.
+    #[must_use]
+    pub fn new(name: &str) -> NetBuilder {
+        NetBuilder {
+            state: RefCell::new(State {
+                name: name.to_string(),
+                ..State::default()
+            }),
+        }
+    }
+
+    /// What people should know about it.
+    pub fn describe(&self, description: &str) {
+        self.key("description", Tree::Text(description.to_string()));
+    }
+
+    /// It is evaluated once in this time, a multiple of the cell's period: `5e-3` or `"5 ms"`.
+    pub fn every(&self, period: impl Into<Value<Real>>) {
+        self.key("period", period.into().tree());
+    }
+
+    /// It goes on with null when a device that it commands is lost.
+    pub fn survive_device_loss(&self) {
+        self.key("on_device_loss", Tree::Plain("null".to_string()));
+    }
+
+    fn key(&self, key: &str, value: Tree) {
+        let keys = &mut self.state.borrow_mut().keys;
+        keys.retain(|(name, _)| name != key);
+        keys.push((key.to_string(), value));
+    }
+
+    /// A link with the value of the cycle before, and this one in the first cycle.
+    pub fn delayed<T: Type>(&self, initial: impl Into<Value<T>>) -> Delayed<'_, T> {
+        self.delayed_link(Some(initial.into().tree()))
+    }
+
+    /// The same without a value in the first cycle; only for links that close no loop.
+    pub fn delayed_from_null<T: Type>(&self) -> Delayed<'_, T> {
+        self.delayed_link(None)
+    }
+
+    fn delayed_link<T>(&self, initial: Option<Tree>) -> Delayed<'_, T> {
+        let delayed = &mut self.state.borrow_mut().delayed;
+        delayed.push(DelayedState {
+            initial,
+            from: None,
+        });
+        Delayed {
+            net: self,
+            index: delayed.len() - 1,
+            ty: PhantomData,
+        }
+    }
+
+    /// Says that nobody reads an output.
+    pub fn discard<T: Type>(&self, output: Out<'_, T>) {
+        let name = output.name();
+        self.state.borrow_mut().discard.push(name);
+    }
+
+    /// Says that nobody reads the outputs that nobody has read until now.
+    pub fn discard_rest(&self) {
+        let mut state = self.state.borrow_mut();
+        let read = state.read();
+        let rest: Vec<String> = state
+            .outputs
+            .iter()
+            .filter(|name| !read.contains(*name))
+            .cloned()
+            .collect();
+        state.discard.extend(rest);
+    }
+
+    /// Adds a primitive.
+    pub(crate) fn node(&self, type_name: &str, id: &str) -> Node<'_> {
+        self.add_node("type", type_name, id)
+    }
+
+    pub(crate) fn add_node(&self, kind: &'static str, type_name: &str, id: &str) -> Node<'_> {
+        let nodes = &mut self.state.borrow_mut().nodes;
+        nodes.push(NodeState {
+            id: id.to_string(),
+            kind,
+            type_name: type_name.to_string(),
+            parameters: Vec::new(),
+            inputs: Vec::new(),
+            active: None,
+        });
+        Node {
+            net: self,
+            index: nodes.len() - 1,
+        }
+    }
+
+    /// An id that no primitive has.
+    pub(crate) fn id(&self, word: &str) -> String {
+        let mut state = self.state.borrow_mut();
+        loop {
+            state.made_up += 1;
+            let id = format!("{word}_{}", state.made_up);
+            if state.nodes.iter().all(|node| node.id != id) {
+                return id;
+            }
+        }
+    }
+
+    /// The net as the model of the language.
+    ///
+    /// # Errors
+    /// What is no net, with the places in the text that it would be. Types, units and loops are looked at when it is loaded.
+    pub fn build(&self) -> Result<Net, BuildError> {
+        let state = self.state.borrow();
+        let text = render(&state.tree()?);
+        let file = state.name.as_str();
+        let root = yaml::parse(&text)
+            .map_err(|faults| BuildError::Faulty(Faults::new(file, &text, faults)))?;
+        let mut faults = Vec::new();
+        let net = syntax::read(&root, &mut faults);
+        match net {
+            Some(net) if faults.is_empty() => Ok(net),
+            _ => Err(BuildError::Faulty(Faults::new(file, &text, faults))),
+        }
+    }
+
+    /// The net as text, in the layout of `rcc-cli fmt`; `rcc-cli load -` takes it.
+    ///
+    /// # Errors
+    /// As [`NetBuilder::build`].
+    pub fn to_yaml(&self) -> Result<String, BuildError> {
+        self.build().map(|net| write::yaml(&net))
+    }
+}
+
+impl State {
+    /// Outputs that something reads, or that are discarded.
+    fn read(&self) -> HashSet<String> {
+        let sources = self.nodes.iter().flat_map(|node| {
+            let inputs = node.inputs.iter().map(|(_, source)| source);
+            inputs.chain(&node.active)
+        });
+        let links = sources.filter_map(|source| match source {
+            Source::Output(name) => Some(name),
+            Source::Delayed(index) => self.delayed.get(*index)?.from.as_ref(),
+            Source::Constant(_) => None,
+        });
+        let whole = |name: &String| name.split('[').next().unwrap_or_default().to_string();
+        links.chain(&self.discard).map(whole).collect()
+    }
+
+    fn tree(&self) -> Result<Tree, BuildError> {
+        let mut entries = vec![("net".to_string(), Tree::Text(self.name.clone()))];
+        entries.extend(self.keys.iter().cloned());
+        if !self.fragments.is_empty() {
+            entries.push((
+                "fragments".to_string(),
+                Tree::map(self.fragments.iter().cloned()),
+            ));
+        }
+        entries.extend(self.body()?);
+        Ok(Tree::map(entries))
+    }
+
+    /// `primitives` and `discard`, of a net or a fragment.
+    pub(crate) fn body(&self) -> Result<Vec<(String, Tree)>, BuildError> {
+        let mut entries = Vec::new();
+        for node in &self.nodes {
+            entries.push(Entry::new(node.id.as_str(), self.node_tree(node)?));
+        }
+        let primitives = Tree::Map(Block {
+            open: true,
+            ..Block::new(entries)
+        });
+        let mut body = vec![("primitives".to_string(), primitives)];
+        if !self.discard.is_empty() {
+            let outputs = self.discard.iter().map(|name| Tree::Text(name.clone()));
+            body.push(("discard".to_string(), Tree::list(outputs)));
+        }
+        Ok(body)
+    }
+
+    fn node_tree(&self, node: &NodeState) -> Result<Tree, BuildError> {
+        let mut entries = vec![(node.kind.to_string(), Tree::Text(node.type_name.clone()))];
+        if !node.parameters.is_empty() {
+            entries.push((
+                "parameters".to_string(),
+                Tree::map(node.parameters.iter().cloned()),
+            ));
+        }
+        let mut inputs = Vec::new();
+        for (input, source) in &node.inputs {
+            inputs.push((input.clone(), self.source_tree(node, input, source)?));
+        }
+        if !inputs.is_empty() {
+            entries.push(("inputs".to_string(), Tree::map(inputs)));
+        }
+        if let Some(active) = &node.active {
+            entries.push((
+                "active".to_string(),
+                self.source_tree(node, "active", active)?,
+            ));
+        }
+        Ok(Tree::map(entries))
+    }
+
+    fn source_tree(
+        &self,
+        node: &NodeState,
+        input: &str,
+        source: &Source,
+    ) -> Result<Tree, BuildError> {
+        let index = match source {
+            Source::Output(name) => return Ok(Tree::Text(name.clone())),
+            Source::Constant(tree) => return Ok(tree.clone()),
+            Source::Delayed(index) => *index,
+        };
+        let delayed = self.delayed.get(index);
+        let Some((delayed, from)) =
+            delayed.and_then(|delayed| Some((delayed, delayed.from.as_ref()?)))
+        else {
+            return Err(BuildError::NeverFed {
+                primitive: node.id.clone(),
+                input: input.to_string(),
+            });
+        };
+        let mut entries = vec![
+            ("from".to_string(), Tree::Text(from.clone())),
+            ("delayed".to_string(), Tree::Plain("true".to_string())),
+        ];
+        entries.extend(
+            delayed
+                .initial
+                .clone()
+                .map(|initial| ("initial".to_string(), initial)),
+        );
+        Ok(Tree::map(entries))
+    }
+}
+
+/// Puts a value under a key, in place of the one that is there.
+fn put<V>(entries: &mut Vec<(String, V)>, key: &str, value: V) {
+    entries.retain(|(name, _)| name != key);
+    entries.push((key.to_string(), value));
+}
+
+impl<'n> Node<'n> {
+    fn with(self, change: impl FnOnce(&mut NodeState)) {
+        if let Some(node) = self.net.state.borrow_mut().nodes.get_mut(self.index) {
+            change(node);
+        }
+    }
+
+    pub(crate) fn parameter(self, name: &str, value: Tree) {
+        self.with(|node| put(&mut node.parameters, name, value));
+    }
+
+    pub(crate) fn input(self, name: &str, source: Source) {
+        self.with(|node| put(&mut node.inputs, name, source));
+    }
+
+    pub(crate) fn active(self, source: Source) {
+        self.with(|node| node.active = Some(source));
+    }
+
+    pub(crate) fn output<T>(self, port: &'static str, diagnostic: bool) -> Out<'n, T> {
+        let out = Out {
+            net: self.net,
+            at: Place::Port(self.index, port, None),
+            ty: PhantomData,
+        };
+        if !diagnostic {
+            let name = out.name();
+            self.net.state.borrow_mut().outputs.push(name);
+        }
+        out
+    }
+
+    /// An output by a name of the application.
+    pub(crate) fn named<T>(self, port: &str) -> Out<'n, T> {
+        let mut state = self.net.state.borrow_mut();
+        let id = state
+            .nodes
+            .get(self.index)
+            .map(|node| node.id.clone())
+            .unwrap_or_default();
+        let name = format!("{id}.{port}");
+        let index = state.outputs.iter().position(|output| *output == name);
+        let index = index.unwrap_or_else(|| {
+            state.outputs.push(name);
+            state.outputs.len() - 1
+        });
+        Out {
+            net: self.net,
+            at: Place::Named(index, None),
+            ty: PhantomData,
+        }
+    }
+}
+
+impl<'n, T> Out<'n, T> {
+    pub(crate) fn name(&self) -> String {
+        let state = self.net.state.borrow();
+        let (name, element) = match self.at {
+            Place::Port(node, port, element) => {
+                let id = state.nodes.get(node).map_or("", |node| node.id.as_str());
+                (format!("{id}.{port}"), element)
+            }
+            Place::Named(index, element) => (
+                state.outputs.get(index).cloned().unwrap_or_default(),
+                element,
+            ),
+        };
+        match element {
+            Some(element) => format!("{name}[{element}]"),
+            None => name,
+        }
+    }
+
+    fn at<U>(self, element: usize) -> Out<'n, U> {
+        Out {
+            net: self.net,
+            at: match self.at {
+                Place::Port(node, port, _) => Place::Port(node, port, Some(element)),
+                Place::Named(index, _) => Place::Named(index, Some(element)),
+            },
+            ty: PhantomData,
+        }
+    }
+}
+
+impl<'n> Out<'n, Late> {
+    /// Says of which type it is; if that is wrong, the net is refused when it is loaded.
+    #[must_use]
+    pub fn assume<T: Type>(self) -> Out<'n, T> {
+        Out {
+            net: self.net,
+            at: self.at,
+            ty: PhantomData,
+        }
+    }
+}
+
+impl<'n> Out<'n, crate::Joints> {
+    /// One joint, counted from 0.
+    #[must_use]
+    pub fn joint(self, index: usize) -> Out<'n, Real> {
+        self.at(index)
+    }
+}
+
+impl<'n, const N: usize> Out<'n, crate::Reals<N>> {
+    /// One element, counted from 0.
+    #[must_use]
+    pub fn element(self, index: usize) -> Out<'n, Real> {
+        self.at(index)
+    }
+}
+
+impl<'n, const R: usize, const C: usize> Out<'n, crate::Matrix<R, C>> {
+    /// One element; row and column are counted from 0.
+    #[must_use]
+    pub fn element(self, row: usize, column: usize) -> Out<'n, Real> {
+        self.at(row * C + column)
+    }
+}
+
+impl<T> In<'_, T> {
+    pub(crate) fn constant(tree: Tree) -> Self {
+        In {
+            source: Source::Constant(tree),
+            ty: PhantomData,
+        }
+    }
+
+    pub(crate) fn source(self) -> Source {
+        self.source
+    }
+}
+
+impl AnyIn<'_> {
+    pub(crate) fn constant(tree: Tree) -> Self {
+        AnyIn {
+            source: Source::Constant(tree),
+            net: PhantomData,
+        }
+    }
+
+    pub(crate) fn source(self) -> Source {
+        self.source
+    }
+}
+
+impl<'n, T> From<Out<'n, T>> for In<'n, T> {
+    fn from(output: Out<'n, T>) -> In<'n, T> {
+        In {
+            source: Source::Output(output.name()),
+            ty: PhantomData,
+        }
+    }
+}
+
+impl<'n, T> From<Delayed<'n, T>> for In<'n, T> {
+    fn from(delayed: Delayed<'n, T>) -> In<'n, T> {
+        In {
+            source: Source::Delayed(delayed.index),
+            ty: PhantomData,
+        }
+    }
+}
+
+impl<T> From<Value<T>> for In<'_, T> {
+    fn from(value: Value<T>) -> Self {
+        In::constant(value.tree())
+    }
+}
+
+impl<'n, T> From<Out<'n, T>> for AnyIn<'n> {
+    fn from(output: Out<'n, T>) -> AnyIn<'n> {
+        AnyIn {
+            source: Source::Output(output.name()),
+            net: PhantomData,
+        }
+    }
+}
+
+impl<'n, T> From<Delayed<'n, T>> for AnyIn<'n> {
+    fn from(delayed: Delayed<'n, T>) -> AnyIn<'n> {
+        AnyIn {
+            source: Source::Delayed(delayed.index),
+            net: PhantomData,
+        }
+    }
+}
+
+impl<T> From<Value<T>> for AnyIn<'_> {
+    fn from(value: Value<T>) -> Self {
+        AnyIn::constant(AnyValue::from(value).tree())
+    }
+}
+
+impl<'n, T: Type> Delayed<'n, T> {
+    /// Says whose value it carries.
+    pub fn feed(self, output: Out<'n, T>) {
+        let name = output.name();
+        if let Some(delayed) = self.net.state.borrow_mut().delayed.get_mut(self.index) {
+            delayed.from = Some(name);
+        }
+    }
+}

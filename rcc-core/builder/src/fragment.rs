@@ -1,0 +1,140 @@
+//! Fragments of a net that is built: a sub-net with inputs, outputs and parameters, and its instances.
+//! Used by applications, never on a real-time thread.
+
+use std::cell::RefCell;
+use std::ops::Deref;
+
+use rcc_config::yaml::layout::{Block, Entry, Tree};
+
+use crate::builder::{AnyIn, BuildError, In, NetBuilder, Node, Out, Source};
+use crate::value::{AnyValue, Bool, Type, Value};
+
+/// Makes a fragment: everything that a net has, and ports.
+#[derive(Debug)]
+pub struct FragmentBuilder {
+    body: NetBuilder,
+    parameters: RefCell<Vec<String>>,
+    inputs: RefCell<Vec<String>>,
+    outputs: RefCell<Vec<(String, String)>>,
+}
+
+impl Deref for FragmentBuilder {
+    type Target = NetBuilder;
+
+    fn deref(&self) -> &NetBuilder {
+        &self.body
+    }
+}
+
+impl FragmentBuilder {
+    /// An input that its instances feed.
+    pub fn takes<T: Type>(&self, name: &str) -> In<'_, T> {
+        let mut inputs = self.inputs.borrow_mut();
+        if !inputs.iter().any(|known| known == name) {
+            inputs.push(name.to_string());
+        }
+        In::constant(Tree::Text(name.to_string()))
+    }
+
+    /// A parameter that its instances set.
+    pub fn adjustable<T: Type>(&self, name: &str) -> Value<T> {
+        let mut parameters = self.parameters.borrow_mut();
+        if !parameters.iter().any(|known| known == name) {
+            parameters.push(name.to_string());
+        }
+        Value::new(Tree::Text(format!("${name}")))
+    }
+
+    /// An output that its instances offer.
+    pub fn gives<T: Type>(&self, name: &str, output: Out<'_, T>) {
+        let name = name.to_string();
+        self.outputs.borrow_mut().push((name, output.name()));
+    }
+
+    fn tree(&self) -> Result<Tree, BuildError> {
+        let empty = |name: &String| (name.clone(), Tree::map([]));
+        let parameters: Vec<_> = self.parameters.borrow().iter().map(empty).collect();
+        let inputs: Vec<_> = self.inputs.borrow().iter().map(empty).collect();
+        let outputs = self.outputs.borrow();
+        let outputs: Vec<_> = outputs
+            .iter()
+            .map(|(name, from)| (name.clone(), Tree::Text(from.clone())))
+            .collect();
+        let ports = [
+            ("parameters", parameters),
+            ("inputs", inputs),
+            ("outputs", outputs),
+        ];
+        let ports = ports.into_iter().filter(|(_, entries)| !entries.is_empty());
+        let ports = ports.map(|(key, entries)| (key.to_string(), Tree::map(entries)));
+        let entries = ports.chain(self.body.state.borrow().body()?);
+        let entries = entries.map(|(key, tree)| Entry::new(key, tree)).collect();
+        Ok(Tree::Map(Block::new(entries)))
+    }
+}
+
+impl NetBuilder {
+    /// Adds a fragment; [`NetBuilder::instance`] uses it.
+    ///
+    /// # Errors
+    /// As [`NetBuilder::build`].
+    pub fn fragment(
+        &self,
+        name: &str,
+        make: impl FnOnce(&FragmentBuilder),
+    ) -> Result<(), BuildError> {
+        let fragment = FragmentBuilder {
+            body: NetBuilder::new(name),
+            parameters: RefCell::default(),
+            inputs: RefCell::default(),
+            outputs: RefCell::default(),
+        };
+        make(&fragment);
+        let tree = fragment.tree()?;
+        self.state
+            .borrow_mut()
+            .fragments
+            .push((name.to_string(), tree));
+        Ok(())
+    }
+
+    /// Adds an instance of a fragment. Its ports are looked at when the net is loaded.
+    pub fn instance(&self, id: &str, fragment: &str) -> Instance<'_> {
+        Instance {
+            node: self.add_node("fragment", fragment, id),
+        }
+    }
+}
+
+/// An instance of a fragment.
+#[derive(Clone, Copy, Debug)]
+pub struct Instance<'n> {
+    node: Node<'n>,
+}
+
+impl<'n> Instance<'n> {
+    /// Sets a parameter.
+    pub fn parameter(self, name: &str, value: impl Into<AnyValue>) -> Instance<'n> {
+        self.node.parameter(name, value.into().tree());
+        self
+    }
+
+    /// Feeds an input.
+    pub fn input(self, name: &str, source: impl Into<AnyIn<'n>>) -> Instance<'n> {
+        self.node.input(name, source.into().source());
+        self
+    }
+
+    /// While this is false or null it is not evaluated, and its outputs are null.
+    pub fn active(self, source: impl Into<In<'n, Bool>>) -> Instance<'n> {
+        let source: Source = source.into().source();
+        self.node.active(source);
+        self
+    }
+
+    /// An output.
+    #[must_use]
+    pub fn output<T: Type>(self, name: &str) -> Out<'n, T> {
+        self.node.named(name)
+    }
+}

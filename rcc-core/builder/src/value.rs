@@ -1,0 +1,212 @@
+//! The types of the language as types of Rust, and constants of them.
+//! Used by applications, never on a real-time thread.
+
+use std::marker::PhantomData;
+
+use rcc_config::yaml;
+use rcc_config::yaml::layout::Tree;
+use rcc_config::yaml::scalar;
+
+/// A type of the language.
+pub trait Type: Copy + std::fmt::Debug {}
+/// `Bool`, `Int` or `Real`.
+pub trait Scalar: Type {}
+/// `Int` or `Real`.
+pub trait Number: Scalar {}
+/// What can be added: numbers, vectors, arrays of numbers, matrices.
+pub trait Linear: Type {}
+
+macro_rules! types {
+    ($($(#[doc = $doc:literal])* $name:ident: $($more:ident)*;)*) => {
+        $(
+            $(#[doc = $doc])*
+            #[derive(Clone, Copy, Debug)]
+            pub enum $name {}
+            impl Type for $name {}
+            $(impl $more for $name {})*
+        )*
+    };
+}
+
+types! {
+    /// True or false.
+    Bool: Scalar;
+    /// A whole number of 64 bits.
+    Int: Scalar Number Linear;
+    /// A number with a unit.
+    Real: Scalar Number Linear;
+    /// A name.
+    Text: ;
+    /// `[x, y, z]`.
+    Vector3: Linear;
+    /// A rotation.
+    Rotation: ;
+    /// A position and a rotation.
+    Pose: ;
+    /// `[vx, vy, vz, wx, wy, wz]`.
+    Twist: Linear;
+    /// `[fx, fy, fz, tx, ty, tz]`.
+    Wrench: Linear;
+    /// A `Real` for each joint of the device.
+    Joints: Linear;
+    /// A type that is known when the net is loaded.
+    Late: ;
+}
+
+/// `Real[N]`.
+#[derive(Clone, Copy, Debug)]
+pub enum Reals<const N: usize> {}
+impl<const N: usize> Type for Reals<N> {}
+impl<const N: usize> Linear for Reals<N> {}
+
+/// `Real[R,C]`.
+#[derive(Clone, Copy, Debug)]
+pub enum Matrix<const R: usize, const C: usize> {}
+impl<const R: usize, const C: usize> Type for Matrix<R, C> {}
+impl<const R: usize, const C: usize> Linear for Matrix<R, C> {}
+
+/// A constant of a type.
+#[derive(Clone, Debug)]
+pub struct Value<T> {
+    tree: Tree,
+    ty: PhantomData<T>,
+}
+
+impl<T> Value<T> {
+    pub(crate) fn new(tree: Tree) -> Value<T> {
+        Value {
+            tree,
+            ty: PhantomData,
+        }
+    }
+
+    pub(crate) fn tree(self) -> Tree {
+        self.tree
+    }
+}
+
+/// A constant whose type is looked at when the net is loaded.
+#[derive(Clone, Debug)]
+pub struct AnyValue(Tree);
+
+impl AnyValue {
+    pub(crate) fn tree(self) -> Tree {
+        self.0
+    }
+}
+
+impl<T> From<Value<T>> for AnyValue {
+    fn from(value: Value<T>) -> AnyValue {
+        AnyValue(value.tree)
+    }
+}
+
+/// Null of any type.
+#[must_use]
+pub fn null<T>() -> Value<T> {
+    Value::new(Tree::Plain("null".to_string()))
+}
+
+/// A constant as the language writes it: `literal::<Real>("12 N")`, `literal::<Reals<2>>("[deg(3), 0]")`. A mistake in it is
+/// found by [`NetBuilder::build`](crate::NetBuilder::build).
+#[must_use]
+pub fn literal<T>(text: &str) -> Value<T> {
+    Value::new(match yaml::parse(text) {
+        Ok(node) => Tree::of(&node),
+        Err(_) => Tree::Text(text.to_string()),
+    })
+}
+
+/// A pose: position in m, then roll, pitch and yaw about the fixed axes x, y and z in rad.
+#[must_use]
+pub fn pose(xyz: [f64; 3], rpy: [f64; 3]) -> Value<Pose> {
+    Value::new(Tree::map([
+        ("xyz".to_string(), reals(&xyz)),
+        ("rpy".to_string(), reals(&rpy)),
+    ]))
+}
+
+/// A rotation: roll, pitch and yaw about the fixed axes x, y and z in rad.
+#[must_use]
+pub fn rotation(rpy: [f64; 3]) -> Value<Rotation> {
+    Value::new(Tree::map([("rpy".to_string(), reals(&rpy))]))
+}
+
+fn number(value: f64) -> Tree {
+    // What is not finite is null in the language.
+    Tree::Plain(if value.is_finite() {
+        scalar::real(value)
+    } else {
+        "null".to_string()
+    })
+}
+
+fn reals(values: &[f64]) -> Tree {
+    Tree::list(values.iter().map(|value| number(*value)))
+}
+
+/// Ways to write a constant of one type.
+macro_rules! constants {
+    ($(<$($n:ident)*> $from:ty => $to:ty, $value:ident: $tree:expr;)*) => {
+        $(
+            impl<$(const $n: usize),*> From<$from> for Value<$to> {
+                fn from($value: $from) -> Value<$to> {
+                    Value::new($tree)
+                }
+            }
+            impl<$(const $n: usize),*> From<$from> for crate::In<'_, $to> {
+                fn from($value: $from) -> Self {
+                    crate::In::constant($tree)
+                }
+            }
+        )*
+    };
+}
+
+constants! {
+    <> bool => Bool, value: Tree::Plain(value.to_string());
+    <> i64 => Int, value: Tree::Plain(value.to_string());
+    <> i32 => Int, value: Tree::Plain(value.to_string());
+    <> f64 => Real, value: number(value);
+    <> &str => Real, value: Tree::Text(value.to_string());
+    <> [f64; 3] => Vector3, value: reals(&value);
+    <> [f64; 6] => Twist, value: reals(&value);
+    <> [f64; 6] => Wrench, value: reals(&value);
+    <N> [f64; N] => Joints, value: reals(&value);
+    <N> [f64; N] => Reals<N>, value: reals(&value);
+    <R C> [[f64; C]; R] => Matrix<R, C>, value: Tree::list(value.iter().map(|row| reals(row)));
+}
+
+impl From<&str> for Value<Text> {
+    fn from(value: &str) -> Value<Text> {
+        Value::new(Tree::Text(value.to_string()))
+    }
+}
+
+/// The same for what is looked at when the net is loaded.
+macro_rules! any {
+    ($($from:ty, $value:ident: $tree:expr;)*) => {
+        $(
+            impl From<$from> for AnyValue {
+                fn from($value: $from) -> AnyValue {
+                    AnyValue($tree)
+                }
+            }
+            impl From<$from> for crate::AnyIn<'_> {
+                fn from($value: $from) -> Self {
+                    crate::AnyIn::constant($tree)
+                }
+            }
+        )*
+    };
+}
+
+any! {
+    bool, value: Tree::Plain(value.to_string());
+    i64, value: Tree::Plain(value.to_string());
+    i32, value: Tree::Plain(value.to_string());
+    f64, value: number(value);
+    &str, value: literal::<Late>(value).tree();
+    &[f64], value: reals(value);
+    Vec<f64>, value: reals(&value);
+}
