@@ -24,6 +24,7 @@ pub mod frame;
 pub mod guard;
 pub mod histogram;
 pub mod kinematics;
+pub mod linear;
 pub mod message;
 pub mod path;
 pub mod plan;

@@ -11,6 +11,7 @@ mod operand;
 mod port;
 mod step;
 mod wide;
+mod window;
 
 pub use duration::{elapsed, reached};
 pub use operand::{CYCLES_MAX, DIMS_MAX, Memory, Operand, Size, Sizes, Width};
@@ -22,6 +23,7 @@ pub use step::{
     finite, higher, lower, map_real, map_whole, real_unless, whole, within,
 };
 pub use wide::{copy, fill_null, is_null, wide_int, wide_real};
+pub use window::{Fold, each_window};
 
 /// What a primitive remembers from cycle to cycle; each kind is one contiguous block in the arena.
 /// Reals start as null (NaN), Bools as null, Ints as 0, unless `prepare` or a [`ParameterKind::Start`] sets them.
@@ -81,6 +83,8 @@ pub enum NullRule {
     FirstAndAnyKnown,
     /// Outputs are known whatever the inputs are.
     Known,
+    /// Once known, outputs stay known; from the beginning if a [`ParameterKind::First`] is.
+    Remembers,
 }
 
 /// Everything that people and the loader know about a primitive.

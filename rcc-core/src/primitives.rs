@@ -6,15 +6,18 @@ use crate::primitive::Kernel;
 
 mod abs;
 mod add;
+mod all_of;
 mod analog_input;
 mod analog_output;
 mod analog_output_state;
 mod and;
 mod angle_between;
+mod any_of;
 mod arc_cosine;
 mod arc_sine;
 mod arc_tangent;
 mod arm_angle;
+mod at;
 mod backlash;
 mod biquad;
 mod bit_and;
@@ -25,6 +28,7 @@ mod blink;
 mod cancel;
 mod ceiling;
 mod compose;
+mod concatenate;
 mod constant;
 mod copy;
 mod cosine;
@@ -37,6 +41,7 @@ mod dead_band;
 mod debounce;
 mod delay;
 mod derivative;
+mod determinant;
 mod device_status;
 mod digital_input;
 mod digital_output;
@@ -51,6 +56,7 @@ mod first_order_low_pass;
 mod floor;
 mod force_torque;
 mod forward_kinematics;
+mod from_bits;
 mod greater;
 mod high_pass;
 mod hold;
@@ -61,6 +67,7 @@ mod int_divide;
 mod integrator;
 mod interpolate;
 mod interval;
+mod inverse;
 mod inverse_kinematics;
 mod inverse_kinematics_near;
 mod inverse_velocity_kinematics;
@@ -71,22 +78,31 @@ mod joint_position_command;
 mod joint_state;
 mod joint_torque_from_wrench;
 mod joint_velocity;
+mod last_known;
 mod latch;
 mod lerp;
 mod less;
 mod limit;
 mod linear_motion;
 mod logarithm;
+mod lookup;
+mod lookup2;
 mod low_pass;
 mod majority;
 mod make_pose;
 mod make_twist;
 mod make_vector;
 mod make_wrench;
+mod matrix_apply;
+mod matrix_multiply;
 mod max;
+mod max_element;
+mod mean;
 mod median;
 mod min;
+mod min_element;
 mod monitor;
+mod multiplexer;
 mod multiply;
 mod negate;
 mod noise;
@@ -130,26 +146,33 @@ mod round;
 mod scale;
 mod second_order_low_pass;
 mod select;
+mod set_element;
 mod shift;
 mod sign;
 mod signal_generator;
 mod sine;
+mod solve;
 mod split_pose;
 mod split_twist;
 mod split_vector;
 mod split_wrench;
 mod square_root;
+mod state_machine;
 mod subtract;
+mod sum;
 mod tangent;
 mod termination;
 mod time;
+mod to_bits;
 mod to_real;
 mod toggle;
 mod transform_from_pose;
 mod transform_from_position;
 mod transform_point;
+mod transpose;
 mod trapezoidal_progress;
 mod trigger;
+mod true_in_window;
 mod truncate;
 mod twist_from_poses;
 mod twist_shift;
@@ -157,7 +180,10 @@ mod twist_transform;
 mod unwrap;
 mod up_down_counter;
 mod velocity_kinematics;
+mod window_max;
 mod window_mean;
+mod window_min;
+mod window_rms;
 mod wrap;
 mod wrench_shift;
 mod wrench_transform;
@@ -167,15 +193,18 @@ mod xor;
 pub const CATALOGUE: &[&Entry] = &[
     &abs::ENTRY,
     &add::ENTRY,
+    &all_of::ENTRY,
     &analog_input::ENTRY,
     &analog_output::ENTRY,
     &analog_output_state::ENTRY,
     &and::ENTRY,
     &angle_between::ENTRY,
+    &any_of::ENTRY,
     &arc_cosine::ENTRY,
     &arc_sine::ENTRY,
     &arc_tangent::ENTRY,
     &arm_angle::ENTRY,
+    &at::ENTRY,
     &backlash::ENTRY,
     &biquad::ENTRY,
     &bit_and::ENTRY,
@@ -186,6 +215,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &cancel::ENTRY,
     &ceiling::ENTRY,
     &compose::ENTRY,
+    &concatenate::ENTRY,
     &constant::ENTRY,
     &copy::ENTRY,
     &cosine::ENTRY,
@@ -198,6 +228,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &debounce::ENTRY,
     &delay::ENTRY,
     &derivative::ENTRY,
+    &determinant::ENTRY,
     &device_status::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
@@ -212,6 +243,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &floor::ENTRY,
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
+    &from_bits::ENTRY,
     &greater::ENTRY,
     &high_pass::ENTRY,
     &hold::ENTRY,
@@ -222,6 +254,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &integrator::ENTRY,
     &interpolate::ENTRY,
     &interval::ENTRY,
+    &inverse::ENTRY,
     &inverse_kinematics::ENTRY,
     &inverse_kinematics_near::ENTRY,
     &inverse_velocity_kinematics::ENTRY,
@@ -232,22 +265,31 @@ pub const CATALOGUE: &[&Entry] = &[
     &joint_state::ENTRY,
     &joint_torque_from_wrench::ENTRY,
     &joint_velocity::ENTRY,
+    &last_known::ENTRY,
     &latch::ENTRY,
     &lerp::ENTRY,
     &less::ENTRY,
     &limit::ENTRY,
     &linear_motion::ENTRY,
     &logarithm::ENTRY,
+    &lookup::ENTRY,
+    &lookup2::ENTRY,
     &low_pass::ENTRY,
     &majority::ENTRY,
     &make_pose::ENTRY,
     &make_twist::ENTRY,
     &make_vector::ENTRY,
     &make_wrench::ENTRY,
+    &matrix_apply::ENTRY,
+    &matrix_multiply::ENTRY,
     &max::ENTRY,
+    &max_element::ENTRY,
+    &mean::ENTRY,
     &median::ENTRY,
     &min::ENTRY,
+    &min_element::ENTRY,
     &monitor::ENTRY,
+    &multiplexer::ENTRY,
     &multiply::ENTRY,
     &negate::ENTRY,
     &noise::ENTRY,
@@ -291,26 +333,33 @@ pub const CATALOGUE: &[&Entry] = &[
     &scale::ENTRY,
     &second_order_low_pass::ENTRY,
     &select::ENTRY,
+    &set_element::ENTRY,
     &shift::ENTRY,
     &sign::ENTRY,
     &signal_generator::ENTRY,
     &sine::ENTRY,
+    &solve::ENTRY,
     &split_pose::ENTRY,
     &split_twist::ENTRY,
     &split_vector::ENTRY,
     &split_wrench::ENTRY,
     &square_root::ENTRY,
+    &state_machine::ENTRY,
     &subtract::ENTRY,
+    &sum::ENTRY,
     &tangent::ENTRY,
     &termination::ENTRY,
     &time::ENTRY,
+    &to_bits::ENTRY,
     &to_real::ENTRY,
     &toggle::ENTRY,
     &transform_from_pose::ENTRY,
     &transform_from_position::ENTRY,
     &transform_point::ENTRY,
+    &transpose::ENTRY,
     &trapezoidal_progress::ENTRY,
     &trigger::ENTRY,
+    &true_in_window::ENTRY,
     &truncate::ENTRY,
     &twist_from_poses::ENTRY,
     &twist_shift::ENTRY,
@@ -318,7 +367,10 @@ pub const CATALOGUE: &[&Entry] = &[
     &unwrap::ENTRY,
     &up_down_counter::ENTRY,
     &velocity_kinematics::ENTRY,
+    &window_max::ENTRY,
     &window_mean::ENTRY,
+    &window_min::ENTRY,
+    &window_rms::ENTRY,
     &wrap::ENTRY,
     &wrench_shift::ENTRY,
     &wrench_transform::ENTRY,

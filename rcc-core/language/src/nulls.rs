@@ -160,7 +160,10 @@ impl Nulls {
         });
         match item.spec().null_rule {
             NullRule::Known => None,
-            NullRule::Propagates | NullRule::FirstAndAnyKnown => inputs.flatten().next(),
+            NullRule::Remembers if item.begins_known() => None,
+            NullRule::Propagates | NullRule::FirstAndAnyKnown | NullRule::Remembers => {
+                inputs.flatten().next()
+            }
             // The last one is what the others fall back on.
             NullRule::AnyKnown => inputs.try_fold(None, |_, cause| cause.map(Some)).flatten(),
         }

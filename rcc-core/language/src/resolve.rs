@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::Key;
 use rcc_core::plan::Rate;
-use rcc_core::primitive::{Entry, Literal as Default, Parameter, Port, Spec};
+use rcc_core::primitive::{Entry, Literal as Default, Parameter, ParameterKind, Port, Spec};
 use rcc_core::primitives;
 use rcc_core::unit::Unit;
 
@@ -188,6 +188,19 @@ impl Item<'_> {
     pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire<'_>)> {
         let inputs = self.inputs.iter().enumerate();
         inputs.flat_map(|(port, feed)| feed.wires().map(move |wire| (port, wire)))
+    }
+
+    /// True if what it remembers begins as a value that is not null.
+    #[must_use]
+    pub fn begins_known(&self) -> bool {
+        let mut rows = self.spec().parameters.iter().zip(&self.parameters);
+        rows.any(|(parameter, given)| {
+            let default = parameter
+                .default
+                .is_some_and(|value| value != Default::Null);
+            let known = given.map_or(default, |given| given.shape != Shape::Null);
+            matches!(parameter.kind, ParameterKind::First(_)) && known
+        })
     }
 
     /// The lists that feed it, with the input's place in the spec.

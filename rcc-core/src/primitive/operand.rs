@@ -264,7 +264,7 @@ fn slot(ty: PortType, open: Option<Store>, written: bool) -> Operand {
 fn of_dim(dim: Dim) -> Width {
     match dim {
         Dim::Is(length) => Width::fixed(length as u32),
-        Dim::Var(index) => Width::of(Size::Dim(index)),
+        Dim::Var(index) | Dim::Small(index) => Width::of(Size::Dim(index)),
         Dim::Sum(a, b) => Width {
             sum: true,
             ..Width::product(Size::Dim(a), Size::Dim(b))

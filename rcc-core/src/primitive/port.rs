@@ -94,6 +94,8 @@ pub enum Dim {
     Is(u16),
     /// A length variable, less than [`super::DIMS_MAX`]: the same wherever it occurs.
     Var(u8),
+    /// A length variable for the sides of matrices that are solved or inverted: at most [`crate::linear::SIDE_MAX`].
+    Small(u8),
     /// The sum of two length variables; not in a matrix.
     Sum(u8, u8),
 }
@@ -130,7 +132,7 @@ impl PortType {
     pub fn has_dim(self, dim: u8) -> bool {
         let has = |length: Dim| match length {
             Dim::Is(_) => false,
-            Dim::Var(a) => a == dim,
+            Dim::Var(a) | Dim::Small(a) => a == dim,
             Dim::Sum(a, b) => a == dim || b == dim,
         };
         match self {
@@ -379,6 +381,8 @@ pub struct Parameter {
     pub at_least: Option<f64>,
     /// A `Real` must not be greater than this.
     pub at_most: Option<f64>,
+    /// The numbers of an array must rise from element to element.
+    pub rising: bool,
     /// A frequency must be less than half of the rate at which the net is evaluated.
     pub below_nyquist: bool,
 }
@@ -394,7 +398,16 @@ impl Parameter {
             above: None,
             at_least: None,
             at_most: None,
+            rising: false,
             below_nyquist: false,
+        }
+    }
+
+    /// Its numbers must rise from element to element.
+    pub const fn rising(self) -> Parameter {
+        Parameter {
+            rising: true,
+            ..self
         }
     }
 

@@ -79,7 +79,7 @@ fn store(ty: PortType, open: Store) -> Option<Store> {
         PortType::Is(Type::Real) => Some(Store::Real),
         PortType::Is(Type::Int) => Some(Store::Int),
         PortType::Is(Type::Bool) => Some(Store::Bool),
-        ty if ty.is_open() && !ty.is_wide() => Some(open),
+        PortType::Scalar | PortType::Number => Some(open),
         _ => None,
     }
 }
@@ -99,7 +99,10 @@ fn scalars() -> Vec<(&'static Entry, Store)> {
             && kernel.is_some()
             && (is_open || *open == Store::Real)
             && ports.all(|port| store(port.ty, *open).is_some())
-            && spec.parameters.iter().all(|p| p.kind.value().is_some())
+            && spec.parameters.iter().all(|p| {
+                let ty = p.kind.value();
+                ty.is_some_and(|(ty, _)| store(ty, *open).is_some())
+            })
     })
     .collect()
 }

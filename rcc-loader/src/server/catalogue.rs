@@ -2,6 +2,7 @@
 //! Computed on request by the server's threads.
 
 use rcc_config::device::kind_name;
+use rcc_core::linear::SIDE_MAX;
 use rcc_core::primitive::{
     Dim, Elements, Example, Literal, Parameter, ParameterKind, Port, PortType, Role, Spec, State,
     UnitRule,
@@ -167,6 +168,7 @@ fn type_words(ty: PortType) -> String {
 fn dim_words(dim: Dim) -> String {
     match dim {
         Dim::Is(length) => length.to_string(),
+        Dim::Small(index) => format!("{} (≤ {SIDE_MAX})", dim_words(Dim::Var(index))),
         Dim::Var(index) => char::from(b'n'.saturating_add(index)).to_string(),
         Dim::Sum(a, b) => format!("{}+{}", dim_words(Dim::Var(a)), dim_words(Dim::Var(b))),
     }

@@ -189,6 +189,7 @@ fn becomes_known(
     let mut inputs = item.inputs.iter().map(input);
     match item.spec().null_rule {
         NullRule::Known => true,
+        NullRule::Remembers => item.begins_known() || inputs.all(|known| known),
         NullRule::Propagates => inputs.all(|known| known),
         NullRule::AnyKnown => inputs.any(|known| known),
         NullRule::FirstAndAnyKnown => inputs.next() == Some(true) && inputs.any(|known| known),

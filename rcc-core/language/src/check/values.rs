@@ -394,6 +394,8 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
                 );
             let message = if null && !may_be_null {
                 "cannot be null".to_string()
+            } else if parameter.rising && !rises(literal) {
+                "must rise from element to element".to_string()
             } else if let Some(wanted) =
                 wanted_range(parameter, literal.number(), net.graph.evaluations_hz())
             {
@@ -416,6 +418,18 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             faults.push(fault.help(format!("{}: {}", parameter.name, parameter.doc)));
         }
     }
+}
+
+/// True for numbers each of which is greater than the one before it, and for what is no list of numbers.
+fn rises(literal: &Literal) -> bool {
+    let Shape::List(elements) = &literal.shape else {
+        return true;
+    };
+    let numbers: Vec<f64> = elements
+        .iter()
+        .map(|element| element.number().unwrap_or(f64::NAN))
+        .collect();
+    numbers.windows(2).all(|pair| pair[0] < pair[1])
 }
 
 /// The range that a number is not in; `rate_hz`: how often the net is evaluated.

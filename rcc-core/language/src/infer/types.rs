@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use rcc_core::linear::SIDE_MAX;
 use rcc_core::primitive::{DIMS_MAX, Dim, Elements, ParameterKind, PortType, Spec};
 use rcc_core::types::Type;
 
@@ -54,7 +55,7 @@ impl Open {
         let get = |index: u8| self.dims.get(usize::from(index)).copied().flatten();
         match dim {
             Dim::Is(length) => Some(length),
-            Dim::Var(index) => get(index),
+            Dim::Var(index) | Dim::Small(index) => get(index),
             Dim::Sum(a, b) => get(a)?.checked_add(get(b)?),
         }
     }
@@ -105,6 +106,7 @@ impl Open {
         let place = match dim {
             Dim::Is(_) => None,
             Dim::Var(index) => Some((index, length)),
+            Dim::Small(index) => Some((index, length)).filter(|_| length <= SIDE_MAX as u16),
             Dim::Sum(a, b) => match (self.dim(Dim::Var(a)), self.dim(Dim::Var(b))) {
                 (Some(known), None) => Some((b, length.saturating_sub(known))),
                 (None, Some(known)) => Some((a, length.saturating_sub(known))),

@@ -1,0 +1,48 @@
+//! `Determinant`: by elimination.
+
+use crate::frame::Frame;
+use crate::linear::Tableau;
+use crate::primitive::{Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::types::NULL_REAL;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Determinant",
+        summary: "The determinant of a square matrix of plain numbers, at most 8×8.",
+        null: "a null element gives null",
+        undefined: "an infinite element",
+        formula: "the product of the pivots; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4)",
+        inputs: &[Port::new(
+            "in",
+            PortType::Matrix(Dim::Small(0), Dim::Small(0)),
+            UnitRule::Is(Unit::ONE),
+            "the matrix, square, at most 8×8",
+        )],
+        outputs: &[Port::real(
+            "out",
+            UnitRule::Is(Unit::ONE),
+            "its determinant",
+        )],
+        examples: &[Example::new(
+            "3×3",
+            "",
+            "in | out
+             [[2.0, 0.0, 1.0], [1.0, 3.0, 2.0], [1.0, 1.0, 1.0]] | 0.0
+             [[2.0, 0.0, 1.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0]] | 6.0",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline]
+fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
+    let Some(mut tableau) = Tableau::<8>::read(frame, input, side) else {
+        return frame.put_real(out, NULL_REAL);
+    };
+    // A pivot that is nothing is the only thing that ends it early.
+    let determinant = tableau.reduce(0.0).unwrap_or(0.0);
+    frame.put_real(out, determinant)
+}

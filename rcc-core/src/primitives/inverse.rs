@@ -1,0 +1,63 @@
+//! `Inverse`: the inverse of a matrix. To solve equations `Solve` is cheaper and more exact.
+
+use crate::frame::Frame;
+use crate::linear::Tableau;
+use crate::primitive::{
+    Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each, fill_null,
+};
+use crate::types::Store;
+use crate::unit::Unit;
+
+const SQUARE: PortType = PortType::Matrix(Dim::Small(0), Dim::Small(0));
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Inverse",
+        summary: "The inverse of a square matrix of plain numbers, at most 8×8.",
+        null: "a null element gives null in every element",
+        undefined: "a matrix that is singular, or so near to it that only rounding would be left",
+        formula: "in · out = 1; Gauss-Jordan with partial pivoting (Golub, Van Loan: Matrix Computations, 3.4); singular: a pivot ≤ n·ε·max|in|",
+        inputs: &[Port::new(
+            "in",
+            SQUARE,
+            UnitRule::Is(Unit::ONE),
+            "the matrix, square, at most 8×8",
+        )],
+        outputs: &[Port::new(
+            "out",
+            SQUARE,
+            UnitRule::Is(Unit::ONE),
+            "its inverse",
+        )],
+        examples: &[Example::new(
+            "2×2",
+            "",
+            "in | out
+             [[0.0, 2.0], [4.0, 0.0]] | [[0.0, 0.25], [0.5, 0.0]]
+             [[1.0, 2.0], [2.0, 4.0]] | null",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline]
+fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
+    let Some(tableau) = inverted(frame, input, side) else {
+        return fill_null(frame, Store::Real, out, side.saturating_mul(side));
+    };
+    for row in 0..side {
+        for column in 0..side {
+            frame.put_real(out + row * side + column, tableau.get(row, column)?)?;
+        }
+    }
+    Some(())
+}
+
+fn inverted(frame: &Frame<'_>, input: u32, side: u32) -> Option<Tableau<16>> {
+    let mut tableau = Tableau::read(frame, input, side)?;
+    tableau.fill(|row, column| Some(if row == column { 1.0 } else { 0.0 }))?;
+    tableau.reduce(tableau.least_pivot())?;
+    Some(tableau)
+}

@@ -1,0 +1,96 @@
+//! `Lookup`: a table of points with straight lines between them.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Elements, Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec,
+    UnitRule, each, real_unless,
+};
+use crate::types::Type;
+
+const TABLE: PortType = PortType::Array(Elements::Are(Type::Real), Dim::Var(0));
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Lookup",
+        summary: "What a table of points says for a number, on straight lines between them.",
+        formula: "y[i] + (in - x[i])·(y[i+1] - y[i]) / (x[i+1] - x[i]) with x[i] ≤ in ≤ x[i+1], found by halves",
+        inputs: &[Port::real("in", UnitRule::Var(0), "where to look")],
+        outputs: &[Port::real("out", UnitRule::Var(1), "what the table says")],
+        parameters: &[
+            Parameter::new(
+                "x",
+                ParameterKind::Value(TABLE, UnitRule::Var(0)),
+                "where the points are, rising, at most 1024",
+            )
+            .rising(),
+            Parameter::new(
+                "y",
+                ParameterKind::Value(TABLE, UnitRule::Var(1)),
+                "the value at each of them",
+            ),
+            Parameter::new(
+                "extrapolate",
+                ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
+                "outside of the table the first and the last line go on; else the first and the last value hold",
+            )
+            .default(Literal::Bool(false)),
+        ],
+        examples: &[
+            Example::new(
+                "three points, held outside",
+                "{x: [0.0, 1.0, 3.0], y: [10.0, 20.0, 0.0]}",
+                "in | out
+                 -1.0 | 10.0
+                 0.0 | 10.0
+                 0.5 | 15.0
+                 1.0 | 20.0
+                 2.0 | 10.0
+                 4.0 | 0.0
+                 null | null",
+            ),
+            Example::new(
+                "going on outside",
+                "{x: [0.0, 1.0, 3.0], y: [10.0, 20.0, 0.0], extrapolate: true}",
+                "in | out
+                 -1.0 | 0.0
+                 4.0 | -10.0",
+            ),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, x, y, extrapolate, length]: [u32; 6]) -> Option<()> {
+    let at = frame.get_real(input)?;
+    let extrapolate = frame.get_bool(extrapolate)? == 1;
+    if length < 2 {
+        let only = frame.get_real(y)?;
+        return frame.put_real(out, real_unless(at.is_nan(), only));
+    }
+    let (mut low, mut high) = (0, length - 1);
+    // The point before and the point after come together by halves: one step for each bit of the length.
+    for _ in 0..u32::BITS {
+        if high - low < 2 {
+            break;
+        }
+        let middle = low + (high - low) / 2;
+        if frame.get_real(x + middle)? <= at {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let (x0, x1) = (frame.get_real(x + low)?, frame.get_real(x + high)?);
+    let (y0, y1) = (frame.get_real(y + low)?, frame.get_real(y + high)?);
+    let line = y0 + (at - x0) * (y1 - y0) / (x1 - x0);
+    let held = match extrapolate {
+        false if at <= x0 => y0,
+        false if at >= x1 => y1,
+        _ => line,
+    };
+    let null = at.is_nan() || x1 <= x0;
+    frame.put_real(out, real_unless(null, held))
+}

@@ -1,0 +1,108 @@
+//! `Lookup2`: a table over a grid, bilinear between its points.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Elements, Entry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
+    UnitRule, each, real_unless,
+};
+use crate::types::Type;
+
+const ROWS: Dim = Dim::Var(0);
+const COLUMNS: Dim = Dim::Var(1);
+
+const fn axis(length: Dim) -> PortType {
+    PortType::Array(Elements::Are(Type::Real), length)
+}
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Lookup2",
+        summary: "What a table over a grid says for two numbers, bilinear between its points; outside its edge holds.",
+        formula: "(1-u)·((1-v)·z[i,j] + v·z[i,j+1]) + u·((1-v)·z[i+1,j] + v·z[i+1,j+1]), u and v the parts of the way in the cell (Press et al.: Numerical Recipes, 3.6)",
+        inputs: &[
+            Port::real("x", UnitRule::Var(0), "where to look, along the rows' axis"),
+            Port::real(
+                "y",
+                UnitRule::Var(1),
+                "where to look, along the columns' axis",
+            ),
+        ],
+        outputs: &[Port::real("out", UnitRule::Var(2), "what the table says")],
+        parameters: &[
+            Parameter::new(
+                "rows",
+                ParameterKind::Value(axis(ROWS), UnitRule::Var(0)),
+                "x of each row, rising",
+            )
+            .rising(),
+            Parameter::new(
+                "columns",
+                ParameterKind::Value(axis(COLUMNS), UnitRule::Var(1)),
+                "y of each column, rising",
+            )
+            .rising(),
+            Parameter::new(
+                "table",
+                ParameterKind::Value(PortType::Matrix(ROWS, COLUMNS), UnitRule::Var(2)),
+                "the value at each point: a list of rows",
+            ),
+        ],
+        examples: &[Example::new(
+            "two rows of three",
+            "{rows: [0.0, 1.0], columns: [0.0, 1.0, 3.0], table: [[0.0, 10.0, 20.0], [4.0, 14.0, 24.0]]}",
+            "x | y | out
+             0.0 | 0.0 | 0.0
+             0.5 | 0.5 | 7.0
+             0.25 | 2.0 | 16.0
+             -1.0 | 9.0 | 20.0
+             1.0 | 1.0 | 14.0
+             null | 1.0 | null
+             1.0 | null | null",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    [x, y, out, rows, columns, table, row_count, column_count]: [u32; 8],
+) -> Option<()> {
+    let (x, y) = (frame.get_real(x)?, frame.get_real(y)?);
+    let (above, below, u) = place(frame, rows, row_count, x)?;
+    let (left, right, v) = place(frame, columns, column_count, y)?;
+    let at = |row: u32, column: u32| frame.get_real(table + row * column_count + column);
+    let upper = (1.0 - v) * at(above, left)? + v * at(above, right)?;
+    let lower = (1.0 - v) * at(below, left)? + v * at(below, right)?;
+    let value = (1.0 - u) * upper + u * lower;
+    frame.put_real(out, real_unless(x.is_nan() | y.is_nan(), value))
+}
+
+/// The points before and after a number on an axis, and which part of the way between them it is, 0 to 1.
+#[inline(always)]
+fn place(frame: &Frame<'_>, axis: u32, length: u32, at: f64) -> Option<(u32, u32, f64)> {
+    let (mut low, mut high) = (0, length.saturating_sub(1));
+    // By halves: one step for each bit of the length.
+    for _ in 0..u32::BITS {
+        if high - low < 2 {
+            break;
+        }
+        let middle = low + (high - low) / 2;
+        if frame.get_real(axis + middle)? <= at {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let (before, after) = (frame.get_real(axis + low)?, frame.get_real(axis + high)?);
+    let part = if at <= before {
+        0.0
+    } else if at >= after {
+        1.0
+    } else {
+        (at - before) / (after - before)
+    };
+    Some((low, high, part))
+}

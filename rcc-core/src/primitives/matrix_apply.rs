@@ -1,0 +1,62 @@
+//! `MatrixApply`: a matrix times an array.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+};
+use crate::types::Type;
+
+const ROWS: Dim = Dim::Var(0);
+const COLUMNS: Dim = Dim::Var(1);
+const REALS: Elements = Elements::Are(Type::Real);
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "MatrixApply",
+        summary: "A matrix times an array, as a column.",
+        null: "a null element gives null in every element that it is a term of",
+        formula: "out[i] = matrix[i,0]·in[0] + … + matrix[i,n-1]·in[n-1]",
+        inputs: &[
+            Port::new(
+                "matrix",
+                PortType::Matrix(ROWS, COLUMNS),
+                UnitRule::Var(0),
+                "the matrix",
+            ),
+            Port::new(
+                "in",
+                PortType::Array(REALS, COLUMNS),
+                UnitRule::Var(1),
+                "as many numbers as the matrix has columns",
+            ),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Array(REALS, ROWS),
+            UnitRule::Product(0, 1),
+            "as many numbers as the matrix has rows",
+        )],
+        examples: &[Example::new(
+            "2×3",
+            "",
+            "matrix | in | out
+             [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]] | [1.0, 0.0, -1.0] | [-2.0, -2.0]",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [matrix, input, out, rows, columns]: [u32; 5]) -> Option<()> {
+    for row in 0..rows {
+        let mut sum = 0.0;
+        for column in 0..columns {
+            let element = frame.get_real(matrix + row * columns + column)?;
+            sum += element * frame.get_real(input + column)?;
+        }
+        frame.put_real(out + row, sum)?;
+    }
+    Some(())
+}

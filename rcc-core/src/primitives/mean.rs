@@ -1,0 +1,42 @@
+//! `Mean`: the arithmetic mean of the elements of an array: their sum from the first to the last, divided by their number.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+};
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Mean",
+        summary: "The arithmetic mean of the elements of an array.",
+        null: "a null element gives null",
+        formula: "(in[0] + … + in[n-1]) / n",
+        inputs: &[Port::new(
+            "in",
+            PortType::Array(Elements::Are(Type::Real), Dim::Var(0)),
+            UnitRule::Var(0),
+            "an array of numbers",
+        )],
+        outputs: &[Port::real("out", UnitRule::Var(0), "the mean")],
+        examples: &[Example::new(
+            "an array with a null element",
+            "",
+            "in | out
+             [1.0, 2.0, 6.0] | 3.0
+             [1.0, null, 6.0] | null",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, length]: [u32; 3]) -> Option<()> {
+    let mut sum = 0.0;
+    for i in 0..length {
+        sum += frame.get_real(input + i)?;
+    }
+    frame.put_real(out, sum / f64::from(length))
+}

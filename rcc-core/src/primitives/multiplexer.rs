@@ -1,0 +1,64 @@
+//! `Multiplexer`: one of any number of values of one type, by an index.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, copy, each, fill_null,
+};
+use crate::types::Store;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Multiplexer",
+        summary: "One of a list of values of any one type, by an index.",
+        null: "a null index gives null; of the values only the chosen one matters",
+        null_rule: NullRule::FirstAndAnyKnown,
+        undefined: "index < 0 or index ≥ the number of values",
+        inputs: &[
+            Port::int("index", "which value, counted from 0"),
+            Port::new(
+                "in",
+                PortType::Many(Dim::Var(0)),
+                UnitRule::Var(0),
+                "the values, as a list of links: `[a.pose, b.pose]`",
+            ),
+        ],
+        outputs: &[Port::new(
+            "out",
+            PortType::Any,
+            UnitRule::Var(0),
+            "the chosen value",
+        )],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, |frame, group| {
+                step(frame, Store::Real, group)
+            });
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, |frame, group| {
+                step(frame, Store::Bool, group)
+            });
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, |frame, group| {
+                step(frame, Store::Int, group)
+            });
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    store: Store,
+    [index, input, out, width, count]: [u32; 5],
+) -> Option<()> {
+    // Null is negative.
+    match u32::try_from(frame.get_int(index)?) {
+        Ok(index) if index < count => copy(frame, store, input + index * width, out, width),
+        _ => fill_null(frame, store, out, width),
+    }
+}

@@ -1,0 +1,65 @@
+//! `SetElement`: an array with another value at an index that a net computes.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each, fill_null,
+};
+use crate::types::Store;
+
+const ARRAY: PortType = PortType::Array(Elements::Open, Dim::Var(0));
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SetElement",
+        summary: "An array with another value at an index.",
+        null: "null elements are handed on, a null value is put in; a null index gives null in every element",
+        undefined: "index < 0 or index ≥ the length",
+        inputs: &[
+            Port::new("in", ARRAY, UnitRule::Var(0), "the array"),
+            Port::int("index", "which element, counted from 0"),
+            Port::new("value", PortType::Scalar, UnitRule::Var(0), "its new value"),
+        ],
+        outputs: &[Port::new("out", ARRAY, UnitRule::Var(0), "the new array")],
+        examples: &[Example::new(
+            "inside and outside",
+            "",
+            "in | index | value | out
+             [4.0, 5.5, 6.0] | 1 | 7.0 | [4.0, 7.0, 6.0]
+             [4.0, 5.5, 6.0] | 3 | 7.0 | null",
+        )],
+        ..Spec::PLAIN
+    },
+    &[
+        Kernel::of(Store::Real, |frame, operands| {
+            each(frame, operands, |frame, group| {
+                step(frame, Store::Real, group)
+            });
+        }),
+        Kernel::of(Store::Bool, |frame, operands| {
+            each(frame, operands, |frame, group| {
+                step(frame, Store::Bool, group)
+            });
+        }),
+        Kernel::of(Store::Int, |frame, operands| {
+            each(frame, operands, |frame, group| {
+                step(frame, Store::Int, group)
+            });
+        }),
+    ],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    store: Store,
+    [input, index, value, out, length]: [u32; 5],
+) -> Option<()> {
+    match u32::try_from(frame.get_int(index)?) {
+        Ok(index) if index < length => {
+            copy(frame, store, input, out, length)?;
+            copy(frame, store, value, out + index, 1)
+        }
+        _ => fill_null(frame, store, out, length),
+    }
+}

@@ -1,0 +1,73 @@
+//! `ToBits`: a whole number as truth values, the lowest bit first.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Dim, Elements, Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec,
+    UnitRule, choose, each,
+};
+use crate::types::{NULL_BOOL, NULL_INT, Type};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ToBits",
+        summary: "The lowest bits of a whole number, and whether that is all of it.",
+        formula: "two's complement: out[i] = floor(in / 2^i) mod 2",
+        inputs: &[Port::int("in", "the number")],
+        outputs: &[
+            Port::new(
+                "out",
+                PortType::Array(Elements::Are(Type::Bool), Dim::Var(0)),
+                UnitRule::Typed,
+                "its bits, the lowest first",
+            ),
+            Port::bool("overflow", "the number does not fit into so many bits").diagnostic(),
+        ],
+        parameters: &[
+            Parameter::new("bits", ParameterKind::Length(0), "how many bits, 1 to 63")
+                .at_least(1.0)
+                .at_most(63.0),
+            Parameter::new(
+                "signed",
+                ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
+                "what fits: -2^(bits-1) to 2^(bits-1)-1, or else 0 to 2^bits-1",
+            )
+            .default(Literal::Bool(false)),
+        ],
+        examples: &[
+            Example::new(
+                "without a sign",
+                "{bits: 3}",
+                "in | out | overflow
+                 6 | [false, true, true] | false
+                 8 | [false, false, false] | true
+                 -1 | [true, true, true] | true
+                 null | null | null",
+            ),
+            Example::new(
+                "with a sign",
+                "{bits: 3, signed: true}",
+                "in | out | overflow
+                 -4 | [false, false, true] | false
+                 4 | [false, false, true] | true",
+            ),
+        ],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, overflow, signed, length]: [u32; 5]) -> Option<()> {
+    let value = frame.get_int(input)?;
+    let signed = u32::from(frame.get_bool(signed)? & 1);
+    let null = value == NULL_INT;
+    for i in 0..length {
+        let bit = (value >> i.min(63)) & 1;
+        frame.put_bool(out + i, choose(null, NULL_BOOL, bit as u8))?;
+    }
+    // What is above the bits is all 0, or, with a sign, all as the highest bit.
+    let above = value >> length.saturating_sub(signed).min(63);
+    let fits = (above == 0) | ((signed == 1) & (above == -1));
+    frame.put_bool(overflow, choose(null, NULL_BOOL, u8::from(!fits)))
+}

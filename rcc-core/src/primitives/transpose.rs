@@ -1,0 +1,44 @@
+//! `Transpose`: a matrix with its rows as columns.
+
+use crate::frame::Frame;
+use crate::primitive::{Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "Transpose",
+        summary: "A matrix with its rows as columns.",
+        null: "null is handed on, element by element",
+        inputs: &[Port::new(
+            "in",
+            PortType::Matrix(Dim::Var(0), Dim::Var(1)),
+            UnitRule::Var(0),
+            "a matrix",
+        )],
+        outputs: &[Port::new(
+            "out",
+            PortType::Matrix(Dim::Var(1), Dim::Var(0)),
+            UnitRule::Var(0),
+            "out[i,j] = in[j,i]",
+        )],
+        examples: &[Example::new(
+            "2×3",
+            "",
+            "in | out
+             [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]] | [[1.0, 4.0], [2.0, 5.0], [3.0, 6.0]]",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(frame: &mut Frame<'_>, [input, out, rows, columns]: [u32; 4]) -> Option<()> {
+    for row in 0..rows {
+        for column in 0..columns {
+            let value = frame.get_real(input + row * columns + column)?;
+            frame.put_real(out + column * rows + row, value)?;
+        }
+    }
+    Some(())
+}

@@ -1,0 +1,77 @@
+//! `TrueInWindow`: how often a condition was true lately, from a ring of the last truth values and their count: the same
+//! work in every cycle.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, Memory, Parameter, ParameterKind, Port, Spec, State, choose,
+    each,
+};
+use crate::types::{NULL_BOOL, NULL_INT, Store};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "TrueInWindow",
+        summary: "In how many cycles of a window that ends now a condition was true.",
+        null: "null while a null condition is in the window; before the first cycle it counts as false",
+        inputs: &[Port::bool("in", "the condition")],
+        outputs: &[
+            Port::bool("all", "it was true in all cycles of the window").diagnostic(),
+            Port::bool("any", "it was true in one of them").diagnostic(),
+            Port::int("count", "in how many it was true").diagnostic(),
+        ],
+        parameters: &[Parameter::new(
+            "window",
+            ParameterKind::Window,
+            "how long the window is, with the cycle of now; 1 to 10 000 cycles of the net",
+        )
+        .above(0.0)],
+        state: State {
+            ints: 3,
+            ..State::NONE
+        },
+        memory: Memory::window(1)
+            .of(Store::Bool)
+            .starting(Literal::Bool(false)),
+        examples: &[Example::new(
+            "a window of three cycles",
+            "{window: 3 ms}",
+            "in | all | any | count
+             true | false | true | 1
+             true | false | true | 2
+             true | true | true | 3
+             false | false | true | 2
+             null | null | null | null
+             false | null | null | null
+             false | null | null | null
+             false | false | false | 0",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+#[inline(always)]
+fn step(
+    frame: &mut Frame<'_>,
+    [input, all, any, count, ints, ring, cycles]: [u32; 7],
+) -> Option<()> {
+    let place = u32::try_from(frame.get_int(ints)?).ok()?;
+    let place = place.min(cycles.saturating_sub(1));
+    let (new, old) = (frame.get_bool(input)?, frame.get_bool(ring + place)?);
+    frame.put_bool(ring + place, new)?;
+    let change = i64::from(new & 1) - i64::from(old & 1);
+    let trues = frame.get_int(ints + 1)?.saturating_add(change);
+    let nulls = |value: u8| i64::from(value & NULL_BOOL != 0);
+    let change = nulls(new) - nulls(old);
+    let unknown = frame.get_int(ints + 2)?.saturating_add(change);
+    frame.put_int(ints + 1, trues)?;
+    frame.put_int(ints + 2, unknown)?;
+    let next = if place + 1 < cycles { place + 1 } else { 0 };
+    frame.put_int(ints, i64::from(next))?;
+    let null = unknown != 0;
+    let whole = u8::from(trues == i64::from(cycles));
+    frame.put_bool(all, choose(null, NULL_BOOL, whole))?;
+    frame.put_bool(any, choose(null, NULL_BOOL, u8::from(trues > 0)))?;
+    frame.put_int(count, choose(null, NULL_INT, trues))
+}
