@@ -22,7 +22,7 @@ fn one_of_several_poses_is_chosen() {
     let mut bench = run(
         "  ticks: {type: Counter, inputs: {in: true}}
   a: {type: Constant, parameters: {value: {xyz: [1, 0, 0], quat: [0, 0, 0, 1]}}}
-  b: {type: PoseInvert, inputs: {in: a.out}}
+  b: {type: Invert, inputs: {in: a.out}}
   goal: {type: Multiplexer, inputs: {index: ticks.out, in: [null, a.out, b.out]}}
   x: {type: Abs, inputs: {in: goal.out.x}}",
         "x.out",

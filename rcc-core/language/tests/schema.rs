@@ -115,6 +115,7 @@ fn faults_that_need_no_links_are_refused() {
     let unseen = |name: &str| {
         [
             "RCC1102-faults-in-a-library",
+            "RCC1107-two-fragments-of-one-name",
             "RCC19",
             "RCC1106",
             "RCC12",

@@ -1,7 +1,7 @@
 //! `Abs`: out = |in|.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::types::Store;
 
 /// The row of the catalogue.
@@ -9,6 +9,29 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Abs",
         summary: "The absolute value of a number, or of each element of a vector, array or matrix.",
+        examples: &[
+            Example::new(
+                "numbers",
+                "",
+                "in | out
+             -2.5 | 2.5
+             3.0 | 3
+             null | null",
+            ),
+            Example::new(
+                "whole numbers",
+                "",
+                "in | out
+             -7 | 7
+             0 | 0",
+            ),
+            Example::new(
+                "each element of an array",
+                "",
+                "in | out
+             [-1.5, 2.0, -0.5] | [1.5, 2.0, 0.5]",
+            ),
+        ],
         inputs: &[Port::linear("in", UnitRule::Var(0), "operand")],
         outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN

@@ -3,7 +3,9 @@
 //! An array or composite is null if one of its elements is.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, each, is_null};
+use crate::primitive::{
+    Entry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, each, is_null,
+};
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -13,6 +15,14 @@ pub const ENTRY: Entry = Entry::new(
         summary: "True while its input has no value.",
         null: "a null input gives true, and so does an array or vector with a null element; the output is never null",
         null_rule: NullRule::Known,
+        examples: &[Example::new(
+            "a number that is lost for a cycle",
+            "",
+            "in | out
+             0.5 | false
+             null | true
+             0.0 | false",
+        )],
         inputs: &[Port::new(
             "in",
             PortType::Any,

@@ -3,7 +3,7 @@
 //! A lower bound above the upper one leaves no number and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, choose, each, real_unless};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless};
 use crate::types::{NULL_INT, Store};
 
 /// The row of the catalogue.
@@ -13,6 +13,16 @@ pub const ENTRY: Entry = Entry::new(
         summary: "Keeps a number, or each element of a vector, array or matrix, between two bounds.",
         null: "a null input gives null, and so do bounds with nothing between them",
         undefined: "low > high",
+        examples: &[Example::new(
+            "a number between, below and above",
+            "",
+            "in | low | high | out
+             0.5 | -1.0 | 2.0 | 0.5
+             -3.0 | -1.0 | 2.0 | -1
+             7.5 | -1.0 | 2.0 | 2
+             0.5 | 2.0 | -1.0 | null
+             null | -1.0 | 2.0 | null",
+        )],
         inputs: &[
             Port::linear("in", UnitRule::Var(0), "number to limit"),
             Port::linear("low", UnitRule::Var(0), "least result"),

@@ -1,7 +1,7 @@
 //! `Max`: out = the larger of a and b; null if either is null.
 
 use crate::primitive::{
-    Entry, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+    Entry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
 };
 use crate::types::Store;
 
@@ -10,6 +10,14 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Max",
         summary: "The larger of two numbers, of vectors, arrays and matrices element by element.",
+        examples: &[Example::new(
+            "numbers",
+            "",
+            "a | b | out
+             0.5 | 0.25 | 0.5
+             -1.5 | -2.5 | -1.5
+             null | 1.0 | null",
+        )],
         inputs: &[
             Port::linear("a", UnitRule::Var(0), "first operand"),
             Port::linear("b", UnitRule::Var(0), "second operand"),

@@ -1,7 +1,7 @@
 //! `Negate`: out = -in.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::types::Store;
 
 /// The row of the catalogue.
@@ -9,6 +9,21 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Negate",
         summary: "A number, vector, array or matrix with its signs turned.",
+        examples: &[
+            Example::new(
+                "numbers",
+                "",
+                "in | out
+             0.5 | -0.5
+             null | null",
+            ),
+            Example::new(
+                "whole numbers",
+                "",
+                "in | out
+             -7 | 7",
+            ),
+        ],
         inputs: &[Port::linear("in", UnitRule::Var(0), "operand")],
         outputs: &[Port::linear("out", UnitRule::Var(0), "result")],
         ..Spec::PLAIN

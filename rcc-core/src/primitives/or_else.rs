@@ -2,7 +2,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, is_null,
+    Entry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, is_null,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
@@ -13,6 +13,14 @@ pub const ENTRY: Entry = Entry::new(
         summary: "A value, or another one while the first is null.",
         null: "a null `in`, or one with a null element, gives `other`; null only if both are null",
         null_rule: NullRule::AnyKnown,
+        examples: &[Example::new(
+            "the other value while there is none",
+            "",
+            "in | other | out
+             0.5 | 9.5 | 0.5
+             null | 9.5 | 9.5
+             null | null | null",
+        )],
         inputs: &[
             Port::new(
                 "in",

@@ -1,7 +1,7 @@
 //! `Subtract`: out = a - b, rounded once; an Int that overflows has no meaningful result and is null.
 
 use crate::primitive::{
-    Entry, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+    Entry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
 };
 use crate::types::Store;
 
@@ -12,6 +12,27 @@ pub const ENTRY: Entry = Entry::new(
         summary: "The difference of two numbers, vectors, arrays or matrices of the same unit.",
         null: "a null input gives null, element by element",
         undefined: "overflow of whole numbers",
+        examples: &[
+            Example::new(
+                "numbers",
+                "",
+                "a | b | out
+             0.5 | 0.25 | 0.25
+             null | 1.0 | null",
+            ),
+            Example::new(
+                "whole numbers",
+                "",
+                "a | b | out
+             2 | 3 | -1",
+            ),
+            Example::new(
+                "arrays by element",
+                "",
+                "a | b | out
+             [1.0, 2.0] | [0.5, -2.5] | [0.5, 4.5]",
+            ),
+        ],
         inputs: &[
             Port::linear("a", UnitRule::Var(0), "first operand"),
             Port::linear("b", UnitRule::Var(0), "second operand"),

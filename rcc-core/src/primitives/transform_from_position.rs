@@ -2,7 +2,7 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Kernel, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+    Entry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
 };
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
@@ -12,6 +12,12 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "TransformFromPosition",
         summary: "The transform of a frame at a position, turned by a constant rotation.",
+        examples: &[Example::new(
+            "a translation",
+            "{rotation: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}",
+            "x | y | z | out
+             1.5 | 2.5 | 3.5 | [[1, 0, 0, 1.5], [0, 1, 0, 2.5], [0, 0, 1, 3.5], [0, 0, 0, 1]]",
+        )],
         inputs: &[
             Port::real("x", UnitRule::Var(0), "origin of frame B in frame A"),
             Port::real("y", UnitRule::Var(0), "origin of frame B in frame A"),

@@ -41,9 +41,9 @@ pub struct Bench {
     pub inputs: Vec<DeviceInput>,
     /// What was commanded in the cycle before.
     pub outputs: Vec<DeviceOutput>,
-    reals: Vec<f64>,
-    bools: Vec<u8>,
-    ints: Vec<i64>,
+    pub reals: Vec<f64>,
+    pub bools: Vec<u8>,
+    pub ints: Vec<i64>,
     pub limits: Vec<PathLimits>,
     clocks: Clocks,
     dt_s: f64,

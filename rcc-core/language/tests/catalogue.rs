@@ -1,0 +1,329 @@
+//! Properties of every primitive, made from its spec: whatever comes in, null, NaN, infinite, subnormal or extreme, nothing
+//! panics or allocates, and what comes out is null, finite and in range as the spec says.
+
+mod bench;
+mod generate;
+
+use std::collections::BTreeSet;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use bench::{Bench, cell};
+use generate::{Chance, OPEN, constant, many, parameters, type_of};
+use rcc_config::CellConfig;
+use rcc_core::primitive::{NullRule, PROPAGATES, PortType, Role, Spec};
+use rcc_core::primitives::CATALOGUE;
+use rcc_core::types::{NULL_INT, Store, Type};
+use rcc_language::{Compiled, compile};
+
+#[global_allocator]
+static NO_HEAP: AllocDisabler = AllocDisabler;
+
+/// Cycles of one variant of a primitive.
+const CYCLES: usize = 400;
+/// A table cannot say a list of links, nor that three numbers are a vector: these have tests of their own.
+const NO_TABLE: [&str; 2] = ["Multiplexer", "Rotate"];
+const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
+
+/// What is put in.
+#[derive(Clone, Copy, PartialEq)]
+enum Inputs {
+    /// Known, finite, between -8 and 8.
+    Moderate,
+    /// Anything that fits into a slot.
+    Anything,
+}
+
+/// A primitive alone in a net, fed by `Input`s.
+fn text(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String> {
+    let given = parameters(spec, open, chance)?;
+    let (mut wires, mut more) = (Vec::new(), String::new());
+    for port in spec.inputs {
+        let mut input = |name: String, ty: Type| {
+            let initial = constant(ty, chance);
+            more.push_str(&format!(
+                "  {name}: {{type: Input, parameters: {{initial: {initial}}}}}\n"
+            ));
+            format!("{name}.value")
+        };
+        let feed = match many(port.ty) {
+            Some(count) => {
+                let words = (0..count).map(|n| input(format!("in_{}_{n}", port.name), open));
+                format!("[{}]", words.collect::<Vec<_>>().join(", "))
+            }
+            None => input(format!("in_{}", port.name), type_of(port.ty, open)?),
+        };
+        wires.push(format!("{}: {feed}", port.name));
+    }
+    let mut discard: Vec<String> = spec
+        .outputs
+        .iter()
+        .filter(|port| !port.diagnostic)
+        .map(|port| format!("it.{}", port.name))
+        .collect();
+    // A list of numbers is no Vector3 by itself: what reads the output says so.
+    if let (Some(split), Some(port)) = (split(open), spec.outputs.iter().find(|p| is_open(p.ty))) {
+        more.push_str(&format!(
+            "  sink: {{type: {}, inputs: {{in: it.{}}}}}\n",
+            split.name, port.name
+        ));
+        discard.retain(|name| *name != format!("it.{}", port.name));
+        let outputs = split.outputs.iter().filter(|port| !port.diagnostic);
+        discard.extend(outputs.map(|port| format!("sink.{}", port.name)));
+    }
+    let end = match spec.role {
+        Role::Termination => "",
+        _ => "  end: {type: Termination, inputs: {done: false}}\n",
+    };
+    Some(format!(
+        "net: alone\nprimitives:\n  it: {{type: {}, parameters: {given}, inputs: {{{}}}}}\n{more}{end}discard: [{}]\n",
+        spec.name,
+        wires.join(", "),
+        discard.join(", ")
+    ))
+}
+
+/// The primitive that takes values of a type apart which only links can say.
+fn split(open: Type) -> Option<&'static Spec> {
+    let name = match open {
+        Type::Vector3 => "SplitVector",
+        Type::Twist => "SplitTwist",
+        Type::Wrench => "SplitWrench",
+        _ => return None,
+    };
+    Some(&rcc_core::primitives::find(name)?.1.spec)
+}
+
+fn is_open(ty: PortType) -> bool {
+    matches!(ty, PortType::Any | PortType::Linear | PortType::Of(_))
+}
+
+/// Everything of a primitive that compiles: once for each open type.
+fn variants(spec: &Spec, cell: &CellConfig, chance: &mut Chance) -> Vec<(String, Compiled)> {
+    let mut found = Vec::new();
+    let mut texts = BTreeSet::new();
+    let mut last = String::new();
+    for open in OPEN {
+        let Some(text) = text(spec, open, chance) else {
+            continue;
+        };
+        match compile(&text, spec.name, cell) {
+            Ok(compiled) if texts.insert(text.clone()) => found.push((text, compiled)),
+            Ok(_) => {}
+            Err(faults) => last = format!("{text}\n{faults}"),
+        }
+    }
+    assert!(
+        !found.is_empty(),
+        "{}: no net of it compiles\n{last}",
+        spec.name
+    );
+    found
+}
+
+fn real(inputs: Inputs, chance: &mut Chance) -> f64 {
+    const SPECIAL: [f64; 14] = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MAX,
+        f64::MIN,
+        f64::MIN_POSITIVE,
+        5e-324,
+        f64::EPSILON,
+        1e308,
+        -1e-308,
+        9_223_372_036_854_775_808.0,
+    ];
+    match (inputs, chance.below(4)) {
+        (Inputs::Anything, 0) => f64::NAN,
+        (Inputs::Anything, 1) => *chance.pick(&SPECIAL).expect("special numbers"),
+        (Inputs::Anything, 2) => f64::from_bits(chance.bits()),
+        _ => chance.share() * 16.0 - 8.0,
+    }
+}
+
+fn int(inputs: Inputs, chance: &mut Chance) -> i64 {
+    const SPECIAL: [i64; 6] = [0, -1, 1, i64::MAX, i64::MIN + 1, 1 << 53];
+    match (inputs, chance.below(4)) {
+        (Inputs::Anything, 0) => NULL_INT,
+        (Inputs::Anything, 1) => *chance.pick(&SPECIAL).expect("special numbers"),
+        (Inputs::Anything, 2) => chance.bits() as i64,
+        _ => chance.below(17) as i64 - 8,
+    }
+}
+
+/// Puts a value into each `Input`; returns whether all are known, and whether one of them is wholly null.
+fn poke(bench: &mut Bench, inputs: Inputs, chance: &mut Chance) -> (bool, bool) {
+    let (mut all_known, mut one_null) = (true, false);
+    for index in 0..bench.net.names.primitives.len() {
+        let primitive = &bench.net.names.primitives[index];
+        if primitive.type_name != "Input" {
+            continue;
+        }
+        let port = primitive.outputs[0].clone();
+        let null = inputs == Inputs::Anything && chance.once_in(6);
+        let rotation = match port.type_name.as_str() {
+            "Pose" => Some(3),
+            "Rotation" => Some(0),
+            _ => None,
+        };
+        let mut nulls = 0;
+        for element in 0..port.width {
+            let slot = (port.slot + element) as usize;
+            nulls += usize::from(match port.store {
+                Store::Bool => {
+                    bench.bools[slot] = match inputs {
+                        _ if null => 2,
+                        Inputs::Anything => chance.below(3) as u8,
+                        Inputs::Moderate => chance.below(2) as u8,
+                    };
+                    bench.bools[slot] == 2
+                }
+                Store::Int => {
+                    bench.ints[slot] = if null { NULL_INT } else { int(inputs, chance) };
+                    bench.ints[slot] == NULL_INT
+                }
+                Store::Real => {
+                    // A pose is null as a whole, and what is known of it has a rotation.
+                    let whole = rotation.is_some();
+                    let value = match whole {
+                        true => chance.share() * 2.0 - 1.0,
+                        false => real(inputs, chance),
+                    };
+                    bench.reals[slot] = if null { f64::NAN } else { value };
+                    bench.reals[slot].is_nan()
+                }
+            });
+        }
+        if let (Some(first), false) = (rotation, null) {
+            let slots = (port.slot as usize + first)..(port.slot as usize + first + 4);
+            let length = bench.reals[slots.clone()]
+                .iter()
+                .map(|x| x * x)
+                .sum::<f64>()
+                .sqrt();
+            bench.reals[slots].iter_mut().for_each(|x| *x /= length);
+        }
+        all_known &= nulls == 0;
+        one_null |= nulls == port.width as usize;
+    }
+    (all_known, one_null)
+}
+
+/// What the outputs must be, whatever the inputs are; says what is wrong.
+fn judge(
+    spec: &Spec,
+    bench: &Bench,
+    known: bool,
+    null: bool,
+    inputs: Inputs,
+) -> Result<(), String> {
+    for port in spec.outputs {
+        let values = bench.values(&format!("it.{}", port.name));
+        let nulls = values.iter().filter(|value| value.is_nan()).count();
+        let said = |what: &str| Err(format!("`{}` {what}: {values:?}", port.name));
+        if spec.null == PROPAGATES && null && nulls != values.len() {
+            return said("is known although an input is null");
+        }
+        if spec.null_rule == NullRule::Known && spec.undefined.is_empty() && nulls > 0 {
+            return said("is null, and the spec says that it never is");
+        }
+        if inputs == Inputs::Moderate && known {
+            if spec.undefined.is_empty() && nulls > 0 {
+                return said("is null although every input is known");
+            }
+            if values.iter().any(|value| value.is_infinite()) {
+                return said("is infinite although every input is moderate");
+            }
+        }
+        let (least, greatest) = (
+            port.least.unwrap_or(f64::NEG_INFINITY),
+            port.greatest.unwrap_or(f64::INFINITY),
+        );
+        let outside = |value: &f64| *value < least || *value > greatest;
+        if values.iter().any(outside) {
+            return said("is out of its range");
+        }
+    }
+    Ok(())
+}
+
+/// True if a spec's outputs do not follow from its inputs alone: it reads devices.
+fn reads_devices(spec: &Spec) -> bool {
+    use rcc_core::primitive::ParameterKind::{Arm, Channel, Device};
+    let kinds = spec.parameters.iter().map(|parameter| parameter.kind);
+    kinds
+        .into_iter()
+        .any(|kind| matches!(kind, Arm | Device | Channel(_)))
+}
+
+fn run(
+    spec: &Spec,
+    text: &str,
+    net: Compiled,
+    cell: &CellConfig,
+    inputs: Inputs,
+    chance: &mut Chance,
+) {
+    let mut bench = Bench::new(net, cell, HOLD);
+    for cycle in 0..CYCLES {
+        let (known, null) = poke(&mut bench, inputs, chance);
+        let present = inputs == Inputs::Moderate || !chance.once_in(5);
+        bench
+            .inputs
+            .iter_mut()
+            .for_each(|input| input.present = present);
+        assert_no_alloc(|| bench.step());
+        if let Err(wrong) = judge(spec, &bench, known && present, null, inputs) {
+            panic!(
+                "{}, cycle {cycle}: {wrong}\nundefined: {:?}\n{text}",
+                spec.name, spec.undefined
+            );
+        }
+    }
+}
+
+fn all(inputs: Inputs, seed: u64) {
+    let cell = cell("tests/nets/cell.yaml");
+    let mut wrong = Vec::new();
+    for entry in CATALOGUE {
+        // Its value is written from outside: that is what the test itself does.
+        if entry.spec.role == Role::Input {
+            continue;
+        }
+        let mut chance = Chance(seed);
+        for (text, net) in variants(&entry.spec, &cell, &mut chance) {
+            let spec = &entry.spec;
+            let one =
+                std::panic::AssertUnwindSafe(|| run(spec, &text, net, &cell, inputs, &mut chance));
+            if std::panic::catch_unwind(one).is_err() {
+                wrong.push(spec.name);
+                break;
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "seed {seed}: {wrong:?}");
+}
+
+#[test]
+fn moderate_inputs_give_known_finite_outputs_in_their_range() {
+    all(Inputs::Moderate, 1);
+}
+
+#[test]
+fn any_input_gives_null_or_a_value_in_range_without_panic_or_heap() {
+    all(Inputs::Anything, 2);
+}
+
+#[test]
+fn every_primitive_has_worked_values_unless_it_is_a_device_s() {
+    let without = CATALOGUE.iter().map(|entry| &entry.spec).filter(|spec| {
+        let plain = matches!(spec.role, Role::Plain | Role::Constant) && !reads_devices(spec);
+        plain && spec.examples.is_empty() && !NO_TABLE.contains(&spec.name)
+    });
+    let without: Vec<&str> = without.map(|spec| spec.name).collect();
+    assert!(without.is_empty(), "{without:?}");
+}

@@ -1,0 +1,225 @@
+//! Nets made from the catalogue's specs alone: texts of one primitive, and random nets of any size that are valid by
+//! construction. What is added to the catalogue is in them without an edit here. Code of tests.
+
+use rcc_core::primitive::{ChannelKind, Dim, Elements, Parameter, ParameterKind, PortType, Spec};
+use rcc_core::types::Type;
+
+#[allow(dead_code)] // Not every test makes whole nets.
+mod net;
+
+#[allow(unused_imports)] // Not every test makes whole nets.
+pub use net::{Shape, random_net};
+
+/// Lengths of arrays, by length variable.
+pub const LENGTHS: [u16; 4] = [3, 4, 2, 3];
+/// What an open type can be.
+pub const OPEN: [Type; 10] = [
+    Type::Real,
+    Type::Int,
+    Type::Bool,
+    Type::Vector3,
+    Type::Twist,
+    Type::Pose,
+    Type::Rotation,
+    Type::Reals(3),
+    Type::Ints(2),
+    Type::Matrix(2, 2),
+];
+
+/// Chance with a seed: SplitMix64.
+#[derive(Clone, Debug)]
+pub struct Chance(pub u64);
+
+impl Chance {
+    /// 64 bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Less than `bound`; 0 if that is 0.
+    pub fn below(&mut self, bound: usize) -> usize {
+        (self.bits() % (bound.max(1) as u64)) as usize
+    }
+
+    /// True once in `times`.
+    pub fn once_in(&mut self, times: usize) -> bool {
+        self.below(times) == 0
+    }
+
+    /// 0 to 1.
+    pub fn share(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// One of several.
+    pub fn pick<'a, T>(&mut self, from: &'a [T]) -> Option<&'a T> {
+        from.get(self.below(from.len()))
+    }
+}
+
+fn length(dim: Dim) -> Option<u16> {
+    let of = |variable: u8| LENGTHS.get(usize::from(variable)).copied();
+    match dim {
+        Dim::Is(length) => Some(length),
+        Dim::Var(a) | Dim::Small(a) => of(a),
+        Dim::Sum(a, b) => Some(of(a)? + of(b)?),
+    }
+}
+
+/// The type of a port if the open one is `open`; `None`: this is no port of one type.
+pub fn type_of(ty: PortType, open: Type) -> Option<Type> {
+    let array = |element: Type, length: u16| match element {
+        Type::Real => Some(Type::Reals(length)),
+        Type::Int => Some(Type::Ints(length)),
+        Type::Bool => Some(Type::Bools(length)),
+        _ => None,
+    };
+    match ty {
+        PortType::Is(ty) => Some(ty),
+        PortType::Any
+        | PortType::Scalar
+        | PortType::Number
+        | PortType::Linear
+        | PortType::Of(_) => Some(open),
+        PortType::Part => Some(match open {
+            Type::Int | Type::Ints(_) => Type::Int,
+            _ => Type::Real,
+        }),
+        PortType::Array(Elements::Are(element), dim) => array(element, length(dim)?),
+        PortType::Array(Elements::Open, dim) => array(open, length(dim)?),
+        PortType::Matrix(rows, columns) => {
+            let (rows, columns) = (length(rows)?, length(columns)?);
+            Some(Type::Matrix(rows as u8, columns as u8))
+        }
+        PortType::Joints => Some(Type::Reals(7)),
+        PortType::Many(_) => None,
+    }
+}
+
+/// How many values of the open type a port takes as a list.
+pub fn many(ty: PortType) -> Option<u16> {
+    match ty {
+        PortType::Many(dim) => length(dim),
+        _ => None,
+    }
+}
+
+/// A constant of a type as it is written.
+pub fn constant(ty: Type, chance: &mut Chance) -> String {
+    let real = |chance: &mut Chance| format!("{:.6}", chance.share() * 2.0 - 1.0);
+    let int = |chance: &mut Chance| chance.below(9).to_string();
+    let bool = |chance: &mut Chance| chance.once_in(2).to_string();
+    let three = |chance: &mut Chance| list(3, || real(chance));
+    match ty {
+        Type::Real => real(chance),
+        Type::Int => int(chance),
+        Type::Bool => bool(chance),
+        Type::Pose => format!("{{xyz: {}, rpy: {}}}", three(chance), three(chance)),
+        Type::Rotation => format!("{{rpy: {}}}", three(chance)),
+        Type::Matrix(rows, columns) => list(u32::from(rows), || {
+            list(u32::from(columns), || real(chance))
+        }),
+        Type::Bools(n) => list(u32::from(n), || bool(chance)),
+        Type::Ints(n) => list(u32::from(n), || int(chance)),
+        Type::Text => "text".to_owned(),
+        Type::Vector3 | Type::Twist | Type::Wrench | Type::Reals(_) => {
+            list(ty.width(), || real(chance))
+        }
+    }
+}
+
+fn list(count: u32, mut one: impl FnMut() -> String) -> String {
+    let words: Vec<String> = (0..count).map(|_| one()).collect();
+    format!("[{}]", words.join(", "))
+}
+
+/// A channel of the golden cell.
+pub fn channel(kind: ChannelKind) -> (&'static str, &'static str) {
+    match kind {
+        ChannelKind::DigitalInput => ("io", "button"),
+        ChannelKind::DigitalOutput => ("io", "lamp"),
+        ChannelKind::AnalogInput => ("io", "level"),
+        ChannelKind::AnalogOutput => ("io", "speed"),
+    }
+}
+
+/// A number that the bounds of a parameter allow.
+fn bounded(parameter: &Parameter, chance: &mut Chance) -> f64 {
+    let low = parameter.at_least.or(parameter.above);
+    let share = chance.share() * 0.9 + 0.05;
+    match (low, parameter.at_most) {
+        (Some(low), Some(high)) => low + (high - low) * share,
+        (Some(low), None) => low + share,
+        (None, Some(high)) => high - share,
+        (None, None) => share,
+    }
+}
+
+/// The parameters of a primitive in the golden cell (`tests/nets/cell.yaml`), as it is written in a net; `None`: they
+/// cannot be made up, the spec's first example has to say them.
+pub fn parameters(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String> {
+    let example = spec.examples.first().map(|example| example.parameters);
+    let mut words = Vec::new();
+    // A channel says which device it is of.
+    let channel = spec
+        .parameters
+        .iter()
+        .find_map(|parameter| match parameter.kind {
+            ParameterKind::Channel(kind) => Some(channel(kind)),
+            _ => None,
+        });
+    for parameter in spec.parameters {
+        let optional = parameter.default.is_some();
+        // What a value begins with says its type; other values of the open type are not always possible (an order).
+        let open_value = parameter
+            .kind
+            .value()
+            .is_some_and(|(ty, _)| ty == PortType::Any);
+        let says_type = open_value && parameter.name == "initial";
+        if optional && !says_type && (open_value || chance.once_in(2)) {
+            continue;
+        }
+        let value = match parameter.kind {
+            ParameterKind::Value(ty, _) => {
+                let ty = type_of(ty, open);
+                match ty {
+                    Some(Type::Real) => Some(format!("{:?}", bounded(parameter, chance))),
+                    Some(Type::Int) => Some((bounded(parameter, chance).ceil() as i64).to_string()),
+                    Some(Type::Reals(n)) if parameter.rising => {
+                        let mut last = -1.0;
+                        Some(list(u32::from(n), || {
+                            last += 0.1 + chance.share();
+                            format!("{last:.6}")
+                        }))
+                    }
+                    Some(ty) => Some(constant(ty, chance)),
+                    None => None,
+                }
+            }
+            ParameterKind::Start(ty, _) => Some(constant(ty, chance)),
+            ParameterKind::First(_) => Some(constant(open, chance)),
+            ParameterKind::Length(dim) => length(Dim::Var(dim)).map(|length| length.to_string()),
+            ParameterKind::Window => Some(format!("{} ms", 1 + chance.below(20))),
+            ParameterKind::Arm => Some("lwr".to_owned()),
+            ParameterKind::Device => Some(channel.map_or("lwr", |(device, _)| device).to_owned()),
+            ParameterKind::Channel(_) => channel.map(|(_, channel)| channel.to_owned()),
+            ParameterKind::Rate => Some("100 Hz".to_owned()),
+            #[allow(unreachable_patterns)] // Kinds to come are told by their examples.
+            _ => None,
+        };
+        match value {
+            Some(value) => words.push(format!("{}: {value}", parameter.name)),
+            None if optional => {}
+            None => {
+                return example
+                    .filter(|example| !example.is_empty())
+                    .map(str::to_owned);
+            }
+        }
+    }
+    Some(format!("{{{}}}", words.join(", ")))
+}

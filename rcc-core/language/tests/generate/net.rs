@@ -1,0 +1,258 @@
+//! Random nets, valid by construction: every input is fed by an output of its type and unit that stands before it, by an
+//! output of the cycle before, or by a constant.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use rcc_core::primitive::{Dim, Entry, ParameterKind, Port, PortType, Role, UnitRule};
+use rcc_core::primitives::CATALOGUE;
+use rcc_core::types::Type;
+use rcc_core::unit::Unit;
+
+use super::{Chance, OPEN, constant, many, parameters, type_of};
+
+/// A random net.
+#[derive(Debug)]
+pub struct Shape {
+    /// Its text.
+    pub text: String,
+    /// Primitives in it.
+    #[allow(dead_code)] // Not every test counts.
+    pub primitives: usize,
+}
+
+/// An output that can be read.
+struct Source {
+    name: String,
+    unit: Unit,
+    read: bool,
+}
+
+#[derive(Default)]
+struct Growing {
+    text: String,
+    sources: Vec<Source>,
+    /// By type: which sources are of it.
+    of_type: HashMap<Type, Vec<usize>>,
+    discard: Vec<String>,
+    count: usize,
+    monitors: usize,
+}
+
+/// A net of about `size` primitives; the same for the same seed.
+pub fn random_net(size: usize, seed: u64) -> Shape {
+    let mut chance = Chance(seed);
+    let entries: Vec<&Entry> = CATALOGUE.iter().copied().filter(|e| grows(e)).collect();
+    let mut net = Growing::default();
+    while net.count < size {
+        // Inputs first, then whatever can be fed.
+        let entry = match chance.pick(&entries) {
+            Some(entry) => entry,
+            None => break,
+        };
+        net.add(entry, &mut chance);
+    }
+    let discard = net.sources.iter().filter(|source| !source.read);
+    let mut discard: Vec<&str> = discard.map(|source| source.name.as_str()).collect();
+    discard.extend(net.discard.iter().map(String::as_str));
+    let text = format!(
+        "net: random\nprimitives:\n{}  end: {{type: Termination, inputs: {{done: false}}}}\ndiscard: [{}]\n",
+        net.text,
+        discard.join(", ")
+    );
+    Shape {
+        text,
+        primitives: net.count + 1,
+    }
+}
+
+/// What can be there any number of times.
+fn grows(entry: &Entry) -> bool {
+    let spec = &entry.spec;
+    let devices = spec.parameters.iter().any(|parameter| {
+        let kind = parameter.kind;
+        matches!(
+            kind,
+            ParameterKind::Arm | ParameterKind::Device | ParameterKind::Channel(_)
+        )
+    });
+    let role = matches!(
+        spec.role,
+        Role::Plain | Role::Monitor | Role::Constant | Role::Input
+    );
+    // Two lists of numbers do not say how long each is to be.
+    let sum = |port: &Port| matches!(port.ty, PortType::Array(_, Dim::Sum(..)));
+    let sums = spec.inputs.iter().chain(spec.outputs).any(sum);
+    role && !sums && (!devices || spec.outputs.len() < 4)
+}
+
+/// True if what the ports allow can be computed, too.
+fn has_kernel(entry: &Entry, open: Type) -> bool {
+    let mut stores = entry.kernels.iter().map(|kernel| kernel.store);
+    entry.kernels.is_empty() || stores.any(|store| store.is_none() || store == open.store())
+}
+
+impl Growing {
+    fn add(&mut self, entry: &Entry, chance: &mut Chance) {
+        let spec = &entry.spec;
+        if spec.role == Role::Monitor && (self.monitors >= 20 || !chance.once_in(8)) {
+            return;
+        }
+        let ports = || spec.inputs.iter().chain(spec.outputs);
+        let possible: Vec<Type> = OPEN
+            .into_iter()
+            .filter(|open| ports().all(|port| port.ty.admits(*open)))
+            .filter(|open| has_kernel(entry, *open))
+            .collect();
+        let Some(open) = chance.pick(&possible).copied() else {
+            return;
+        };
+        let Some(given) = parameters(spec, open, chance) else {
+            return;
+        };
+        let mut feeds = Feeds {
+            delays: spec.role != Role::Monitor,
+            ..Feeds::default()
+        };
+        let mut wires = Vec::new();
+        for port in spec.inputs {
+            if port.default.is_some() && chance.once_in(2) {
+                continue;
+            }
+            let Some(feed) = self.feed(port, open, &mut feeds, chance) else {
+                return;
+            };
+            wires.push(format!("{}: {feed}", port.name));
+        }
+        // Whole numbers, and lists of numbers, could be of several types.
+        if ports().any(|port| port.ty.is_open()) && !says_itself(open) && !feeds.open_wire {
+            return;
+        }
+        // A number in rad has no root.
+        let rooted = ports().filter_map(|port| match port.unit {
+            UnitRule::Root(variable) => Some(feeds.units.get(&variable)?.root().is_some()),
+            _ => None,
+        });
+        if rooted.into_iter().any(|possible| !possible) {
+            return;
+        }
+        for number in &feeds.read {
+            self.sources[*number].read = true;
+        }
+        let units = feeds.units;
+        let id = format!("p{}", self.count);
+        writeln!(
+            self.text,
+            "  {id}: {{type: {}, parameters: {given}, inputs: {{{}}}}}",
+            spec.name,
+            wires.join(", ")
+        )
+        .expect("memory");
+        self.count += 1;
+        self.monitors += usize::from(spec.role == Role::Monitor);
+        for port in spec.outputs {
+            let name = format!("{id}.{}", port.name);
+            match (type_of(port.ty, open), unit_of(port.unit, &units)) {
+                (Some(ty), Some(unit)) => {
+                    let sources = &mut self.sources;
+                    self.of_type.entry(ty).or_default().push(sources.len());
+                    let read = port.diagnostic;
+                    sources.push(Source { name, unit, read });
+                }
+                _ if port.diagnostic => {}
+                _ => self.discard.push(name),
+            }
+        }
+    }
+
+    /// What feeds an input; what it is tied to by units is decided.
+    fn feed(
+        &self,
+        port: &Port,
+        open: Type,
+        feeds: &mut Feeds,
+        chance: &mut Chance,
+    ) -> Option<String> {
+        if let Some(count) = many(port.ty) {
+            let one = |_| self.one(open, port, feeds, chance);
+            let words: Vec<String> = (0..count).map(one).collect();
+            // Poses and lists within a list are links.
+            let constant = |word: &String| {
+                word.starts_with("{xyz") || word.starts_with("{rpy") || word.starts_with('[')
+            };
+            if words.iter().any(constant) {
+                return None;
+            }
+            return Some(format!("[{}]", words.join(", ")));
+        }
+        Some(self.one(type_of(port.ty, open)?, port, feeds, chance))
+    }
+
+    fn one(&self, ty: Type, port: &Port, feeds: &mut Feeds, chance: &mut Chance) -> String {
+        let known = self.of_type.get(&ty).map(Vec::as_slice).unwrap_or_default();
+        for _ in 0..8 {
+            let Some(number) = chance.pick(known).copied() else {
+                break;
+            };
+            let source = &self.sources[number];
+            if !feeds.fits(port.unit, source.unit) {
+                continue;
+            }
+            feeds.read.push(number);
+            feeds.open_wire |= port.ty.is_open() && port.ty != PortType::Part;
+            let initial = constant(ty, chance);
+            return match feeds.delays && chance.once_in(10) {
+                false => source.name.clone(),
+                true => format!(
+                    "{{from: {}, delayed: true, initial: {initial}}}",
+                    source.name
+                ),
+            };
+        }
+        // A bare number takes the unit of its place; one that nothing ties has none.
+        feeds.fits(port.unit, Unit::ONE);
+        constant(ty, chance)
+    }
+}
+
+/// What the inputs of a primitive have decided so far.
+#[derive(Default)]
+struct Feeds {
+    units: HashMap<u8, Unit>,
+    read: Vec<usize>,
+    /// A monitor shows the values of its own cycle only.
+    delays: bool,
+    /// A link has decided the open type.
+    open_wire: bool,
+}
+
+impl Feeds {
+    /// True if a value of this unit can be at a port; what the port leaves open is then decided.
+    fn fits(&mut self, rule: UnitRule, unit: Unit) -> bool {
+        match rule {
+            UnitRule::Is(wanted) => wanted == unit,
+            UnitRule::Var(variable) => *self.units.entry(variable).or_insert(unit) == unit,
+            UnitRule::Typed => true,
+            _ => false,
+        }
+    }
+}
+
+/// True if every constant of the type is of no other.
+fn says_itself(ty: Type) -> bool {
+    matches!(ty, Type::Real | Type::Bool | Type::Pose | Type::Rotation)
+}
+
+/// The unit of an output; `None` if nobody could say.
+fn unit_of(rule: UnitRule, units: &HashMap<u8, Unit>) -> Option<Unit> {
+    let of = |variable: u8| units.get(&variable).copied().unwrap_or(Unit::ONE);
+    match rule {
+        UnitRule::Is(unit) => Some(unit),
+        UnitRule::Typed => Some(Unit::ONE),
+        UnitRule::Var(a) => Some(of(a)),
+        UnitRule::Product(a, b) => Some(of(a).times(of(b))),
+        UnitRule::Quotient(a, b) => Some(of(a).per(of(b))),
+        UnitRule::PerSecond(a) => Some(of(a).per(Unit::SECOND)),
+        _ => None,
+    }
+}

@@ -1,0 +1,131 @@
+//! Random nets, valid by construction, of up to 10,000 primitives: they compile, run, and are the same net after a round
+//! trip through the writer. Their mutations never panic, never take long, and always name a place.
+
+mod bench;
+mod generate;
+
+use bench::{Bench, cell};
+use generate::{Chance, random_net};
+use rcc_config::yaml;
+use rcc_language::{Faults, compile, syntax, write};
+
+const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
+const SEED: u64 = 2010;
+
+fn written_anew(text: &str) -> String {
+    let mut faults = Vec::new();
+    let (root, broken) = yaml::read(text);
+    assert!(broken.is_empty(), "{broken:?}");
+    let net = root.and_then(|root| syntax::read(&root, &mut faults));
+    assert!(faults.is_empty(), "{faults:?}");
+    write::yaml(&net.expect("a net"))
+}
+
+fn holds(size: usize, seed: u64) {
+    let cell = cell("tests/nets/cell.yaml");
+    let net = random_net(size, seed);
+    assert!(net.primitives >= size);
+    let compiled = compile(&net.text, "random", &cell)
+        .unwrap_or_else(|faults| panic!("seed {seed}: {faults}\n{}", cut(&net.text)));
+    let again = compile(&written_anew(&net.text), "random", &cell)
+        .unwrap_or_else(|faults| panic!("seed {seed}, written anew: {faults}"));
+    // By words, in which a NaN equals itself.
+    assert_eq!(
+        format!("{:?}", compiled.plan),
+        format!("{:?}", again.plan),
+        "seed {seed}: the text written anew is another net"
+    );
+    let mut bench = Bench::new(compiled, &cell, HOLD);
+    for _ in 0..20 {
+        bench.step();
+    }
+    assert!(!bench.terminated);
+}
+
+fn cut(text: &str) -> &str {
+    text.get(..text.len().min(20_000)).unwrap_or_default()
+}
+
+#[test]
+fn small_random_nets_compile_run_and_survive_a_round_trip() {
+    for seed in 0..150 {
+        holds(1 + seed as usize % 60, SEED + seed);
+    }
+}
+
+#[test]
+fn a_random_net_of_ten_thousand_compiles_runs_and_survives_a_round_trip() {
+    holds(10_000, SEED);
+}
+
+/// Changes one place of a text: a byte, a word, a line, or a piece copied from elsewhere.
+fn mutated(text: &str, chance: &mut Chance) -> String {
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let (from, to) = (chance.below(lines.len()), chance.below(lines.len()));
+    match chance.below(6) {
+        0 => drop(lines.remove(from)),
+        1 => lines.swap(from, to),
+        2 => lines.insert(to, lines[from].clone()),
+        3 => {
+            let mut words: Vec<&str> = lines[from].split(' ').collect();
+            let others: Vec<&str> = lines[to].split(' ').collect();
+            let place = chance.below(words.len());
+            words[place] = others[chance.below(others.len())];
+            let line = words.join(" ");
+            lines[from] = line;
+        }
+        4 => {
+            let mut bytes = lines[from].clone().into_bytes();
+            let place = chance.below(bytes.len());
+            if let Some(byte) = bytes.get_mut(place) {
+                *byte = b" :{}[],.'\"#-&*!|>%@x0\t"[chance.below(22)];
+            }
+            lines[from] = String::from_utf8_lossy(&bytes).into_owned();
+        }
+        _ => {
+            let line = &lines[from];
+            let cut: String = line.chars().take(chance.below(line.len() + 1)).collect();
+            lines[from] = cut;
+        }
+    }
+    lines.join("\n")
+}
+
+/// Every fault has a code and words, and its place is inside the text unless it is about the whole of it.
+fn judge(faults: &Faults, text: &str) {
+    assert!(!faults.diagnostics.is_empty());
+    for fault in &faults.diagnostics {
+        assert!(fault.code.starts_with("RCC"), "{fault:?}");
+        assert!(!fault.message.is_empty(), "{fault:?}");
+        if let Some(place) = fault.place {
+            let inside = place.start <= place.end && place.end <= text.len() + 1;
+            assert!(inside, "{fault:?}");
+        }
+    }
+    let drawn = faults.to_string();
+    assert!(drawn.len() > 20, "{drawn}");
+}
+
+#[test]
+fn mutations_of_valid_texts_are_accepted_or_refused_with_a_place() {
+    let cell = cell("tests/nets/cell.yaml");
+    let mut refused = 0;
+    for seed in 0..60 {
+        let valid = random_net(12, SEED + seed).text;
+        let mut chance = Chance(seed);
+        for _ in 0..20 {
+            let mut text = mutated(&valid, &mut chance);
+            if chance.once_in(3) {
+                text = mutated(&text, &mut chance);
+            }
+            if let Err(faults) = compile(&text, "mutated", &cell) {
+                judge(&faults, &text);
+                refused += 1;
+            }
+        }
+    }
+    assert!(
+        refused > 500,
+        "{refused} of 1200 refused: that is no mutation"
+    );
+}
