@@ -3,8 +3,11 @@
 
 use std::time::{Duration, Instant};
 
+use rcc_language::bundle::bundle;
+use rcc_language::library::Files;
 use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, Named, Switch, Switched};
 use rcc_loader::server::codes::{self, exit};
+use rcc_loader::server::compile::findings;
 
 use crate::client::{Client, segment};
 use crate::failure::Failure;
@@ -27,6 +30,19 @@ pub fn read_text(path: &str) -> Result<(String, String), Failure> {
     let name = if path == "-" { "standard input" } else { path };
     text.map(|text| (name.to_owned(), text))
         .map_err(|error| Failure::unreadable(name, &error))
+}
+
+/// Reads a net as one text: with the fragments of the libraries that it uses, which a cell could not read.
+///
+/// # Errors
+/// The file cannot be read, or a library is missing or not valid.
+pub fn read_net(path: &str) -> Result<(String, String), Failure> {
+    let (name, text) = read_text(path)?;
+    let bundled = bundle(&text, &name, &Files).map_err(|faults| {
+        let what = format!("{name} is not valid");
+        Failure::invalid(&what, findings(&faults), (name.clone(), text.clone()))
+    })?;
+    Ok((name, bundled.into_owned()))
 }
 
 /// What becomes of a command that is rejected.

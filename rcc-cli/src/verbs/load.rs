@@ -19,7 +19,7 @@ pub struct Arguments {
 /// # Errors
 /// Not reachable, or rejected, with the diagnostics.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let source = follow::read_text(&arguments.file)?;
+    let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Stays)?;
     eprint!(

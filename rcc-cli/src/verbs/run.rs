@@ -30,7 +30,7 @@ pub struct Arguments {
 /// # Errors
 /// Not reachable, refused, or ended with a fault or an abort.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let source = follow::read_text(&arguments.file)?;
+    let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let interrupts = Interrupts::listen()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?.command;

@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::check::load_config;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
-use crate::follow::read_text;
+use crate::follow::read_net;
 use crate::simulate::script::Step;
 use crate::simulate::{self, Options, SimulateError, Simulated, plot};
 use crate::supervisor::places;
@@ -77,7 +77,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     let config = load_config(&path)?;
     let options = options(&arguments, &config)?;
-    let source = read_text(&arguments.file)?;
+    let source = read_net(&arguments.file)?;
     let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
         let what = format!("{} is not valid", source.0);
         Failure::invalid(&what, diagnostics, source.clone())

@@ -6,6 +6,7 @@
 #[cfg(feature = "plan")]
 pub mod anatomy;
 #[cfg(feature = "plan")]
+pub mod bundle;
 pub mod check;
 #[cfg(feature = "plan")]
 pub mod compile;

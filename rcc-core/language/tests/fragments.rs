@@ -6,6 +6,7 @@ mod bench;
 use std::collections::BTreeMap;
 
 use bench::{Bench, cell};
+use rcc_language::bundle::bundle;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::NoFiles;
 use rcc_language::{Compiled, Faults, compile_with};
@@ -384,4 +385,35 @@ fn what_the_docs_show_is_valid() {
         ids(&net.unwrap_or_else(|faults| panic!("{faults}")))[0],
         "a/filter"
     );
+}
+
+#[test]
+fn a_net_with_its_libraries_becomes_one_text_of_the_same_plan() {
+    let library = "library: filters
+fragments:
+  smooth:
+    inputs: {x: {}}
+    outputs: {y: filter.out}
+    primitives:
+      filter: {type: LowPass, parameters: {gain: 0.5}, inputs: {in: x}}
+";
+    let text = format!(
+        "net: two
+use: [filters.yaml]
+primitives:
+  t: {{type: Time}}
+  a: {{fragment: smooth, inputs: {{x: t.out}}}}
+{END}discard: [a.y]
+"
+    );
+    let libraries = BTreeMap::from([("nets/filters.yaml".to_owned(), library.to_owned())]);
+    let bundled = bundle(&text, "nets/net.yaml", &libraries).unwrap_or_else(|f| panic!("{f}"));
+    let with = compile(&text, &[("nets/filters.yaml", library)]).unwrap_or_else(|f| panic!("{f}"));
+    assert_eq!(
+        format!("{:?}", good(&bundled).plan),
+        format!("{:?}", with.plan)
+    );
+    let missing = bundle(&text, "nets/net.yaml", &NoFiles).expect_err("no files");
+    assert_eq!(missing.diagnostics[0].code, "RCC1211");
+    assert_eq!(bundle("no net", "", &NoFiles).expect("as it is"), "no net");
 }
