@@ -83,3 +83,25 @@ fn main() -> ExitCode {
 fn duration(text: &str) -> Result<Duration, String> {
     rcc_cli::verbs::duration(text)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use clap::CommandFactory;
+
+    use super::Arguments;
+
+    #[test]
+    fn no_verb_has_an_argument_by_the_name_of_a_global_one() {
+        let all = Arguments::command();
+        all.clone().debug_assert();
+        let globals: BTreeSet<_> = all.get_arguments().map(|one| one.get_id()).collect();
+        for verb in all.get_subcommands() {
+            let twice = verb
+                .get_arguments()
+                .find(|one| globals.contains(one.get_id()));
+            assert!(twice.is_none(), "{}: {twice:?}", verb.get_name());
+        }
+    }
+}

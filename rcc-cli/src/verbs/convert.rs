@@ -20,9 +20,9 @@ pub struct Arguments {
     /// The form that comes out.
     #[arg(long, value_enum, default_value = "yaml")]
     to: Form,
-    /// Where it goes (default: the standard output).
-    #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    /// Write to this file instead of the standard output.
+    #[arg(short = 'o', long, value_name = "FILE")]
+    into: Option<PathBuf>,
     /// The cell's configuration whose devices the net is for (default: the demo cell's).
     #[arg(long)]
     config: Option<PathBuf>,
@@ -77,7 +77,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     let warnings = compile_server::findings(&compiled.warnings);
     eprint!("{}", draw(&warnings, Some(&(name, text)), Context::colour()));
-    match arguments.output {
+    match arguments.into {
         None => say(converted.trim_end()),
         Some(path) => std::fs::write(&path, converted)
             .map_err(|error| Failure::new(codes::BAD_REQUEST, format!("{}: {error}", path.display()), "name a file that can be written"))?,

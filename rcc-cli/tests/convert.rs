@@ -1,0 +1,46 @@
+//! `convert` as a user types it: the predecessor's text into a file that checks. No cell is needed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn run(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+        .args(arguments)
+        .current_dir(repository())
+        .env("RCC_CELL", "no-cell-of-convert")
+        .env("RCC_CONFIGS", repository().join("configs"))
+        .env_remove("RCC_OUTPUT")
+        .output()
+        .expect("it runs");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), text)
+}
+
+#[test]
+fn a_net_of_the_predecessor_becomes_a_file_that_is_valid() {
+    let net = "tests/data/directionet/flat/lwr_lin-02-lwr-lin.net";
+    let folder = std::env::temp_dir().join(format!("rcc-convert-{}", std::process::id()));
+    std::fs::create_dir(&folder).expect("a folder of its own");
+    let file = folder.join("lin.yaml");
+    let path = file.to_str().expect("UTF-8");
+    let (converted, checked) = (run(&["convert", net, "-o", path]), run(&["check", path]));
+    let written = std::fs::read_to_string(&file);
+    std::fs::remove_dir_all(&folder).expect("it is ours");
+    assert_eq!(converted.0, Some(0), "{}", converted.1);
+    assert!(written.is_ok_and(|text| text.contains("JointPositionCommand")));
+    assert_eq!(checked.0, Some(0), "{}", checked.1);
+}
+
+#[test]
+fn what_has_no_counterpart_is_refused_with_its_place() {
+    let (code, text) = run(&["convert", "tests/nets/bad/RCC1601-no-counterpart.net"]);
+    assert_eq!(code, Some(3), "{text}");
+    assert!(
+        text.contains("RCC1601") && text.contains("RCC1601-no-counterpart.net:"),
+        "{text}"
+    );
+}
