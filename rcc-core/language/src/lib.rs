@@ -7,6 +7,7 @@
 pub mod anatomy;
 #[cfg(feature = "plan")]
 pub mod bundle;
+#[cfg(feature = "plan")]
 pub mod check;
 #[cfg(feature = "plan")]
 pub mod compile;
