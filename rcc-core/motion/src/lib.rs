@@ -6,6 +6,7 @@
 //! stop, which has a closed form.
 #![forbid(unsafe_code)]
 
+pub mod geometry;
 mod path_clock;
 mod profile;
 mod rest;

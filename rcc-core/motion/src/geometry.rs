@@ -1,0 +1,151 @@
+//! Paths as curves: where the flange or the joints are at s, with derivatives by s up to the third.
+//! Built off the real-time thread; `at` is evaluated by it, allocates nothing and takes a bounded number of steps.
+//!
+//! s runs in metres: a turn counts its angle times the [radius](Metric) that makes the angular limits as tight as the
+//! linear ones, and the greater of both ways is the length. Every shape is smooth inside; a [`chain::Chain`] joins shapes
+//! so that position, first and second derivative by s are continuous (C2), or tells where the motion has to rest.
+
+pub mod blend;
+pub mod chain;
+pub mod circle;
+pub mod jet;
+pub mod line;
+mod natural;
+pub mod quintic;
+pub mod spline;
+
+use rcc_core::pose::Pose;
+use rcc_core::rotation::Quaternion;
+use rcc_core::vector::Vector;
+use thiserror::Error;
+
+use jet::{Jet, Scalar};
+
+/// Two points nearer than this are one point, m.
+pub const COINCIDENT_M: f64 = 1e-6;
+
+/// Below this a line has no length and a turn no angle (m, rad).
+pub const NOTHING: f64 = 1e-9;
+
+/// Why three points or poses are no path.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum GeometryError {
+    /// Start and end are half a turn apart: both ways are equally short.
+    #[error("the orientation turns by 180°: both ways are equally short; give a pose between")]
+    HalfTurn,
+    /// The three points of a circle lie on a line.
+    #[error(
+        "start, via and end of a circle lie on a line; move the via point aside, or use a line"
+    )]
+    Collinear,
+    /// Two points are one.
+    #[error(
+        "points {first} and {second} of the path are {distance_m:.1e} m apart: they must differ by 1 µm or more"
+    )]
+    Coincident {
+        /// Number of a point; 0 is the start.
+        first: usize,
+        /// Number of the other one.
+        second: usize,
+        /// Their distance, m.
+        distance_m: f64,
+    },
+    /// A spline turns too far from the orientation of its middle point.
+    #[error(
+        "point {point} of the spline is turned by {angle_rad:.2} rad from the middle point: 4 rad at most"
+    )]
+    TurnsTooFar {
+        /// Number of the point; 0 is the start.
+        point: usize,
+        /// The angle, rad.
+        angle_rad: f64,
+    },
+    /// A pose, point, angle or joint is NaN or infinite.
+    #[error("a pose, joint or angle of the path is null or not finite")]
+    NotFinite,
+}
+
+/// How far a turn counts beside a way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metric {
+    /// Metres that one radian counts (> 0): the velocity limit over the angular velocity limit.
+    pub radius_m: f64,
+}
+
+impl Metric {
+    /// The length of a path of `way_m` that turns by `angle_rad`: whichever leads.
+    #[must_use]
+    pub fn length(self, way_m: f64, angle_rad: f64) -> f64 {
+        let length = way_m.max(angle_rad * self.radius_m);
+        if way_m > NOTHING || angle_rad > NOTHING {
+            length
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Position (m) and orientation (unit quaternion `[x y z w]`) of the flange in the arm's base, as numbers or as jets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement<T> {
+    /// `[x y z]`.
+    pub position: [T; 3],
+    /// `[x y z w]`.
+    pub orientation: [T; 4],
+}
+
+impl<T: Scalar> Placement<T> {
+    /// The pose alone.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose {
+            position: self.position.map(Scalar::value),
+            orientation: self.orientation.map(Scalar::value),
+        }
+    }
+}
+
+/// What a rigid body does along a path: derivatives by s of position and of orientation (as rates about outer axes).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rates {
+    /// x', x'', x''' of the origin: m, m, m per unit of s, its square, its cube.
+    pub linear: [Vector; 3],
+    /// ω, ω', ω'': angular velocity by s and its derivatives, rad.
+    pub angular: [Vector; 3],
+}
+
+impl Placement<Jet> {
+    /// The derivatives as rates.
+    #[must_use]
+    pub fn rates(&self) -> Rates {
+        let linear = [1, 2, 3].map(|order| self.position.map(|x| x.derivative(order)));
+        let [q, q1, q2, q3] =
+            [0, 1, 2, 3].map(|order| self.orientation.map(|x| x.derivative(order)));
+        // ω = 2 q' q*, and q' q'* has no vector part.
+        let spin = |a: Quaternion, b: Quaternion| {
+            let [x, y, z, _] = jet::product(a, jet::conjugate(b));
+            [2.0 * x, 2.0 * y, 2.0 * z]
+        };
+        let third = rcc_core::vector::add(spin(q3, q), spin(q2, q1));
+        Rates {
+            linear,
+            angular: [spin(q1, q), spin(q2, q), third],
+        }
+    }
+}
+
+/// The angle of a turn by a quaternion of any sign, rad in [0, π].
+fn angle_of(turn: Quaternion) -> f64 {
+    rcc_core::vector::norm(rcc_core::rotation::log(turn))
+}
+
+fn finite(pose: &Pose) -> Result<(), GeometryError> {
+    if pose.is_finite() {
+        Ok(())
+    } else {
+        Err(GeometryError::NotFinite)
+    }
+}
+
+#[cfg(test)]
+mod tests;

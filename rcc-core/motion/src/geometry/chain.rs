@@ -1,0 +1,210 @@
+//! Shapes one after the other with one s, joined by roundings or by points of rest.
+//! Built off the real-time thread; evaluated by it: a search in a sorted list, then one shape.
+
+use super::blend::{JointBlend, PoseBlend};
+use super::circle::Circle;
+use super::jet::{Jet, Scalar};
+use super::line::{JointLine, Line};
+use super::spline::Spline;
+use super::{NOTHING, Placement};
+
+/// One shape.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// A straight line of the flange.
+    Line(Line),
+    /// An arc.
+    Circle(Circle),
+    /// A curve through poses.
+    Spline(Spline),
+    /// A straight line of the joints.
+    Joints(JointLine),
+    /// A rounding of the flange.
+    PoseBlend(PoseBlend),
+    /// A rounding of the joints.
+    JointBlend(JointBlend),
+}
+
+/// What a shape says at s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Where<T> {
+    /// The flange is here.
+    Flange(Placement<T>),
+    /// The joints are here, rad.
+    Joints([T; 8]),
+}
+
+impl Shape {
+    /// Where it is after `s` of its own way.
+    #[inline]
+    pub fn at<T: Scalar>(&self, s: T) -> Where<T> {
+        match self {
+            Shape::Line(line) => Where::Flange(line.at(s)),
+            Shape::Circle(circle) => Where::Flange(circle.at(s)),
+            Shape::Spline(spline) => Where::Flange(spline.at(s)),
+            Shape::PoseBlend(blend) => Where::Flange(blend.at(s)),
+            Shape::Joints(line) => Where::Joints(line.at(s)),
+            Shape::JointBlend(blend) => Where::Joints(blend.at(s)),
+        }
+    }
+
+    /// Length in s (≥ 0); a rounding's is that of its piece.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        match self {
+            Shape::Line(line) => line.length(),
+            Shape::Circle(circle) => circle.length(),
+            Shape::Spline(spline) => spline.length(),
+            Shape::Joints(line) => line.length(),
+            Shape::PoseBlend(_) | Shape::JointBlend(_) => 0.0,
+        }
+    }
+}
+
+/// A shape of a chain and how it goes over into the next one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Link {
+    /// The shape.
+    pub shape: Shape,
+    /// How long before its end and behind the next one's beginning the rounding is, in s of each: 0 = none, the motion rests
+    /// at the end. At most half of either shape is used.
+    pub zone: [f64; 2],
+}
+
+/// A part of a chain on which one shape is followed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Piece {
+    /// Where it begins, s of the chain.
+    pub begin: f64,
+    /// Where it ends, s of the chain.
+    pub end: f64,
+    /// s of the shape where the piece begins.
+    offset: f64,
+    /// What it follows.
+    pub shape: Shape,
+    /// The link that it belongs to; a rounding belongs to the one before it.
+    pub link: usize,
+    /// It is a rounding.
+    pub blend: bool,
+    /// The motion must be at rest where it ends.
+    pub rest: bool,
+}
+
+impl Piece {
+    /// Where it is at s of the chain.
+    #[inline]
+    pub fn at<T: Scalar>(&self, s: T) -> Where<T> {
+        self.shape.at(s + T::constant(self.offset - self.begin))
+    }
+
+    /// Its length in s.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.end - self.begin
+    }
+}
+
+/// Shapes one after the other.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Chain {
+    pieces: Vec<Piece>,
+}
+
+impl Chain {
+    /// Joins shapes, each of which begins where the one before it ends. `joints` gives the joints, with derivatives, of the
+    /// link with this number at s of its shape: a rounding from or to a line of joints is one of joints.
+    ///
+    /// # Errors
+    /// What `joints` says. A rounding that cannot be made (it turns by half a turn) is left out: the motion rests there.
+    pub fn new<E>(
+        links: Vec<Link>,
+        mut joints: impl FnMut(usize, &Shape, f64) -> Result<[Jet; 8], E>,
+    ) -> Result<Self, E> {
+        let mut pieces: Vec<Piece> = Vec::new();
+        let (mut begin, mut offset) = (0.0, 0.0);
+        let mut links = links.into_iter().enumerate().peekable();
+        while let Some((link, Link { shape, zone })) = links.next() {
+            let length = shape.length();
+            let next = links.peek().map(|(_, next)| &next.shape);
+            let [before, behind] = next.map_or([0.0; 2], |next| {
+                [zone[0].min(length / 2.0), zone[1].min(next.length() / 2.0)]
+            });
+            let mut blend = None;
+            if before > NOTHING && behind > NOTHING {
+                let (from, over) = (length - before, before + behind);
+                blend = match (next, shape.at(Jet::variable(from))) {
+                    (None, _) => None,
+                    (Some(next), Where::Flange(place)) => match next.at(Jet::variable(behind)) {
+                        Where::Flange(to) => {
+                            PoseBlend::between(&place, &to, over).map(Shape::PoseBlend)
+                        }
+                        Where::Joints(to) => {
+                            let from = joints(link, &shape, from)?;
+                            let blend = JointBlend::between(from, to, over);
+                            Some(Shape::JointBlend(blend))
+                        }
+                    },
+                    (Some(next), Where::Joints(from)) => {
+                        let to = joints(link + 1, next, behind)?;
+                        let blend = JointBlend::between(from, to, over);
+                        Some(Shape::JointBlend(blend))
+                    }
+                };
+            }
+            let over = blend.as_ref().map(|_| [before, behind]);
+            let [before, behind] = over.unwrap_or([0.0; 2]);
+            let end = begin + (length - before - offset).max(0.0);
+            pieces.push(Piece {
+                begin,
+                end,
+                offset,
+                shape,
+                link,
+                blend: false,
+                rest: blend.is_none(),
+            });
+            begin = end;
+            offset = behind;
+            if let Some(shape) = blend {
+                let end = begin + before + behind;
+                pieces.push(Piece {
+                    begin,
+                    end,
+                    offset: 0.0,
+                    shape,
+                    link,
+                    blend: true,
+                    rest: false,
+                });
+                begin = end;
+            }
+        }
+        Ok(Self { pieces })
+    }
+
+    /// Its pieces in order.
+    #[must_use]
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Its length.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.pieces.last().map_or(0.0, |piece| piece.end)
+    }
+
+    /// The piece at s; `None` if the chain has none.
+    #[inline]
+    #[must_use]
+    pub fn piece(&self, s: f64) -> Option<&Piece> {
+        let number = self.pieces.partition_point(|piece| piece.end <= s);
+        self.pieces.get(number).or(self.pieces.last())
+    }
+
+    /// Where it is at s in [0, length]; `None` if it has no pieces.
+    #[inline]
+    pub fn at<T: Scalar>(&self, s: T) -> Option<Where<T>> {
+        self.piece(s.value()).map(|piece| piece.at(s))
+    }
+}

@@ -1,0 +1,141 @@
+//! Arcs of a circle through three points, or further around by an angle.
+//! Evaluated by the real-time thread; plain numbers.
+
+use rcc_core::pose::Pose;
+use rcc_core::vector::{self, Vector};
+
+use super::jet::Scalar;
+use super::line::{Turn, distance};
+use super::{COINCIDENT_M, GeometryError, Metric, Placement, finite};
+
+/// Three points whose triangle has a sine below this lie on a line.
+const COLLINEAR_SINE: f64 = 1e-6;
+
+/// What the orientation does on a circle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CircleOrientation {
+    /// Turns evenly from that of the start to that of the end (KUKA: `#VAR`, base-related).
+    Even,
+    /// Stays as at the start (KUKA: `#CONSTANT`).
+    Constant,
+    /// Stays as at the start relative to the path's tangent: turns with the circle (path-related).
+    Path,
+}
+
+/// An arc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Circle {
+    centre: Vector,
+    /// From the centre to the start.
+    out: Vector,
+    /// A quarter further.
+    side: Vector,
+    /// How far around, rad (> 0).
+    angle: f64,
+    turn: Turn,
+    length: f64,
+}
+
+impl Circle {
+    /// From `from` through the point `via` to `to`; with an `angle` (rad, not 0; negative: the other way around) so far around
+    /// instead, and the point `to` only defines the circle. The orientation of `to` counts with [`CircleOrientation::Even`]
+    /// only.
+    ///
+    /// # Errors
+    /// Points coincide or lie on a line, orientations are half a turn apart, something is not finite.
+    pub fn new(
+        from: &Pose,
+        via: Vector,
+        to: &Pose,
+        (orientation, angle): (CircleOrientation, Option<f64>),
+        metric: Metric,
+    ) -> Result<Self, GeometryError> {
+        finite(from)?;
+        finite(to)?;
+        if !via.iter().all(|x| x.is_finite()) || angle.is_some_and(|x| !x.is_finite()) {
+            return Err(GeometryError::NotFinite);
+        }
+        let (a, b, c) = (from.position, via, to.position);
+        for (first, second, p, q) in [(0, 1, a, b), (1, 2, b, c), (0, 2, a, c)] {
+            let distance_m = distance(p, q);
+            if distance_m < COINCIDENT_M {
+                return Err(GeometryError::Coincident {
+                    first,
+                    second,
+                    distance_m,
+                });
+            }
+        }
+        let (u, w) = (vector::subtract(b, a), vector::subtract(c, a));
+        let normal = vector::cross(u, w);
+        let (uu, ww, nn) = (
+            vector::dot(u, u),
+            vector::dot(w, w),
+            vector::dot(normal, normal),
+        );
+        if nn < uu * ww * COLLINEAR_SINE * COLLINEAR_SINE {
+            return Err(GeometryError::Collinear);
+        }
+        // The centre of the circumcircle, seen from the start.
+        let to_centre = vector::scale(
+            vector::add(
+                vector::scale(vector::cross(normal, u), ww),
+                vector::scale(vector::cross(w, normal), uu),
+            ),
+            0.5 / nn,
+        );
+        let centre = vector::add(a, to_centre);
+        let out = vector::scale(to_centre, -1.0);
+        let axis = vector::scale(normal, 1.0 / libm::sqrt(nn));
+        let side = vector::cross(axis, out);
+        let end = vector::subtract(c, centre);
+        let around = libm::atan2(vector::dot(side, end), vector::dot(out, end));
+        let around = if around > 0.0 {
+            around
+        } else {
+            around + 2.0 * core::f64::consts::PI
+        };
+        let angle = angle.unwrap_or(around);
+        let turn = match orientation {
+            CircleOrientation::Even => Turn::between(from.orientation, to.orientation)?,
+            CircleOrientation::Constant => Turn::none(from.orientation),
+            CircleOrientation::Path => Turn::about(from.orientation, axis, angle),
+        };
+        let way_m = vector::norm(out) * libm::fabs(angle);
+        Ok(Self {
+            centre,
+            out,
+            side,
+            angle,
+            turn,
+            length: metric.length(way_m, libm::fabs(turn.angle)),
+        })
+    }
+
+    /// Length in s (> 0).
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
+    /// The radius, m.
+    #[must_use]
+    pub fn radius_m(&self) -> f64 {
+        vector::norm(self.out)
+    }
+
+    /// Where the flange is.
+    #[inline]
+    pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
+        let fraction = s.over(self.length);
+        let (sin, cos) = fraction.scaled(self.angle).sin_cos();
+        let mut position = self.centre.map(T::constant);
+        for ((place, out), side) in position.iter_mut().zip(self.out).zip(self.side) {
+            *place = *place + cos.scaled(out) + sin.scaled(side);
+        }
+        Placement {
+            position,
+            orientation: self.turn.at(fraction),
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Polynomials of the fifth degree between two states, in several dimensions at once.
+//! Evaluated by the real-time thread; plain numbers.
+
+use super::jet::Scalar;
+
+/// Value, first and second derivative at one end.
+pub type End<const N: usize> = [[f64; N]; 3];
+
+/// A curve of the fifth degree over [0, length].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quintic<const N: usize> {
+    length: f64,
+    /// By powers of s/length, 0 to 5.
+    coefficients: [[f64; 6]; N],
+}
+
+impl<const N: usize> Quintic<N> {
+    /// The curve with value, first and second derivative of both ends; `length` > 0.
+    #[must_use]
+    pub fn between(from: End<N>, to: End<N>, length: f64) -> Self {
+        let h = length;
+        let mut coefficients = [[0.0; 6]; N];
+        for (axis, row) in coefficients.iter_mut().enumerate() {
+            let [p0, v0, a0] = from.map(|row| row[axis]);
+            let [p1, v1, a1] = to.map(|row| row[axis]);
+            let way = p1 - p0;
+            let (v0, v1, a0, a1) = (v0 * h, v1 * h, a0 * h * h, a1 * h * h);
+            *row = [
+                p0,
+                v0,
+                a0 / 2.0,
+                10.0 * way - 4.0 * v1 - 6.0 * v0 - 1.5 * a0 + 0.5 * a1,
+                -15.0 * way + 7.0 * v1 + 8.0 * v0 + 1.5 * a0 - a1,
+                6.0 * way - 3.0 * (v0 + v1) + 0.5 * (a1 - a0),
+            ];
+        }
+        Self {
+            length,
+            coefficients,
+        }
+    }
+
+    /// Where the curve is.
+    #[inline]
+    pub fn at<T: Scalar>(&self, s: T) -> [T; N] {
+        let x = s.over(self.length);
+        self.coefficients.map(|[a, b, c, d, e, f]| {
+            let sum = |sum: T, next: f64| sum * x + T::constant(next);
+            [e, d, c, b, a].into_iter().fold(T::constant(f), sum)
+        })
+    }
+
+    /// The first derivative by s.
+    #[inline]
+    pub fn slope(&self, s: f64) -> [f64; N] {
+        let over = 1.0 / self.length;
+        let x = s * over;
+        self.coefficients.map(|[_, b, c, d, e, f]| {
+            (b + x * (2.0 * c + x * (3.0 * d + x * (4.0 * e + x * 5.0 * f)))) * over
+        })
+    }
+}
