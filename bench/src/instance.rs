@@ -41,9 +41,11 @@ pub fn cell() -> DeviceTable {
             upper: [0.0; 8],
             velocity_max: [0.0; 8],
             acceleration_max: [0.0; 8],
+            jerk_max: [0.0; 8],
             joints: 0,
         },
         first_tolerance_rad: 0.0,
+        workspace: None,
         channels: [BOOLS as u32, 0, REALS as u32, 0],
     };
     DeviceTable {

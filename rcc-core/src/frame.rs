@@ -12,6 +12,7 @@ use crate::path::{PathClocks, PathLimits};
 use crate::pose::Pose;
 use crate::rotation::{self, Quaternion};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
+use crate::workspace::Workspace;
 
 /// A device as the core knows it, from the cell's configuration.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +25,8 @@ pub struct DeviceModel {
     pub limits: JointLimits,
     /// How far the first set-point of a net may be from the hold set-point, rad.
     pub first_tolerance_rad: f64,
+    /// Where the arm may be, `None` = anywhere; what a net is checked for before it starts.
+    pub workspace: Option<Workspace>,
     /// Number of digital inputs, digital outputs, analog inputs, analog outputs.
     pub channels: [u32; 4],
 }

@@ -28,6 +28,9 @@ pub struct JointLimits {
     pub velocity_max: [f64; JOINTS_MAX],
     /// Largest |acceleration|, rad/s².
     pub acceleration_max: [f64; JOINTS_MAX],
+    /// Largest |jerk|, rad/s³: what motions are planned with, and what a net is checked for before it starts; the guard
+    /// itself does not look at it.
+    pub jerk_max: [f64; JOINTS_MAX],
     /// Number of joints, at most [`JOINTS_MAX`].
     pub joints: usize,
 }
@@ -275,6 +278,7 @@ impl Guard {
             velocity_max,
             acceleration_max,
             joints,
+            ..
         } = self.limits;
         let ranges = lower.into_iter().zip(upper);
         let rates = velocity_max.into_iter().zip(acceleration_max);

@@ -37,6 +37,7 @@ pub mod timing;
 pub mod types;
 pub mod unit;
 pub mod vector;
+pub mod workspace;
 
 #[cfg(test)]
 mod testing;

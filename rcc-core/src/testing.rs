@@ -48,6 +48,7 @@ pub fn lwr() -> DeviceModel {
         upper: [0.0; 8],
         velocity_max: [2.0; 8],
         acceleration_max: [20.0; 8],
+        jerk_max: [2000.0; 8],
         joints: 7,
     };
     for (index, degrees) in [170.0_f64, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0]
@@ -68,6 +69,7 @@ pub fn lwr() -> DeviceModel {
         }),
         limits,
         first_tolerance_rad: 1e-3,
+        workspace: None,
         channels: [4, 4, 2, 2],
     }
 }

@@ -249,6 +249,7 @@ mod tests {
                 upper: [2.0; 8],
                 velocity_max: [2.0; 8],
                 acceleration_max: [20.0; 8],
+                jerk_max: [2000.0; 8],
                 joints: 7,
             };
             let limits = RestLimits {

@@ -204,6 +204,14 @@ impl CellConfig {
             hash.text(&device.name);
             hash.number(device.first_tolerance_rad.to_bits());
             hash.number(u64::from(device.robot.is_some()));
+            if let Some(space) = &device.workspace {
+                hash.text("workspace");
+                hash.reals(
+                    [space.lower, space.upper, space.point]
+                        .into_iter()
+                        .flatten(),
+                );
+            }
             if let Some(robot) = &device.robot {
                 hash.robot(robot);
             }

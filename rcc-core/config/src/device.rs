@@ -4,6 +4,7 @@
 use rcc_core::frame::DeviceModel;
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
+use rcc_core::workspace::Workspace;
 
 use crate::robot::{NO_JOINTS, RobotConfig};
 
@@ -26,6 +27,8 @@ pub struct DeviceConfig {
     pub channels: Vec<ChannelConfig>,
     /// How far the first set-point of a net may be from the hold set-point, rad per joint.
     pub first_tolerance_rad: f64,
+    /// Where the arm may be; `None` = anywhere.
+    pub workspace: Option<Workspace>,
     /// A command image older than this is stale, and the driver brings its device to rest; ns.
     pub command_timeout_ns: u64,
     /// How long set-points wait in the driver before they are played, ns; at most 12 periods.
@@ -106,6 +109,7 @@ impl DeviceConfig {
             arm: self.robot.as_ref().map(|robot| robot.arm),
             limits,
             first_tolerance_rad: self.first_tolerance_rad,
+            workspace: self.workspace,
             // At most DIGITAL_MAX = 64 of a kind.
             channels: CHANNEL_KINDS.map(|kind| self.channels_of(kind).count() as u32),
         }

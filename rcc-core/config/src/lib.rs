@@ -12,6 +12,7 @@ pub mod quantity;
 mod reader;
 pub mod recorder;
 pub mod robot;
+mod workspace;
 pub mod yaml;
 
 pub use access::{AccessConfig, TcpAccess};

@@ -55,6 +55,7 @@ impl RobotConfig {
             upper: column(|joint| joint.upper_rad),
             velocity_max: column(|joint| joint.velocity_rad_s),
             acceleration_max: column(|joint| joint.acceleration_rad_s2),
+            jerk_max: column(|joint| joint.jerk_rad_s3),
             joints: self.joints.len().min(JOINTS_MAX),
         }
     }
@@ -66,5 +67,6 @@ pub(crate) const NO_JOINTS: JointLimits = JointLimits {
     upper: [0.0; JOINTS_MAX],
     velocity_max: [0.0; JOINTS_MAX],
     acceleration_max: [0.0; JOINTS_MAX],
+    jerk_max: [0.0; JOINTS_MAX],
     joints: 0,
 };

@@ -334,3 +334,42 @@ fn a_port_on_the_command_line_is_name_and_number() {
         assert!(error.contains("name=number"), "{error}");
     }
 }
+
+#[test]
+fn a_workspace_bounds_the_axes_that_it_names() {
+    let with = |workspace: &str| {
+        let rest = format!("devices:\n  b: {{driver: c, robot: robots/good.yaml{workspace}}}\n");
+        parse(&format!("cell: a\nperiod: 1 ms\n{rest}"))
+    };
+    let none = with("").expect("valid");
+    assert_eq!(none.devices[0].workspace, None);
+    let space = with(
+        ", workspace: {box: {x: [0.2 m, 800 mm], z: [-5 mm, 1 m]}, point: [0 m, 0 m, 0.15 m]}",
+    );
+    let cell = space.expect("valid");
+    let space = cell.models()[0].workspace.expect("a workspace");
+    assert_eq!((space.lower[0], space.upper[0]), (0.2, 0.8));
+    assert_eq!(
+        (space.lower[1], space.upper[1]),
+        (f64::NEG_INFINITY, f64::INFINITY)
+    );
+    assert_eq!((space.lower[2], space.upper[2]), (-0.005, 1.0));
+    assert_eq!(space.point, [0.0, 0.0, 0.15]);
+    assert_ne!(cell.fingerprint(), none.fingerprint());
+    for (bad, count) in [
+        (", workspace: {}", 1),
+        (", workspace: {box: {}}", 1),
+        (", workspace: {box: {x: [1 m, 0 m], y: [0, 1 m]}}", 2),
+        (
+            ", workspace: {box: {x: [0 m, 1 m]}, point: [0 m, 1 m], colour: red}",
+            2,
+        ),
+    ] {
+        let faults = with(bad).expect_err("refused");
+        assert_eq!(faults.diagnostics.len(), count, "{bad}: {faults}");
+    }
+    let io = parse(
+        "cell: a\nperiod: 1 ms\ndevices:\n  b: {driver: c, workspace: {box: {x: [0 m, 1 m]}}}\n",
+    );
+    assert_eq!(io.expect_err("no arm").diagnostics.len(), 1);
+}

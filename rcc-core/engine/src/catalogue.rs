@@ -73,6 +73,7 @@ pub fn models() -> Vec<DeviceModel> {
         upper: [2.9; 8],
         velocity_max: [2.0; 8],
         acceleration_max: [20.0; 8],
+        jerk_max: [2000.0; 8],
         joints: JOINTS as usize,
     };
     let model = DeviceModel {
@@ -80,6 +81,7 @@ pub fn models() -> Vec<DeviceModel> {
         arm: Some(ARM),
         limits,
         first_tolerance_rad: 1e-3,
+        workspace: None,
         channels: [
             DIGITAL_MAX as u32,
             DIGITAL_MAX as u32,

@@ -16,6 +16,7 @@ fn guard() -> Guard {
         upper: [2.0; JOINTS_MAX],
         velocity_max: [1.5; JOINTS_MAX],
         acceleration_max: [10.0; JOINTS_MAX],
+        jerk_max: [1000.0; JOINTS_MAX],
         joints: 2,
     };
     Guard::new(limits, 1e-3)

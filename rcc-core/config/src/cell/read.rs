@@ -19,6 +19,7 @@ use crate::ports::{self, Numbers};
 use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
 use crate::recorder;
 use crate::robot::{self, RobotConfig};
+use crate::workspace;
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 11] = [
@@ -37,12 +38,13 @@ const KEYS: [&str; 11] = [
 const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
 const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
 const SIMULATOR_KEYS: [&str; 4] = ["program", "arguments", "device", "control"];
-const DEVICE_KEYS: [&str; 7] = [
+const DEVICE_KEYS: [&str; 8] = [
     "driver",
     "robot",
     "settings",
     "channels",
     "first_tolerance",
+    "workspace",
     "command_timeout",
     "delay",
 ];
@@ -383,6 +385,7 @@ impl Reading<'_> {
             None => Some(Vec::new()),
         };
         let tolerance = self.first_tolerance(&fields);
+        let workspace = workspace::read(&mut self.reader, &fields);
         let timeout = self.timeout(
             &fields,
             "command_timeout",
@@ -397,6 +400,7 @@ impl Reading<'_> {
             settings: settings?,
             channels: channels?,
             first_tolerance_rad: tolerance?,
+            workspace: workspace?,
             command_timeout_ns: timeout?,
             delay_ns: delay?,
         })
@@ -422,7 +426,7 @@ impl Reading<'_> {
     }
 
     fn refuse_keys_of_arms(&mut self, fields: &Fields<'_>) {
-        for key in ["first_tolerance", "delay"] {
+        for key in ["first_tolerance", "workspace", "delay"] {
             if let Some(entry) = fields.entry(key) {
                 let message = format!("`{key}` has no meaning for a device without a robot");
                 let help = "remove it, or name the robot's file: `robot: …`";

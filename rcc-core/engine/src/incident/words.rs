@@ -9,6 +9,7 @@ use rcc_core::kinematics::SrsArm;
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
 use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region, Run};
 use rcc_core::types::Store;
+use rcc_core::workspace::Workspace;
 use rcc_ipc::control::PlanData;
 use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
 
@@ -284,7 +285,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
 }
 
 const ARM: usize = 4 + 7;
-const LIMITS: usize = 4 * JOINTS_MAX + 1;
+const LIMITS: usize = 5 * JOINTS_MAX + 1;
 
 /// The devices of a cell.
 pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
@@ -306,13 +307,19 @@ pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
             upper,
             velocity_max,
             acceleration_max,
+            jerk_max,
             joints,
         } = &model.limits;
-        let groups = [lower, upper, velocity_max, acceleration_max];
+        let groups = [lower, upper, velocity_max, acceleration_max, jerk_max];
         out.extend(groups.into_iter().flatten().map(|value| value.to_bits()));
         out.push(*joints as u64);
         out.push(model.first_tolerance_rad.to_bits());
         out.extend(model.channels.map(u64::from));
+        // Without a workspace: one without bounds.
+        let space = model.workspace.unwrap_or(Workspace::ANYWHERE);
+        out.push(u64::from(model.workspace.is_some()));
+        let groups = [space.lower, space.upper, space.point];
+        out.extend(groups.into_iter().flatten().map(f64::to_bits));
     }
     out
 }
@@ -356,6 +363,13 @@ fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
         return Err(Damaged("the number of joints"));
     }
     let [tolerance, channels @ ..] = words.some::<5>("a device's channels")?;
+    let [has_space] = words.some("a workspace")?;
+    let mut corner = || Ok(words.some::<3>("a workspace")?.map(f64::from_bits));
+    let space = Workspace {
+        lower: corner()?,
+        upper: corner()?,
+        point: corner()?,
+    };
     Ok(DeviceModel {
         joints,
         arm,
@@ -364,9 +378,11 @@ fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
             upper: group(1),
             velocity_max: group(2),
             acceleration_max: group(3),
+            jerk_max: group(4),
             joints: number,
         },
         first_tolerance_rad: f64::from_bits(tolerance),
+        workspace: (has_space != 0).then_some(space),
         channels: channels.map(|count| count as u32),
     })
 }

@@ -28,6 +28,7 @@ pub fn model() -> DeviceModel {
         upper: [2.9; 8],
         velocity_max: [2.0; 8],
         acceleration_max: [20.0; 8],
+        jerk_max: [2000.0; 8],
         joints: 7,
     };
     DeviceModel {
@@ -41,6 +42,7 @@ pub fn model() -> DeviceModel {
         }),
         limits,
         first_tolerance_rad: 1e-3,
+        workspace: None,
         channels: [4; 4],
     }
 }

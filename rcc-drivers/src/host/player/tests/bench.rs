@@ -18,6 +18,7 @@ pub(super) fn limits() -> ArmLimits {
             upper: [2.0; JOINTS_MAX],
             velocity_max: [2.0; JOINTS_MAX],
             acceleration_max: [A_MAX; JOINTS_MAX],
+            jerk_max: [J_MAX; JOINTS_MAX],
             joints: 7,
         },
         jerk_max: [J_MAX; JOINTS_MAX],
