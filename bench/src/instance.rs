@@ -8,7 +8,6 @@ use rcc_core::cycle::cycle;
 use rcc_core::frame::{DeviceInput, DeviceModel, Frame};
 use rcc_core::guard::JointLimits;
 use rcc_core::message::Measurement;
-use rcc_core::path::{PathClocks, PathState};
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_core::unit::Unit;
 use rcc_language::devices::{Channel, Device, DeviceTable};
@@ -77,15 +76,6 @@ pub fn measurement(cycle: u64) -> Measurement {
         measurement.digital |= u64::from(external_bool(cycle, k)) << k;
     }
     measurement
-}
-
-/// A graph has no motions.
-struct NoClocks;
-
-impl PathClocks for NoClocks {
-    fn step(&mut self, _: usize, _: bool) -> Option<PathState> {
-        None
-    }
 }
 
 /// The slots of a node's result.
@@ -168,7 +158,7 @@ impl Instance {
             models: &self.models,
             devices: &self.devices,
             outputs: &mut [],
-            clocks: &mut NoClocks,
+            motions: &mut (),
             dt_s: 1e-3,
             cycle: self.cycles,
             cancel_requested: false,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::guard::JointLimits;
 use crate::kinematics::SrsArm;
 use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
-use crate::path::{PathClocks, PathLimits};
+use crate::path::{MotionBuilder, MotionFault, Motions};
 use crate::pose::Pose;
 use crate::rotation::{self, Quaternion};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
@@ -80,8 +80,8 @@ pub struct Frame<'a> {
     pub devices: &'a [DeviceInput],
     /// Commands, by device index.
     pub outputs: &'a mut [DeviceOutput],
-    /// The jerk-limited motions along paths.
-    pub clocks: &'a mut dyn PathClocks,
+    /// The motions of the net.
+    pub motions: &'a mut dyn Motions,
     /// Period, s.
     pub dt_s: f64,
     /// Cycles of this net evaluated before this one.
@@ -324,8 +324,8 @@ pub struct Preparation<'a> {
     pub models: &'a [DeviceModel],
     /// The hold set-point of each device, `None` if it is not known now.
     pub holds: &'a [Option<Joints>],
-    /// Limits of each path clock, to be filled in.
-    pub paths: &'a mut [PathLimits],
+    /// Makes the motions of the net.
+    pub motions: &'a mut dyn MotionBuilder,
     /// Period of the net, s.
     pub dt_s: f64,
 }
@@ -350,14 +350,26 @@ impl Preparation<'_> {
     /// # Errors
     /// `HoldUnknown` while the driver does not reach the device.
     pub fn arm_at_rest(&self, device: u32) -> Result<(SrsArm, [f64; 7]), PrepareFault> {
-        let model = self.models.get(device as usize);
-        let arm = model
-            .and_then(|model| model.arm)
-            .ok_or(PrepareFault::NoArm { device })?;
-        let hold = self.holds.get(device as usize).copied().flatten();
-        let [q1, q2, q3, q4, q5, q6, q7, _] = hold.ok_or(PrepareFault::HoldUnknown { device })?;
-        Ok((arm, [q1, q2, q3, q4, q5, q6, q7]))
+        arm_at_rest(self.models, self.holds, device)
     }
+}
+
+/// The hold set-point and the kinematics of an arm.
+///
+/// # Errors
+/// `HoldUnknown` while the driver does not reach the device; `NoArm`.
+pub fn arm_at_rest(
+    models: &[DeviceModel],
+    holds: &[Option<Joints>],
+    device: u32,
+) -> Result<(SrsArm, [f64; 7]), PrepareFault> {
+    let model = models.get(device as usize);
+    let arm = model
+        .and_then(|model| model.arm)
+        .ok_or(PrepareFault::NoArm { device })?;
+    let hold = holds.get(device as usize).copied().flatten();
+    let [q1, q2, q3, q4, q5, q6, q7, _] = hold.ok_or(PrepareFault::HoldUnknown { device })?;
+    Ok((arm, [q1, q2, q3, q4, q5, q6, q7]))
 }
 
 /// Why the start values of a command could not be computed.
@@ -373,11 +385,13 @@ pub enum PrepareFault {
         /// Device index.
         device: u32,
     },
-    /// A motion turns by 180°: both ways are equally short.
-    AmbiguousRotation,
-    /// A speed, acceleration or jerk of a motion is useless together with the others.
-    PathLimits {
-        /// The limits as computed for the path.
-        limits: PathLimits,
+    /// A motion cannot be made as asked for.
+    Motion {
+        /// Index of the motion in its net.
+        motion: u32,
+        /// The leg, from 0.
+        leg: u32,
+        /// Why.
+        fault: MotionFault,
     },
 }

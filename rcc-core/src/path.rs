@@ -1,7 +1,11 @@
-//! One-dimensional motion along a path: what a motion primitive asks of a path clock, and what it gets each cycle.
-//! Plain data and one trait; used by the real-time thread, implemented outside this package where objects need a heap.
+//! Motion along a path: what a primitive asks for when its net is made ready, and what it gets in each cycle.
+//! Plain data and two traits; what needs a heap to be built is implemented outside of this package (rcc-motion).
 
 use serde::{Deserialize, Serialize};
+
+use crate::frame::PrepareFault;
+use crate::message::Joints;
+use crate::pose::Pose;
 
 /// How far and how fast the path parameter s may go, from rest at 0 to rest at `length`.
 ///
@@ -33,18 +37,110 @@ pub struct PathState {
     pub stopping: bool,
 }
 
-/// The path clocks of one running net, by index.
-pub trait PathClocks {
-    /// Steps clock `index` by one cycle and returns its state; the first step returns the state at time 0 (s = 0, rest).
-    ///
-    /// Once `stop` was true the clock brakes to rest on the path, within its limits, and stays there. `None`: there is
-    /// no such clock.
-    fn step(&mut self, index: usize, stop: bool) -> Option<PathState>;
+/// What a net says to a motion in one cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    /// Come to rest on the path, for good.
+    pub stop: bool,
 }
 
-impl PathClocks for () {
-    /// A net without motions has no clocks.
-    fn step(&mut self, _index: usize, _stop: bool) -> Option<PathState> {
+/// Where a motion is in this cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionState {
+    /// Along the whole path, in the path's own unit.
+    pub path: PathState,
+    /// The leg that the motion is in, from 0; a blend belongs to the leg that it leaves.
+    pub leg: u32,
+    /// Set-point of the flange, in the arm's base; null for a motion that gives joints only.
+    pub pose: Pose,
+    /// Set-point of the joints, rad; null for a motion that gives poses only.
+    pub joints: Joints,
+    /// Way of the flange since the start, m.
+    pub distance: f64,
+    /// Speed of the flange along the path, m/s.
+    pub speed: f64,
+    /// Acceleration of the flange along the path, m/s².
+    pub acceleration: f64,
+}
+
+/// The motions of one running net, by index. The real-time thread.
+pub trait Motions {
+    /// Steps motion `index` by one cycle; the first step gives its start, at rest.
+    ///
+    /// It never leaves its path, goes forward only, and keeps its limits whatever the drives are. `None`: there is no
+    /// such motion.
+    fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState>;
+}
+
+impl Motions for () {
+    /// A net without motions.
+    fn step(&mut self, _index: usize, _drive: Drive) -> Option<MotionState> {
         None
     }
+}
+
+/// Greatest speed, acceleration and jerk of something along its way, in its unit per s, s² and s³ (each > 0).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// Per second.
+    pub velocity: f64,
+    /// Per second squared.
+    pub acceleration: f64,
+    /// Per second cubed.
+    pub jerk: f64,
+}
+
+/// One piece of a path, from where the one before ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Segment {
+    /// A straight line of the flange, and the shortest turn.
+    Line {
+        /// Its end, in the arm's base.
+        to: Pose,
+    },
+}
+
+/// A segment and how to go along it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    /// Its shape.
+    pub segment: Segment,
+    /// Of the flange's position, m.
+    pub line: Limits,
+    /// Of the flange's orientation, rad.
+    pub turn: Limits,
+}
+
+/// A path that a net asks for.
+#[derive(Debug, Clone, Copy)]
+pub struct PathRequest<'a> {
+    /// Index of the arm.
+    pub device: u32,
+    /// Flange at the start, in the arm's base; `None`: at the arm's hold set-point.
+    pub from: Option<Pose>,
+    /// In order; at least one.
+    pub legs: &'a [Leg],
+}
+
+/// Builds the motions of a net that is made ready; off the real-time thread.
+pub trait MotionBuilder {
+    /// Builds motion `index`.
+    ///
+    /// # Errors
+    /// What cannot be gone along as asked for.
+    fn path(&mut self, index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault>;
+}
+
+/// Why a leg of a path cannot be gone along.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum MotionFault {
+    /// It turns by 180°: both ways are equally short.
+    AmbiguousRotation,
+    /// Speed, acceleration and jerk are useless together.
+    Limits {
+        /// The limits as computed for the path.
+        limits: PathLimits,
+    },
+    /// There is no such motion in the plan.
+    NoMotion,
 }

@@ -11,33 +11,45 @@ use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, P
 use crate::guard::JointLimits;
 use crate::kinematics::SrsArm;
 use crate::message::{JOINTS_MAX, Joints, Measurement};
-use crate::path::{PathClocks, PathLimits, PathState};
+use crate::path::{Drive, MotionBuilder, MotionState, Motions, PathRequest, PathState};
+use crate::pose::Pose;
 use crate::primitive::{Entry, Kernel, Operand, Size, Sizes};
 use crate::primitives;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
-/// A path clock that moves at constant speed, for tests of geometry.
-struct Steady {
-    s: f64,
-    limits: Option<PathLimits>,
+/// A motion that is under way until it is stopped: for tests of what a primitive makes of it.
+#[derive(Default)]
+struct Endless {
+    built: bool,
     stopped: bool,
 }
 
-impl PathClocks for Steady {
-    fn step(&mut self, _index: usize, stop: bool) -> Option<PathState> {
-        let limits = self.limits?;
-        self.stopped |= stop;
-        let state = PathState {
-            s: self.s,
-            velocity: limits.velocity,
-            acceleration: 0.0,
-            done: self.stopped || self.s >= limits.length,
+impl MotionBuilder for Endless {
+    fn path(&mut self, _index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault> {
+        assert!(!request.legs.is_empty());
+        self.built = true;
+        Ok(())
+    }
+}
+
+impl Motions for Endless {
+    fn step(&mut self, _index: usize, drive: Drive) -> Option<MotionState> {
+        self.stopped |= drive.stop;
+        let path = PathState {
+            done: self.stopped,
             stopping: self.stopped,
+            ..PathState::default()
         };
-        if !self.stopped {
-            self.s = (self.s + limits.velocity * 1e-3).min(limits.length);
-        }
-        Some(state)
+        let state = MotionState {
+            path,
+            leg: 0,
+            pose: Pose::from_xyz_rpy([0.0; 3], [0.0; 3]),
+            joints: [0.0; JOINTS_MAX],
+            distance: 0.0,
+            speed: 0.0,
+            acceleration: 0.0,
+        };
+        self.built.then_some(state)
     }
 }
 
@@ -83,7 +95,7 @@ pub struct Bench {
     ints: Vec<i64>,
     operands: Vec<u32>,
     names: Vec<(&'static str, usize)>,
-    clocks: Steady,
+    motions: Endless,
     pub model: DeviceModel,
     pub device: DeviceInput,
     pub output: DeviceOutput,
@@ -160,11 +172,7 @@ impl Bench {
             ints,
             operands,
             names,
-            clocks: Steady {
-                s: 0.0,
-                limits: None,
-                stopped: false,
-            },
+            motions: Endless::default(),
             model: lwr(),
             device: DeviceInput {
                 present: true,
@@ -257,23 +265,14 @@ impl Bench {
 
     /// Computes the start values.
     pub fn prepare(&mut self) -> Result<(), PrepareFault> {
-        let none = PathLimits {
-            length: 0.0,
-            velocity: 1.0,
-            acceleration: 1.0,
-            jerk: 1.0,
-        };
-        let mut paths = [none];
         let mut preparation = Preparation {
             reals: &mut self.reals,
             models: &[self.model],
             holds: &[self.hold],
-            paths: &mut paths,
+            motions: &mut self.motions,
             dt_s: 1e-3,
         };
-        (self.entry.prepare.expect("a prepared primitive"))(&mut preparation, &self.operands)?;
-        self.clocks.limits = Some(paths[0]);
-        Ok(())
+        (self.entry.prepare.expect("a prepared primitive"))(&mut preparation, &self.operands)
     }
 
     /// One cycle.
@@ -286,7 +285,7 @@ impl Bench {
             models: &[self.model],
             devices: &[self.device],
             outputs: outputs.as_mut_slice(),
-            clocks: &mut self.clocks,
+            motions: &mut self.motions,
             dt_s: 1e-3,
             cycle: self.cycle,
             cancel_requested: self.cancel_requested,

@@ -13,6 +13,7 @@ use std::path::Path;
 use executor::{FakeExecutor, TestCell};
 use rcc_core::frame::PrepareFault;
 use rcc_core::message::CommandState;
+use rcc_core::path::MotionFault;
 use rcc_core::plan::Resource;
 use rcc_ipc::control::{Call, Refusal};
 use rcc_loader::server::api::{Done, Named, Switch};
@@ -339,7 +340,11 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         device(2),
         Refusal::FirstCycle { code: 3 },
         Refusal::Plan(rcc_core::plan::PlanError::OtherConfiguration),
-        Refusal::Prepare(PrepareFault::AmbiguousRotation),
+        Refusal::Prepare(PrepareFault::Motion {
+            motion: 0,
+            leg: 0,
+            fault: MotionFault::AmbiguousRotation,
+        }),
         Refusal::Overloaded,
         Refusal::Stopping,
         Refusal::NoRecorder,

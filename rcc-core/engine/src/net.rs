@@ -6,12 +6,11 @@ use std::sync::Arc;
 use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
-use rcc_core::path::PathLimits;
-use rcc_core::plan::{Checked, MonitorPoint, Plan, PlanError, Rate, Resources, Run, ValuePoint};
+use rcc_core::plan::{Checked, MonitorPoint, Plan, Rate, Resources, Run, ValuePoint};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{InputValue, PlanData, Refusal};
-use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
+use rcc_motion::{Builder, MotionSet};
 
 use crate::input::{Arenas, Inputs};
 use crate::queue::Reading;
@@ -27,7 +26,9 @@ pub struct Net {
     reals: Box<[f64]>,
     bools: Box<[u8]>,
     ints: Box<[i64]>,
-    clocks: Clocks,
+    motions: MotionSet,
+    /// Where the arms rested when its start values were computed, and the period that it was built for.
+    begun: Begun,
     inputs: Inputs,
     outputs: Box<[DeviceOutput]>,
     /// Primitives in each run.
@@ -45,13 +46,22 @@ pub struct Net {
     pub panics: bool,
 }
 
-/// What a net begins from, after its start values were computed.
+/// What a net begins from: the same gives the same net.
 #[derive(Clone, Debug)]
 pub struct Origin {
     /// The plan, with start values.
     pub data: Arc<PlanData>,
-    /// Its path clocks, at rest at 0.
-    pub clocks: Clocks,
+    /// What its start values depend on.
+    pub begun: Begun,
+}
+
+/// What start values depend on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Begun {
+    /// The hold set-point of each device, `None` if it was not known.
+    pub holds: Arc<[Option<Joints>]>,
+    /// The executor's period, s.
+    pub dt_s: f64,
 }
 
 /// What one evaluation came to.
@@ -94,28 +104,41 @@ impl Net {
             .check(models, configuration)
             .map_err(Refusal::Plan)?;
         let step_s = step_s(dt_s, data.rate);
-        let clocks = prepare(&mut data, models, holds, step_s).map_err(Refusal::Prepare)?;
-        Ok(Net::made(Arc::new(data), checked, clocks, models.len()))
+        let motions = prepare(&mut data, models, holds, step_s).map_err(Refusal::Prepare)?;
+        let begun = Begun {
+            holds: holds.into(),
+            dt_s,
+        };
+        Ok(Net::made(
+            Arc::new(data),
+            checked,
+            motions,
+            begun,
+            models.len(),
+        ))
     }
 
-    /// A net from what [`Net::origin`] gave: checked again, its start values as they were. Not for the real-time thread.
+    /// A net from what [`Net::origin`] gave: checked again, and its start values computed again. Not for the real-time
+    /// thread.
     ///
     /// # Errors
-    /// The plan does not check, or has another number of clocks.
+    /// The plan does not check, or its start values cannot be computed.
     pub fn rebuild(
         origin: &Origin,
         models: &[DeviceModel],
         configuration: u64,
-    ) -> Result<Box<Net>, PlanError> {
-        let checked = origin.data.plan().check(models, configuration)?;
-        if origin.clocks.0.len() != origin.data.clocks as usize {
-            return Err(PlanError::Clocks);
-        }
-        let (data, clocks) = (Arc::clone(&origin.data), origin.clocks.clone());
-        Ok(Net::made(data, checked, clocks, models.len()))
+    ) -> Result<Box<Net>, Refusal> {
+        let Begun { holds, dt_s } = &origin.begun;
+        Net::build((*origin.data).clone(), models, configuration, holds, *dt_s)
     }
 
-    fn made(data: Arc<PlanData>, checked: Checked, clocks: Clocks, devices: usize) -> Box<Net> {
+    fn made(
+        data: Arc<PlanData>,
+        checked: Checked,
+        motions: MotionSet,
+        begun: Begun,
+        devices: usize,
+    ) -> Box<Net> {
         Box::new(Net {
             reals: data.reals.clone().into(),
             bools: data.bools.clone().into(),
@@ -124,7 +147,8 @@ impl Net {
             outputs: vec![DeviceOutput::NONE; devices].into(),
             run_lengths: data.runs.iter().map(primitives_in).collect(),
             expected_ns: 0,
-            clocks,
+            motions,
+            begun,
             checked,
             data,
             cycles: 0,
@@ -135,13 +159,11 @@ impl Net {
         })
     }
 
-    /// What the net begins from. Copies the clocks: not for the real-time thread.
+    /// What the net begins from. Not for the real-time thread.
     pub fn origin(&self) -> Origin {
-        let mut clocks = self.clocks.clone();
-        clocks.reset();
         Origin {
             data: Arc::clone(&self.data),
-            clocks,
+            begun: self.begun.clone(),
         }
     }
 
@@ -150,22 +172,20 @@ impl Net {
         (&self.reals, &self.bools, &self.ints)
     }
 
-    /// Its path clocks.
-    pub fn clocks(&self) -> &[PathClock] {
-        &self.clocks.0
+    /// Its motions.
+    pub fn motions(&self) -> &MotionSet {
+        &self.motions
     }
 
     /// Goes on from a state that was recorded; `None`, and nothing changes, if it is that of another net.
     pub fn restore(&mut self, state: &Snapshot<'_>) -> Option<()> {
-        let (clocks, rest) = state.clocks.as_chunks::<CLOCK_WORDS>();
         let fits = state.reals.len() == self.reals.len()
             && state.ints.len() == self.ints.len()
-            && state.bools.len() == self.bools.len().div_ceil(8)
-            && clocks.len() == self.clocks.0.len()
-            && rest.is_empty();
+            && state.bools.len() == self.bools.len().div_ceil(8);
         if !fits {
             return None;
         }
+        self.motions.restore(state.motions)?;
         for (place, word) in self.reals.iter_mut().zip(state.reals) {
             *place = f64::from_bits(*word);
         }
@@ -175,9 +195,6 @@ impl Net {
         let bytes = state.bools.iter().flat_map(|word| word.to_le_bytes());
         for (place, byte) in self.bools.iter_mut().zip(bytes) {
             *place = byte;
-        }
-        for (place, words) in self.clocks.0.iter_mut().zip(clocks) {
-            *place = PathClock::from_words(words);
         }
         (self.cycles, self.cancel_requested) = (state.cycles, state.cancel);
         Some(())
@@ -283,7 +300,7 @@ impl Net {
         self.reals.copy_from_slice(&self.data.reals);
         self.bools.copy_from_slice(&self.data.bools);
         self.ints.copy_from_slice(&self.data.ints);
-        self.clocks.reset();
+        self.motions.reset();
         self.cycles = 0;
         self.cancel_requested = false;
         self.outputs.fill(DeviceOutput::NONE);
@@ -357,7 +374,7 @@ impl Net {
             models,
             devices,
             outputs: &mut self.outputs,
-            clocks: &mut self.clocks,
+            motions: &mut self.motions,
             dt_s: step_s,
             cycle: self.cycles,
             cancel_requested: self.cancel_requested,
@@ -457,20 +474,14 @@ pub fn record(
     }
 }
 
-/// Runs the `prepare` of every primitive that has one, over the initial arena, and builds the path clocks.
+/// Runs the `prepare` of every primitive that has one, over the initial arena, and builds the motions.
 fn prepare(
     data: &mut PlanData,
     models: &[DeviceModel],
     holds: &[Option<Joints>],
     dt_s: f64,
-) -> Result<Clocks, PrepareFault> {
-    let nowhere = PathLimits {
-        length: 0.0,
-        velocity: 1.0,
-        acceleration: 1.0,
-        jerk: 1.0,
-    };
-    let mut paths = vec![nowhere; data.clocks as usize];
+) -> Result<MotionSet, PrepareFault> {
+    let mut motions = Builder::new(models, holds, dt_s, data.clocks);
     for run in &data.runs {
         let Some((entry, kernel)) = primitives::kernel(run.kernel) else {
             continue;
@@ -485,16 +496,13 @@ fn prepare(
                 reals: &mut data.reals,
                 models,
                 holds,
-                paths: &mut paths,
+                motions: &mut motions,
                 dt_s,
             };
             prepare(&mut preparation, operands)?;
         }
     }
-    let clocks = paths.into_iter().map(|limits| {
-        PathClock::new(limits, dt_s).map_err(|_| PrepareFault::PathLimits { limits })
-    });
-    Ok(Clocks(clocks.collect::<Result<_, _>>()?))
+    motions.finish()
 }
 
 /// Number of primitives in a run.

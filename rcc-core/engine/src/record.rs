@@ -11,7 +11,6 @@ pub mod ring;
 
 use rcc_core::frame::DeviceInput;
 use rcc_core::message::{COMMANDS_MAX, CommandState, DEVICES_MAX, EndReason, FaultRecord};
-use rcc_motion::CLOCK_WORDS;
 use rtrb::{Consumer, Producer};
 
 use crate::net::{Evaluation, Net};
@@ -264,7 +263,7 @@ impl Recorder {
     fn snapshot(&mut self, id: u64, net: &Net, flags: u16) {
         let (reals, bools, ints) = net.arenas();
         let packed = bools.len().div_ceil(8);
-        let words = 5 + reals.len() + ints.len() + packed + net.clocks().len() * CLOCK_WORDS;
+        let words = 5 + reals.len() + ints.len() + packed + net.motions().words();
         if words > self.snapshot_words_max {
             let head = head(Tag::TooLarge, 0, 0, 2);
             self.ring.push(&[head, id, words as u64]);
@@ -281,9 +280,9 @@ impl Recorder {
         for bytes in bools.chunks(8) {
             self.ring.push(&[hash::packed(bytes)]);
         }
-        for clock in net.clocks() {
-            self.ring.push(&clock.words());
-        }
+        net.motions().save(|words| {
+            self.ring.push(words);
+        });
     }
 
     /// Freezes the recording, soon.

@@ -5,10 +5,11 @@
 use std::collections::BTreeMap;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
-use rcc_core::plan::PlanError;
 use rcc_core::primitive::Operand;
 use rcc_core::primitives;
 use rcc_core::types::Store;
+
+use rcc_ipc::control::Refusal;
 
 use crate::net::{Evaluation, Net, Origin};
 use crate::record::entry::{Entries, Entry, NoRecord, Snapshot, input_of};
@@ -41,7 +42,7 @@ pub enum ReplayError {
         /// Its id.
         id: u64,
         /// Why.
-        error: PlanError,
+        error: Refusal,
     },
     /// An input of a device that the cell does not have.
     #[error("cycle {cycle} has an input of device {device}, which the cell does not have")]

@@ -4,6 +4,7 @@ mod bench;
 
 use bench::{Bench, cell, example, folder};
 use rcc_config::CellConfig;
+use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
 use rcc_language::fault;
 use rcc_motion::stop_time;
@@ -173,6 +174,14 @@ impl Bench {
     }
 }
 
+/// Limits of the guarded line; a stop does not depend on the length.
+const LINE: PathLimits = PathLimits {
+    length: 0.0,
+    velocity: 0.1,
+    acceleration: 0.5,
+    jerk: 5.0,
+};
+
 #[test]
 fn the_guarded_line_stops_within_its_limits_when_the_force_rises() {
     let cell = demo();
@@ -184,7 +193,7 @@ fn the_guarded_line_stops_within_its_limits_when_the_force_rises() {
     let stop_s = stop_time(
         bench.value("move.speed"),
         bench.value("move.acceleration"),
-        &bench.limits[0],
+        &LINE,
     );
     let begin = bench.cycle;
     bench.inputs[0].measurement.wrench[2] = 12.5;

@@ -7,9 +7,12 @@
 #![forbid(unsafe_code)]
 
 pub mod geometry;
+mod line;
+mod motion;
 mod path_clock;
 mod profile;
 mod rest;
 
-pub use path_clock::{CLOCK_WORDS, Clocks, PathClock, PathLimitsError, stop_time};
+pub use motion::{Builder, Motion, MotionSet};
+pub use path_clock::{CLOCK_WORDS, PathClock, PathLimitsError, stop_time};
 pub use rest::{Rest, RestFault, RestLimits, RestLimitsError};

@@ -1,7 +1,7 @@
 //! The clock of a path: how the path parameter s goes from rest at 0 to rest at the length, or stops on the way.
 //! Planned by the executor's intake thread (rsruckig, which allocates), stepped by the real-time thread (which must not).
 
-use rcc_core::path::{PathClocks, PathLimits, PathState};
+use rcc_core::path::{PathLimits, PathState};
 use rsruckig::prelude::{DataArrayOrVec, InputParameter, Ruckig, ThrowErrorHandler, Trajectory};
 use thiserror::Error;
 
@@ -164,23 +164,6 @@ impl PathClock {
 #[must_use]
 pub fn stop_time(velocity: f64, acceleration: f64, limits: &PathLimits) -> f64 {
     Stop::new(velocity, acceleration, limits.acceleration, limits.jerk).duration_s()
-}
-
-/// The clocks of one net, in the order of its plan.
-#[derive(Debug, Clone, Default)]
-pub struct Clocks(pub Vec<PathClock>);
-
-impl Clocks {
-    /// All clocks back to the state after their construction; allocates nothing.
-    pub fn reset(&mut self) {
-        self.0.iter_mut().for_each(PathClock::reset);
-    }
-}
-
-impl PathClocks for Clocks {
-    fn step(&mut self, index: usize, stop: bool) -> Option<PathState> {
-        self.0.get_mut(index).map(|clock| clock.step(stop))
-    }
 }
 
 fn check(limits: &PathLimits, dt_s: f64) -> Result<(), PathLimitsError> {

@@ -3,8 +3,11 @@
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rcc_core::message::JOINTS_MAX;
-use rcc_core::path::{PathClocks, PathLimits};
-use rcc_motion::{Clocks, PathClock, Rest, RestLimits, stop_time};
+use rcc_core::path::{
+    Drive, Leg, Limits, MotionBuilder, Motions, PathLimits, PathRequest, Segment,
+};
+use rcc_core::pose::Pose;
+use rcc_motion::{Builder, MotionSet, Rest, RestLimits, stop_time};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -17,21 +20,48 @@ const LINE: PathLimits = PathLimits {
     jerk: 10.0,
 };
 
+/// Three lines of 0.5 m.
+fn lines() -> MotionSet {
+    let limits = Limits {
+        velocity: LINE.velocity,
+        acceleration: LINE.acceleration,
+        jerk: LINE.jerk,
+    };
+    let request = PathRequest {
+        device: 0,
+        from: Some(Pose::from_xyz_rpy([0.0; 3], [0.0; 3])),
+        legs: &[Leg {
+            segment: Segment::Line {
+                to: Pose::from_xyz_rpy([LINE.length, 0.0, 0.0], [0.0, 0.1, 0.0]),
+            },
+            line: limits,
+            turn: limits,
+        }],
+    };
+    let mut builder = Builder::new(&[], &[], DT, 3);
+    (0..3).for_each(|index| builder.path(index, &request).unwrap());
+    builder.finish().unwrap()
+}
+
 #[test]
-fn a_clock_runs_stops_and_begins_again_without_the_heap() {
-    let mut clocks = Clocks(vec![PathClock::new(LINE, DT).unwrap(); 3]);
+fn a_motion_runs_stops_and_begins_again_without_the_heap() {
+    let mut motions = lines();
     let done = assert_no_alloc(|| {
         let mut done = 0;
         for stop_at in [0, 1, 50, 1300, 2000, usize::MAX] {
-            clocks.reset();
+            motions.reset();
+            motions.save(|words| {
+                std::hint::black_box(words);
+            });
             let ran = (0..5000).any(|cycle| {
-                clocks
-                    .step(1, cycle >= stop_at)
-                    .is_some_and(|state| state.done)
+                let stop = cycle >= stop_at;
+                let state = motions.step(1, Drive { stop });
+                state.is_some_and(|state| state.path.done)
             });
             done += u32::from(ran);
         }
-        std::hint::black_box((clocks.step(3, false), stop_time(0.2, f64::NAN, &LINE)));
+        let none = motions.step(3, Drive { stop: false });
+        std::hint::black_box((none, stop_time(0.2, f64::NAN, &LINE)));
         done
     });
     assert_eq!(done, 6);

@@ -5,6 +5,7 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
 use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
+use rcc_core::path::MotionFault;
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
 use rcc_ipc::control::{InputFault, Refusal};
@@ -323,17 +324,7 @@ impl Namer<'_> {
                 format!("{} has no arm", self.device_name(device)),
                 "name a device with `robot:` in the cell's configuration".to_owned(),
             ),
-            PrepareFault::AmbiguousRotation => (
-                "a motion turns by 180°, and both ways are equally short".to_owned(),
-                "divide it into two motions, or change the orientation a little".to_owned(),
-            ),
-            PrepareFault::PathLimits { limits } => (
-                format!(
-                    "a motion cannot be planned: length {} with velocity {}, acceleration {}, jerk {}",
-                    limits.length, limits.velocity, limits.acceleration, limits.jerk
-                ),
-                "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3".to_owned(),
-            ),
+            PrepareFault::Motion { leg, fault, .. } => motion(leg, fault),
         };
         (
             codes::NOT_PREPARED,
@@ -434,6 +425,31 @@ fn first_set_point(net: &str, violation: &str) -> (Code, String, String) {
     (
         codes::FIRST_SET_POINT,
         format!("{net} cannot start: {violation}"),
+        help.to_owned(),
+    )
+}
+
+/// Why a leg of a motion cannot be gone along, and what helps.
+fn motion(leg: u32, fault: MotionFault) -> (String, String) {
+    let (why, help) = match fault {
+        MotionFault::AmbiguousRotation => (
+            "it turns by 180°, and both ways are equally short".to_owned(),
+            "divide it into two motions, or change the orientation a little",
+        ),
+        MotionFault::Limits { limits } => (
+            format!(
+                "it cannot be planned: length {} with velocity {}, acceleration {}, jerk {}",
+                limits.length, limits.velocity, limits.acceleration, limits.jerk
+            ),
+            "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3",
+        ),
+        MotionFault::NoMotion => (
+            "the plan has no such motion".to_owned(),
+            "this is a fault of the loader: report it with the net",
+        ),
+    };
+    (
+        format!("leg {} of a motion: {why}", leg + 1),
         help.to_owned(),
     )
 }

@@ -1,4 +1,4 @@
-//! Plans, path clocks and device models as words, for incident files: written by the executor's helper thread, read by
+//! Plans, what they begin from, and device models as words, for incident files: written by the executor's helper thread, read by
 //! whoever looks at them. A reader never allocates more than the file has.
 
 use std::sync::Arc;
@@ -11,9 +11,8 @@ use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region
 use rcc_core::types::Store;
 use rcc_core::workspace::Workspace;
 use rcc_ipc::control::PlanData;
-use rcc_motion::{CLOCK_WORDS, Clocks, PathClock};
 
-use crate::net::Origin;
+use crate::net::{Begun, Origin};
 use crate::record::hash::packed;
 
 /// Words that end early, or say what cannot be.
@@ -136,8 +135,13 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
             input.at_most.unwrap_or(none),
         ));
     }
-    for clock in &origin.clocks.0 {
-        out.extend(clock.words());
+    let Begun { holds, dt_s } = &origin.begun;
+    out.push(dt_s.to_bits());
+    out.push(holds.len() as u64);
+    for hold in holds.iter() {
+        // Null in the first joint: not known.
+        let hold = hold.unwrap_or([f64::NAN; JOINTS_MAX]);
+        out.extend(hold.map(f64::to_bits));
     }
     out
 }
@@ -257,9 +261,9 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
     });
     let monitors = monitors.collect::<Result<_, _>>()?;
     let inputs = inputs(words)?;
-    let clock_words = (clocks as usize).checked_mul(CLOCK_WORDS);
-    let all = words.take(clock_words.ok_or(Damaged("path clocks"))?, "path clocks")?;
-    let all = all.as_chunks::<CLOCK_WORDS>().0;
+    let [dt_s] = words.some("a net's period")?;
+    let holds = groups::<JOINTS_MAX>(words, "a net's hold set-points")?.iter();
+    let holds = holds.map(|hold| Some(hold.map(f64::from_bits)).filter(|hold| !hold[0].is_nan()));
     let data = PlanData {
         catalogue,
         configuration,
@@ -280,7 +284,10 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
     };
     Ok(Origin {
         data: Arc::new(data),
-        clocks: Clocks(all.iter().map(PathClock::from_words).collect()),
+        begun: Begun {
+            holds: holds.collect(),
+            dt_s: f64::from_bits(dt_s),
+        },
     })
 }
 

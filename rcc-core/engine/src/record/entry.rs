@@ -203,8 +203,8 @@ pub struct Snapshot<'a> {
     pub ints: &'a [u64],
     /// Arena of `Bool`, eight to a word.
     pub bools: &'a [u64],
-    /// Path clocks, `CLOCK_WORDS` each.
-    pub clocks: &'a [u64],
+    /// Motions.
+    pub motions: &'a [u64],
 }
 
 /// Words that are no record.
@@ -306,7 +306,7 @@ fn snapshot(flags: u16, words: &[u64]) -> Option<Snapshot<'_>> {
     };
     let (reals, values) = values.split_at_checked(usize::try_from(reals).ok()?)?;
     let (ints, values) = values.split_at_checked(usize::try_from(ints).ok()?)?;
-    let (bools, clocks) = values.split_at_checked(usize::try_from(bools).ok()?)?;
+    let (bools, motions) = values.split_at_checked(usize::try_from(bools).ok()?)?;
     Some(Snapshot {
         id,
         cycles,
@@ -314,6 +314,6 @@ fn snapshot(flags: u16, words: &[u64]) -> Option<Snapshot<'_>> {
         reals,
         ints,
         bools,
-        clocks,
+        motions,
     })
 }

@@ -8,10 +8,9 @@ use rcc_config::CellConfig;
 use rcc_core::cycle::cycle;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation};
 use rcc_core::message::{Joints, Measurement};
-use rcc_core::path::PathLimits;
 use rcc_core::types::Store;
 use rcc_language::{Compiled, compile};
-use rcc_motion::{Clocks, PathClock};
+use rcc_motion::{Builder, MotionSet};
 
 /// The configuration of a cell of the repository.
 pub fn cell(path: &str) -> CellConfig {
@@ -44,8 +43,7 @@ pub struct Bench {
     pub reals: Vec<f64>,
     pub bools: Vec<u8>,
     pub ints: Vec<i64>,
-    pub limits: Vec<PathLimits>,
-    clocks: Clocks,
+    motions: MotionSet,
     dt_s: f64,
     pub cycle: u64,
     pub cancel: bool,
@@ -74,15 +72,9 @@ impl Bench {
             .map(|model| model.arm.map(|_| joints))
             .collect();
         let mut reals = net.plan.reals.clone();
-        let none = PathLimits {
-            length: 0.0,
-            velocity: 1.0,
-            acceleration: 1.0,
-            jerk: 1.0,
-        };
-        let mut limits = vec![none; net.plan.clocks as usize];
         let plan = net.plan.plan();
         let dt_s = cell.period_ns as f64 * 1e-9;
+        let mut motions = Builder::new(&models, &holds, dt_s, net.plan.clocks);
         for run in plan.runs {
             let (entry, kernel) = rcc_core::primitives::kernel(run.kernel).unwrap();
             let Some(prepare) = entry.prepare else {
@@ -94,15 +86,15 @@ impl Bench {
                     reals: &mut reals,
                     models: &models,
                     holds: &holds,
-                    paths: &mut limits,
+                    motions: &mut motions,
                     dt_s,
                 };
                 prepare(&mut preparation, operands).unwrap();
             }
         }
-        let clock = |limits: &PathLimits| PathClock::new(*limits, dt_s).unwrap();
+        let motions = motions.finish().unwrap();
         Bench {
-            clocks: Clocks(limits.iter().map(clock).collect()),
+            motions,
             outputs: vec![DeviceOutput::NONE; models.len()],
             bools: net.plan.bools.clone(),
             ints: net.plan.ints.clone(),
@@ -110,7 +102,6 @@ impl Bench {
             models,
             inputs,
             reals,
-            limits,
             dt_s,
             cycle: 0,
             cancel: false,
@@ -128,7 +119,7 @@ impl Bench {
             models: &self.models,
             devices: &self.inputs,
             outputs: &mut self.outputs,
-            clocks: &mut self.clocks,
+            motions: &mut self.motions,
             dt_s: self.dt_s,
             cycle: self.cycle,
             cancel_requested: self.cancel,

@@ -194,17 +194,6 @@ fn a_reset_clock_is_a_new_one() {
 }
 
 #[test]
-fn clocks_are_stepped_by_index() {
-    let mut clocks = Clocks(vec![PathClock::new(LINE, DT).unwrap(); 2]);
-    assert_eq!(clocks.step(1, false), Some(PathState::default()));
-    assert!(clocks.step(1, false).unwrap().s > 0.0);
-    assert_eq!(clocks.step(0, false), Some(PathState::default()));
-    assert_eq!(clocks.step(2, false), None);
-    clocks.reset();
-    assert_eq!(clocks.step(1, false), Some(PathState::default()));
-}
-
-#[test]
 fn limits_that_cannot_be_meant_are_refused_by_name() {
     let refusal = |limits: PathLimits| PathClock::new(limits, DT).unwrap_err();
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
