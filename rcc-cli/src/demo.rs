@@ -13,7 +13,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use rcc_core::kinematics::SrsArm;
+use rcc_core::kinematics::Arm;
 use rcc_core::primitive::ChannelKind;
 use rcc_loader::server::api::StatusView;
 use rcc_loader::server::codes::{self, exit};
@@ -181,7 +181,7 @@ fn play(
 
 /// What the configuration says about the demo's arm.
 struct Setting {
-    arm: SrsArm,
+    arm: Arm,
     torch_bit: u16,
     dt_s: f64,
     control_port: u16,

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::guard::JointLimits;
-use crate::kinematics::SrsArm;
+use crate::kinematics::Arm;
 use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
 use crate::path::{MotionBuilder, MotionFault, Motions};
 use crate::pose::Pose;
@@ -20,7 +20,7 @@ pub struct DeviceModel {
     /// Number of joints, 0 for plain I/O.
     pub joints: u32,
     /// Kinematics, if the device is an arm.
-    pub arm: Option<SrsArm>,
+    pub arm: Option<Arm>,
     /// Limits that the guard enforces.
     pub limits: JointLimits,
     /// How far the first set-point of a net may be from the hold set-point, rad.
@@ -289,19 +289,26 @@ impl Frame<'_> {
     pub fn output(&mut self, device: u32) -> Option<&mut DeviceOutput> {
         self.outputs.get_mut(device as usize)
     }
-
-    /// The kinematics of a device.
-    #[inline]
-    pub fn arm(&self, device: u32) -> Option<SrsArm> {
-        self.models.get(device as usize)?.arm
-    }
 }
 
-impl Frame<'_> {
+impl<'a> Frame<'a> {
+    /// The kinematics of a device.
+    #[inline]
+    pub fn arm(&self, device: u32) -> Option<&'a Arm> {
+        let models: &'a [DeviceModel] = self.models;
+        models.get(device as usize)?.arm.as_ref()
+    }
+
+    /// The limits of a device's joints.
+    #[inline]
+    pub fn limits(&self, device: u32) -> Option<&'a JointLimits> {
+        let models: &'a [DeviceModel] = self.models;
+        models.get(device as usize).map(|model| &model.limits)
+    }
+
     /// The kinematics of a device with joint positions for it; `None` if one is null or not finite.
-    pub fn arm_at(&self, device: u32, joints: u32, width: u32) -> Option<(SrsArm, [f64; 7])> {
-        let [q1, q2, q3, q4, q5, q6, q7, _] = self.joints(joints, width)?;
-        let joints = [q1, q2, q3, q4, q5, q6, q7];
+    pub fn arm_at(&self, device: u32, joints: u32, width: u32) -> Option<(&'a Arm, Joints)> {
+        let joints = self.joints(joints, width)?;
         let finite = joints.iter().all(|joint| joint.is_finite());
         self.arm(device).filter(|_| finite).map(|arm| (arm, joints))
     }
@@ -349,7 +356,7 @@ impl Preparation<'_> {
     ///
     /// # Errors
     /// `HoldUnknown` while the driver does not reach the device.
-    pub fn arm_at_rest(&self, device: u32) -> Result<(SrsArm, [f64; 7]), PrepareFault> {
+    pub fn arm_at_rest(&self, device: u32) -> Result<(Arm, Joints), PrepareFault> {
         arm_at_rest(self.models, self.holds, device)
     }
 }
@@ -362,14 +369,14 @@ pub fn arm_at_rest(
     models: &[DeviceModel],
     holds: &[Option<Joints>],
     device: u32,
-) -> Result<(SrsArm, [f64; 7]), PrepareFault> {
+) -> Result<(Arm, Joints), PrepareFault> {
     let model = models.get(device as usize);
     let arm = model
         .and_then(|model| model.arm)
         .ok_or(PrepareFault::NoArm { device })?;
     let hold = holds.get(device as usize).copied().flatten();
-    let [q1, q2, q3, q4, q5, q6, q7, _] = hold.ok_or(PrepareFault::HoldUnknown { device })?;
-    Ok((arm, [q1, q2, q3, q4, q5, q6, q7]))
+    let hold = hold.ok_or(PrepareFault::HoldUnknown { device })?;
+    Ok((arm, hold))
 }
 
 /// Why the start values of a command could not be computed.

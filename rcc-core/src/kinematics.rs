@@ -1,6 +1,15 @@
 //! Closed-form kinematics of the arms that the core knows: forward, Jacobian and inverse in a fixed number of steps.
 //! Pure functions of their arguments; used by the loader and by the real-time thread.
 
+mod arm;
+mod axes;
+mod branch;
+mod ortho;
 mod srs;
+mod turns;
 
-pub use srs::{Branch, SrsArm, Unreachable};
+pub use arm::{Arm, ArmJacobian, NoJoints, PARAMETERS, Singularity, SingularityKind};
+pub use branch::{BRANCHES, Branch, Configuration, Unreachable};
+pub use ortho::OrthoParallelArm;
+pub use srs::SrsArm;
+pub use turns::{OutOfLimits, nearest_turns, turns_by_signs, turns_within, within_limits};

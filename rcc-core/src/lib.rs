@@ -18,7 +18,6 @@
 #[cfg(test)]
 extern crate std;
 
-pub mod axis;
 pub mod cycle;
 pub mod filter;
 pub mod frame;

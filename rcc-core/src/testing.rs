@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 
 use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use crate::guard::JointLimits;
-use crate::kinematics::SrsArm;
+use crate::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use crate::message::{JOINTS_MAX, Joints, Measurement};
 use crate::path::{Drive, MotionBuilder, MotionState, Motions, PathRequest, PathState};
 use crate::pose::Pose;
@@ -72,18 +72,49 @@ pub fn lwr() -> DeviceModel {
     }
     DeviceModel {
         joints: 7,
-        arm: Some(SrsArm {
+        arm: Some(Arm::Srs(SrsArm {
             shoulder_height: 0.3105,
             upper_arm: 0.4,
             forearm: 0.39,
             wrist_to_flange: 0.078,
             signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-        }),
+        })),
         limits,
         first_tolerance_rad: 1e-3,
         workspace: None,
         channels: [4, 4, 2, 2],
     }
+}
+
+/// A KR 6 R900-2; limits as in the golden data.
+pub fn kr6() -> DeviceModel {
+    let mut model = lwr();
+    model.joints = 6;
+    model.arm = Some(Arm::OrthoParallel(OrthoParallelArm {
+        shoulder_height: 0.4,
+        shoulder_offset: 0.025,
+        lateral_offset: 0.0,
+        upper_arm: 0.455,
+        elbow_offset: -0.025,
+        forearm: 0.42,
+        wrist_to_flange: 0.09,
+        signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
+        zeros: [0.0, core::f64::consts::FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
+    }));
+    let degrees = [
+        (-170.0_f64, 170.0_f64),
+        (-190.0, 45.0),
+        (-120.0, 156.0),
+        (-185.0, 185.0),
+        (-120.0, 120.0),
+        (-350.0, 350.0),
+    ];
+    for (index, (lower, upper)) in degrees.into_iter().enumerate() {
+        model.limits.lower[index] = lower.to_radians();
+        model.limits.upper[index] = upper.to_radians();
+    }
+    model.limits.joints = 6;
+    model
 }
 
 /// One primitive with its slots and a cell of one LWR.

@@ -1,19 +1,32 @@
-//! The LWR 4+ against golden data of independent programs (pinocchio 4.1.0, which Orocos KDL agrees with).
+//! Arms against golden data of independent programs (pinocchio 4.1.0, which Orocos KDL agrees with).
 //! Runs off any real-time thread; the data is in `tests/data/kinematics` of the workspace.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
-use rcc_core::kinematics::SrsArm;
+use rcc_core::frame::joints_from;
+use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
+use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 use serde_json::Value;
 
-const LWR: SrsArm = SrsArm {
+const LWR: Arm = Arm::Srs(SrsArm {
     shoulder_height: 0.3105,
     upper_arm: 0.4,
     forearm: 0.39,
     wrist_to_flange: 0.078,
     signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-};
+});
+const KR6: Arm = Arm::OrthoParallel(OrthoParallelArm {
+    shoulder_height: 0.4,
+    shoulder_offset: 0.025,
+    lateral_offset: 0.0,
+    upper_arm: 0.455,
+    elbow_offset: -0.025,
+    forearm: 0.42,
+    wrist_to_flange: 0.09,
+    signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
+    zeros: [0.0, FRAC_PI_2, 0.0, 0.0, 0.0, 0.0],
+});
 
 fn data(name: &str) -> String {
     let path = format!(
@@ -23,21 +36,25 @@ fn data(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-fn cases() -> Vec<Value> {
-    let file: Value = serde_json::from_str(&data("lwr4plus.json")).unwrap();
-    let cases = file["cases"].as_array().unwrap().clone();
-    assert_eq!(cases.len(), 1041);
-    cases
+/// Each golden case with its arm.
+fn cases() -> Vec<(Arm, Value)> {
+    let of = |arm: Arm, name: &str, count: usize| {
+        let file: Value = serde_json::from_str(&data(name)).unwrap();
+        let cases = file["cases"].as_array().unwrap().clone();
+        assert_eq!(cases.len(), count);
+        cases.into_iter().map(move |case| (arm, case))
+    };
+    let lwr = of(LWR, "lwr4plus.json", 1041);
+    lwr.chain(of(KR6, "kr6_r900_2.json", 1015)).collect()
 }
 
-fn numbers<const N: usize>(case: &Value, key: &str) -> [f64; N] {
-    let list: Vec<f64> = case[key]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|x| x.as_f64().unwrap())
-        .collect();
-    list.try_into().unwrap()
+fn numbers(case: &Value, key: &str) -> Vec<f64> {
+    let list = case[key].as_array().unwrap().iter();
+    list.map(|x| x.as_f64().unwrap()).collect()
+}
+
+fn joints(case: &Value) -> Joints {
+    joints_from(&numbers(case, "q")).unwrap()
 }
 
 fn worst<'a>(a: impl IntoIterator<Item = &'a f64>, b: impl IntoIterator<Item = &'a f64>) -> f64 {
@@ -56,57 +73,80 @@ fn elements(pose: &Pose) -> ([f64; 3], Vec<f64>) {
 
 #[test]
 fn forward_agrees_with_the_golden_data() {
-    for case in cases() {
-        let (position, rotation) = elements(&LWR.forward(&numbers(&case, "q")));
-        assert!(
-            worst(&position, &numbers::<3>(&case, "p")) < 1e-12,
-            "{case}"
-        );
-        assert!(
-            worst(&rotation, &numbers::<9>(&case, "R")) < 1e-12,
-            "{case}"
-        );
+    for (arm, case) in cases() {
+        let (position, rotation) = elements(&arm.forward(&joints(&case)));
+        assert!(worst(&position, &numbers(&case, "p")) < 1e-12, "{case}");
+        assert!(worst(&rotation, &numbers(&case, "R")) < 1e-12, "{case}");
     }
 }
 
 #[test]
 fn the_quaternion_agrees_with_the_golden_data() {
-    for case in cases() {
+    for (arm, case) in cases() {
         let golden = Pose {
             position: [0.0; 3],
-            orientation: numbers(&case, "quat_xyzw"),
+            orientation: numbers(&case, "quat_xyzw").try_into().unwrap(),
         };
-        assert!(
-            LWR.forward(&numbers(&case, "q")).angle_to(&golden) < 1e-12,
-            "{case}"
-        );
+        let turned = arm.forward(&joints(&case)).angle_to(&golden);
+        assert!(turned < 1e-12, "{case}");
     }
 }
 
 #[test]
 fn the_jacobian_agrees_with_the_golden_data() {
-    for case in cases() {
-        let jacobian = LWR.jacobian(&numbers(&case, "q"));
-        assert!(
-            worst(jacobian.iter().flatten(), &numbers::<42>(&case, "J")) < 1e-12,
-            "{case}"
-        );
+    for (arm, case) in cases() {
+        let (jacobian, golden) = (arm.jacobian(&joints(&case)), numbers(&case, "J"));
+        assert_eq!(golden.len(), 6 * arm.joints());
+        let ours = jacobian.iter().flat_map(|row| &row[..arm.joints()]);
+        assert!(worst(ours, &golden) < 1e-12, "{case}");
+        let unused = jacobian.iter().flat_map(|row| &row[arm.joints()..]);
+        assert!(unused.into_iter().all(|element| *element == 0.0));
+    }
+}
+
+#[test]
+fn the_twist_agrees_with_the_golden_data() {
+    for (arm, case) in cases() {
+        let rates = numbers(&case, "qd");
+        let jacobian = arm.jacobian(&joints(&case));
+        let twist: Vec<f64> = jacobian
+            .iter()
+            .map(|row| row.iter().zip(&rates).map(|(j, rate)| j * rate).sum())
+            .collect();
+        let golden = [numbers(&case, "twist_lin"), numbers(&case, "twist_ang")].concat();
+        assert!(worst(&twist, &golden) < 1e-12, "{case}");
     }
 }
 
 #[test]
 fn inverse_leads_back_to_every_golden_pose() {
-    for case in cases() {
-        let q = numbers(&case, "q");
-        let pose = LWR.forward(&q);
-        let found = LWR
-            .inverse(&pose, LWR.arm_angle(&q), LWR.branch(&q), &q)
+    for (arm, case) in cases() {
+        let q = joints(&case);
+        let (pose, start) = (arm.forward(&q), arm.configuration(&q));
+        let found = arm
+            .inverse(&pose, start.arm_angle, start.branch, &q)
             .unwrap();
         let ((position, rotation), (golden_position, golden_rotation)) =
-            (elements(&LWR.forward(&found)), elements(&pose));
+            (elements(&arm.forward(&found)), elements(&pose));
         assert!(worst(&position, &golden_position) < 1e-12, "{case}");
         assert!(worst(&rotation, &golden_rotation) < 1e-12, "{case}");
     }
+}
+
+#[test]
+fn every_branch_leads_to_every_golden_pose() {
+    let mut found = 0;
+    for (arm, case) in cases() {
+        let q = joints(&case);
+        let (pose, angle) = (arm.forward(&q), arm.arm_angle(&q).unwrap_or(0.0));
+        for joints in arm.all_branches(&pose, angle, &q).into_iter().flatten() {
+            let there = arm.forward(&joints);
+            assert!(there.distance_to(&pose) < 1e-12, "{case}");
+            assert!(there.angle_to(&pose) < 2e-12, "{case}");
+            found += 1;
+        }
+    }
+    assert!(found > 12_000, "{found}");
 }
 
 #[test]
@@ -120,7 +160,8 @@ fn the_arm_angle_is_the_one_of_the_predecessor() {
         if q[3].abs() < 1e-5 {
             continue;
         }
-        let difference = (LWR.arm_angle(&q) - alpha).rem_euclid(2.0 * PI);
+        let difference =
+            (LWR.arm_angle(&joints_from(&q).unwrap()).unwrap() - alpha).rem_euclid(2.0 * PI);
         // The predecessor takes an arc cosine, which costs it half of the digits near 0 and π.
         assert!(
             difference.min(2.0 * PI - difference) < 1e-6,

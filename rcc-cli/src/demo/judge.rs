@@ -1,7 +1,8 @@
 //! From what was recorded of one motion to the checks that it must pass.
 //! Pure; the demo's main thread calls it when a motion is over.
 
-use rcc_core::kinematics::SrsArm;
+use rcc_core::frame::joints_from;
+use rcc_core::kinematics::Arm;
 use rcc_core::message::MonitorRecord;
 use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
@@ -36,7 +37,7 @@ pub struct Recorded<'a> {
     /// What went over the wire.
     pub exchanges: Vec<Exchange>,
     /// The arm's kinematics.
-    pub arm: SrsArm,
+    pub arm: Arm,
     /// Bit of the torch in `$FRI_FRM_BOOL`.
     pub torch_bit: u16,
     /// Period, s.
@@ -63,8 +64,10 @@ impl Recorded<'_> {
     }
 
     fn flange(&self, joints: &[f64]) -> [f64; 3] {
-        let pose = joints.first_chunk().map(|joints| self.arm.forward(joints));
-        pose.map_or([f64::NAN; 3], |pose| position(&pose))
+        match joints_from(joints) {
+            Some(joints) => position(&self.arm.forward(&joints)),
+            None => [f64::NAN; 3],
+        }
     }
 
     /// First cycle in which a truth value is `value` and was not in the cycle before.

@@ -256,14 +256,9 @@ impl Fnv {
     }
 
     fn robot(&mut self, robot: &RobotConfig) {
-        let arm = &robot.arm;
-        self.reals([
-            arm.shoulder_height,
-            arm.upper_arm,
-            arm.forearm,
-            arm.wrist_to_flange,
-        ]);
-        self.reals(arm.signs);
+        let (kind, parameters) = robot.arm.parameters();
+        self.number(u64::from(kind));
+        self.reals(parameters);
         self.number(robot.joints.len() as u64);
         for joint in &robot.joints {
             self.text(&joint.name);

@@ -2,7 +2,7 @@
 //! Read once at start-up by every process that works with the cell; never by the real-time thread.
 
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::SrsArm;
+use rcc_core::kinematics::Arm;
 use rcc_core::message::JOINTS_MAX;
 
 mod read;
@@ -15,7 +15,7 @@ pub struct RobotConfig {
     /// What people call it.
     pub name: String,
     /// Kinematics.
-    pub arm: SrsArm,
+    pub arm: Arm,
     /// One row a joint, from the base to the flange; never empty, at most [`JOINTS_MAX`].
     pub joints: Vec<JointConfig>,
     /// The file it was read from, as the cell's file names it.

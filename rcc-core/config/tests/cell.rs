@@ -7,6 +7,7 @@ use std::path::Path;
 use rcc_config::cell::{ClockConfig, RealTime, SupervisionConfig};
 use rcc_config::diagnostic::Faults;
 use rcc_config::{AccessConfig, CellConfig, OnRelease, ports::PortArgument};
+use rcc_core::kinematics::Arm;
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 
@@ -278,7 +279,10 @@ fn the_fingerprint_depends_on_what_a_plan_depends_on() {
     joint.devices[0].robot.as_mut().unwrap().joints[3].upper_rad += 1e-9;
     assert_ne!(joint.fingerprint(), original);
     let mut arm = cell(TEXT);
-    arm.devices[0].robot.as_mut().unwrap().arm.forearm += 1e-9;
+    match &mut arm.devices[0].robot.as_mut().unwrap().arm {
+        Arm::Srs(arm) => arm.forearm += 1e-9,
+        Arm::OrthoParallel(_) => panic!("seven joints"),
+    }
     assert_ne!(arm.fingerprint(), original);
     let mut swapped = cell(TEXT);
     swapped.devices.swap(0, 1);

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, OnRelease, Protocol, auto_ports, free_port};
-use rcc_core::kinematics::SrsArm;
+use rcc_core::frame::joints_from;
+use rcc_core::kinematics::{Arm, SrsArm};
+use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 use rcc_core::primitive::ChannelKind;
 
@@ -25,7 +27,7 @@ fn load(name: &str) -> CellConfig {
 }
 
 /// What the demo's simulated arm starts at, rad.
-fn start() -> [f64; 7] {
+fn start() -> Joints {
     let cell = load("cells/demo.yaml");
     let simulator = &cell.simulators[0];
     assert_eq!(simulator.program, "lwr-sim");
@@ -34,7 +36,9 @@ fn start() -> [f64; 7] {
         .iter()
         .find_map(|a| a.strip_prefix("--start="));
     let numbers = argument.unwrap().split(',').map(|n| n.parse().unwrap());
-    numbers.collect::<Vec<f64>>().try_into().unwrap()
+    let numbers: Vec<f64> = numbers.collect();
+    assert_eq!(numbers.len(), 7);
+    joints_from(&numbers).unwrap()
 }
 
 #[test]
@@ -104,13 +108,13 @@ fn every_torch_goes_out_when_nobody_commands_it() {
 #[test]
 fn the_lwr_is_the_one_of_the_golden_data() {
     let robot = load("cells/lwr.yaml").devices.remove(0).robot.unwrap();
-    let expected = SrsArm {
+    let expected = Arm::Srs(SrsArm {
         shoulder_height: 0.3105,
         upper_arm: 0.4,
         forearm: 0.39,
         wrist_to_flange: 0.078,
         signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-    };
+    });
     assert_eq!(robot.arm, expected);
     let column = |of: fn(&rcc_config::JointConfig) -> f64| {
         let degrees = robot
@@ -150,7 +154,7 @@ fn lines_around_the_start_stay_within_the_joint_limits() {
     let (arm, limits, start) = (robot.arm, robot.limits(), start());
     let (pose, angle, branch) = (
         arm.forward(&start),
-        arm.arm_angle(&start),
+        arm.arm_angle(&start).unwrap(),
         arm.branch(&start),
     );
     let steps = 200;

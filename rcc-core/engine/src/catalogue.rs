@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::SrsArm;
+use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, Joints, Measurement};
 use rcc_core::plan::{CLOCKS_MAX, Run};
 use rcc_core::primitive::{
@@ -110,13 +110,13 @@ pub fn devices() -> Vec<DeviceInput> {
 }
 
 /// The lengths of an LWR 4+.
-const ARM: SrsArm = SrsArm {
+const ARM: Arm = Arm::Srs(SrsArm {
     shoulder_height: 0.3105,
     upper_arm: 0.4,
     forearm: 0.39,
     wrist_to_flange: 0.078,
     signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-};
+});
 
 /// How many of a primitive fit into one net.
 #[must_use]
@@ -262,7 +262,7 @@ impl Filling {
 
     /// A value that makes sense for its type.
     fn composite(&mut self, ty: Type) -> u32 {
-        let joints: [f64; 7] = [0, 1, 2, 3, 4, 5, 6].map(|joint: usize| HOLD[joint] * 0.9);
+        let joints = HOLD.map(|joint| joint * 0.9);
         match ty {
             Type::Real => self.slot(Store::Real, 1, None),
             Type::Pose => self.reals(&ARM.forward(&joints).to_slots()),

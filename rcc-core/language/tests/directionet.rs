@@ -196,7 +196,10 @@ fn straight_motions_stay_on_their_lines() {
         };
         let trace = run(&motion, &cell);
         judge(&trace, file, &cell);
-        let poses: Vec<_> = trace.iter().map(|joints| arm.forward(joints)).collect();
+        let poses: Vec<_> = trace
+            .iter()
+            .map(|joints| arm.forward(&bench::eight(joints)))
+            .collect();
         let (first, last) = (poses[0], poses[poses.len() - 1]);
         let way: [f64; 3] = std::array::from_fn(|i| last.position[i] - first.position[i]);
         let length = way.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -228,7 +231,7 @@ fn a_line_begins_where_its_text_says() {
         -0.16378597519548818,
         0.5145808437891821,
     ];
-    let ours = arm.forward(&AFTER_PTP).position;
+    let ours = arm.forward(&bench::eight(&AFTER_PTP)).position;
     for axis in 0..3 {
         assert!((ours[axis] - theirs[axis]).abs() < 1e-12, "{ours:?}");
     }

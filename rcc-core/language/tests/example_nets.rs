@@ -2,7 +2,7 @@
 
 mod bench;
 
-use bench::{Bench, cell, example, folder};
+use bench::{Bench, cell, eight, example, folder};
 use rcc_config::CellConfig;
 use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
@@ -124,7 +124,7 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
     let mut hold = START;
     for name in FIGURES {
         let mut bench = Bench::new(example(name, &cell), &cell, hold);
-        let (from, to) = (arm.forward(&hold), pose(&bench.values_of_goal()));
+        let (from, to) = (arm.forward(&eight(&hold)), pose(&bench.values_of_goal()));
         while !bench.terminated {
             bench.step();
             assert!(bench.cycle < CYCLES_MAX, "{name} does not end");
@@ -135,7 +135,7 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
                 bench.cycle
             );
             hold.copy_from_slice(&set_point[..7]);
-            let flange = arm.forward(&hold);
+            let flange = arm.forward(&eight(&hold));
             assert!(
                 off_line(&flange, &from, &to) < 1e-9,
                 "{name}: cycle {}",
@@ -160,7 +160,7 @@ fn the_figures_end_on_their_lines_one_after_the_other() {
         }
         assert_eq!(bench.value("move.done"), 1.0);
         assert!(
-            arm.forward(&hold).distance_to(&to) < 1e-9,
+            arm.forward(&eight(&hold)).distance_to(&to) < 1e-9,
             "{name} ends at its goal"
         );
     }

@@ -195,7 +195,7 @@ fn the_net_of_the_docs_steers_the_flange() {
     let arm = cell.models()[0].arm.expect("an arm");
     let flange = |bench: &Bench| {
         let joints: [f64; 7] = bench.values("next.out").try_into().expect("seven joints");
-        arm.forward(&joints)
+        arm.forward(&bench::eight(&joints))
     };
     bench.step();
     assert_eq!(bench.values("next.out"), HOLD);

@@ -7,7 +7,6 @@
 #![forbid(unsafe_code)]
 
 pub mod geometry;
-pub mod goal;
 mod line;
 mod motion;
 mod path_clock;

@@ -8,18 +8,15 @@
 //! global configuration control, joint limit and singularity avoidance", Mech. Mach. Theory 121, 2018. Unlike there, the
 //! arm angle is defined by the plane through the shoulder axis and the wrist, so that it is the same in every branch.
 
-use core::fmt;
-
 use nalgebra::{Matrix3, Vector3};
 
+use super::arm::{Singularity, SingularityKind};
+use super::axes::{
+    STRETCH_TOLERANCE, azimuth_polar, length, matrix, rows, rz, sign, turned_y, turned_z, wrist,
+    y_of, z_of,
+};
+use super::branch::{Branch, Unreachable};
 use crate::pose::Pose;
-
-/// Below this sine of q2 or q6 the two axes beside it count as one, and the hint decides how they share the turn. The
-/// pose is then wrong by at most this angle (rad).
-const ALIGNED_SINE: f64 = 1e-9;
-
-/// A wrist this little beyond the stretched arm, relative to its length, is rounding and counts as stretched.
-const STRETCH_TOLERANCE: f64 = 1e-12;
 
 /// Lengths and joint directions of an S-R-S arm. Base: z along the first axis, on the mounting face; flange: z along
 /// the last axis.
@@ -36,83 +33,6 @@ pub struct SrsArm {
     /// +1 or −1 a joint: the direction of the robot's joint in the canonical chain.
     pub signs: [f64; 7],
 }
-
-/// One of the eight ways to reach a pose with a given arm angle: on which side of zero the canonical joints 2, 4 and 6
-/// are (Faria 2018: GC2, GC4, GC6). Zero counts as not negative.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Branch {
-    /// Canonical q2 < 0.
-    pub shoulder_negative: bool,
-    /// Canonical q4 < 0.
-    pub elbow_negative: bool,
-    /// Canonical q6 < 0.
-    pub wrist_negative: bool,
-}
-
-impl Branch {
-    /// The branch as a number in 0..8: bit 0 shoulder, bit 1 elbow, bit 2 wrist.
-    #[must_use]
-    pub fn index(self) -> u8 {
-        u8::from(self.shoulder_negative)
-            | u8::from(self.elbow_negative) << 1
-            | u8::from(self.wrist_negative) << 2
-    }
-
-    /// The branch of a number in 0..8, `None` beyond.
-    #[must_use]
-    pub fn from_index(index: u8) -> Option<Self> {
-        let bit = |n: u8| index >> n & 1 == 1;
-        let branch = Self {
-            shoulder_negative: bit(0),
-            elbow_negative: bit(1),
-            wrist_negative: bit(2),
-        };
-        (index < 8).then_some(branch)
-    }
-}
-
-/// Why no joint position was found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Unreachable {
-    /// The wrist would be `distance` m from the shoulder, but the stretched arm reaches only `reach` m.
-    TooFar {
-        /// Shoulder to wrist, m.
-        distance: f64,
-        /// Largest possible distance, m.
-        reach: f64,
-    },
-    /// The wrist would be `distance` m from the shoulder; the folded arm does not come to within `reach` m.
-    TooClose {
-        /// Shoulder to wrist, m.
-        distance: f64,
-        /// Smallest possible distance (excluded), m.
-        reach: f64,
-    },
-    /// The pose, the arm angle or a hint that was needed is null (NaN) or infinite.
-    NotFinite,
-}
-
-impl fmt::Display for Unreachable {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::TooFar { distance, reach } => {
-                write!(
-                    f,
-                    "the wrist would be {distance:.4} m from the shoulder, the arm reaches {reach:.4} m"
-                )
-            }
-            Self::TooClose { distance, reach } => {
-                write!(
-                    f,
-                    "the wrist would be {distance:.4} m from the shoulder, the arm needs more than {reach:.4} m"
-                )
-            }
-            Self::NotFinite => write!(f, "the pose, arm angle or hint is null"),
-        }
-    }
-}
-
-impl core::error::Error for Unreachable {}
 
 /// Axes and origins of the chain at one joint position, base frame.
 struct Chain {
@@ -192,6 +112,19 @@ impl SrsArm {
         }
     }
 
+    /// Where the arm is singular in some way, and how far from it joints (rad) are, as the sine of an angle.
+    #[must_use]
+    pub fn singularity(&self, joints: &[f64; 7]) -> Singularity {
+        let [_, q2, _, q4, _, q6, _] = *joints;
+        let sine = |q: f64| libm::sin(q).abs();
+        Singularity::nearest([
+            (SingularityKind::Elbow, sine(q4)),
+            (SingularityKind::Wrist, sine(q6)),
+            (SingularityKind::Shoulder, sine(q2)),
+            (SingularityKind::ArmAngle, levelness(self, joints)),
+        ])
+    }
+
     /// The joints (rad, each in [−π, π]) that bring the flange to `pose` (base frame) with the given arm angle (rad) in
     /// the given branch. Where q2 or q6 is 0, q1 or q5 is taken from `hint` (rad). Joint limits are not looked at.
     ///
@@ -221,20 +154,14 @@ impl SrsArm {
         let e = elbow.upper_arm;
         let (q1, q2) = azimuth_polar(e.x, e.y, e.z, gc2, hint1);
         // … and turns it until the forearm lies in the arm plane.
-        let shoulder = rz(libm::sincos(q1)) * ry(libm::sincos(q2));
+        let shoulder = turned_y(&rz(libm::sincos(q1)), libm::sincos(q2));
         let inward = shoulder.tr_mul(&elbow.inward);
         let q3 = libm::atan2(gc4 * inward.y, gc4 * inward.x);
 
         // What is left of the rotation is the wrist's: W = Rz(q5)·Ry(q6)·Rz(q7).
-        let elbow_rotation = shoulder * rz(libm::sincos(q3)) * ry((elbow.sin4, elbow.cos4));
-        let rest = elbow_rotation.tr_mul(&rotation);
-        let (q5, q6) = azimuth_polar(rest.m13, rest.m23, rest.m33, gc6, hint5);
-        // From the residual, not from W31 and W32, which vanish with q6.
-        let (sin5, cos5) = libm::sincos(q5);
-        let q7 = libm::atan2(
-            cos5 * rest.m21 - sin5 * rest.m11,
-            cos5 * rest.m22 - sin5 * rest.m12,
-        );
+        let upper_arm = turned_z(&shoulder, libm::sincos(q3));
+        let forearm = turned_y(&upper_arm, (elbow.sin4, elbow.cos4));
+        let (q5, q6, q7) = wrist(&forearm.tr_mul(&rotation), gc6, hint5);
 
         let joints = self.canonical(&[q1, q2, q3, elbow.q4, q5, q6, q7]);
         if joints.iter().all(|q| q.is_finite()) {
@@ -296,19 +223,25 @@ impl SrsArm {
     fn chain(&self, joints: &[f64; 7]) -> Chain {
         let [t1, t2, t3, t4, t5, t6, t7] = self.canonical(joints).map(libm::sincos);
         let r1 = rz(t1);
-        let r2 = r1 * ry(t2);
-        let r3 = r2 * rz(t3);
-        let r4 = r3 * ry(t4);
-        let r5 = r4 * rz(t5);
-        let r6 = r5 * ry(t6);
-        let rotation = r6 * rz(t7);
-        let y = |r: &Matrix3<f64>| Vector3::new(r.m12, r.m22, r.m32);
-        let z = |r: &Matrix3<f64>| Vector3::new(r.m13, r.m23, r.m33);
+        let r2 = turned_y(&r1, t2);
+        let r3 = turned_z(&r2, t3);
+        let r4 = turned_y(&r3, t4);
+        let r5 = turned_z(&r4, t5);
+        let r6 = turned_y(&r5, t6);
+        let rotation = turned_z(&r6, t7);
         let shoulder = Vector3::z() * self.shoulder_height;
-        let elbow = shoulder + z(&r2) * self.upper_arm;
-        let wrist = elbow + z(&r4) * self.forearm;
-        let flange = wrist + z(&r6) * self.wrist_to_flange;
-        let axes = [Vector3::z(), y(&r1), z(&r2), y(&r3), z(&r4), y(&r5), z(&r6)];
+        let elbow = shoulder + z_of(&r2) * self.upper_arm;
+        let wrist = elbow + z_of(&r4) * self.forearm;
+        let flange = wrist + z_of(&r6) * self.wrist_to_flange;
+        let axes = [
+            Vector3::z(),
+            y_of(&r1),
+            z_of(&r2),
+            y_of(&r3),
+            z_of(&r4),
+            y_of(&r5),
+            z_of(&r6),
+        ];
         Chain {
             axes,
             shoulder,
@@ -317,6 +250,16 @@ impl SrsArm {
             flange,
             rotation,
         }
+    }
+
+    /// The lengths in the order of the fields.
+    pub(super) fn lengths(&self) -> [f64; 4] {
+        [
+            self.shoulder_height,
+            self.upper_arm,
+            self.forearm,
+            self.wrist_to_flange,
+        ]
     }
 
     /// Robot joints to canonical ones, or back.
@@ -329,15 +272,11 @@ impl SrsArm {
     }
 }
 
-fn sign(negative: bool) -> f64 {
-    if negative { -1.0 } else { 1.0 }
-}
-
 /// The directions that span the plane square to `along` (unit): up (arm angle 0) and side (arm angle 90°). Straight up
 /// or down "up" is undefined, and the limit for a wrist that comes from −x is taken.
 fn reference(along: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let (x, y, z) = (along.x, along.y, along.z);
-    let level = libm::hypot(x, y);
+    let level = length(x, y);
     let (cos, sin) = if level > 0.0 {
         (x / level, y / level)
     } else {
@@ -348,36 +287,12 @@ fn reference(along: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     (up, along.cross(&up))
 }
 
-/// Azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the polar
-/// angle; the azimuth of a vector along z is `hint`.
-fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> (f64, f64) {
-    let level = libm::hypot(x, y);
-    let azimuth = if level < ALIGNED_SINE {
-        hint
-    } else {
-        libm::atan2(sign * y, sign * x)
-    };
-    (azimuth, sign * libm::atan2(level, z))
-}
-
-fn rz((sin, cos): (f64, f64)) -> Matrix3<f64> {
-    Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0)
-}
-
-fn ry((sin, cos): (f64, f64)) -> Matrix3<f64> {
-    Matrix3::new(cos, 0.0, sin, 0.0, 1.0, 0.0, -sin, 0.0, cos)
-}
-
-fn matrix(&[[a, b, c], [d, e, f], [g, h, i]]: &[[f64; 3]; 3]) -> Matrix3<f64> {
-    Matrix3::new(a, b, c, d, e, f, g, h, i)
-}
-
-fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [
-        [m.m11, m.m12, m.m13],
-        [m.m21, m.m22, m.m23],
-        [m.m31, m.m32, m.m33],
-    ]
+/// The sine of the angle between the first axis and the line from shoulder to wrist, at joints in rad: 0 where the arm
+/// angle is not defined.
+fn levelness(arm: &SrsArm, joints: &[f64; 7]) -> f64 {
+    let chain = arm.chain(joints);
+    let along = chain.wrist - chain.shoulder;
+    length(along.x, along.y) / along.norm()
 }
 
 #[cfg(test)]

@@ -227,6 +227,13 @@ fn slot(ty: PortType, open: Option<Store>, written: bool) -> Operand {
         PortType::Any | PortType::Linear | PortType::Of(_) => (open, Width::of(Size::Open)),
         PortType::Scalar | PortType::Number | PortType::Part => (open, Width::fixed(1)),
         PortType::Joints => (Store::Real, Width::of(Size::Open)),
+        PortType::JointColumns(rows) => (
+            Store::Real,
+            Width {
+                times: rows as u32,
+                ..Width::of(Size::Open)
+            },
+        ),
         PortType::Array(elements, length) => (elements.store().unwrap_or(open), of_dim(length)),
         PortType::Matrix(rows, columns) => {
             let (rows, columns) = (of_dim(rows), of_dim(columns));

@@ -31,6 +31,8 @@ pub enum PortType {
     Many(Dim),
     /// `Real[n]` with n the number of joints of the primitive's device.
     Joints,
+    /// `Real[rows,n]` with n the number of joints of the primitive's device.
+    JointColumns(u8),
 }
 
 /// A few types that an operation means the same for.
@@ -112,7 +114,10 @@ impl PortType {
             | PortType::Part
             | PortType::Many(_) => true,
             PortType::Array(elements, _) => matches!(elements, Elements::Open),
-            PortType::Is(_) | PortType::Matrix(..) | PortType::Joints => false,
+            PortType::Is(_)
+            | PortType::Matrix(..)
+            | PortType::Joints
+            | PortType::JointColumns(_) => false,
         }
     }
 
@@ -124,6 +129,7 @@ impl PortType {
                 | PortType::Linear
                 | PortType::Of(_)
                 | PortType::Joints
+                | PortType::JointColumns(_)
                 | PortType::Many(_)
         )
     }

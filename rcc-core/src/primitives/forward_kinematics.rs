@@ -26,9 +26,7 @@ pub const ENTRY: Entry = Entry::new(
 
 fn step(frame: &mut Frame<'_>, [joints, pose, device, width]: [u32; 4]) {
     let flange = match (frame.arm(device), frame.joints(joints, width)) {
-        (Some(arm), Some([q1, q2, q3, q4, q5, q6, q7, _])) => {
-            arm.forward(&[q1, q2, q3, q4, q5, q6, q7])
-        }
+        (Some(arm), Some(joints)) => arm.forward(&joints),
         _ => Pose::from_slots([NULL_REAL; 7]),
     };
     frame.set_pose(pose, flange);

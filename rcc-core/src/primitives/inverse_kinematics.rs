@@ -1,34 +1,47 @@
-//! `InverseKinematics`: joint positions of a seven-joint arm for a flange pose.
+//! `InverseKinematics`: joint positions of an arm for a flange pose, as they follow from where it started.
 //!
-//! The arm angle and the branch (signs of joints 2, 4, 6) are those of the arm's hold set-point when
-//! the command becomes ready, and stay: the same pose always gives the same joints. Where an angle
-//! is not determined (a stretched joint) the last solution decides.
+//! The branch, and the arm angle of seven joints, are those of the arm's hold set-point when the command becomes ready, and
+//! stay: the same pose always gives the same joints. Where an angle is not determined (two axes in line) the last solution
+//! decides; each joint takes the turn that is nearest to the last solution, and so never jumps by a turn.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::kinematics::Branch;
-use crate::message::Joints;
+use crate::kinematics::{Branch, NoJoints, within_limits};
+use crate::message::{JOINTS_MAX, Joints};
 use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, State, UnitRule, each};
-use crate::types::Type;
+use crate::types::{NULL_INT, Type};
 use crate::unit::Unit;
+
+/// Words for the port that says why there are no joints.
+pub(super) const REASON: &str = "why there are no joints: 0 there are, 1 an input is null, 2 the wrist is too far from the shoulder, 3 too close to it (or to axis 1), 4 a joint limit; null if the device has no arm";
+/// Words for the port that says which joint is at its limit.
+pub(super) const JOINT: &str =
+    "the first joint that would be beyond its limit, from 1; 0 for any other reason";
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "InverseKinematics",
-        summary: "Joint positions for a flange pose, with the arm angle and branch of the start.",
-        null: "a null or unreachable pose gives null; joint limits are the guard's business",
-        undefined: "the pose cannot be reached",
+        summary: "Joint positions for a flange pose, with the branch (and arm angle) of the start.",
+        null: "a null pose, one that cannot be reached and one beyond a joint limit give null; `reason` says which",
+        undefined: "the pose cannot be reached; a joint would be beyond its limit",
+        formula: "closed form; seven joints: Shimizu et al., IEEE T-RO 24(5), 2008, and Faria et al., Mech. Mach. Theory 121, 2018; six joints: Brandstötter et al., Austrian Robotics Workshop, 2014",
         inputs: &[Port::typed("pose", Type::Pose, "flange in the arm's base")],
-        outputs: &[Port::new(
-            "joints",
-            PortType::Joints,
-            UnitRule::Is(Unit::RADIAN),
-            "joint positions, A1 first",
-        )],
+        outputs: &[
+            Port::new(
+                "joints",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "joint positions, A1 first, within the limits of the robot's configuration",
+            ),
+            Port::int("reason", REASON).within(0.0, 4.0).diagnostic(),
+            Port::int("joint", JOINT)
+                .within(0.0, JOINTS_MAX as f64)
+                .diagnostic(),
+        ],
         parameters: &[Parameter::arm()],
-        // arm angle, number of the branch, seven hint joints
+        // arm angle, number of the branch, hint joints
         state: State {
-            reals: 9,
+            reals: 2 + JOINTS_MAX as u32,
             ..State::NONE
         },
         ..Spec::PLAIN
@@ -38,38 +51,53 @@ pub const ENTRY: Entry = Entry::new(
 .prepared_by(prepare);
 
 fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[_pose, _joints, device, state, _width] = operands else {
+    let &[_pose, _joints, _reason, _joint, device, state, _width] = operands else {
         return Ok(());
     };
     let (arm, hold) = preparation.arm_at_rest(device)?;
-    let branch = f64::from(arm.branch(&hold).index());
-    preparation.set_reals(state, [arm.arm_angle(&hold), branch]);
+    let start = arm.configuration(&hold);
+    let branch = f64::from(start.branch.index());
+    preparation.set_reals(state, [start.arm_angle, branch]);
     preparation.set_reals(state + 2, hold);
     Ok(())
 }
 
-fn step(frame: &mut Frame<'_>, [pose, joints, device, state, width]: [u32; 5]) {
+fn step(frame: &mut Frame<'_>, [pose, joints, reason, joint, device, state, width]: [u32; 7]) {
     let [angle, branch] = frame.reals(state);
-    let hint: [f64; 7] = frame.reals(state + 2);
+    let hint: Joints = frame.reals(state + 2);
     let pose = frame.pose(pose);
-    let solution = match (frame.arm(device), Branch::from_index(branch as u8)) {
-        (Some(arm), Some(branch)) => arm.inverse(&pose, angle, branch, &hint).ok(),
-        _ => None,
-    };
-    if let Some(solution) = solution {
+    let device = frame.arm(device).zip(frame.limits(device));
+    let found = device.map(|(arm, limits)| {
+        let solution = arm.inverse(&pose, angle, Branch::from_bits(branch as u8), &hint)?;
+        within_limits(&solution, limits)?;
+        Ok(solution)
+    });
+    if let Some(Ok(solution)) = found {
         frame.set_reals(state + 2, solution);
     }
-    frame.set_joints(joints, width, solution.map(padded).as_ref());
+    put(frame, [joints, reason, joint, width], found);
 }
 
-fn padded([q1, q2, q3, q4, q5, q6, q7]: [f64; 7]) -> Joints {
-    [q1, q2, q3, q4, q5, q6, q7, 0.0]
+/// Writes joints, or why there are none.
+pub(super) fn put(
+    frame: &mut Frame<'_>,
+    [joints, reason, joint, width]: [u32; 4],
+    found: Option<Result<Joints, NoJoints>>,
+) {
+    let (why, which) = match &found {
+        Some(Ok(_)) => (0, 0),
+        Some(Err(fault)) => (fault.reason(), fault.joint()),
+        None => (NULL_INT, NULL_INT),
+    };
+    frame.set_joints(joints, width, found.and_then(Result::ok).as_ref());
+    frame.set_int(reason, why);
+    frame.set_int(joint, which);
 }
 
 #[cfg(test)]
 mod tests {
     use crate::frame::PrepareFault;
-    use crate::testing::Bench;
+    use crate::testing::{Bench, kr6};
 
     const HOLD: [f64; 8] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
@@ -78,12 +106,12 @@ mod tests {
         let mut bench = Bench::new("InverseKinematics");
         bench.hold = Some(HOLD);
         bench.prepare().unwrap();
-        let q: [f64; 7] = HOLD[..7].try_into().unwrap();
-        let pose = bench.model.arm.unwrap().forward(&q).to_slots();
+        let pose = bench.model.arm.unwrap().forward(&HOLD).to_slots();
         let joints = bench.set_reals("pose", &pose).step().reals("joints", 7);
-        for (got, want) in joints.iter().zip(q) {
+        for (got, want) in joints.iter().zip(HOLD) {
             assert!((got - want).abs() < 1e-12, "{joints:?}");
         }
+        assert_eq!((bench.int("reason"), bench.int("joint")), (0, 0));
     }
 
     #[test]
@@ -91,15 +119,50 @@ mod tests {
         let mut bench = Bench::new("InverseKinematics");
         bench.hold = Some(HOLD);
         bench.prepare().unwrap();
-        for pose in [[9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [f64::NAN; 7]] {
-            assert!(
-                bench
-                    .set_reals("pose", &pose)
-                    .step()
-                    .reals("joints", 7)
-                    .iter()
-                    .all(|q| q.is_nan())
-            );
+        let far = [9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let near = [0.0, 0.0, 0.3105 + 0.078, 0.0, 0.0, 0.0, 1.0];
+        for (pose, reason) in [(far, 2), (near, 3), ([f64::NAN; 7], 1)] {
+            let joints = bench.set_reals("pose", &pose).step().reals("joints", 7);
+            assert!(joints.iter().all(|q| q.is_nan()));
+            assert_eq!(bench.int("reason"), reason);
+            assert_eq!(bench.int("joint"), 0);
+        }
+    }
+
+    #[test]
+    fn a_joint_beyond_its_limit_gives_null_and_is_named() {
+        let mut bench = Bench::new("InverseKinematics");
+        let arm = bench.model.arm.unwrap();
+        let limit = bench.model.limits.upper[0];
+        bench.hold = Some([limit - 0.01, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
+        bench.prepare().unwrap();
+        // Turned about the first axis, past its limit and past half a turn: no other way round is taken.
+        for beyond in [0.02, 0.3] {
+            let mut there = bench.hold.unwrap();
+            there[0] = limit + beyond;
+            let pose = arm.forward(&there).to_slots();
+            let joints = bench.set_reals("pose", &pose).step().reals("joints", 7);
+            assert!(joints.iter().all(|q| q.is_nan()));
+            assert_eq!((bench.int("reason"), bench.int("joint")), (4, 1));
+        }
+    }
+
+    #[test]
+    fn it_follows_an_arm_of_six_joints() {
+        let mut bench = Bench::wide("InverseKinematics", None, 6);
+        bench.model = kr6();
+        let hold = [0.3, -1.2, 1.4, 3.1, 0.8, -4.0, 0.0, 0.0];
+        bench.hold = Some(hold);
+        bench.prepare().unwrap();
+        // Joint 4 goes on past half a turn.
+        for step in 0..100 {
+            let mut there = hold;
+            there[3] += 1e-3 * f64::from(step);
+            let pose = kr6().arm.unwrap().forward(&there).to_slots();
+            let joints = bench.set_reals("pose", &pose).step().reals("joints", 6);
+            for (got, want) in joints.iter().zip(there) {
+                assert!((got - want).abs() < 1e-9, "{joints:?}");
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6, SMatrix, Vector6};
 
 use crate::frame::Frame;
-use crate::message::Joints;
+use crate::message::{JOINTS_MAX, Joints};
 use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
 use crate::types::Type;
 use crate::unit::Unit;
@@ -35,12 +35,12 @@ fn step(frame: &mut Frame<'_>, [joints, twist, velocity, device, damping, width]
     let there = frame.arm_at(device, joints, width);
     let twist: Option<[f64; 6]> = frame.composite(twist);
     let rates = there.zip(twist).and_then(|((arm, joints), twist)| {
-        let jacobian =
-            SMatrix::<f64, 6, 7>::from_row_iterator(arm.jacobian(&joints).into_iter().flatten());
+        let jacobian = SMatrix::<f64, 6, JOINTS_MAX>::from_row_iterator(
+            arm.jacobian(&joints).into_iter().flatten(),
+        );
         let damped = jacobian * jacobian.transpose() + Matrix6::identity() * (damping * damping);
         let multipliers = damped.cholesky()?.solve(&Vector6::from(twist));
-        let [q1, q2, q3, q4, q5, q6, q7] = (jacobian.transpose() * multipliers).into();
-        Some([q1, q2, q3, q4, q5, q6, q7, 0.0])
+        Some((jacobian.transpose() * multipliers).into())
     });
     let finite = rates.filter(|rates: &Joints| rates.iter().all(|rate| rate.is_finite()));
     frame.set_joints(velocity, width, finite.as_ref());

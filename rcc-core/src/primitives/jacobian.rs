@@ -1,8 +1,9 @@
 //! `Jacobian`: the geometric Jacobian of an arm.
 
 use crate::frame::Frame;
+use crate::message::JOINTS_MAX;
 use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
-use crate::types::Type;
+use crate::types::NULL_REAL;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
@@ -35,9 +36,9 @@ pub const ENTRY: Entry = Entry::new(
         )],
         outputs: &[Port::new(
             "out",
-            PortType::Is(Type::Matrix(6, 7)),
+            PortType::JointColumns(6),
             UnitRule::Typed,
-            "rows vx vy vz (m/s) and wx wy wz (rad/s) of the flange, per rad/s of each joint; axes of the base, reference point the origin of the flange",
+            "one column a joint; rows vx vy vz (m/s) and wx wy wz (rad/s) of the flange, per rad/s of each joint; axes of the base, reference point the origin of the flange",
         )],
         parameters: &[Parameter::arm()],
         ..Spec::PLAIN
@@ -48,5 +49,10 @@ pub const ENTRY: Entry = Entry::new(
 fn step(frame: &mut Frame<'_>, [joints, out, device, width]: [u32; 4]) {
     let there = frame.arm_at(device, joints, width);
     let jacobian = there.map(|(arm, joints)| arm.jacobian(&joints));
-    frame.set_composite::<42>(out, jacobian.map(bytemuck::cast));
+    let finite = jacobian.filter(|rows| rows.iter().flatten().all(|element| element.is_finite()));
+    let mut row_at = out;
+    for row in finite.unwrap_or([[NULL_REAL; JOINTS_MAX]; 6]) {
+        frame.set_joints(row_at, width, Some(&row));
+        row_at = row_at.saturating_add(width);
+    }
 }

@@ -161,6 +161,7 @@ fn type_words(ty: PortType) -> String {
         }
         PortType::Many(length) => format!("list of {}", dim_words(length)),
         PortType::Joints => "Real[joints]".to_owned(),
+        PortType::JointColumns(rows) => format!("Real[{rows},joints]"),
     }
 }
 

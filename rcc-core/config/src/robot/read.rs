@@ -1,18 +1,30 @@
 //! Reads the file of a robot.
 //! Run at start-up by whoever reads the cell's file.
 
-use rcc_core::kinematics::SrsArm;
-use rcc_core::message::JOINTS_MAX;
+use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::unit::Unit;
 
 use super::{JointConfig, RobotConfig};
 use crate::codes;
 use crate::diagnostic::Span;
-use crate::reader::{JOINT_NAME, Reader, Wanted, error};
+use crate::reader::{Fields, JOINT_NAME, Reader, Wanted, error};
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 3] = ["robot", "kinematics", "joints"];
-const KINEMATICS_KEYS: [&str; 6] = [
+/// All that kinematics of any type say; what belongs to which is said below.
+const KINEMATICS_KEYS: [&str; 10] = [
+    "type",
+    "shoulder_height",
+    "shoulder_offset",
+    "lateral_offset",
+    "upper_arm",
+    "elbow_offset",
+    "forearm",
+    "wrist_to_flange",
+    "signs",
+    "zeros",
+];
+const SRS_KEYS: [&str; 6] = [
     "type",
     "shoulder_height",
     "upper_arm",
@@ -22,8 +34,26 @@ const KINEMATICS_KEYS: [&str; 6] = [
 ];
 const JOINT_KEYS: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
-/// Joints of the S-R-S arm.
-const SRS_JOINTS: usize = 7;
+const AT_LEAST_0: Wanted = Wanted {
+    unit: Unit::METRE,
+    least: 0.0,
+    most: f64::MAX,
+};
+const ANY_LENGTH: Wanted = Wanted::any(Unit::METRE);
+const ONE_TURN: Wanted = Wanted {
+    unit: Unit::RADIAN,
+    least: -core::f64::consts::TAU,
+    most: core::f64::consts::TAU,
+};
+
+/// A type of kinematics.
+#[derive(Clone, Copy)]
+enum Kind {
+    Srs,
+    OrthoParallel,
+}
+
+const KINDS: [(&str, Kind); 2] = [("srs", Kind::Srs), ("ortho-parallel", Kind::OrthoParallel)];
 
 /// Reads the tree of a robot's file; `source` is the file's name as the cell's file gives it.
 pub(crate) fn robot(reader: &mut Reader, root: &Node, source: &str) -> Option<RobotConfig> {
@@ -33,7 +63,8 @@ pub(crate) fn robot(reader: &mut Reader, root: &Node, source: &str) -> Option<Ro
     let arm = reader.need(&fields, "kinematics");
     let arm = arm.and_then(|node| kinematics(reader, node, fields.place_of("kinematics")));
     let joints = reader.need(&fields, "joints");
-    let joints = joints.and_then(|node| self::joints(reader, node, fields.place_of("joints")));
+    let place = fields.place_of("joints");
+    let joints = joints.and_then(|node| self::joints(reader, node, place, arm.as_ref()));
     Some(RobotConfig {
         name: name?.to_owned(),
         arm: arm?,
@@ -42,26 +73,33 @@ pub(crate) fn robot(reader: &mut Reader, root: &Node, source: &str) -> Option<Ro
     })
 }
 
-fn kinematics(reader: &mut Reader, node: &Node, place: Span) -> Option<SrsArm> {
-    let fields = reader.fields(node, place, "the kinematics", &KINEMATICS_KEYS)?;
-    let kind = reader.need(&fields, "type");
-    let kind = kind.and_then(|node| reader.word(node, "type of kinematics", &[("srs", ())]));
+fn kinematics(reader: &mut Reader, node: &Node, place: Span) -> Option<Arm> {
+    // The type says which keys there are.
+    let named = node.get("type").and_then(Node::text);
+    let kind = KINDS.iter().find(|(name, _)| named == Some(name));
+    let keys: &[&str] = match kind {
+        Some((_, Kind::Srs)) => &SRS_KEYS,
+        _ => &KINEMATICS_KEYS,
+    };
+    let fields = reader.fields(node, place, "the kinematics", keys)?;
+    let kind = reader.need(&fields, "type")?;
+    match reader.word(kind, "type of kinematics", &KINDS)? {
+        Kind::Srs => srs(reader, &fields).map(Arm::Srs),
+        Kind::OrthoParallel => ortho_parallel(reader, &fields).map(Arm::OrthoParallel),
+    }
+}
+
+fn srs(reader: &mut Reader, fields: &Fields<'_>) -> Option<SrsArm> {
     let mut length = |key, wanted| {
-        let node = reader.need(&fields, key)?;
+        let node = reader.need(fields, key)?;
         reader.quantity(node, key, wanted)
     };
-    let at_least_0 = Wanted {
-        unit: Unit::METRE,
-        least: 0.0,
-        most: f64::MAX,
-    };
-    let shoulder_height = length("shoulder_height", at_least_0);
+    let shoulder_height = length("shoulder_height", AT_LEAST_0);
     let upper_arm = length("upper_arm", Wanted::positive(Unit::METRE));
     let forearm = length("forearm", Wanted::positive(Unit::METRE));
-    let wrist_to_flange = length("wrist_to_flange", at_least_0);
-    let signs = reader.need(&fields, "signs");
+    let wrist_to_flange = length("wrist_to_flange", AT_LEAST_0);
+    let signs = reader.need(fields, "signs");
     let signs = signs.and_then(|node| self::signs(reader, node));
-    kind?;
     Some(SrsArm {
         shoulder_height: shoulder_height?,
         upper_arm: upper_arm?,
@@ -71,9 +109,38 @@ fn kinematics(reader: &mut Reader, node: &Node, place: Span) -> Option<SrsArm> {
     })
 }
 
-fn signs(reader: &mut Reader, node: &Node) -> Option<[f64; SRS_JOINTS]> {
-    let nodes: &[Node; SRS_JOINTS] = reader.array(node, "signs")?;
-    let mut signs = [0.0; SRS_JOINTS];
+fn ortho_parallel(reader: &mut Reader, fields: &Fields<'_>) -> Option<OrthoParallelArm> {
+    let mut length = |key, wanted| {
+        let node = reader.need(fields, key)?;
+        reader.quantity(node, key, wanted)
+    };
+    let shoulder_height = length("shoulder_height", ANY_LENGTH);
+    let shoulder_offset = length("shoulder_offset", ANY_LENGTH);
+    let lateral_offset = length("lateral_offset", ANY_LENGTH);
+    let upper_arm = length("upper_arm", Wanted::positive(Unit::METRE));
+    let elbow_offset = length("elbow_offset", ANY_LENGTH);
+    let forearm = length("forearm", Wanted::positive(Unit::METRE));
+    let wrist_to_flange = length("wrist_to_flange", AT_LEAST_0);
+    let signs = reader.need(fields, "signs");
+    let signs = signs.and_then(|node| self::signs(reader, node));
+    let zeros = reader.need(fields, "zeros");
+    let zeros = zeros.and_then(|node| self::zeros(reader, node));
+    Some(OrthoParallelArm {
+        shoulder_height: shoulder_height?,
+        shoulder_offset: shoulder_offset?,
+        lateral_offset: lateral_offset?,
+        upper_arm: upper_arm?,
+        elbow_offset: elbow_offset?,
+        forearm: forearm?,
+        wrist_to_flange: wrist_to_flange?,
+        signs: signs?,
+        zeros: zeros?,
+    })
+}
+
+fn signs<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
+    let nodes: &[Node; N] = reader.array(node, "signs")?;
+    let mut signs = [0.0; N];
     for (place, node) in signs.iter_mut().zip(nodes) {
         *place = match node.value {
             Value::Int(1) => 1.0,
@@ -88,13 +155,33 @@ fn signs(reader: &mut Reader, node: &Node) -> Option<[f64; SRS_JOINTS]> {
     Some(signs)
 }
 
-fn joints(reader: &mut Reader, node: &Node, place: Span) -> Option<Vec<JointConfig>> {
-    const { assert!(SRS_JOINTS <= JOINTS_MAX) };
+fn zeros<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
+    let nodes: &[Node; N] = reader.array(node, "zeros")?;
+    let mut zeros = [0.0; N];
+    for (place, node) in zeros.iter_mut().zip(nodes) {
+        *place = reader.quantity(node, "zeros", ONE_TURN)?;
+    }
+    Some(zeros)
+}
+
+fn joints(
+    reader: &mut Reader,
+    node: &Node,
+    place: Span,
+    arm: Option<&Arm>,
+) -> Option<Vec<JointConfig>> {
     let entries = reader.entries(node, "the joints")?;
-    if entries.len() != SRS_JOINTS {
+    if let Some(arm) = arm
+        && entries.len() != arm.joints()
+    {
+        let kind = match arm {
+            Arm::Srs(_) => "srs",
+            Arm::OrthoParallel(_) => "ortho-parallel",
+        };
         let message = format!(
-            "there are {} joints, but kinematics of type srs has {SRS_JOINTS}",
-            entries.len()
+            "there are {} joints, but kinematics of type {kind} has {}",
+            entries.len(),
+            arm.joints()
         );
         let help = "list every joint once, from the base to the flange";
         reader.keep(error(codes::JOINT_COUNT, place, message).help(help));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::SrsArm;
+use rcc_core::kinematics::{Arm, PARAMETERS};
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
 use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region, Run};
 use rcc_core::types::Store;
@@ -291,23 +291,17 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
     })
 }
 
-const ARM: usize = 4 + 7;
 const LIMITS: usize = 5 * JOINTS_MAX + 1;
 
 /// The devices of a cell.
 pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
     let mut out = vec![models.len() as u64];
     for model in models {
-        out.push(pair(model.joints, u32::from(model.arm.is_some())));
-        if let Some(arm) = &model.arm {
-            let lengths = [
-                arm.shoulder_height,
-                arm.upper_arm,
-                arm.forearm,
-                arm.wrist_to_flange,
-            ];
-            let numbers = lengths.iter().chain(&arm.signs);
-            out.extend(numbers.map(|value| value.to_bits()));
+        let arm = model.arm.map(|arm| arm.parameters());
+        let kind = arm.map_or(0, |(kind, _)| kind);
+        out.push(pair(model.joints, kind));
+        if let Some((_, parameters)) = arm {
+            out.extend(parameters.map(f64::to_bits));
         }
         let JointLimits {
             lower,
@@ -342,19 +336,13 @@ pub fn models(words: &mut Words<'_>) -> Result<Vec<DeviceModel>, Damaged> {
 
 fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
     let [head] = words.some("a device")?;
-    let [joints, has_arm] = parts(head);
-    let arm = match has_arm {
+    let [joints, kind] = parts(head);
+    let arm = match kind {
         0 => None,
         _ => {
-            let [shoulder, upper, forearm, wrist, signs @ ..] =
-                words.some::<ARM>("an arm")?.map(f64::from_bits);
-            Some(SrsArm {
-                shoulder_height: shoulder,
-                upper_arm: upper,
-                forearm,
-                wrist_to_flange: wrist,
-                signs,
-            })
+            let parameters = words.some::<PARAMETERS>("an arm")?.map(f64::from_bits);
+            let arm = Arm::from_parameters(kind, &parameters);
+            Some(arm.ok_or(Damaged("the kind of an arm"))?)
         }
     };
     let limits = words.some::<LIMITS>("joint limits")?;

@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::SrsArm;
+use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
     SetPoint,
@@ -33,13 +33,13 @@ pub fn model() -> DeviceModel {
     };
     DeviceModel {
         joints: 7,
-        arm: Some(SrsArm {
+        arm: Some(Arm::Srs(SrsArm {
             shoulder_height: 0.3105,
             upper_arm: 0.4,
             forearm: 0.39,
             wrist_to_flange: 0.078,
             signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
-        }),
+        })),
         limits,
         first_tolerance_rad: 1e-3,
         workspace: None,
@@ -464,8 +464,7 @@ pub fn line_net() -> PlanData {
 
 /// A line from a given start pose, or from the hold set-point.
 pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
-    let q: [f64; 7] = HOLD[..7].try_into().expect("seven joints");
-    let start = model().arm.expect("an arm").forward(&q);
+    let start = model().arm.expect("an arm").forward(&HOLD);
     let mut goal = start;
     goal.position[1] += 0.1;
     let mut plan = Plan::new();

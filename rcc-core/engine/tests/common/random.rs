@@ -249,8 +249,7 @@ impl Maker<'_> {
     fn of_motion(&mut self, store: Store, width: u32) -> u32 {
         match (store, width) {
             (Store::Real, 7) => {
-                let joints: [f64; 7] = HOLD[..7].try_into().expect("seven joints");
-                let mut pose = model().arm.expect("an arm").forward(&joints);
+                let mut pose = model().arm.expect("an arm").forward(&HOLD);
                 let offset = [(); 3].map(|()| self.random.real(-0.05, 0.05));
                 for (place, offset) in pose.position.iter_mut().zip(offset) {
                     *place += offset;

@@ -47,6 +47,7 @@ impl Open {
                 Some(Type::Matrix(count(rows)?, count(columns)?))
             }
             PortType::Joints => joints.map(Type::Reals),
+            PortType::JointColumns(rows) => Some(Type::Matrix(rows, u8::try_from(joints?).ok()?)),
         }
     }
 
@@ -63,7 +64,9 @@ impl Open {
     /// Learns from the type that a port has; false if that says nothing new.
     fn learn(&mut self, spec: &Spec, port: PortType, ty: Type) -> bool {
         match port {
-            PortType::Is(_) | PortType::Joints | PortType::Part => false,
+            PortType::Is(_) | PortType::Joints | PortType::JointColumns(_) | PortType::Part => {
+                false
+            }
             PortType::Any
             | PortType::Scalar
             | PortType::Number

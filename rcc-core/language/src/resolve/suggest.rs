@@ -97,6 +97,7 @@ fn describe(spec: &Spec, output: &str) -> String {
     let ty = match port.ty {
         PortType::Is(ty) => ty.to_string(),
         PortType::Joints => "Real, one a joint".to_string(),
+        PortType::JointColumns(rows) => format!("Real[{rows},joints]"),
         _ => return String::new(),
     };
     match port.unit {

@@ -186,3 +186,9 @@ impl Bench {
         self.values(name)[0]
     }
 }
+
+/// Seven joint positions as the kinematics take them.
+#[allow(dead_code)]
+pub fn eight(&[q1, q2, q3, q4, q5, q6, q7]: &[f64; 7]) -> Joints {
+    [q1, q2, q3, q4, q5, q6, q7, 0.0]
+}

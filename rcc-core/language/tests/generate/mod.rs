@@ -96,6 +96,7 @@ pub fn type_of(ty: PortType, open: Type) -> Option<Type> {
             Some(Type::Matrix(rows as u8, columns as u8))
         }
         PortType::Joints => Some(Type::Reals(7)),
+        PortType::JointColumns(rows) => Some(Type::Matrix(rows, 7)),
         PortType::Many(_) => None,
     }
 }

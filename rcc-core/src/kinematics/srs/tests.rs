@@ -175,7 +175,7 @@ proptest! {
         }
         let pose = LWR.forward(&q);
         let found = LWR.inverse(&pose, LWR.arm_angle(&q), LWR.branch(&q), &q).unwrap();
-        prop_assert!(pose_error(&LWR.forward(&found), &pose) < 2.0 * ALIGNED_SINE);
+        prop_assert!(pose_error(&LWR.forward(&found), &pose) < 2e-12);
     }
 
     #[test]

@@ -58,7 +58,7 @@ impl Build<'_, '_> {
     fn is_vector(&self, primitive: usize, port: &Port) -> bool {
         match port.ty {
             PortType::Is(ty) => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
-            PortType::Joints => false,
+            PortType::Joints | PortType::JointColumns(_) => false,
             // The same as what feeds it, or as what it begins with.
             _ => self.ours.get(primitive).is_some_and(|ours| {
                 let inputs = ours.inputs.iter().map(|(_, value, _)| value);

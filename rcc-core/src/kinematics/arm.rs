@@ -1,0 +1,351 @@
+//! An arm of any kind that the core knows, behind one set of functions: what the rest of the core works with.
+//! Plain data, `Copy`, no heap; each function looks at the kind once. Used by the loader and by the real-time thread.
+
+use core::fmt;
+
+use super::branch::{BRANCHES, Branch, Configuration, Unreachable};
+use super::ortho::OrthoParallelArm;
+use super::srs::SrsArm;
+use super::turns::{OutOfLimits, nearest_turns, turns_within};
+use crate::guard::JointLimits;
+use crate::message::{JOINTS_MAX, Joints};
+use crate::pose::Pose;
+
+/// A geometric Jacobian: rows vx vy vz (m/s) wx wy wz (rad/s) of the flange origin, in base axes, per rad/s of each joint;
+/// columns beyond the arm's joints are 0.
+pub type ArmJacobian = [[f64; JOINTS_MAX]; 6];
+
+/// Numbers that describe an arm of any kind, see [`Arm::parameters`].
+pub const PARAMETERS: usize = 19;
+
+/// The kinematics of an arm. Joint positions are in rad, in the robot's own directions and zeros, from the base to the
+/// flange; elements beyond [`Arm::joints`] are not looked at, and 0 in what comes back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Arm {
+    /// Seven joints: spherical shoulder, elbow hinge, spherical wrist.
+    Srs(SrsArm),
+    /// Six joints: two parallel axes square to the first, spherical wrist.
+    OrthoParallel(OrthoParallelArm),
+}
+
+/// Where an arm loses a direction, or joints that share a turn are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SingularityKind {
+    /// Stretched (or folded): no way to go further out.
+    Elbow,
+    /// The two axes of the wrist that turn the same way are in line.
+    Wrist,
+    /// S-R-S: the axes of joints 1 and 3 are in line. Ortho-parallel: the wrist is above (or below) axis 1.
+    Shoulder,
+    /// S-R-S: the wrist is above (or below) the shoulder, where the arm angle is not defined.
+    ArmAngle,
+}
+
+impl fmt::Display for SingularityKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Elbow => "the elbow is stretched",
+            Self::Wrist => "two axes of the wrist are in line",
+            Self::Shoulder => "the wrist or elbow is above the shoulder",
+            Self::ArmAngle => "the wrist is above the shoulder",
+        })
+    }
+}
+
+/// The nearest singular position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Singularity {
+    /// Which.
+    pub kind: SingularityKind,
+    /// How far: the sine of the angle that is left, 0 to 1; for the wrist above axis 1 its distance from the axis as part of
+    /// the arm's reach. NaN for joints that are null.
+    pub distance: f64,
+}
+
+impl Singularity {
+    pub(super) fn nearest<const N: usize>(all: [(SingularityKind, f64); N]) -> Singularity {
+        let first = Singularity {
+            kind: SingularityKind::Elbow,
+            distance: f64::INFINITY,
+        };
+        all.into_iter().fold(first, |nearest, (kind, distance)| {
+            // Asked so that null wins and stays.
+            if distance >= nearest.distance || nearest.distance.is_nan() {
+                nearest
+            } else {
+                Singularity { kind, distance }
+            }
+        })
+    }
+}
+
+impl Arm {
+    /// Number of joints: 6 or 7.
+    #[must_use]
+    pub const fn joints(&self) -> usize {
+        match self {
+            Arm::Srs(_) => 7,
+            Arm::OrthoParallel(_) => 6,
+        }
+    }
+
+    /// Where the flange is, base frame. NaN in, NaN out.
+    #[must_use]
+    pub fn forward(&self, joints: &Joints) -> Pose {
+        match self {
+            Arm::Srs(arm) => arm.forward(&seven(joints)),
+            Arm::OrthoParallel(arm) => arm.forward(&six(joints)),
+        }
+    }
+
+    /// The geometric Jacobian. NaN in, NaN out.
+    #[must_use]
+    pub fn jacobian(&self, joints: &Joints) -> ArmJacobian {
+        match self {
+            Arm::Srs(arm) => arm.jacobian(&seven(joints)).map(from_seven),
+            Arm::OrthoParallel(arm) => arm.jacobian(&six(joints)).map(from_six),
+        }
+    }
+
+    /// The branch that joints are in.
+    #[must_use]
+    pub fn branch(&self, joints: &Joints) -> Branch {
+        match self {
+            Arm::Srs(arm) => arm.branch(&seven(joints)),
+            Arm::OrthoParallel(arm) => arm.branch(&six(joints)),
+        }
+    }
+
+    /// The arm angle, rad in (−π, π]; `None` for six joints, which have none.
+    #[must_use]
+    pub fn arm_angle(&self, joints: &Joints) -> Option<f64> {
+        match self {
+            Arm::Srs(arm) => Some(arm.arm_angle(&seven(joints))),
+            Arm::OrthoParallel(_) => None,
+        }
+    }
+
+    /// Branch and arm angle: with the pose of the flange, all there is to say about joints.
+    #[must_use]
+    pub fn configuration(&self, joints: &Joints) -> Configuration {
+        Configuration {
+            branch: self.branch(joints),
+            arm_angle: self.arm_angle(joints).unwrap_or(0.0),
+        }
+    }
+
+    /// The joints that bring the flange to `pose` (base frame) with an arm angle (rad; not looked at for six joints) in a
+    /// branch, each by as many whole turns away as brings it nearest to `hint`. Where two axes are in line, one of their
+    /// joints is taken from `hint`. Joint limits are not looked at, see [`Arm::inverse_within`].
+    ///
+    /// # Errors
+    /// The wrist is too far from the shoulder or too close to it, or an argument is null.
+    #[inline]
+    pub fn inverse(
+        &self,
+        pose: &Pose,
+        arm_angle: f64,
+        branch: Branch,
+        hint: &Joints,
+    ) -> Result<Joints, Unreachable> {
+        let found = match self {
+            Arm::Srs(arm) => from_seven(arm.inverse(pose, arm_angle, branch, &seven(hint))?),
+            Arm::OrthoParallel(arm) => from_six(arm.inverse(pose, branch, &six(hint))?),
+        };
+        Ok(nearest_turns(&found, hint))
+    }
+
+    /// As [`Arm::inverse`], each joint by as many whole turns away as bring it within its limits, nearest to `hint` of those.
+    ///
+    /// # Errors
+    /// As [`Arm::inverse`], or the joint that no whole turn brings within its limits.
+    pub fn inverse_within(
+        &self,
+        pose: &Pose,
+        configuration: Configuration,
+        hint: &Joints,
+        limits: &JointLimits,
+    ) -> Result<Joints, NoJoints> {
+        let Configuration { branch, arm_angle } = configuration;
+        let found = self.inverse(pose, arm_angle, branch, hint)?;
+        Ok(turns_within(&found, hint, limits)?)
+    }
+
+    /// The joints of all branches, by [`Branch::index`], as [`Arm::inverse`] gives them.
+    #[must_use]
+    pub fn all_branches(
+        &self,
+        pose: &Pose,
+        arm_angle: f64,
+        hint: &Joints,
+    ) -> [Result<Joints, Unreachable>; BRANCHES] {
+        core::array::from_fn(|index| {
+            self.inverse(pose, arm_angle, Branch::from_bits(index as u8), hint)
+        })
+    }
+
+    /// The nearest singular position. A motion in space that comes near it makes joints turn fast.
+    #[must_use]
+    pub fn singularity(&self, joints: &Joints) -> Singularity {
+        match self {
+            Arm::Srs(arm) => arm.singularity(&seven(joints)),
+            Arm::OrthoParallel(arm) => arm.singularity(&six(joints)),
+        }
+    }
+
+    /// KUKA's Status (S) of joints, bits 0 to 2; `None` for seven joints, whose Status KUKA counts otherwise. See
+    /// [`OrthoParallelArm::status`].
+    #[must_use]
+    pub fn status(&self, joints: &Joints) -> Option<u8> {
+        match self {
+            Arm::Srs(_) => None,
+            Arm::OrthoParallel(arm) => Some(arm.status(&six(joints))),
+        }
+    }
+
+    /// The branch that KUKA's Status (S) asks for; `None` for seven joints. Bits from 3 on are not looked at.
+    #[must_use]
+    pub fn branch_of_status(&self, status: u8) -> Option<Branch> {
+        match self {
+            Arm::Srs(_) => None,
+            Arm::OrthoParallel(arm) => Some(arm.branch_of_status(status)),
+        }
+    }
+
+    /// KUKA's Turn (T) of joints: bit i is set if joint i + 1 is negative.
+    #[must_use]
+    pub fn turn(&self, joints: &Joints) -> u8 {
+        let negative = joints.iter().take(self.joints()).map(|joint| *joint < 0.0);
+        let bits = negative.zip(0..).map(|(bit, place)| u8::from(bit) << place);
+        bits.fold(0, |all, bit| all | bit)
+    }
+
+    /// The kind as a number and what describes it, for hashes and files: `(1, S-R-S)` shoulder height, upper arm, forearm,
+    /// wrist to flange, seven signs; `(2, ortho-parallel)` shoulder height and offset, lateral offset, upper arm, elbow
+    /// offset, forearm, wrist to flange, six signs, six zeros. The rest is 0.
+    #[must_use]
+    pub fn parameters(&self) -> (u32, [f64; PARAMETERS]) {
+        let mut all = [0.0; PARAMETERS];
+        let mut put = |lists: [&[f64]; 3]| {
+            let values = lists.into_iter().flatten();
+            for (place, value) in all.iter_mut().zip(values) {
+                *place = *value;
+            }
+        };
+        let kind = match self {
+            Arm::Srs(arm) => {
+                put([&arm.lengths(), &arm.signs, &[]]);
+                1
+            }
+            Arm::OrthoParallel(arm) => {
+                put([&arm.lengths(), &arm.signs, &arm.zeros]);
+                2
+            }
+        };
+        (kind, all)
+    }
+
+    /// The contrary of [`Arm::parameters`]; `None` for a number that is no kind.
+    #[must_use]
+    pub fn from_parameters(kind: u32, parameters: &[f64; PARAMETERS]) -> Option<Arm> {
+        match kind {
+            1 => {
+                let [
+                    shoulder_height,
+                    upper_arm,
+                    forearm,
+                    wrist_to_flange,
+                    rest @ ..,
+                ] = parameters;
+                Some(Arm::Srs(SrsArm {
+                    shoulder_height: *shoulder_height,
+                    upper_arm: *upper_arm,
+                    forearm: *forearm,
+                    wrist_to_flange: *wrist_to_flange,
+                    signs: *rest.first_chunk()?,
+                }))
+            }
+            2 => {
+                let (lengths, rest) = parameters.split_first_chunk::<7>()?;
+                let (signs, rest) = rest.split_first_chunk::<6>()?;
+                Some(Arm::OrthoParallel(OrthoParallelArm::from_lengths(
+                    lengths,
+                    *signs,
+                    *rest.first_chunk()?,
+                )))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Why an arm cannot be brought to a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoJoints {
+    /// No joint position leads there.
+    Unreachable(Unreachable),
+    /// One does, but the robot's limits do not allow it.
+    OutOfLimits(OutOfLimits),
+}
+
+impl NoJoints {
+    /// The number that primitives say at their port `reason`: 1 an input is null, 2 too far, 3 too close, 4 joint limit; 0 is
+    /// for no fault.
+    #[must_use]
+    pub fn reason(&self) -> i64 {
+        match self {
+            NoJoints::Unreachable(Unreachable::NotFinite) => 1,
+            NoJoints::Unreachable(Unreachable::TooFar { .. }) => 2,
+            NoJoints::Unreachable(Unreachable::TooClose { .. }) => 3,
+            NoJoints::OutOfLimits(_) => 4,
+        }
+    }
+
+    /// The joint at its limit, from 1; 0 for other faults.
+    #[must_use]
+    pub fn joint(&self) -> i64 {
+        match self {
+            NoJoints::Unreachable(_) => 0,
+            NoJoints::OutOfLimits(out) => i64::from(out.joint) + 1,
+        }
+    }
+}
+
+impl From<Unreachable> for NoJoints {
+    fn from(unreachable: Unreachable) -> Self {
+        Self::Unreachable(unreachable)
+    }
+}
+
+impl From<OutOfLimits> for NoJoints {
+    fn from(out: OutOfLimits) -> Self {
+        Self::OutOfLimits(out)
+    }
+}
+
+impl fmt::Display for NoJoints {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unreachable(unreachable) => unreachable.fmt(f),
+            Self::OutOfLimits(out) => out.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for NoJoints {}
+
+fn seven(&[q1, q2, q3, q4, q5, q6, q7, _]: &Joints) -> [f64; 7] {
+    [q1, q2, q3, q4, q5, q6, q7]
+}
+
+fn six(&[q1, q2, q3, q4, q5, q6, _, _]: &Joints) -> [f64; 6] {
+    [q1, q2, q3, q4, q5, q6]
+}
+
+fn from_seven([q1, q2, q3, q4, q5, q6, q7]: [f64; 7]) -> Joints {
+    [q1, q2, q3, q4, q5, q6, q7, 0.0]
+}
+
+fn from_six([q1, q2, q3, q4, q5, q6]: [f64; 6]) -> Joints {
+    [q1, q2, q3, q4, q5, q6, 0.0, 0.0]
+}

@@ -1,0 +1,120 @@
+//! Rotations about single axes, and how two or three of them share what is wanted: what all arms have in common.
+//! Pure arithmetic; used by the loader and by the real-time thread.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Below this sine of the angle between them two axes count as one, and the hint decides how they share the turn …
+const ALIGNED_SINE: f64 = 1e-9;
+
+/// … unless the pose would be wrong by more than this angle (rad) with the hint.
+const HINT_ERROR: f64 = 1e-12;
+
+/// A wrist this little beyond the stretched (or within the folded) arm, relative to its length, is rounding and counts as
+/// stretched (or folded).
+pub(super) const STRETCH_TOLERANCE: f64 = 1e-12;
+
+pub(super) fn sign(negative: bool) -> f64 {
+    if negative { -1.0 } else { 1.0 }
+}
+
+/// `m`·Rz of an angle with this sine and cosine.
+pub(super) fn turned_z(m: &Matrix3<f64>, (sin, cos): (f64, f64)) -> Matrix3<f64> {
+    Matrix3::new(
+        m.m11 * cos + m.m12 * sin,
+        m.m12 * cos - m.m11 * sin,
+        m.m13,
+        m.m21 * cos + m.m22 * sin,
+        m.m22 * cos - m.m21 * sin,
+        m.m23,
+        m.m31 * cos + m.m32 * sin,
+        m.m32 * cos - m.m31 * sin,
+        m.m33,
+    )
+}
+
+/// `m`·Ry of an angle with this sine and cosine.
+pub(super) fn turned_y(m: &Matrix3<f64>, (sin, cos): (f64, f64)) -> Matrix3<f64> {
+    Matrix3::new(
+        m.m11 * cos - m.m13 * sin,
+        m.m12,
+        m.m11 * sin + m.m13 * cos,
+        m.m21 * cos - m.m23 * sin,
+        m.m22,
+        m.m21 * sin + m.m23 * cos,
+        m.m31 * cos - m.m33 * sin,
+        m.m32,
+        m.m31 * sin + m.m33 * cos,
+    )
+}
+
+/// Rz of an angle with this sine and cosine.
+pub(super) fn rz((sin, cos): (f64, f64)) -> Matrix3<f64> {
+    Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0)
+}
+
+/// The directions of the axes of a frame.
+pub(super) fn x_of(m: &Matrix3<f64>) -> Vector3<f64> {
+    Vector3::new(m.m11, m.m21, m.m31)
+}
+
+pub(super) fn y_of(m: &Matrix3<f64>) -> Vector3<f64> {
+    Vector3::new(m.m12, m.m22, m.m32)
+}
+
+pub(super) fn z_of(m: &Matrix3<f64>) -> Vector3<f64> {
+    Vector3::new(m.m13, m.m23, m.m33)
+}
+
+/// Length of a vector in a plane of metres or of sines: neither can overflow a square, and what underflows is aligned.
+pub(super) fn length(x: f64, y: f64) -> f64 {
+    libm::sqrt(x * x + y * y)
+}
+
+/// Azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the polar
+/// angle; the azimuth of a vector along z is `hint`.
+pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> (f64, f64) {
+    let level = length(x, y);
+    if level < ALIGNED_SINE
+        && let Some(along) = beside_hint(x, y, hint, HINT_ERROR)
+    {
+        return (hint, libm::atan2(along, z));
+    }
+    (
+        libm::atan2(sign * y, sign * x),
+        sign * libm::atan2(level, z),
+    )
+}
+
+/// How far (x, y) is in the direction of `hint` (rad), which may be backwards; `None` if it is more than `tolerance` beside
+/// that direction. A hint that is null makes it null.
+#[cold]
+pub(super) fn beside_hint(x: f64, y: f64, hint: f64, tolerance: f64) -> Option<f64> {
+    let (sin, cos) = libm::sincos(hint);
+    let beside = y * cos - x * sin;
+    let along = x * cos + y * sin;
+    (beside.is_nan() || beside.abs() <= tolerance).then_some(along)
+}
+
+/// The three angles of Rz·Ry·Rz = `rest` with the given sign of the second; the first is `hint` where the second is 0 or π.
+pub(super) fn wrist(rest: &Matrix3<f64>, sign: f64, hint: f64) -> (f64, f64, f64) {
+    let (first, second) = azimuth_polar(rest.m13, rest.m23, rest.m33, sign, hint);
+    // From the residual, not from W31 and W32, which vanish with the second angle.
+    let (sin, cos) = libm::sincos(first);
+    let third = libm::atan2(
+        cos * rest.m21 - sin * rest.m11,
+        cos * rest.m22 - sin * rest.m12,
+    );
+    (first, second, third)
+}
+
+pub(super) fn matrix(&[[a, b, c], [d, e, f], [g, h, i]]: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::new(a, b, c, d, e, f, g, h, i)
+}
+
+pub(super) fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    [
+        [m.m11, m.m12, m.m13],
+        [m.m21, m.m22, m.m23],
+        [m.m31, m.m32, m.m33],
+    ]
+}

@@ -1,0 +1,107 @@
+//! The ways in which an arm reaches a pose, and why it does not.
+//! Plain data; used by the loader and by the real-time thread.
+
+use core::fmt;
+
+/// How many branches there are, of every arm.
+pub const BRANCHES: usize = 8;
+
+/// One of the eight ways to reach a pose (with a given arm angle, if the arm has one).
+///
+/// An S-R-S arm: on which side of zero the canonical joints 2, 4 and 6 are (Faria 2018: GC2, GC4, GC6). An ortho-parallel
+/// arm: on which side of axis 1 the wrist is, of the line through axes 2 and 3 the forearm is, and of zero the canonical
+/// joint 5 is. Zero counts as not negative.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Branch {
+    /// S-R-S: canonical q2 < 0. Ortho-parallel: the wrist is behind axis 1 (reached overhead).
+    pub shoulder_negative: bool,
+    /// S-R-S: canonical q4 < 0. Ortho-parallel: the forearm is bent backwards from the stretched arm.
+    pub elbow_negative: bool,
+    /// S-R-S: canonical q6 < 0. Ortho-parallel: canonical θ5 < 0.
+    pub wrist_negative: bool,
+}
+
+impl Branch {
+    /// The branch as a number in 0..8: bit 0 shoulder, bit 1 elbow, bit 2 wrist.
+    #[must_use]
+    pub fn index(self) -> u8 {
+        u8::from(self.shoulder_negative)
+            | u8::from(self.elbow_negative) << 1
+            | u8::from(self.wrist_negative) << 2
+    }
+
+    /// The branch of a number in 0..8, `None` beyond.
+    #[must_use]
+    pub fn from_index(index: u8) -> Option<Self> {
+        (index < 8).then_some(Self::from_bits(index))
+    }
+
+    /// The branch of the lowest three bits of a number.
+    #[must_use]
+    pub fn from_bits(bits: u8) -> Self {
+        let bit = |n: u8| bits >> n & 1 == 1;
+        Self {
+            shoulder_negative: bit(0),
+            elbow_negative: bit(1),
+            wrist_negative: bit(2),
+        }
+    }
+
+    /// All of them, by their number.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..BRANCHES as u8).map(Self::from_bits)
+    }
+}
+
+/// What joints say beside the pose of the flange: with it, the pose says the joints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Configuration {
+    /// The branch.
+    pub branch: Branch,
+    /// The arm angle, rad; 0 for an arm that has none.
+    pub arm_angle: f64,
+}
+
+/// Why no joint position was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Unreachable {
+    /// The wrist would be `distance` m from the shoulder, but the stretched arm reaches only `reach` m.
+    TooFar {
+        /// Shoulder to wrist, m.
+        distance: f64,
+        /// Largest possible distance, m.
+        reach: f64,
+    },
+    /// The wrist would be `distance` m from the shoulder (or from axis 1, if the arm is beside it); the folded arm does
+    /// not come to within `reach` m.
+    TooClose {
+        /// Shoulder to wrist, m.
+        distance: f64,
+        /// Smallest possible distance (excluded for an S-R-S arm), m.
+        reach: f64,
+    },
+    /// The pose, the arm angle or a hint that was needed is null (NaN) or infinite.
+    NotFinite,
+}
+
+impl fmt::Display for Unreachable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooFar { distance, reach } => {
+                write!(
+                    f,
+                    "the wrist would be {distance:.4} m from the shoulder, the arm reaches {reach:.4} m"
+                )
+            }
+            Self::TooClose { distance, reach } => {
+                write!(
+                    f,
+                    "the wrist would be {distance:.4} m from the shoulder, the arm needs more than {reach:.4} m"
+                )
+            }
+            Self::NotFinite => write!(f, "the pose, arm angle or hint is null"),
+        }
+    }
+}
+
+impl core::error::Error for Unreachable {}
