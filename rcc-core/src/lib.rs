@@ -18,6 +18,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod axis;
 pub mod cycle;
 pub mod filter;
 pub mod frame;

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::axis::{AxisState, Phases, stop_and_go};
 use crate::frame::PrepareFault;
 use crate::message::Joints;
 use crate::pose::Pose;
@@ -70,6 +71,13 @@ pub trait Motions {
     /// It never leaves its path, goes forward only, and keeps its limits whatever the drives are. `None`: there is no
     /// such motion.
     fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState>;
+
+    /// The way of one axis from any state to rest at `goal`, as fast as `limits` allow; it keeps nothing.
+    ///
+    /// Without a planner: to rest first, and on from there.
+    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+        stop_and_go(from, goal, limits)
+    }
 }
 
 impl Motions for () {

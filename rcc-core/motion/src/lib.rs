@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 pub mod geometry;
+pub mod goal;
 mod line;
 mod motion;
 mod path_clock;

@@ -1,13 +1,15 @@
 //! The motions of a net: a path and its clock each. Built by whoever makes a net ready (it allocates there), stepped by
 //! the real-time thread (it does not).
 
+use rcc_core::axis::{AxisState, Phases};
 use rcc_core::frame::{DeviceModel, PrepareFault, arm_at_rest};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::{
-    Drive, MotionBuilder, MotionFault, MotionState, Motions, PathRequest, Segment,
+    Drive, Limits, MotionBuilder, MotionFault, MotionState, Motions, PathRequest, Segment,
 };
 use rcc_core::types::NULL_REAL;
 
+use crate::goal;
 use crate::line::Line;
 use crate::path_clock::{CLOCK_WORDS, PathClock};
 
@@ -73,6 +75,10 @@ impl MotionSet {
 impl Motions for MotionSet {
     fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState> {
         self.0.get_mut(index).map(|motion| motion.step(drive))
+    }
+
+    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+        goal::plan(from, goal, limits)
     }
 }
 

@@ -2,11 +2,13 @@
 //! A program of its own, because it replaces the allocator: any heap operation within `assert_no_alloc` aborts it.
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use rcc_core::axis::{AxisState, usable};
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::path::{
     Drive, Leg, Limits, MotionBuilder, Motions, PathLimits, PathRequest, Segment,
 };
 use rcc_core::pose::Pose;
+use rcc_motion::goal::{Found, plan_to};
 use rcc_motion::{Builder, MotionSet, Rest, RestLimits, stop_time};
 
 #[global_allocator]
@@ -84,4 +86,62 @@ fn joints_come_to_rest_without_the_heap_and_so_do_refusals() {
         (begun && (0..5000).any(|_| rest.step().1), refused)
     });
     assert!(resting && refused);
+}
+
+/// In -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+fn random(state: &mut u64) -> f64 {
+    *state = state
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+/// Limits within a factor of 10^spread of those of a robot's joint; a state within, and one in ten beyond them; a goal at
+/// any distance, down to nothing but rounding.
+fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState, Limits) {
+    let mut decade = |middle: f64, spread: f64| 10.0_f64.powf(middle + spread * random());
+    let limits = Limits {
+        velocity: decade(0.0, spread),
+        acceleration: decade(1.0, spread),
+        jerk: decade(2.5, spread),
+    };
+    let near = decade(-7.0, 11.0).min(1.0);
+    let way = decade(-8.0, 9.0) * limits.velocity;
+    let beyond = if random() > 0.8 { 3.0 } else { 1.0 };
+    let from = AxisState {
+        position: random(),
+        velocity: near * beyond * random() * limits.velocity,
+        acceleration: near * beyond * random() * limits.acceleration,
+    };
+    let to = AxisState::at_rest(from.position + way * random());
+    (from, to, limits)
+}
+
+#[test]
+fn two_million_ways_to_goals_need_no_heap() {
+    let mut state = 7;
+    let mut random = || random(&mut state);
+    // Robots and machines; anything.
+    for spread in [1.0, 4.0] {
+        let (mut asked, mut refused, mut beyond) = (0_u32, 0_u32, 0_u32);
+        while asked < 1_000_000 {
+            let (from, to, limits) = task(&mut random, spread);
+            if !usable(&limits) {
+                continue;
+            }
+            asked += 1;
+            let (way, found) = assert_no_alloc(|| plan_to(&from, &to, &limits));
+            assert!(way.end(from).is_finite(), "{from:?} {to:?} {limits:?}");
+            if found == Found::AfterStop {
+                let fastest = from.velocity.abs().max(from.coasting(limits.jerk).abs());
+                let within =
+                    fastest <= limits.velocity && from.acceleration.abs() <= limits.acceleration;
+                (refused, beyond) = (refused + u32::from(within), beyond + u32::from(!within));
+            }
+        }
+        println!(
+            "10^±{spread}: of {asked} ways {refused} by a stop, and {beyond} from beyond the limits"
+        );
+        assert_eq!(refused, 0);
+    }
 }

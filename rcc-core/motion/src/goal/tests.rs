@@ -1,0 +1,203 @@
+//! Random goals, stops and speeds: what an axis does is judged by its states alone.
+
+use rcc_core::axis::Follower;
+
+use super::*;
+
+const DT_S: f64 = 1e-3;
+
+/// A linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+struct Random(u64);
+
+impl Random {
+    /// In 0 to 1.
+    fn unit(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    fn decade(&mut self, low: f64, high: f64) -> f64 {
+        10_f64.powf(self.within(low, high))
+    }
+}
+
+/// One cycle in which velocity, acceleration and jerk keep the limits and position follows from them.
+fn checked(follower: &mut Follower, goal: Option<f64>, speed: f64, limits: &Limits) {
+    let before = follower.state();
+    let scaled = Limits {
+        velocity: limits.velocity * speed,
+        ..*limits
+    };
+    let now = follower.step(goal, &scaled, DT_S, plan);
+    let within = |value: f64, limit: f64| value.abs() <= 1.001 * limit + 1e-3;
+    let jerk = (now.acceleration - before.acceleration) / DT_S;
+    let all = within(now.velocity, limits.velocity)
+        && within(now.acceleration, limits.acceleration)
+        && within(jerk, limits.jerk);
+    let expected = before.after(DT_S, 0.0);
+    let rounding = 1e-14 * (1.0 + now.position.abs());
+    let joined = (now.position - expected.position).abs()
+        <= limits.jerk * DT_S.powi(3) / 6.0 * 1.001 + rounding
+        && (now.velocity - expected.velocity).abs()
+            <= limits.jerk * DT_S * DT_S / 2.0 * 1.001 + 1e-12;
+    assert!(
+        all && joined && now.is_finite(),
+        "{before:?} {now:?} {goal:?} {speed} {limits:?}"
+    );
+    assert_eq!(
+        follower.arrived(),
+        speed > 0.0 && now.rests() && Some(now.position) == goal,
+        "{now:?} {goal:?}"
+    );
+}
+
+fn limits(random: &mut Random) -> Limits {
+    Limits {
+        velocity: random.decade(-1.0, 0.7),
+        acceleration: random.decade(0.0, 1.7),
+        jerk: random.decade(1.5, 3.0),
+    }
+}
+
+#[test]
+fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
+    let mut random = Random(11);
+    for _ in 0..100_000 {
+        let limits = limits(&mut random);
+        let mut follower = Follower::at_rest(random.within(-2.0, 2.0));
+        let (mut goal, mut speed) = (None, 1.0);
+        for _ in 0..6 {
+            match random.unit() {
+                kind if kind < 0.2 => goal = None,
+                kind if kind < 0.4 => {
+                    speed = [0.0, 1.0, random.unit()][(3.0 * random.unit()) as usize]
+                }
+                kind if kind < 0.7 => {
+                    let near = limits.velocity * random.decade(-9.0, 0.0);
+                    goal = Some(follower.state().position + near * random.within(-1.0, 1.0));
+                }
+                _ => goal = Some(random.within(-2.0, 2.0)),
+            }
+            for _ in 0..(80.0 * random.unit()) as usize {
+                checked(&mut follower, goal, speed, &limits);
+            }
+        }
+        let goal = random.within(-2.0, 2.0);
+        let longest_s = stop_and_go(&follower.state(), goal, &limits).duration_s();
+        // Not every arrival is waited for: the ways are long.
+        if random.unit() < 0.05 {
+            for _ in 0..(longest_s / DT_S) as usize + 2 {
+                checked(&mut follower, Some(goal), 1.0, &limits);
+            }
+            assert!(follower.arrived(), "{follower:?} {goal} {longest_s}");
+        }
+    }
+}
+
+#[test]
+fn planning_again_on_the_way_does_not_make_it_longer() {
+    let mut random = Random(14);
+    for _ in 0..200_000 {
+        let limits = limits(&mut random);
+        let mut signed = |limit: f64| limit * random.within(-0.7, 0.7);
+        let from = AxisState {
+            position: 0.0,
+            velocity: signed(limits.velocity),
+            acceleration: signed(limits.acceleration),
+        };
+        if most_velocity(&from, &limits) > limits.velocity {
+            continue;
+        }
+        let goal = limits.velocity * random.decade(-6.0, 0.5) * random.within(-1.0, 1.0).signum();
+        let way = plan(&from, goal, &limits);
+        // Anywhere, or near a corner, where rounding decides which profiles exist.
+        let corner: usize = (10.0 * random.unit()) as usize;
+        let begin_s: f64 = way.0.iter().take(corner).map(|(t, _)| t).sum();
+        let gone_s = if random.unit() < 0.5 {
+            way.duration_s() * random.unit()
+        } else {
+            (begin_s + random.decade(-16.0, -3.0)).min(way.duration_s())
+        };
+        let (mut left_s, mut state) = (gone_s, from);
+        for (duration_s, jerk) in way.0 {
+            let t_s = left_s.min(duration_s);
+            left_s -= t_s;
+            state = state.after(t_s, jerk);
+        }
+        let again_s = plan(&state, goal, &limits).duration_s();
+        let longer_s = again_s - (way.duration_s() - gone_s);
+        // What rounding leaves beside the goal takes the cube root of it.
+        assert!(
+            longer_s <= 1e-4,
+            "{longer_s} s: {state:?} {goal} {limits:?} {way:?}"
+        );
+    }
+}
+
+#[test]
+fn a_goal_that_moves_a_little_in_every_cycle_is_followed_within_the_limits() {
+    let mut random = Random(12);
+    for _ in 0..500 {
+        let limits = limits(&mut random);
+        let mut follower = Follower::at_rest(0.0);
+        let (mut goal, noise) = (0.1, random.decade(-9.0, -2.0));
+        for _ in 0..500 {
+            goal += noise * random.within(-1.0, 1.0);
+            checked(&mut follower, Some(goal), 1.0, &limits);
+        }
+    }
+}
+
+#[test]
+fn a_speed_that_changes_leads_neither_back_nor_beyond_the_goal() {
+    let mut random = Random(13);
+    for _ in 0..3000 {
+        let limits = limits(&mut random);
+        let mut follower = Follower::at_rest(0.0);
+        let (goal, mut speed) = (limits.velocity * random.decade(-2.0, 0.5), 1.0);
+        for cycle in 0..3000 {
+            if random.unit() < 0.01 {
+                speed =
+                    [0.0, 1.0, random.unit(), 0.1 * random.unit()][(4.0 * random.unit()) as usize];
+            }
+            let before = follower;
+            checked(&mut follower, Some(goal), speed, &limits);
+            let now = follower.state();
+            assert!(
+                now.velocity >= -1e-9 && now.position <= goal + 1e-9,
+                "{cycle} {before:?} {follower:?} {goal} {speed} {limits:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn limits_and_states_that_are_no_use_give_no_way() {
+    let fine = Limits {
+        velocity: 1.0,
+        acceleration: 10.0,
+        jerk: 500.0,
+    };
+    let moving = AxisState {
+        position: 0.0,
+        velocity: 0.5,
+        acceleration: 0.0,
+    };
+    for bad in [f64::NAN, 0.0, -1.0, f64::INFINITY] {
+        let limits = Limits {
+            acceleration: bad,
+            ..fine
+        };
+        assert_eq!(plan(&moving, 1.0, &limits), Phases::default(), "{bad}");
+    }
+    assert_eq!(plan(&moving, f64::NAN, &fine), Phases::default());
+    let nowhere = AxisState::at_rest(f64::INFINITY);
+    assert_eq!(plan(&nowhere, 1.0, &fine), Phases::default());
+}

@@ -1,0 +1,222 @@
+//! One axis on its way to a goal that may change in any cycle: phases of constant jerk, and the follower that walks along
+//! them. Pure arithmetic on a fixed number of words, which live in a net's arena; run by the real-time thread.
+//!
+//! What is here has a closed form and cannot fail: the stop, the way from rest to rest, and one after the other. The
+//! fastest way from any state is the business of a planner ([`crate::path::Motions::way`]).
+
+use crate::path::Limits;
+
+mod follow;
+
+pub use follow::{AXIS_WORDS, Follower};
+
+/// Most phases of a way: two or three to brake into the limits, seven to the goal.
+pub const PHASES_MAX: usize = 10;
+
+/// Where an axis is and how it moves there, in its unit, and per s and s².
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct AxisState {
+    /// Position.
+    pub position: f64,
+    /// Velocity, per s.
+    pub velocity: f64,
+    /// Acceleration, per s².
+    pub acceleration: f64,
+}
+
+impl AxisState {
+    /// At rest there.
+    #[must_use]
+    pub const fn at_rest(position: f64) -> AxisState {
+        AxisState {
+            position,
+            velocity: 0.0,
+            acceleration: 0.0,
+        }
+    }
+
+    /// No velocity, no acceleration.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        self.velocity == 0.0 && self.acceleration == 0.0
+    }
+
+    /// No NaN and no infinity in it.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.position.is_finite() && self.velocity.is_finite() && self.acceleration.is_finite()
+    }
+
+    /// The state `t_s` later under constant jerk.
+    #[must_use]
+    pub fn after(self, t_s: f64, jerk: f64) -> AxisState {
+        let AxisState {
+            position,
+            velocity,
+            acceleration,
+        } = self;
+        AxisState {
+            position: position + t_s * (velocity + t_s * (acceleration / 2.0 + t_s * jerk / 6.0)),
+            velocity: velocity + t_s * (acceleration + t_s * jerk / 2.0),
+            acceleration: acceleration + t_s * jerk,
+        }
+    }
+
+    /// The velocity that is left when the acceleration is let go under `jerk`: what the axis cannot avoid.
+    #[must_use]
+    pub fn coasting(&self, jerk: f64) -> f64 {
+        self.velocity + self.acceleration * self.acceleration.abs() / (2.0 * jerk)
+    }
+}
+
+/// Whether an axis can be moved with these limits: they are finite and above 0.
+#[must_use]
+pub fn usable(limits: &Limits) -> bool {
+    let &Limits {
+        velocity,
+        acceleration,
+        jerk,
+    } = limits;
+    let all = [velocity, acceleration, jerk];
+    all.iter().all(|limit| limit.is_finite() && *limit > 0.0)
+}
+
+/// A way in phases of (duration s, jerk), one after the other.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Phases(pub [(f64, f64); PHASES_MAX]);
+
+impl Phases {
+    /// From its parts, in order; what is too much is left out.
+    #[must_use]
+    pub fn of(parts: &[&[(f64, f64)]]) -> Phases {
+        let mut phases = Phases::default();
+        let steps = parts.iter().flat_map(|part| part.iter());
+        for (place, step) in phases.0.iter_mut().zip(steps) {
+            *place = *step;
+        }
+        phases
+    }
+
+    /// How long it takes, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.0.iter().map(|(duration_s, _)| duration_s).sum()
+    }
+
+    /// The states where velocity and acceleration have their extrema: where phases begin and end, and where the
+    /// acceleration goes through 0 within one.
+    pub fn corners(&self, start: AxisState) -> impl Iterator<Item = AxisState> + '_ {
+        let pairs = self.0.iter().scan(start, |state, (duration_s, jerk)| {
+            let (begin, end) = (*state, state.after(*duration_s, *jerk));
+            *state = end;
+            let through = begin.acceleration * end.acceleration < 0.0;
+            let extremum = if through {
+                begin.after(-begin.acceleration / jerk, *jerk)
+            } else {
+                begin
+            };
+            Some([extremum, end])
+        });
+        core::iter::once(start).chain(pairs.flatten())
+    }
+
+    /// The state at the end of the way from `start`.
+    #[must_use]
+    pub fn end(&self, start: AxisState) -> AxisState {
+        let steps = self.0.iter();
+        steps.fold(start, |state, (duration_s, jerk)| {
+            state.after(*duration_s, *jerk)
+        })
+    }
+}
+
+/// The fastest change of velocity to `velocity` without acceleration: jerk −J, 0, +J or the opposite. An acceleration
+/// beyond its limit is let go at the jerk limit and not exceeded further.
+#[must_use]
+pub fn to_velocity(from: &AxisState, velocity: f64, limits: &Limits) -> [(f64, f64); 3] {
+    let &Limits {
+        acceleration: most,
+        jerk,
+        ..
+    } = limits;
+    let direction = if from.coasting(jerk) < velocity {
+        -1.0
+    } else {
+        1.0
+    };
+    let (v, a) = (
+        direction * (from.velocity - velocity),
+        direction * from.acceleration,
+    );
+    // With no phase at a limit the peak satisfies v + a²/2J = peak²/J; it is at least −a, but for rounding.
+    let free = higher(libm::sqrt(higher(jerk * v + a * a / 2.0, 0.0)), -a);
+    let peak = lower(free, higher(most, -a));
+    let hold_s = if peak < free {
+        (v + a * a / (2.0 * jerk) - peak * peak / jerk) / peak
+    } else {
+        0.0
+    };
+    let jerk = direction * jerk;
+    let ramp_s = |change: f64| change / jerk.abs();
+    [
+        (ramp_s(a + peak), -jerk),
+        (hold_s, 0.0),
+        (ramp_s(peak), jerk),
+    ]
+}
+
+/// The fastest way of `distance` from rest to rest: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines
+/// and Robots, 2008, 3.4 (double S with zero velocities at both ends).
+#[must_use]
+pub fn rest_to_rest(distance: f64, limits: &Limits) -> [(f64, f64); 7] {
+    let &Limits {
+        velocity: v,
+        acceleration: a,
+        jerk: j,
+    } = limits;
+    let way = distance.abs();
+    // To the greatest velocity: with a phase at the greatest acceleration, or without.
+    let (mut ramp_s, mut hold_s) = if v * j > a * a {
+        (a / j, v / a - a / j)
+    } else {
+        (libm::sqrt(v / j), 0.0)
+    };
+    let mut cruise_s = way / v - (2.0 * ramp_s + hold_s);
+    if cruise_s < 0.0 {
+        cruise_s = 0.0;
+        ramp_s = a / j;
+        hold_s = (libm::sqrt(ramp_s * ramp_s + 4.0 * way / a) - 3.0 * ramp_s) / 2.0;
+        if hold_s < 0.0 {
+            (ramp_s, hold_s) = (libm::cbrt(way / (2.0 * j)), 0.0);
+        }
+    }
+    let jerk = if distance < 0.0 { -j } else { j };
+    [
+        (ramp_s, jerk),
+        (hold_s, 0.0),
+        (ramp_s, -jerk),
+        (cruise_s, 0.0),
+        (ramp_s, -jerk),
+        (hold_s, 0.0),
+        (ramp_s, jerk),
+    ]
+}
+
+/// To rest, and from there to `goal`: not the fastest way, but one that always exists.
+#[must_use]
+pub fn stop_and_go(from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+    let stop = to_velocity(from, 0.0, limits);
+    let rest = Phases::of(&[&stop]).end(*from);
+    Phases::of(&[&stop, &rest_to_rest(goal - rest.position, limits)])
+}
+
+fn higher(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+fn lower(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,178 @@
+//! The follower of one axis: it keeps the way that it is on as words in an arena, and asks for another one when the goal or
+//! the limits have changed. Run by the real-time thread.
+
+use super::{AxisState, PHASES_MAX, Phases, to_velocity, usable};
+use crate::path::Limits;
+
+/// Numbers that an axis remembers: goal, limits of the way, cycles on it, state now, state at its beginning, phases.
+pub const AXIS_WORDS: usize = 1 + 3 + 1 + 3 + 3 + 2 * PHASES_MAX;
+
+/// An end this near to its goal, in jerk limit × period³, is the goal: the step is hidden in the jerk of one cycle.
+const SAME: f64 = 1e-4;
+
+/// So much of a position is rounding when a way has been walked along.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// One axis that follows a goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Follower {
+    /// Where the way leads; NaN: to rest, wherever that is.
+    goal: f64,
+    /// What the way was planned with.
+    limits: Limits,
+    /// Periods since the way began, of the state now.
+    periods: f64,
+    now: AxisState,
+    start: AxisState,
+    phases: Phases,
+}
+
+impl Follower {
+    /// At rest there, without a goal.
+    #[must_use]
+    pub fn at_rest(position: f64) -> Follower {
+        Follower {
+            goal: f64::NAN,
+            limits: Limits {
+                velocity: f64::NAN,
+                acceleration: f64::NAN,
+                jerk: f64::NAN,
+            },
+            periods: 0.0,
+            now: AxisState::at_rest(position),
+            start: AxisState::at_rest(position),
+            phases: Phases::default(),
+        }
+    }
+
+    /// Position, velocity and acceleration of the last step.
+    #[must_use]
+    pub fn state(&self) -> AxisState {
+        self.now
+    }
+
+    /// Whether it rests at its goal.
+    #[must_use]
+    pub fn arrived(&self) -> bool {
+        self.now.rests() && self.now.position == self.goal
+    }
+
+    /// One period of `dt_s` further, towards `goal` or, without one, to rest. `plan` gives the way from a state to rest at
+    /// a goal, and is asked only when goal or limits are not those of the last step.
+    ///
+    /// A velocity limit that is not above 0 is no goal: the axis comes to rest. Limits of acceleration and jerk that are
+    /// not finite and above 0 leave it on the way that it is on.
+    pub fn step(
+        &mut self,
+        goal: Option<f64>,
+        limits: &Limits,
+        dt_s: f64,
+        plan: impl FnOnce(&AxisState, f64, &Limits) -> Phases,
+    ) -> AxisState {
+        let goal = goal.filter(|goal| goal.is_finite() && usable(limits));
+        let bounded = |limit: f64| limit.is_finite() && limit > 0.0;
+        let stays = !(bounded(limits.acceleration) && bounded(limits.jerk));
+        let same = match goal {
+            // At rest, but not there: the way ended beside its goal.
+            Some(goal) => self.goal == goal && self.limits == *limits && !self.missed(),
+            // A stop has no other limits than it began with.
+            None => self.goal.is_nan(),
+        };
+        if !(same || stays) {
+            self.goal = goal.unwrap_or(f64::NAN);
+            (self.limits, self.start, self.periods) = (*limits, self.now, 0.0);
+            self.phases = match goal {
+                Some(goal) => plan(&self.now, goal, limits),
+                None => Phases::of(&[&to_velocity(&self.now, 0.0, limits)]),
+            };
+        }
+        self.periods += 1.0;
+        self.now = self.at(self.periods * dt_s, self.limits.jerk * dt_s * dt_s * dt_s);
+        self.now
+    }
+
+    fn missed(&self) -> bool {
+        self.now.rests() && self.now.position != self.goal
+    }
+
+    fn at(&self, t_s: f64, step: f64) -> AxisState {
+        let (mut left_s, mut state) = (t_s, self.start);
+        for (duration_s, jerk) in self.phases.0 {
+            if left_s < duration_s {
+                return state.after(left_s, jerk);
+            }
+            left_s -= duration_s;
+            state = state.after(duration_s, jerk);
+        }
+        let rounding = ROUNDING * (state.position.abs() + self.start.position.abs());
+        let near = (state.position - self.goal).abs() <= SAME * step + rounding;
+        AxisState::at_rest(if near { self.goal } else { state.position })
+    }
+
+    /// Everything that it is; two followers with equal words go on equally.
+    #[must_use]
+    pub fn words(&self) -> [f64; AXIS_WORDS] {
+        let Limits {
+            velocity,
+            acceleration,
+            jerk,
+        } = self.limits;
+        let numbers = |state: AxisState| [state.position, state.velocity, state.acceleration];
+        let phases = self
+            .phases
+            .0
+            .iter()
+            .flat_map(|(duration_s, jerk)| [*duration_s, *jerk]);
+        let all = [self.goal, velocity, acceleration, jerk, self.periods].into_iter();
+        let all = all
+            .chain(numbers(self.now))
+            .chain(numbers(self.start))
+            .chain(phases);
+        let mut words = [0.0; AXIS_WORDS];
+        for (place, word) in words.iter_mut().zip(all) {
+            *place = word;
+        }
+        words
+    }
+
+    /// The follower that gave these words. Others give one of no use, which cannot fail either.
+    #[must_use]
+    pub fn from_words(words: &[f64; AXIS_WORDS]) -> Follower {
+        let [
+            goal,
+            velocity,
+            acceleration,
+            jerk,
+            periods,
+            p,
+            v,
+            a,
+            p0,
+            v0,
+            a0,
+            rest @ ..,
+        ] = *words;
+        let mut phases = Phases::default();
+        let (pairs, _) = rest.as_chunks::<2>();
+        for (phase, [duration_s, jerk]) in phases.0.iter_mut().zip(pairs) {
+            *phase = (*duration_s, *jerk);
+        }
+        let state = |[position, velocity, acceleration]: [f64; 3]| AxisState {
+            position,
+            velocity,
+            acceleration,
+        };
+        Follower {
+            goal,
+            limits: Limits {
+                velocity,
+                acceleration,
+                jerk,
+            },
+            periods,
+            now: state([p, v, a]),
+            start: state([p0, v0, a0]),
+            phases,
+        }
+    }
+}
