@@ -32,6 +32,8 @@ pub struct PathState {
     pub velocity: f64,
     /// d²s/dt², within the acceleration limit.
     pub acceleration: f64,
+    /// d³s/dt³, within the jerk limit, with which the motion goes on; 0 at rest.
+    pub jerk: f64,
     /// At rest for good: at the end of the path, or where a stop ended.
     pub done: bool,
     /// A stop was asked for in this cycle or an earlier one.
@@ -43,6 +45,19 @@ pub struct PathState {
 pub struct Drive {
     /// Come to rest on the path, for good.
     pub stop: bool,
+    /// Come to rest on the path while this is true, and go on afterwards.
+    pub pause: bool,
+    /// Part of every velocity limit that may be used, 0..1; more is 1; below 10⁻⁶, or NaN, is a pause.
+    pub speed: f64,
+}
+
+impl Drive {
+    /// Go on, with all that the limits allow.
+    pub const RUN: Drive = Drive {
+        stop: false,
+        pause: false,
+        speed: 1.0,
+    };
 }
 
 /// Where a motion is in this cycle.

@@ -1,9 +1,8 @@
 //! Jerk-limited motion in one dimension: the clock of a path, and the way to rest when nobody commands any more.
 //! Objects are planned off the real-time thread; stepping them there (or in a driver) allocates nothing and cannot fail.
 //!
-//! rsruckig plans the way from rest to rest, where an error may still be answered with words: its error paths allocate,
-//! and it recalculates on a NaN. What remains for the cycle is to evaluate a handful of phases of constant jerk, and the
-//! stop, which has a closed form.
+//! Motions are phases of constant jerk in closed form, made in the cycle that asks for them. Of rsruckig the goals of
+//! single axes take the mathematics; everything else it only judges in the tests.
 #![forbid(unsafe_code)]
 
 pub mod geometry;
@@ -15,5 +14,7 @@ mod profile;
 mod rest;
 
 pub use motion::{Builder, Motion, MotionSet};
-pub use path_clock::{CLOCK_WORDS, PathClock, PathLimitsError, stop_time};
+pub use path_clock::{
+    CLOCK_WORDS, PathBounds, PathClock, PathLimitsError, PathPiece, duration_s, stop_time,
+};
 pub use rest::{Rest, RestFault, RestLimits, RestLimitsError};

@@ -11,18 +11,19 @@ use rcc_core::types::NULL_REAL;
 
 use crate::goal;
 use crate::line::Line;
-use crate::path_clock::{CLOCK_WORDS, PathClock};
+use crate::path_clock::{CLOCK_WORDS, PathBounds, PathClock};
 
 /// A motion along a path.
 #[derive(Debug, Clone)]
 pub struct Motion {
     line: Line,
+    bounds: PathBounds,
     clock: PathClock,
 }
 
 impl Motion {
     fn step(&mut self, drive: Drive) -> MotionState {
-        let path = self.clock.step(drive.stop);
+        let path = self.clock.step(&self.bounds, drive);
         let metres_per_s = self.line.metres_per_s();
         MotionState {
             path,
@@ -144,9 +145,13 @@ impl MotionBuilder for Builder<'_> {
         let leg = request.legs.first().ok_or(no_motion)?;
         let Segment::Line { to } = leg.segment;
         let (line, limits) = Line::new(start, to, leg).map_err(fault)?;
-        let clock = PathClock::new(limits, self.dt_s);
-        let clock = clock.map_err(|_| fault(MotionFault::Limits { limits }))?;
-        *place = Some(Motion { line, clock });
+        let bounds = PathBounds::of_limits(&limits, self.dt_s);
+        let bounds = bounds.map_err(|_| fault(MotionFault::Limits { limits }))?;
+        *place = Some(Motion {
+            line,
+            bounds,
+            clock: PathClock::new(),
+        });
         Ok(())
     }
 }

@@ -1,8 +1,11 @@
-//! Motion of one axis in phases of constant jerk, and the fastest stop under an acceleration and a jerk limit.
+//! Motion of one axis in phases of constant jerk, and the fastest change of velocity under two limits.
 //! Plain numbers, no allocation, no failure; evaluated by the real-time thread and by drivers.
 
 /// Most phases of a time-optimal motion from rest to rest.
 pub(crate) const PHASES_MAX: usize = 7;
+
+/// Most steps of a search for a time; each at least halves what is left in every second one.
+const SEARCH_MAX: usize = 100;
 
 /// Position, velocity and acceleration of one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -14,7 +17,7 @@ pub(crate) struct State {
 
 impl State {
     /// The state `t_s` later under constant jerk.
-    fn after(self, t_s: f64, jerk: f64) -> Self {
+    pub(crate) fn after(self, t_s: f64, jerk: f64) -> Self {
         let Self {
             position,
             velocity,
@@ -28,39 +31,47 @@ impl State {
     }
 }
 
-/// The fastest stop from a velocity and an acceleration: three phases of jerk −J, 0, +J (or the opposite).
+/// Limits of acceleration and jerk (each > 0).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Agility {
+    pub(crate) acceleration: f64,
+    pub(crate) jerk: f64,
+}
+
+/// The velocity that is left when the acceleration is let go as fast as possible.
+pub(crate) fn settled(velocity: f64, acceleration: f64, jerk_max: f64) -> f64 {
+    velocity + acceleration * acceleration.abs() / (2.0 * jerk_max)
+}
+
+/// The fastest change to a velocity without acceleration: three phases of jerk −J, 0, +J (or the opposite).
 ///
-/// With the sign chosen so that the velocity left after letting the acceleration go is positive, the acceleration goes
+/// With the sign chosen so that the velocity left after letting the acceleration go is too great, the acceleration goes
 /// to −peak, stays there, and goes to 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Stop {
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Change {
     /// Durations of the three phases, s.
     durations_s: [f64; 3],
     /// Jerk of the first phase; the third has the opposite one.
     jerk: f64,
 }
 
-impl Stop {
-    /// From `velocity` and `acceleration` to rest within the limits (> 0). An acceleration beyond its limit is let go
-    /// at the jerk limit and not exceeded further. NaN in gives NaN durations.
-    pub(crate) fn new(
-        velocity: f64,
-        acceleration: f64,
-        acceleration_max: f64,
-        jerk_max: f64,
-    ) -> Self {
-        let left = velocity + acceleration * acceleration.abs() / (2.0 * jerk_max);
+impl Change {
+    /// From `velocity` (as far as it is above the new one) and `acceleration`. An acceleration beyond its limit is let
+    /// go at the jerk limit and not exceeded further. NaN in gives NaN durations.
+    pub(crate) fn new(velocity: f64, acceleration: f64, limits: Agility) -> Self {
+        let (a_max, j_max) = (limits.acceleration, limits.jerk);
+        let left = settled(velocity, acceleration, j_max);
         let direction = if left < 0.0 { -1.0 } else { 1.0 };
         let (v, a) = (direction * velocity, direction * acceleration);
         // With no phase at a limit the peak satisfies v + a²/2J = peak²/J; it is at least −a, but for rounding.
-        let free_peak = (jerk_max * v + a * a / 2.0).max(0.0).sqrt().max(-a);
-        let peak = free_peak.min(acceleration_max.max(-a));
+        let free_peak = (j_max * v + a * a / 2.0).max(0.0).sqrt().max(-a);
+        let peak = free_peak.min(a_max.max(-a));
         let hold_s = if peak < free_peak {
-            (v + a * a / (2.0 * jerk_max) - peak * peak / jerk_max) / peak
+            (v + a * a / (2.0 * j_max) - peak * peak / j_max) / peak
         } else {
             0.0
         };
-        let durations_s = [(a + peak) / jerk_max, hold_s, peak / jerk_max];
+        let durations_s = [(a + peak) / j_max, hold_s, peak / j_max];
         let nan_or = |t: f64| {
             if (velocity + acceleration).is_nan() {
                 f64::NAN
@@ -70,19 +81,38 @@ impl Stop {
         };
         Self {
             durations_s: durations_s.map(nan_or),
-            jerk: -direction * jerk_max,
+            jerk: -direction * j_max,
         }
     }
 
-    /// How long the stop takes, s.
+    /// Lets go of a part of an acceleration: `duration_s` of one jerk.
+    pub(crate) fn relaxing(duration_s: f64, jerk: f64) -> Self {
+        Self {
+            durations_s: [duration_s, 0.0, 0.0],
+            jerk,
+        }
+    }
+
+    /// How long it takes, s.
     pub(crate) fn duration_s(&self) -> f64 {
         self.durations_s.iter().sum()
     }
 
-    /// The motion of this stop, begun at `position`.
-    pub(crate) fn profile(&self, start: State) -> Profile {
+    /// Its phases: duration (s) and jerk.
+    pub(crate) fn steps(&self) -> [(f64, f64); 3] {
         let [first, hold, last] = self.durations_s;
-        Profile::new(start, [(first, self.jerk), (hold, 0.0), (last, -self.jerk)])
+        [(first, self.jerk), (hold, 0.0), (last, -self.jerk)]
+    }
+
+    /// The state at its end.
+    pub(crate) fn end(&self, start: State) -> State {
+        let step = |state: State, (duration_s, jerk)| state.after(duration_s, jerk);
+        self.steps().into_iter().fold(start, step)
+    }
+
+    /// The motion of this change, begun in `start`.
+    pub(crate) fn profile(&self, start: State) -> Profile {
+        Profile::new(start, self.steps())
     }
 }
 
@@ -180,19 +210,74 @@ impl Profile {
 
     /// The state at `t_s` ≥ 0 from the beginning, `None` when the motion is over.
     pub(crate) fn at(&self, t_s: f64) -> Option<State> {
-        if t_s >= self.duration_s {
-            return None;
+        (t_s < self.duration_s).then(|| self.sample(t_s).0)
+    }
+
+    /// State and jerk at `t_s` from the beginning; outside of the motion those of its nearest phase, gone on.
+    pub(crate) fn sample(&self, t_s: f64) -> (State, f64) {
+        let begun = |phase: &&Phase| phase.begin_s <= t_s;
+        let phase = self.phases.iter().rev().find(begun);
+        let phase = phase.unwrap_or(&self.phases[0]);
+        (
+            phase.start.after(t_s - phase.begin_s, phase.jerk),
+            phase.jerk,
+        )
+    }
+
+    /// When `position` is passed, s from the beginning; for a motion that never goes backwards. 0 if it lies behind the
+    /// start, the duration if it is not reached.
+    pub(crate) fn time_at(&self, position: f64) -> f64 {
+        let passed = |phase: &&Phase| phase.start.position <= position;
+        let mut phases = self.phases.iter().rev().skip_while(|phase| !passed(phase));
+        let Some(phase) = phases.next() else {
+            return 0.0;
+        };
+        let after = self.phases.iter().find(|other| !passed(other));
+        let end_s = after.map_or(self.duration_s, |next| next.begin_s);
+        let (mut early, mut late) = (0.0, end_s - phase.begin_s);
+        if phase.start.after(late, phase.jerk).position <= position {
+            return end_s;
         }
-        let phase = self
+        // Newton's rule, halving where it leaves the bracket.
+        let mut t_s = 0.5 * late;
+        for _ in 0..SEARCH_MAX {
+            let state = phase.start.after(t_s, phase.jerk);
+            let miss = state.position - position;
+            *(if miss > 0.0 { &mut late } else { &mut early }) = t_s;
+            let next = t_s - miss / state.velocity;
+            let next = if next > early && next < late {
+                next
+            } else {
+                0.5 * (early + late)
+            };
+            if (next - t_s).abs() <= f64::EPSILON * end_s {
+                return phase.begin_s + next;
+            }
+            t_s = next;
+        }
+        phase.begin_s + t_s
+    }
+
+    /// What of the motion lies between two times: start, jerk and duration of each phase.
+    #[cfg(test)]
+    pub(crate) fn parts(&self, from_s: f64, to_s: f64) -> impl Iterator<Item = (State, f64, f64)> {
+        let ends = self.phases.iter().skip(1).map(|phase| phase.begin_s);
+        let ends = ends.chain([self.duration_s]);
+        let parts = self
             .phases
             .iter()
-            .rev()
-            .find(|phase| phase.begin_s <= t_s)?;
-        Some(phase.start.after(t_s - phase.begin_s, phase.jerk))
+            .zip(ends)
+            .filter_map(move |(phase, end_s)| {
+                let (begin_s, end_s) = (phase.begin_s.max(from_s), end_s.min(to_s));
+                let start = phase.start.after(begin_s - phase.begin_s, phase.jerk);
+                (end_s > begin_s).then_some((start, phase.jerk, end_s - begin_s))
+            });
+        parts.collect::<Vec<_>>().into_iter()
     }
 
     /// The states in which phases begin, where velocity and acceleration have their extrema (of the velocity those
     /// with an acceleration of 0), and where the last phase ends.
+    #[cfg(test)]
     pub(crate) fn corners(&self) -> impl Iterator<Item = State> + '_ {
         self.phases.iter().map(|phase| phase.start)
     }
@@ -203,6 +288,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn stop(velocity: f64, a: f64, acceleration: f64, jerk: f64) -> Change {
+        Change::new(velocity, a, Agility { acceleration, jerk })
+    }
+
     fn rest(profile: &Profile) -> State {
         let last = profile.phases[2];
         last.start
@@ -211,13 +300,13 @@ mod tests {
 
     #[test]
     fn a_stop_from_rest_takes_no_time() {
-        assert_eq!(Stop::new(0.0, 0.0, 1.0, 1.0).duration_s(), 0.0);
+        assert_eq!(stop(0.0, 0.0, 1.0, 1.0).duration_s(), 0.0);
     }
 
     #[test]
     fn a_long_stop_holds_the_acceleration_limit() {
         // 2 m/s at 1 m/s² and 10 m/s³: v/A + A/J.
-        let stop = Stop::new(2.0, 0.0, 1.0, 10.0);
+        let stop = stop(2.0, 0.0, 1.0, 10.0);
         assert!((stop.duration_s() - 2.1).abs() < 1e-12);
         let profile = stop.profile(State {
             velocity: 2.0,
@@ -229,8 +318,8 @@ mod tests {
 
     #[test]
     fn null_gives_null() {
-        assert!(Stop::new(f64::NAN, 0.0, 1.0, 1.0).duration_s().is_nan());
-        assert!(Stop::new(0.0, f64::NAN, 1.0, 1.0).duration_s().is_nan());
+        assert!(stop(f64::NAN, 0.0, 1.0, 1.0).duration_s().is_nan());
+        assert!(stop(0.0, f64::NAN, 1.0, 1.0).duration_s().is_nan());
     }
 
     proptest! {
@@ -240,7 +329,7 @@ mod tests {
         fn a_stop_ends_at_rest_within_its_limits(
             v in -3.0..3.0f64, share in -1.0..1.0f64, limit in 0.1..20.0f64, jerk in 1.0..1000.0f64,
         ) {
-            let (a, stop) = (share * limit, Stop::new(v, share * limit, limit, jerk));
+            let (a, stop) = (share * limit, stop(v, share * limit, limit, jerk));
             prop_assert!(stop.durations_s.iter().all(|t| *t >= 0.0), "{stop:?}");
             let profile = stop.profile(State { position: 1.0, velocity: v, acceleration: a });
             // What the rounding of a time as long as the stop makes of the limits.
@@ -257,8 +346,8 @@ mod tests {
         fn a_harder_stop_is_never_slower(
             v in -3.0..3.0f64, a in -5.0..5.0f64, limit in 5.0..20.0f64, jerk in 1.0..1000.0f64, more in 1.0..3.0f64,
         ) {
-            let slow = Stop::new(v, a, limit, jerk).duration_s();
-            prop_assert!(Stop::new(v, a, limit * more, jerk * more).duration_s() <= slow * (1.0 + 1e-12));
+            let slow = stop(v, a, limit, jerk).duration_s();
+            prop_assert!(stop(v, a, limit * more, jerk * more).duration_s() <= slow * (1.0 + 1e-12));
         }
     }
 }

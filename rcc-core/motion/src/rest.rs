@@ -4,7 +4,7 @@
 use rcc_core::message::JOINTS_MAX;
 use thiserror::Error;
 
-use crate::profile::{Profile, State, Stop};
+use crate::profile::{Agility, Change, Profile, State};
 
 /// Halvings in the search for a joint's limits: 2⁻³⁰ of the way between the gentlest and its own is close enough.
 const HALVINGS: usize = 30;
@@ -226,8 +226,12 @@ struct Limits {
 }
 
 impl Limits {
-    fn stop(self, start: State) -> Stop {
-        Stop::new(start.velocity, start.acceleration, self.a, self.jerk)
+    fn stop(self, start: State) -> Change {
+        let limits = Agility {
+            acceleration: self.a,
+            jerk: self.jerk,
+        };
+        Change::new(start.velocity, start.acceleration, limits)
     }
 
     /// The greatest speed of the stop: at its beginning, or where the acceleration has been let go.

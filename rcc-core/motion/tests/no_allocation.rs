@@ -55,14 +55,18 @@ fn a_motion_runs_stops_and_begins_again_without_the_heap() {
             motions.save(|words| {
                 std::hint::black_box(words);
             });
-            let ran = (0..5000).any(|cycle| {
-                let stop = cycle >= stop_at;
-                let state = motions.step(1, Drive { stop });
+            let ran = (0..20_000).any(|cycle| {
+                let drive = Drive {
+                    stop: cycle >= stop_at,
+                    pause: cycle % 500 > 450,
+                    speed: 1.0 - (cycle % 70) as f64 / 100.0,
+                };
+                let state = motions.step(1, drive);
                 state.is_some_and(|state| state.path.done)
             });
             done += u32::from(ran);
         }
-        let none = motions.step(3, Drive { stop: false });
+        let none = motions.step(3, Drive::RUN);
         std::hint::black_box((none, stop_time(0.2, f64::NAN, &LINE)));
         done
     });

@@ -160,8 +160,11 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 16]) {
         _,
         motion,
     ] = operands;
-    let stop = frame.bool(stop) != 0;
-    let Some(state) = frame.motions.step(motion as usize, Drive { stop }) else {
+    let drive = Drive {
+        stop: frame.bool(stop) != 0,
+        ..Drive::RUN
+    };
+    let Some(state) = frame.motions.step(motion as usize, drive) else {
         frame.motion_failed = true;
         frame.set_reals(pose, [NULL_REAL; 7]);
         frame.set_bool(done, NULL_BOOL);

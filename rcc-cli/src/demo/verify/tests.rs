@@ -1,7 +1,8 @@
 //! The verifier against synthetic motions: right ones hold, and each wrong one is found out.
 
 use super::*;
-use rcc_motion::PathClock;
+use rcc_core::path::Drive;
+use rcc_motion::{PathBounds, PathClock};
 
 const DT_S: f64 = 1e-3;
 const LIMITS: PathLimits = PathLimits {
@@ -17,11 +18,18 @@ const LINE: Line = Line {
 
 /// Distances of a motion that is told to stop in the step of that number.
 fn motion(stop: Option<usize>) -> Vec<f64> {
-    let mut clock = PathClock::new(LIMITS, DT_S).expect("sound limits");
+    let bounds = PathBounds::of_limits(&LIMITS, DT_S).expect("sound limits");
+    let mut clock = PathClock::new();
     let mut step = 0;
     let mut distances = Vec::new();
     loop {
-        let state = clock.step(stop.is_some_and(|stop| step >= stop));
+        let state = clock.step(
+            &bounds,
+            Drive {
+                stop: stop.is_some_and(|stop| step >= stop),
+                ..Drive::RUN
+            },
+        );
         distances.push(state.s);
         step += 1;
         if state.done && distances.len() > 10 {

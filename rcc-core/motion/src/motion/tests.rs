@@ -35,7 +35,7 @@ fn line(to: Pose) -> Result<MotionSet, PrepareFault> {
 }
 
 fn step(motions: &mut MotionSet, stop: bool) -> MotionState {
-    motions.step(0, Drive { stop }).unwrap()
+    motions.step(0, Drive { stop, ..Drive::RUN }).unwrap()
 }
 
 #[test]

@@ -1,9 +1,13 @@
-//! The clock keeps its limits, never goes back, ends exactly, and stops as fast as rsruckig's velocity interface.
+//! The clock keeps its limits, never goes back, ends exactly, and is as fast as rsruckig's plans from rest to rest.
 //! Tests only.
 
 use super::*;
 use proptest::prelude::*;
-use rsruckig::prelude::ControlInterface;
+use rsruckig::prelude::{
+    ControlInterface, DataArrayOrVec, InputParameter, Ruckig, ThrowErrorHandler, Trajectory,
+};
+
+mod random;
 
 const DT: f64 = 1e-3;
 const LINE: PathLimits = PathLimits {
@@ -13,292 +17,345 @@ const LINE: PathLimits = PathLimits {
     jerk: 10.0,
 };
 
+pub(super) const RUN: Drive = Drive::RUN;
+
+pub(super) fn stop() -> Drive {
+    Drive { stop: true, ..RUN }
+}
+
+fn pause() -> Drive {
+    Drive { pause: true, ..RUN }
+}
+
+fn at(speed: f64) -> Drive {
+    Drive { speed, ..RUN }
+}
+
+pub(super) fn line() -> PathBounds {
+    PathBounds::of_limits(&LINE, DT).unwrap()
+}
+
+fn pieces(pieces: &[(f64, f64)]) -> Vec<PathPiece> {
+    let piece = |&(end_s, velocity)| PathPiece { end_s, velocity };
+    pieces.iter().map(piece).collect()
+}
+
+/// Faster, slower, much slower, faster again.
+pub(super) fn stairs() -> PathBounds {
+    let pieces = pieces(&[(0.2, 0.2), (0.5, 0.4), (0.7, 0.1), (0.8, 0.02), (1.0, 0.3)]);
+    PathBounds::new(&pieces, 1.0, 10.0, DT).unwrap()
+}
+
 /// A number whose logarithm is even over `low`..`high`.
 fn log_even(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.ln()..high.ln()).prop_map(f64::exp)
 }
 
-/// Limits over four to six orders of magnitude; the shape that `new` refuses is left out.
-fn any_limits() -> impl Strategy<Value = PathLimits> {
-    let all = (
-        log_even(1e-5, 10.0),
-        log_even(1e-3, 10.0),
-        log_even(1e-2, 100.0),
-        log_even(1e-1, 1e4),
-    );
-    all.prop_map(|(length, velocity, acceleration, jerk)| PathLimits {
-        length,
-        velocity,
-        acceleration,
-        jerk,
-    })
-    .prop_filter("refused shape", |l| {
-        l.acceleration * l.acceleration / l.jerk <= SHAPE_MAX * l.velocity
-    })
-}
-
-/// Steps until done, with the stop in step `stop_at`; at most `steps`.
-fn run(clock: &mut PathClock, stop_at: Option<usize>, steps: usize) -> Vec<PathState> {
+/// Steps until done, with what `drive` says in each; at most `steps`.
+fn run(bounds: &PathBounds, steps: usize, drive: impl Fn(usize) -> Drive) -> Vec<PathState> {
+    let mut clock = PathClock::new();
     let mut states = Vec::new();
     while states.len() < steps && !states.last().is_some_and(|state: &PathState| state.done) {
-        states.push(clock.step(stop_at == Some(states.len())));
+        states.push(clock.step(bounds, drive(states.len())));
     }
     states
 }
 
-/// Limits on s itself by finite differences, and on the derivatives that come with it.
-fn assert_within(states: &[PathState], limits: &PathLimits, dt: f64) -> Result<(), TestCaseError> {
-    let rounding = 32.0 * f64::EPSILON * limits.length / dt;
-    let within =
-        |value: f64, limit: f64, rounding: f64| value.abs() <= limit * (1.0 + 1e-9) + rounding;
-    let (mut before, mut speed, mut change) = (PathState::default(), 0.0, 0.0);
-    for state in states {
-        let velocity = (state.s - before.s) / dt;
-        let acceleration = (velocity - speed) / dt;
-        let jerk = (acceleration - change) / dt;
-        prop_assert!(
-            state.s >= before.s && state.s <= limits.length,
-            "{state:?} after {before:?}"
-        );
-        prop_assert!(
-            within(velocity, limits.velocity, rounding),
-            "velocity {velocity}, {state:?}"
-        );
-        prop_assert!(
-            within(acceleration, limits.acceleration, rounding / dt),
-            "{acceleration}, {state:?}"
-        );
-        prop_assert!(
-            within(jerk, limits.jerk, 8.0 * rounding / (dt * dt)),
-            "jerk {jerk}, {state:?}"
-        );
-        prop_assert!(
-            state.velocity >= 0.0 && within(state.velocity, limits.velocity, 0.0),
-            "{state:?}"
-        );
-        prop_assert!(
-            within(state.acceleration, limits.acceleration, 0.0),
-            "{state:?}"
-        );
-        let change_per_s = (state.acceleration - before.acceleration) / dt;
-        prop_assert!(
-            within(change_per_s, limits.jerk, limits.acceleration * 1e-14 / dt),
-            "{state:?}"
-        );
-        (before, speed, change) = (*state, velocity, acceleration);
+fn resting(s: f64) -> PathState {
+    PathState {
+        s,
+        ..PathState::default()
     }
-    Ok(())
+}
+
+fn done(s: f64) -> PathState {
+    PathState {
+        done: true,
+        ..resting(s)
+    }
+}
+
+fn stopped(s: f64) -> PathState {
+    PathState {
+        stopping: true,
+        ..done(s)
+    }
 }
 
 #[test]
 fn the_first_step_is_the_start_at_rest() {
-    let mut clock = PathClock::new(LINE, DT).unwrap();
-    assert_eq!(clock.step(false), PathState::default());
-    assert!(clock.step(false).s > 0.0);
+    let mut clock = PathClock::new();
+    let first = clock.step(&line(), RUN);
+    assert_eq!(
+        (first.s, first.velocity, first.acceleration),
+        (0.0, 0.0, 0.0)
+    );
+    assert!(clock.step(&line(), RUN).s > 0.0);
 }
 
 #[test]
 fn a_path_without_length_is_done_at_once() {
-    let mut clock = PathClock::new(
-        PathLimits {
-            length: 0.0,
-            ..LINE
-        },
-        DT,
-    )
-    .unwrap();
-    assert_eq!(
-        clock.step(false),
-        PathState {
-            done: true,
-            ..PathState::default()
-        }
-    );
-    assert_eq!(
-        clock.step(true),
-        PathState {
-            done: true,
-            stopping: true,
-            ..PathState::default()
-        }
-    );
+    let nowhere = PathLimits {
+        length: 0.0,
+        ..LINE
+    };
+    let bounds = PathBounds::of_limits(&nowhere, DT).unwrap();
+    let mut clock = PathClock::new();
+    assert_eq!(clock.step(&bounds, RUN), done(0.0));
+    assert_eq!(clock.step(&bounds, stop()), stopped(0.0));
 }
 
 #[test]
 fn a_stop_before_the_start_never_moves() {
-    let mut clock = PathClock::new(LINE, DT).unwrap();
-    assert_eq!(
-        clock.step(true),
-        PathState {
-            done: true,
-            stopping: true,
-            ..PathState::default()
-        }
-    );
-    assert_eq!(clock.step(false).s, 0.0);
+    let mut clock = PathClock::new();
+    assert_eq!(clock.step(&line(), stop()), stopped(0.0));
+    assert_eq!(clock.step(&line(), RUN).s, 0.0);
+}
+
+#[test]
+fn a_pause_before_the_start_waits() {
+    let mut clock = PathClock::new();
+    for _ in 0..10 {
+        assert_eq!(clock.step(&line(), pause()), resting(0.0));
+        assert_eq!(clock.step(&line(), at(0.0)), resting(0.0));
+        assert_eq!(clock.step(&line(), at(f64::NAN)), resting(0.0));
+    }
+    clock.step(&line(), RUN);
+    assert!(clock.step(&line(), RUN).s > 0.0);
 }
 
 #[test]
 fn a_stop_changes_the_step_that_asks_for_it() {
-    let (mut stopped, mut free) = (
-        PathClock::new(LINE, DT).unwrap(),
-        PathClock::new(LINE, DT).unwrap(),
-    );
+    let (mut stopped, mut free) = (PathClock::new(), PathClock::new());
     for _ in 0..500 {
-        assert_eq!(stopped.step(false), free.step(false));
+        assert_eq!(stopped.step(&line(), RUN), free.step(&line(), RUN));
     }
-    let (stopped, free) = (stopped.step(true), free.step(false));
+    let (stopped, free) = (stopped.step(&line(), stop()), free.step(&line(), RUN));
     assert!(stopped.stopping && stopped.velocity < free.velocity);
     // One cycle of full jerk from cruising.
     assert!((stopped.acceleration + LINE.jerk * DT).abs() < 1e-12);
+    assert_eq!(stopped.jerk, -LINE.jerk);
 }
 
 #[test]
 fn a_stop_cannot_be_taken_back() {
-    let mut clock = PathClock::new(LINE, DT).unwrap();
-    let states = run(&mut clock, Some(700), 10_000);
+    let states = run(
+        &line(),
+        10_000,
+        |step| if step == 700 { stop() } else { RUN },
+    );
     let last = states.last().unwrap();
     assert!(last.done && last.stopping && last.s < LINE.length);
     assert_eq!((last.velocity, last.acceleration), (0.0, 0.0));
-    assert_eq!(clock.step(false), *last);
+}
+
+#[test]
+fn a_pause_comes_to_rest_like_a_stop_and_goes_on_afterwards() {
+    let paused = |step| (700..3000).contains(&step);
+    let pausing = run(
+        &line(),
+        10_000,
+        |step| if paused(step) { pause() } else { RUN },
+    );
+    let stopping = run(
+        &line(),
+        10_000,
+        |step| if paused(step) { stop() } else { RUN },
+    );
+    let rest = stopping.last().unwrap().s;
+    assert_eq!(pausing[2999], resting(rest));
+    assert_eq!(*pausing.last().unwrap(), done(LINE.length));
+}
+
+#[test]
+fn a_pause_may_become_a_stop() {
+    let states = run(&line(), 10_000, |step| match step {
+        700..720 => pause(),
+        720.. => stop(),
+        _ => RUN,
+    });
+    let direct = run(
+        &line(),
+        10_000,
+        |step| if step >= 700 { stop() } else { RUN },
+    );
+    assert_eq!(states.last(), direct.last());
+    assert_eq!(states.len(), direct.len());
 }
 
 #[test]
 fn it_stays_at_the_end() {
-    let mut clock = PathClock::new(LINE, DT).unwrap();
-    let end = *run(&mut clock, None, 10_000).last().unwrap();
+    let mut clock = PathClock::new();
+    let ends = (0..10_000).find(|_| clock.step(&line(), RUN).done);
+    assert!(ends.is_some());
+    assert_eq!(clock.step(&line(), RUN), done(LINE.length));
+    assert_eq!(clock.step(&line(), pause()), done(LINE.length));
+    assert_eq!(clock.step(&line(), stop()), stopped(LINE.length));
+}
+
+#[test]
+fn half_the_speed_cruises_at_half_of_every_limit() {
+    let states = run(&stairs(), 100_000, |_| at(0.5));
+    assert_eq!(*states.last().unwrap(), done(1.0));
+    for (from, to, limit) in [
+        (0.1, 0.2, 0.2),
+        (0.3, 0.35, 0.4),
+        (0.55, 0.65, 0.1),
+        (0.71, 0.8, 0.02),
+    ] {
+        let inside = states.iter().filter(|state| state.s > from && state.s < to);
+        let fastest = inside.map(|state| state.velocity).fold(0.0, f64::max);
+        assert!(
+            (fastest - 0.5 * limit).abs() < 1e-9,
+            "{fastest} in {from}..{to}"
+        );
+    }
+}
+
+#[test]
+fn a_speed_above_all_is_all() {
     assert_eq!(
-        end,
-        PathState {
-            s: LINE.length,
-            done: true,
-            ..PathState::default()
-        }
-    );
-    assert_eq!(clock.step(false), end);
-    assert_eq!(
-        clock.step(true),
-        PathState {
-            stopping: true,
-            ..end
-        }
+        run(&stairs(), 100_000, |_| at(7.0)),
+        run(&stairs(), 100_000, |_| RUN)
     );
 }
 
 #[test]
-fn a_reset_clock_is_a_new_one() {
-    let mut clock = PathClock::new(LINE, DT).unwrap();
-    run(&mut clock, Some(300), 10_000);
-    clock.reset();
-    assert_eq!(clock, PathClock::new(LINE, DT).unwrap());
+fn a_lowered_speed_slows_down_at_once_and_not_below_it() {
+    let states = run(&line(), 10_000, |step| {
+        at(if step >= 700 { 0.4 } else { 1.0 })
+    });
+    assert_eq!(states[700].jerk, -LINE.jerk);
+    let slow = &states[1300..1500];
+    assert!(
+        slow.iter()
+            .all(|state| (state.velocity - 0.1).abs() < 1e-12)
+    );
+    assert!(
+        states
+            .iter()
+            .skip(700)
+            .take(800)
+            .all(|state| state.velocity > 0.1 - 1e-12)
+    );
+}
+
+#[test]
+fn it_speeds_up_in_the_step_that_enters_a_faster_piece() {
+    let states = run(&stairs(), 100_000, |_| RUN);
+    let entered = states
+        .iter()
+        .position(|state| state.s > 0.2 + 1e-9)
+        .unwrap();
+    assert!((states[entered - 1].velocity - 0.2).abs() < 1e-12);
+    assert!(states[entered].jerk == 10.0 && states[entered].velocity > 0.2);
+}
+
+#[test]
+fn pieces_of_one_velocity_are_one_piece() {
+    let parts = pieces(&[(0.1, 0.25), (0.2, 0.25), (0.2, 0.25), (0.5, 0.25)]);
+    let parts = PathBounds::new(&parts, LINE.acceleration, LINE.jerk, DT).unwrap();
+    assert_eq!(parts, line());
+}
+
+#[test]
+fn a_piece_that_is_passed_in_less_than_a_step_takes_the_lower_limit() {
+    let parts = pieces(&[(0.25, 0.25), (0.2501, 0.2), (0.5, 0.25)]);
+    let bounds = PathBounds::new(&parts, LINE.acceleration, LINE.jerk, DT).unwrap();
+    assert!(bounds.velocity_at(0.25005) <= 0.2);
+    assert_eq!(*run(&bounds, 10_000, |_| RUN).last().unwrap(), done(0.5));
 }
 
 #[test]
 fn limits_that_cannot_be_meant_are_refused_by_name() {
-    let refusal = |limits: PathLimits| PathClock::new(limits, DT).unwrap_err();
+    let refusal = |limits: PathLimits| PathBounds::of_limits(&limits, DT).unwrap_err();
+    let of = |velocity, acceleration, jerk| PathLimits {
+        velocity,
+        acceleration,
+        jerk,
+        ..LINE
+    };
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let velocity = refusal(PathLimits {
-            velocity: bad,
-            ..LINE
-        });
-        let acceleration = refusal(PathLimits {
-            acceleration: bad,
-            ..LINE
-        });
-        let jerk = refusal(PathLimits { jerk: bad, ..LINE });
-        for (refusal, name) in [
-            (velocity, "velocity"),
-            (acceleration, "acceleration"),
-            (jerk, "jerk"),
+        for (limits, name) in [
+            (of(bad, 1.0, 1.0), "velocity"),
+            (of(1.0, bad, 1.0), "acceleration"),
+            (of(1.0, 1.0, bad), "jerk"),
         ] {
+            let refusal = refusal(limits);
             assert!(
                 matches!(refusal, PathLimitsError::Limit { limit, .. } if limit == name),
                 "{refusal:?}"
             );
         }
         assert!(matches!(
-            PathClock::new(LINE, bad),
+            PathBounds::of_limits(&LINE, bad),
             Err(PathLimitsError::CycleTime { .. })
         ));
     }
-    for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(
-            refusal(PathLimits {
-                length: bad,
-                ..LINE
-            }),
-            PathLimitsError::Length { .. }
-        ));
+    for length in [-1.0, f64::NAN, f64::INFINITY] {
+        let refusal = refusal(PathLimits { length, ..LINE });
+        assert!(matches!(refusal, PathLimitsError::Length { .. }));
     }
-    let shape = refusal(PathLimits {
-        acceleration: 100.0,
-        jerk: 1.0,
-        ..LINE
-    });
-    assert_eq!(shape, PathLimitsError::Shape { ratio: 40_000.0 });
+    let new = |parts: &[(f64, f64)]| PathBounds::new(&pieces(parts), 1.0, 1.0, DT);
+    assert_eq!(new(&[]), Err(PathLimitsError::Empty));
+    let order = new(&[(0.5, 1.0), (0.4, 1.0)]).unwrap_err();
     assert!(
-        shape.to_string().contains("raise the jerk limit"),
-        "{shape}"
+        order.to_string().contains("piece 1 of a path ends at 0.4"),
+        "{order}"
     );
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
-
-    #[test]
-    fn every_motion_keeps_its_limits_and_ends_exactly(limits in any_limits(), steps in 3.0..2000.0f64) {
-        let dt = PathClock::new(limits, 1.0).unwrap().duration_s() / steps;
-        let mut clock = PathClock::new(limits, dt).unwrap();
-        let states = run(&mut clock, None, 2003);
-        assert_within(&states, &limits, dt)?;
-        let last = states.last().unwrap();
-        prop_assert!(last.done && last.s == limits.length);
-        prop_assert!(states.len() as f64 >= steps && states.len() as f64 <= steps + 2.5);
-    }
-
-    #[test]
-    fn every_stop_keeps_the_limits_and_takes_its_time(
-        limits in any_limits(), steps in 3.0..2000.0f64, part in 0.0..1.0f64,
-    ) {
-        let dt = PathClock::new(limits, 1.0).unwrap().duration_s() / steps;
-        let mut clock = PathClock::new(limits, dt).unwrap();
-        let stop_at = (part * steps) as usize;
-        let states = run(&mut clock, Some(stop_at), 3000);
-        assert_within(&states, &limits, dt)?;
-        prop_assert!(states.last().unwrap().done);
-        let before = stop_at.checked_sub(1).map_or(PathState::default(), |index| states[index]);
-        let predicted = stop_time(before.velocity, before.acceleration, &limits) / dt;
-        let taken = (states.len() - stop_at) as f64;
-        prop_assert!((taken - predicted).abs() <= 1.0 + 1e-6, "{taken} steps, predicted {predicted}");
-    }
+/// rsruckig's duration from rest to rest, in units in which length and jerk are 1: its tolerances are absolute.
+fn ruckig_duration_s(limits: &PathLimits) -> f64 {
+    let unit_s = libm::cbrt(limits.length / limits.jerk);
+    let mut input = InputParameter::<1>::new(None);
+    input.target_position[0] = 1.0;
+    input.max_velocity[0] = (limits.velocity * unit_s / limits.length).min(1.0);
+    input.max_acceleration[0] = (limits.acceleration * unit_s / limits.length * unit_s).min(1.0);
+    input.max_jerk[0] = 1.0;
+    input.min_velocity = Some(DataArrayOrVec::Stack([0.0]));
+    let mut trajectory = Trajectory::<1>::new(None);
+    let mut planner = Ruckig::<1, ThrowErrorHandler>::new(None, 1.0);
+    planner.calculate(&input, &mut trajectory).unwrap();
+    trajectory.get_duration() * unit_s
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200_000))]
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
 
     #[test]
-    fn no_limits_that_are_accepted_defeat_the_planner(limits in any_limits()) {
-        prop_assert!(PathClock::new(limits, DT).is_ok());
+    fn from_rest_to_rest_it_takes_as_long_as_rsruckigs_plan(
+        length in log_even(1e-5, 10.0), velocity in log_even(1e-3, 10.0),
+        acceleration in log_even(1e-2, 100.0), jerk in log_even(1e-1, 1e4),
+    ) {
+        // Where a²/j is beyond 1000 v rsruckig fails now and then.
+        let jerk = jerk.max(acceleration * acceleration / (1000.0 * velocity));
+        let limits = PathLimits { length, velocity, acceleration, jerk };
+        let ours = duration_s(&PathBounds::of_limits(&limits, DT).unwrap());
+        let theirs = ruckig_duration_s(&limits);
+        prop_assert!((ours - theirs).abs() <= 1e-9 * theirs, "{ours}, {theirs}");
     }
 
     #[test]
-    fn the_stop_is_the_one_of_rsruckigs_velocity_interface(
-        velocity in log_even(1e-3, 5.0), share in -1.0..1.0f64, a_max in log_even(0.05, 100.0), jerk in log_even(1.0, 1e4),
+    fn a_change_of_velocity_is_the_one_of_rsruckigs_velocity_interface(
+        from in log_even(1e-3, 5.0), to in log_even(1e-3, 5.0), share in -1.0..1.0f64,
+        a_max in log_even(0.05, 100.0), jerk in log_even(1.0, 1e4),
     ) {
         let acceleration = share * a_max;
         let mut input = InputParameter::<1>::new(None);
         input.control_interface = ControlInterface::Velocity;
-        (input.current_velocity[0], input.current_acceleration[0]) = (velocity, acceleration);
-        (input.max_velocity[0], input.max_acceleration[0], input.max_jerk[0]) = (velocity, a_max, jerk);
+        (input.current_velocity[0], input.current_acceleration[0]) = (from, acceleration);
+        input.target_velocity[0] = to;
+        (input.max_velocity[0], input.max_acceleration[0], input.max_jerk[0]) = (5.0, a_max, jerk);
         let mut trajectory = Trajectory::<1>::new(None);
         let mut planner = Ruckig::<1, ThrowErrorHandler>::new(None, DT);
         prop_assert!(planner.calculate(&input, &mut trajectory).is_ok());
 
-        let stop = Stop::new(velocity, acceleration, a_max, jerk);
-        let ours = stop.profile(State { position: 0.0, velocity, acceleration });
+        let change = Change::new(from - to, acceleration, Agility { acceleration: a_max, jerk });
+        let ours = change.profile(State { position: 0.0, velocity: from, acceleration });
         let theirs = &trajectory.get_profiles()[0][0];
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + a.abs());
-        prop_assert!(near(stop.duration_s(), trajectory.get_duration()), "{stop:?}");
-        prop_assert!(near(ours.end_position(), theirs.p[7]), "{stop:?}");
+        prop_assert!(near(change.duration_s(), trajectory.get_duration()), "{change:?}");
+        prop_assert!(near(ours.end_position(), theirs.p[7]), "{change:?}");
     }
 }

@@ -1,35 +1,49 @@
-//! A path clock as plain numbers, whole: for the flight recorder, which copies them, and for replay, which goes on from
-//! them. Run by the real-time thread (no allocation, no failure) and by whoever replays.
+//! What changes of a path clock as plain numbers: for the flight recorder, which copies them, and for replay, which goes
+//! on from them. Run by the real-time thread (no allocation, no failure) and by whoever replays.
 
-use rcc_core::path::{PathLimits, PathState};
+use rcc_core::path::PathState;
 
-use super::PathClock;
+use super::{Demand, End, Making, PathClock};
 use crate::profile::{PROFILE_WORDS, Profile};
 
-/// Numbers that a clock consists of: limits and cycle time, plan, active motion, cycle, last state.
-pub const CLOCK_WORDS: usize = 5 + 2 * PROFILE_WORDS + 1 + 4;
+/// Numbers that the state of a clock consists of: the motion being made, its end, its time, the last state.
+pub const CLOCK_WORDS: usize = PROFILE_WORDS + 4 + 3 + 4;
 
-const ACTIVE: usize = 5 + PROFILE_WORDS;
-const LAST: usize = ACTIVE + PROFILE_WORDS;
+const ENDS: usize = PROFILE_WORDS;
+const TIMES: usize = ENDS + 4;
+const LAST: usize = TIMES + 3;
 
 impl PathClock {
-    /// Everything that the clock is, as words; two clocks with equal words go on equally.
+    /// Everything that changes, as words; two clocks with equal words on equal bounds go on equally.
     #[must_use]
     pub fn words(&self) -> [u64; CLOCK_WORDS] {
-        let PathLimits {
-            length,
-            velocity,
-            acceleration,
-            jerk,
-        } = self.limits;
-        let head = [length, velocity, acceleration, jerk, self.dt_s];
-        let last = [self.last.s, self.last.velocity, self.last.acceleration];
-        let (plan, active) = (self.plan.numbers(), self.active.numbers());
-        let numbers = head.iter().chain(&plan).chain(&active);
-        let flags = u64::from(self.last.done) | u64::from(self.last.stopping) << 1;
-        let bits = |number: &f64| number.to_bits();
-        let words = numbers.map(bits).chain([self.cycle]);
-        let words = words.chain(last.iter().map(bits)).chain([flags]);
+        let (end, s, velocity) = match self.making.end {
+            End::Rest => (0, 0.0, 0.0),
+            End::Station { s, velocity } => (1, s, velocity),
+            End::Passing => (2, 0.0, 0.0),
+        };
+        let (demand, speed) = match self.demand {
+            Demand::None => (0, 0.0),
+            Demand::Run(speed) => (1, speed),
+            Demand::Pause => (2, 0.0),
+            Demand::Stop => (3, 0.0),
+        };
+        let done = u64::from(self.last.done) | u64::from(self.last.stopping) << 1;
+        let flags = done | end << 2 | demand << 4;
+        let last = [
+            self.last.s,
+            self.last.velocity,
+            self.last.acceleration,
+            self.last.jerk,
+        ];
+        let numbers = self.making.profile.numbers();
+        let numbers = numbers
+            .into_iter()
+            .chain([self.making.until_s, s, velocity, speed, self.offset_s])
+            .map(f64::to_bits);
+        let words = numbers
+            .chain([self.cycle, flags])
+            .chain(last.map(f64::to_bits));
         let mut all = [0; CLOCK_WORDS];
         for (place, word) in all.iter_mut().zip(words) {
             *place = word;
@@ -41,30 +55,39 @@ impl PathClock {
     #[must_use]
     pub fn from_words(words: &[u64; CLOCK_WORDS]) -> PathClock {
         let number = |index: usize| f64::from_bits(words[index]);
-        let profile = |first: usize| {
-            let mut numbers = [0.0; PROFILE_WORDS];
-            for (place, word) in numbers.iter_mut().zip(words.iter().skip(first)) {
-                *place = f64::from_bits(*word);
-            }
-            Profile::from_numbers(&numbers)
-        };
+        let mut numbers = [0.0; PROFILE_WORDS];
+        for (place, word) in numbers.iter_mut().zip(words) {
+            *place = f64::from_bits(*word);
+        }
+        let (cycle, flags) = (words[TIMES + 1], words[TIMES + 2]);
         PathClock {
-            limits: PathLimits {
-                length: number(0),
-                velocity: number(1),
-                acceleration: number(2),
-                jerk: number(3),
+            demand: match flags >> 4 & 3 {
+                0 => Demand::None,
+                1 => Demand::Run(number(ENDS + 3)),
+                2 => Demand::Pause,
+                _ => Demand::Stop,
             },
-            dt_s: number(4),
-            plan: profile(5),
-            active: profile(ACTIVE),
-            cycle: words[LAST],
+            making: Making {
+                profile: Profile::from_numbers(&numbers),
+                end: match flags >> 2 & 3 {
+                    1 => End::Station {
+                        s: number(ENDS + 1),
+                        velocity: number(ENDS + 2),
+                    },
+                    2 => End::Passing,
+                    _ => End::Rest,
+                },
+                until_s: number(ENDS),
+            },
+            offset_s: number(TIMES),
+            cycle,
             last: PathState {
-                s: number(LAST + 1),
-                velocity: number(LAST + 2),
-                acceleration: number(LAST + 3),
-                done: words[LAST + 4] & 1 != 0,
-                stopping: words[LAST + 4] & 2 != 0,
+                s: number(LAST),
+                velocity: number(LAST + 1),
+                acceleration: number(LAST + 2),
+                jerk: number(LAST + 3),
+                done: flags & 1 != 0,
+                stopping: flags & 2 != 0,
             },
         }
     }
@@ -72,46 +95,44 @@ impl PathClock {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{RUN, line, stairs, stop};
     use super::*;
-
-    const LIMITS: PathLimits = PathLimits {
-        length: 0.3,
-        velocity: 0.5,
-        acceleration: 2.0,
-        jerk: 20.0,
-    };
 
     #[test]
     fn a_clock_goes_on_from_its_words_as_if_nothing_had_happened() {
-        for stop_at in [50, 200, 10_000] {
-            let mut clock = PathClock::new(LIMITS, 1e-3).unwrap();
-            for cycle in 0..1000 {
-                let mut copy = PathClock::from_words(&clock.words());
-                assert_eq!(copy, clock, "cycle {cycle}");
-                let stop = cycle >= stop_at;
-                assert_eq!(copy.step(stop), clock.step(stop), "cycle {cycle}");
+        for bounds in [line(), stairs()] {
+            for stop_at in [50, 200, 10_000] {
+                let mut clock = PathClock::new();
+                for cycle in 0..3000 {
+                    let mut copy = PathClock::from_words(&clock.words());
+                    assert_eq!(copy, clock, "cycle {cycle}");
+                    let drive = if cycle >= stop_at { stop() } else { RUN };
+                    assert_eq!(
+                        copy.step(&bounds, drive),
+                        clock.step(&bounds, drive),
+                        "cycle {cycle}"
+                    );
+                }
             }
         }
     }
 
     #[test]
     fn a_reset_clock_is_the_one_it_was_at_first() {
-        let fresh = PathClock::new(LIMITS, 1e-3).unwrap();
-        let mut used = fresh;
+        let mut used = PathClock::new();
         for _ in 0..100 {
-            used.step(false);
+            used.step(&line(), RUN);
         }
-        let mut copy = PathClock::from_words(&used.words());
-        copy.reset();
-        assert_eq!(copy.words(), fresh.words());
+        used.reset();
+        assert_eq!(used.words(), PathClock::new().words());
     }
 
     #[test]
     fn no_words_make_a_clock_that_fails() {
-        for word in [0, u64::MAX, 0x7ff8_0000_0000_0000, 1] {
+        for word in [0, u64::MAX, 0x7ff8_0000_0000_0000, 1, 0x3ff0_0000_0000_0010] {
             let mut clock = PathClock::from_words(&[word; CLOCK_WORDS]);
             for step in 0..10 {
-                clock.step(step > 5);
+                clock.step(&stairs(), if step > 5 { stop() } else { RUN });
             }
         }
     }

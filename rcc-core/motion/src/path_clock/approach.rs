@@ -1,0 +1,202 @@
+//! The fastest jerk-limited way from any motion to a velocity at a place, in closed form but for one number that is
+//! searched. No allocation, no failure; run by the real-time thread when a clock is told something new.
+
+use crate::profile::{Agility, Change, Profile, State, settled};
+
+/// Most steps of a search. Every third one halves the bracket, the others do better than that.
+const SEARCH_MAX: usize = 120;
+
+/// A search ends when this part of the way is left, which cruising fills.
+const FILLED: f64 = 1e-13;
+
+/// What a motion is to come to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Aim {
+    /// Way to go (≥ 0).
+    pub(super) way: f64,
+    /// Greatest velocity to cruise with (> 0).
+    pub(super) cruise: f64,
+    /// Velocity at the end, without acceleration; above `cruise`, that.
+    pub(super) exit: f64,
+    /// A miss by so little is none.
+    pub(super) slack: f64,
+}
+
+/// A change of velocity, a cruise, and a change to the velocity at the end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Approach {
+    first: Change,
+    cruise_s: f64,
+    second: Change,
+    /// The velocity between the changes.
+    pub(super) between: f64,
+    /// The velocity at the end: that of the aim, or less where the way is too short for it.
+    pub(super) exit: f64,
+    /// The way that it takes.
+    way: f64,
+}
+
+impl Approach {
+    /// From `start` to the velocity `between` and from there to `exit`, without a cruise.
+    fn through(start: State, between: f64, exit: f64, limits: Agility) -> Self {
+        let first = Change::new(start.velocity - between, start.acceleration, limits);
+        let reached = first.end(State {
+            position: 0.0,
+            ..start
+        });
+        let second = Change::new(between - exit, 0.0, limits);
+        let way = second.end(State {
+            position: reached.position,
+            velocity: between,
+            acceleration: 0.0,
+        });
+        Self {
+            first,
+            cruise_s: 0.0,
+            second,
+            between,
+            exit,
+            way: way.position,
+        }
+    }
+
+    /// For a start that brakes: lets the deceleration go to `acceleration` before it goes on braking to `exit`.
+    fn relaxing(start: State, acceleration: f64, exit: f64, limits: Agility) -> Self {
+        let jerk = limits.jerk;
+        let first = Change::relaxing((acceleration - start.acceleration) / jerk, jerk);
+        let relaxed = first.end(State {
+            position: 0.0,
+            ..start
+        });
+        let second = Change::new(relaxed.velocity - exit, relaxed.acceleration, limits);
+        Self {
+            first,
+            cruise_s: 0.0,
+            second,
+            between: relaxed.velocity,
+            exit,
+            way: second.end(relaxed).position,
+        }
+    }
+
+    /// With a cruise that makes the way the one that was asked for.
+    fn filling(mut self, aim: &Aim) -> Option<Self> {
+        let left = aim.way - self.way;
+        if left > aim.slack {
+            self.cruise_s = left / self.between;
+        }
+        self.cruise_s.is_finite().then_some(self)
+    }
+
+    /// When the second change begins, s.
+    pub(super) fn braking_from_s(&self) -> f64 {
+        self.first.duration_s() + self.cruise_s
+    }
+
+    /// The motion from `start`, phase by phase.
+    pub(super) fn profile(&self, start: State) -> Profile {
+        let ([a, b, c], [d, e, f]) = (self.first.steps(), self.second.steps());
+        Profile::new(start, [a, b, c, (self.cruise_s, 0.0), d, e, f])
+    }
+}
+
+/// The fastest way from `start` (velocity ≥ 0, never backwards when it lets its acceleration go) to the aim.
+///
+/// `None`: the place is so close that it cannot be reached at the velocity of the aim, or at a lower one that needs no
+/// braking, without acceleration.
+pub(super) fn approach(start: State, aim: &Aim, limits: Agility) -> Option<Approach> {
+    let (cruise, exit) = (aim.cruise, aim.exit.min(aim.cruise));
+    let through = |between: f64, exit: f64| Approach::through(start, between, exit, limits);
+    let near = |found: Approach| found.way <= aim.way + aim.slack;
+    let free = through(cruise, exit);
+    if free.way <= aim.way {
+        return free.filling(aim);
+    }
+    let settled = settled(start.velocity, start.acceleration, limits.jerk).max(0.0);
+    let between = |slow: f64, fast: f64| {
+        let found = search(slow, fast, aim, |between| through(between, exit).way);
+        through(found, exit).filling(aim)
+    };
+    if settled >= cruise {
+        let direct = through(exit, exit);
+        return if direct.way < aim.way - aim.slack {
+            between(exit, cruise)
+        } else {
+            Some(direct).filter(|direct| near(*direct))
+        };
+    }
+    if settled < exit {
+        if through(exit, exit).way <= aim.way {
+            return between(exit, nearest_fast(exit, cruise, aim, limits));
+        }
+        let fast = nearest_fast(settled, exit, aim, limits);
+        let found = search(settled, fast, aim, |slower| through(slower, slower).way);
+        let slower = through(found, found);
+        return Some(slower).filter(|s| near(*s))?.filling(aim);
+    }
+    let relaxed = through(settled, exit);
+    if relaxed.way <= aim.way {
+        return between(settled, nearest_fast(settled, cruise, aim, limits));
+    }
+    if start.acceleration >= 0.0 {
+        return Some(relaxed).filter(|relaxed| near(*relaxed));
+    }
+    let direct = through(exit, exit);
+    if direct.way >= aim.way - aim.slack {
+        return Some(direct).filter(|direct| near(*direct));
+    }
+    let relaxing = |a: f64| Approach::relaxing(start, a, exit, limits);
+    let found = search(start.acceleration, 0.0, aim, |a| relaxing(a).way);
+    Some(relaxing(found))
+}
+
+/// A velocity up to `fast` that is surely not reached from `slow` on the way, or `fast`.
+fn nearest_fast(slow: f64, fast: f64, aim: &Aim, limits: Agility) -> f64 {
+    // From a velocity without acceleration, d more take at least d·√(d/J).
+    let more = libm::cbrt(aim.way * aim.way * limits.jerk);
+    (slow + 4.0 * more).min(fast)
+}
+
+/// Where between `low` (whose way is not too long) and `high` (whose is) the way is the one of the aim: as close to it
+/// as the slack, and not longer.
+fn search(low: f64, high: f64, aim: &Aim, way: impl Fn(f64) -> f64) -> f64 {
+    let enough = aim.slack.min(FILLED * aim.way);
+    // What is found lies in the middle of what is good enough.
+    let miss = |x: f64| way(x) - aim.way + 0.5 * enough;
+    let (mut low, mut high) = (low, high);
+    let (mut below, mut above) = (miss(low), miss(high));
+    if above <= 0.5 * enough {
+        return high;
+    }
+    // The rule of false position, in which the end that stays loses weight.
+    let mut last = 0.0;
+    for step in 0..SEARCH_MAX {
+        let middle = 0.5 * (low + high);
+        let line = low + (high - low) * (below / (below - above));
+        let x = if step % 3 == 2 || !(line > low && line < high) {
+            middle
+        } else {
+            line
+        };
+        if !(x > low && x < high) {
+            break;
+        }
+        let missed = miss(x);
+        if missed > 0.5 * enough {
+            if last > 0.0 {
+                below *= 0.5;
+            }
+            (high, above) = (x, missed);
+        } else {
+            if last < 0.0 {
+                above *= 0.5;
+            }
+            (low, below) = (x, missed);
+            if missed >= -0.5 * enough {
+                break;
+            }
+        }
+        last = missed;
+    }
+    low
+}
