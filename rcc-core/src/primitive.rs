@@ -6,14 +6,18 @@
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::types::Store;
 
+mod channel;
 mod duration;
+mod elements;
 mod operand;
 mod port;
 mod step;
 mod wide;
 mod window;
 
+pub use channel::{each_bit_channel, each_real_channel};
 pub use duration::{elapsed, reached};
+pub use elements::{ELEMENTS, TRUTHS, fold_bool, fold_int, fold_real};
 pub use operand::{CYCLES_MAX, DIMS_MAX, Memory, Operand, Size, Sizes, Width};
 pub use port::{
     ChannelKind, Dim, Elements, Family, Literal, Parameter, ParameterKind, Port, PortType, UnitRule,
@@ -23,7 +27,7 @@ pub use step::{
     finite, higher, lower, map_real, map_whole, real_unless, whole, within,
 };
 pub use wide::{copy, fill_null, is_null, wide_int, wide_real};
-pub use window::{Fold, each_window};
+pub use window::{Fold, WINDOW, each_window};
 
 /// What a primitive remembers from cycle to cycle; each kind is one contiguous block in the arena.
 /// Reals start as null (NaN), Bools as null, Ints as 0, unless `prepare` or a [`ParameterKind::Start`] sets them.

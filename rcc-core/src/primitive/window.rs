@@ -3,8 +3,36 @@
 //! and no sum that drifts. Tangwongsan, Hirzel, Schneider, Wu: "General incremental sliding-window aggregation", PVLDB 8
 //! (2015), section 4 (FlatFAT). The real-time thread.
 
-use super::each;
+use super::{Parameter, ParameterKind, Port, Spec, State, UnitRule, each};
 use crate::frame::Frame;
+
+/// What every window of numbers has in common: one rule for null, the same types. A primitive adds its name, its words, its
+/// worked values, and the memory with what an empty window combines to.
+pub const WINDOW: Spec = Spec {
+    null: "null while a null value is in the window, element by element; before the window is full it is over what there was",
+    inputs: &[Port::linear(
+        "in",
+        UnitRule::Var(0),
+        "a number, vector, array or matrix",
+    )],
+    outputs: &[Port::linear(
+        "out",
+        UnitRule::Var(0),
+        "the result, of each element",
+    )],
+    parameters: &[Parameter::new(
+        "window",
+        ParameterKind::Window,
+        "how long the window is, with the value of now; 1 to 10 000 cycles of the net",
+    )
+    .above(0.0)],
+    // the place of the next value, the number of values so far
+    state: State {
+        ints: 2,
+        ..State::NONE
+    },
+    ..Spec::PLAIN
+};
 
 /// What a window does with its values.
 pub trait Fold {

@@ -1,10 +1,8 @@
 //! `AnalogInput`: a named analog input of a device, latched at the beginning of the cycle.
 
-use crate::frame::Frame;
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each,
+    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each_real_channel,
 };
-use crate::types::NULL_REAL;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -28,17 +26,10 @@ pub const ENTRY: Entry = Entry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::new(|frame, operands| {
+        each_real_channel(frame, operands, |m| &m.analog);
+    })],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [out, device, channel]: [u32; 3]) {
-    let value = frame
-        .measured(device)
-        .and_then(|m| m.analog.get(channel as usize))
-        .copied();
-    frame.set_real(out, value.unwrap_or(NULL_REAL));
-}
 
 #[cfg(test)]
 mod tests {

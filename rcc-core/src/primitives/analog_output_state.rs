@@ -1,10 +1,8 @@
 //! `AnalogOutputState`: what an analog output of a device is told now, whoever commands it.
 
-use crate::frame::Frame;
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each,
+    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each_real_channel,
 };
-use crate::types::NULL_REAL;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -28,17 +26,10 @@ pub const ENTRY: Entry = Entry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::new(|frame, operands| {
+        each_real_channel(frame, operands, |m| &m.analog_out);
+    })],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [out, device, channel]: [u32; 3]) {
-    let value = frame
-        .measured(device)
-        .and_then(|m| m.analog_out.get(channel as usize))
-        .copied();
-    frame.set_real(out, value.unwrap_or(NULL_REAL));
-}
 
 #[cfg(test)]
 mod tests {

@@ -1,8 +1,8 @@
 //! `DigitalOutputState`: what a digital output of a device is told now, whoever commands it.
 
-use crate::frame::Frame;
-use crate::primitive::{ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, each};
-use crate::types::NULL_BOOL;
+use crate::primitive::{
+    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, each_bit_channel,
+};
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
@@ -22,17 +22,10 @@ pub const ENTRY: Entry = Entry::new(
         ],
         ..Spec::PLAIN
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::new(|frame, operands| {
+        each_bit_channel(frame, operands, |m| (m.digital_out_known, m.digital_out));
+    })],
 );
-
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [out, device, channel]: [u32; 3]) {
-    let known = frame
-        .measured(device)
-        .filter(|m| m.digital_out_known >> (channel & 63) & 1 == 1);
-    let value = known.map_or(NULL_BOOL, |m| (m.digital_out >> (channel & 63) & 1) as u8);
-    frame.set_bool(out, value);
-}
 
 #[cfg(test)]
 mod tests {

@@ -1,25 +1,14 @@
 //! `Sum`: the sum of the elements of an array, from the first to the last, each step rounded once.
 
-use crate::frame::Frame;
-use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each,
-};
-use crate::types::{NULL_INT, Store};
+use crate::primitive::{ELEMENTS, Entry, Example, Kernel, Spec, fold_int, fold_real};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Sum",
         summary: "The sum of the elements of an array.",
-        null: "a null element gives null",
         undefined: "overflow of whole numbers",
-        inputs: &[Port::new(
-            "in",
-            PortType::Array(Elements::Open, Dim::Var(0)),
-            UnitRule::Var(0),
-            "an array of numbers",
-        )],
-        outputs: &[Port::number("out", UnitRule::Var(0), "result")],
         examples: &[Example::new(
             "an array with a null element",
             "",
@@ -27,37 +16,14 @@ pub const ENTRY: Entry = Entry::new(
              [1.5, 2.0, -4.0] | -0.5
              [1.5, null, -4.0] | null",
         )],
-        ..Spec::PLAIN
+        ..ELEMENTS
     },
     &[
         Kernel::of(Store::Real, |frame, operands| {
-            each(frame, operands, step_real);
+            fold_real(frame, operands, |a, b| a + b);
         }),
         Kernel::of(Store::Int, |frame, operands| {
-            each(frame, operands, step_int);
+            fold_int(frame, operands, |a, b| a.overflowing_add(b));
         }),
     ],
 );
-
-#[inline(always)]
-fn step_real(frame: &mut Frame<'_>, [input, out, length]: [u32; 3]) -> Option<()> {
-    let mut result = frame.get_real(input)?;
-    for i in 1..length {
-        let value = frame.get_real(input + i)?;
-        result += value;
-    }
-    frame.put_real(out, result)
-}
-
-#[inline(always)]
-fn step_int(frame: &mut Frame<'_>, [input, out, length]: [u32; 3]) -> Option<()> {
-    let mut result = frame.get_int(input)?;
-    let mut null = result == NULL_INT;
-    for i in 1..length {
-        let value = frame.get_int(input + i)?;
-        let (next, out_of_range) = result.overflowing_add(value);
-        null |= (value == NULL_INT) | out_of_range;
-        result = next;
-    }
-    frame.put_int(out, choose(null, NULL_INT, result))
-}

@@ -1,9 +1,6 @@
 //! `WindowMax`: the largest of the last values.
 
-use crate::primitive::{
-    Entry, Example, Fold, Kernel, Literal, Memory, Parameter, ParameterKind, Port, Spec, State,
-    UnitRule, each_window,
-};
+use crate::primitive::{Entry, Example, Fold, Kernel, Literal, Memory, Spec, WINDOW, each_window};
 use crate::types::Store;
 
 /// The row of the catalogue.
@@ -11,28 +8,7 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "WindowMax",
         summary: "The largest value of a window that ends now.",
-        null: "null while a null value is in the window, element by element; before the window is full it is over what there was",
         formula: "Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, one node a doubling of the window and cycle",
-        inputs: &[Port::linear(
-            "in",
-            UnitRule::Var(0),
-            "a number, vector, array or matrix",
-        )],
-        outputs: &[Port::linear(
-            "out",
-            UnitRule::Var(0),
-            "the result, of each element",
-        )],
-        parameters: &[Parameter::new(
-            "window",
-            ParameterKind::Window,
-            "how long the window is, with the value of now; 1 to 10 000 cycles of the net",
-        )
-        .above(0.0)],
-        state: State {
-            ints: 2,
-            ..State::NONE
-        },
         memory: Memory::window(2).starting(Literal::Real(f64::NEG_INFINITY)),
         examples: &[
             Example::new(
@@ -55,7 +31,7 @@ pub const ENTRY: Entry = Entry::new(
                 "in | out\n [1.0, 4.0] | [1.0, 4.0]\n [0.0, 8.0] | [0.0, 8.0]",
             ),
         ],
-        ..Spec::PLAIN
+        ..WINDOW
     },
     &[Kernel::of(Store::Real, each_window::<Window>)],
 );

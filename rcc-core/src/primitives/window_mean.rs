@@ -1,92 +1,57 @@
-//! `WindowMean`: the mean of the last values, at the same cost whatever the window is.
+//! `WindowMean`: the mean of the last values.
 
-use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Memory, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
-    finite,
+    Entry, Example, Fold, Kernel, Literal, Memory, Spec, WINDOW, each_window, finite,
 };
-use crate::types::{NULL_REAL, Store};
+use crate::types::Store;
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "WindowMean",
-        summary: "The mean of the values of a window of time; until it is full, of those that there are.",
-        null: "a null input gives null and is not counted",
+        summary: "The mean of the values of a window that ends now.",
         undefined: "overflow: a sum too large for a number",
-        formula: "sum of the last n values / n with a running sum, which is begun anew with every n values, so that its \
-                  rounding is that of at most 2 n additions",
-        examples: &[Example::new(
-            "three values",
-            "{window: 3 ms}",
-            "in | out
-             3 | 3
-             6 | 4.5
-             0 | 3
-             null | null
-             3 | 3
-             9 | 4",
-        )],
-        inputs: &[Port::real("in", UnitRule::Var(0), "value to average")],
-        outputs: &[Port::real("out", UnitRule::Var(0), "mean")],
-        parameters: &[Parameter::new(
-            "window",
-            ParameterKind::Window,
-            "how far back it looks, the nearest whole number of evaluations",
-        )],
-        // the sum of the window, the sum since its ring began anew
-        // the place of the next value in the ring, the number of values
-        state: State {
-            reals: 2,
-            ints: 2,
-            ..State::NONE
-        },
-        memory: Memory::window(1).of(Store::Real),
-        ..Spec::PLAIN
+        formula: "(in(t) + … + in(t-(n-1)·dt)) / n, summed as a tree, which does not drift: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015)",
+        memory: Memory::window(2).starting(Literal::Real(0.0)),
+        examples: &[
+            Example::new(
+                "a window of three cycles",
+                "{window: 3 ms}",
+                "in | out
+                 3.0 | 3.0
+                 6.0 | 4.5
+                 0.0 | 3.0
+                 null | null
+                 3.0 | null
+                 9.0 | null
+                 6.0 | 6.0",
+            ),
+            Example::new(
+                "an array and a window of two cycles",
+                "{window: 2 ms}",
+                "in | out\n [1.0, 4.0] | [1.0, 4.0]\n [0.0, null] | [0.5, null]\n [2.0, 6.0] | [1.0, null]\n [2.0, 8.0] | [2.0, 7.0]",
+            ),
+        ],
+        ..WINDOW
     },
-    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+    &[Kernel::of(Store::Real, each_window::<Window>)],
 );
 
-#[inline(always)]
-fn step(frame: &mut Frame<'_>, [input, out, sums, counts, ring, cycles]: [u32; 6]) -> Option<()> {
-    let value = frame.get_real(input)?;
-    if !value.is_finite() {
-        return frame.put_real(out, NULL_REAL);
+struct Window;
+
+impl Fold for Window {
+    #[inline(always)]
+    fn leaf(value: f64) -> f64 {
+        value
     }
-    let length = i64::from(cycles.max(1));
-    let within = |count: i64, most: i64| {
-        if (0..=most).contains(&count) {
-            count
-        } else {
-            0
-        }
-    };
-    let place = within(frame.get_int(counts)?, length - 1);
-    let count = within(frame.get_int(counts + 1)?, length);
-    // At most CYCLES_MAX.
-    let slot = ring + place as u32;
-    let oldest = if count == length {
-        frame.get_real(slot)?
-    } else {
-        0.0
-    };
-    let sum = if count == 0 {
-        0.0
-    } else {
-        frame.get_real(sums)?
-    };
-    let since = if place == 0 {
-        0.0
-    } else {
-        frame.get_real(sums + 1)?
-    } + value;
-    let is_last = place == length - 1;
-    let sum = if is_last { since } else { sum - oldest + value };
-    let count = (count + 1).min(length);
-    frame.put_real(slot, value)?;
-    frame.put_real(sums, sum)?;
-    frame.put_real(sums + 1, since)?;
-    frame.put_int(counts, if is_last { 0 } else { place + 1 })?;
-    frame.put_int(counts + 1, count)?;
-    frame.put_real(out, finite(sum / count as f64))
+
+    #[inline(always)]
+    fn combine(a: f64, b: f64) -> f64 {
+        a + b
+    }
+
+    #[inline(always)]
+    fn result(root: f64, count: f64) -> f64 {
+        finite(root / count)
+    }
 }

@@ -1,8 +1,7 @@
 //! `WindowRms`: the root of the mean square of the last values.
 
 use crate::primitive::{
-    Entry, Example, Fold, Kernel, Literal, Memory, Parameter, ParameterKind, Port, Spec, State,
-    UnitRule, each_window,
+    Entry, Example, Fold, Kernel, Literal, Memory, Spec, WINDOW, each_window, finite,
 };
 use crate::types::Store;
 
@@ -11,28 +10,8 @@ pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "WindowRms",
         summary: "The root mean square of the values of a window that ends now.",
-        null: "null while a null value is in the window, element by element; before the window is full it is over what there was",
-        formula: "sqrt((in(t)² + … + in(t-(n-1)·dt)²) / n), summed as a tree: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, one node a doubling of the window and cycle",
-        inputs: &[Port::linear(
-            "in",
-            UnitRule::Var(0),
-            "a number, vector, array or matrix",
-        )],
-        outputs: &[Port::linear(
-            "out",
-            UnitRule::Var(0),
-            "the result, of each element",
-        )],
-        parameters: &[Parameter::new(
-            "window",
-            ParameterKind::Window,
-            "how long the window is, with the value of now; 1 to 10 000 cycles of the net",
-        )
-        .above(0.0)],
-        state: State {
-            ints: 2,
-            ..State::NONE
-        },
+        undefined: "overflow: a sum of squares too large for a number",
+        formula: "sqrt((in(t)² + … + in(t-(n-1)·dt)²) / n), summed as a tree: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015)",
         memory: Memory::window(2).starting(Literal::Real(0.0)),
         examples: &[
             Example::new(
@@ -50,7 +29,7 @@ pub const ENTRY: Entry = Entry::new(
                 "in | out\n [1.0, 4.0] | [1.0, 4.0]\n [0.0, 8.0] | [0.0, 8.0]",
             ),
         ],
-        ..Spec::PLAIN
+        ..WINDOW
     },
     &[Kernel::of(Store::Real, each_window::<Window>)],
 );
@@ -70,6 +49,6 @@ impl Fold for Window {
 
     #[inline(always)]
     fn result(root: f64, count: f64) -> f64 {
-        libm::sqrt(root / count)
+        finite(libm::sqrt(root / count))
     }
 }
