@@ -133,7 +133,9 @@ fn run(motion: &Motion, cell: &CellConfig) -> Vec<[f64; 7]> {
             motion.file, bench.cycle
         );
         trace.push(output.position[..7].try_into().unwrap());
-        bench.inputs[lwr].measurement.hold = output.position;
+        let position = output.position;
+        bench.inputs[lwr].measurement.hold = position;
+        bench.inputs[lwr].measurement.position = position;
     }
     trace
 }
@@ -217,6 +219,115 @@ fn straight_motions_stay_on_their_lines() {
             );
             assert!(first.angle_to(pose) < 1e-7, "{file}: it turns");
         }
+    }
+}
+
+/// Runs a net of the blended program and gives where it ends.
+fn leg(file: &'static str, start: [f64; 7], end: &'static str, cell: &CellConfig) -> [f64; 7] {
+    let goal = ZERO;
+    let trace = run(
+        &Motion {
+            file,
+            start,
+            end,
+            goal,
+        },
+        cell,
+    );
+    judge(&trace, file, cell);
+    *trace.last().unwrap()
+}
+
+#[test]
+fn three_lines_one_after_the_other_lead_back_to_where_they_began() {
+    let cell = demo();
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let arm = cell.models()[lwr].arm.unwrap();
+    let first = leg("flat/lwr_lin_blend-02-lwr-lin.net", AFTER_PTP, "_3", &cell);
+    let second = leg("flat/lwr_lin_blend-03-lwr-lin.net", first, "_1", &cell);
+    let third = leg("flat/lwr_lin_blend-05-lwr-lin.net", second, "_1", &cell);
+    let (begun, back) = (
+        arm.forward(&bench::eight(&AFTER_PTP)),
+        arm.forward(&bench::eight(&third)),
+    );
+    for axis in 0..3 {
+        assert!((begun.position[axis] - back.position[axis]).abs() < 1e-12);
+    }
+    assert!(begun.angle_to(&back) < 1e-7);
+}
+
+#[test]
+fn blended_lines_that_begin_half_way_end_where_the_whole_ones_do() {
+    let cell = demo();
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let arm = cell.models()[lwr].arm.unwrap();
+    let whole = leg("flat/lwr_lin_blend-02-lwr-lin.net", AFTER_PTP, "_3", &cell);
+    let half = leg("flat/lwr_lin_blend-02-lwr-lin.net", AFTER_PTP, "_4", &cell);
+    let whole = leg("flat/lwr_lin_blend-03-lwr-lin.net", whole, "_1", &cell);
+    let correcting = "flat/lwr_lin_blend-04-lwr-cartesianerrorcorrection-lin.net";
+    let blended = leg(correcting, half, "_4", &cell);
+    let half = leg(correcting, half, "_1", &cell);
+    let end = leg("flat/lwr_lin_blend-05-lwr-lin.net", whole, "_1", &cell);
+    let correcting = "flat/lwr_lin_blend-06-lwr-cartesianerrorcorrection-lin.net";
+    let last = leg(correcting, half, "_3", &cell);
+    for (whole, blended) in [(whole, blended), (end, last)] {
+        let (whole, blended) = (
+            arm.forward(&bench::eight(&whole)),
+            arm.forward(&bench::eight(&blended)),
+        );
+        for axis in 0..3 {
+            assert!((whole.position[axis] - blended.position[axis]).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_spline_ends_at_the_height_of_its_text_but_is_faster_than_the_arm_may_be() {
+    let cell = demo();
+    let (lwr, _) = cell.device("lwr").unwrap();
+    let model = &cell.models()[lwr];
+    let trace = run(
+        &Motion {
+            file: "flat/lwr_spline-02-lwr-cartesianbezierspline.net",
+            start: AFTER_PTP,
+            end: "_1",
+            goal: ZERO,
+        },
+        &cell,
+    );
+    let last = model
+        .arm
+        .unwrap()
+        .forward(&bench::eight(trace.last().unwrap()));
+    // A number of the text.
+    assert!((last.position[2] - 0.4174850272742231).abs() < 1e-12);
+    // Their driver lets it pass; ours ends a net that commands it.
+    let fastest = trace
+        .windows(2)
+        .map(|pair| (pair[1][0] - pair[0][0]).abs() / 1e-3);
+    let fastest = fastest.fold(0.0, f64::max);
+    assert!(fastest > model.limits.velocity_max[0], "{fastest} rad/s");
+}
+
+#[test]
+fn an_output_follows_the_inputs_that_its_text_names() {
+    let cell = demo();
+    let header = "# devices: io0=io\n# channels: io.InBool.8=door_closed, io.InReal.1=temperature, io.OutBool.2=clamp";
+    let name = "flat/do_mirror-01-io-digital-output-2-mirrordigita.net";
+    let net = load(header, name, &cell).unwrap_or_else(|faults| panic!("{faults}"));
+    let mut bench = Bench::new(net, &cell, ZERO);
+    let (io, _) = cell.device("io").unwrap();
+    // door_closed is the third digital input, temperature the second analog one, clamp the second output.
+    for (door, temperature, clamp) in [
+        (true, 0.7, true),
+        (true, 0.5, false),
+        (false, 0.7, false),
+        (true, 0.6, true),
+    ] {
+        bench.inputs[io].measurement.digital = u64::from(door) << 2;
+        bench.inputs[io].measurement.analog[1] = temperature;
+        bench.step();
+        assert_eq!(bench.outputs[io].digital >> 1 & 1 == 1, clamp);
     }
 }
 

@@ -16,11 +16,11 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("Core::BooleanAnd", M, "inFirst:bool inSecond:bool", "outValue:bool", "First:bool=true Second:bool=true")
         .to(Parameter, Net("{outValue=And(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("Core::BooleanHistory", S, "inValue*:bool", "outAll:bool outAmount:double outNone:bool", "Duration:double=1")
-        .to(Last, None(Reason::Later))
-        .note("windows of truth values come with the arrays of the catalogue; `OnDelay` tells \"true for so long\""),
+        .to(Last, Net("{w=TrueInWindow(in=parent.inValue,window=parent.Duration),outAll=w.all,outNone=Not(in=w.any).out,outAmount=Select(condition=w.all,yes='1',no='0').out}"))
+        .note("`outAmount` is 1 or 0, as theirs, which divides whole numbers"),
     Row::new("Core::BooleanLastN", S, "inValue*:bool", "outAll:bool outCount:int outNone:bool", "Count:int=1")
         .to(Last, None(Reason::Later))
-        .note("windows of truth values come with the arrays of the catalogue; `OnDelay` tells \"true for so long\""),
+        .note("a window is given as a time: `TrueInWindow`"),
     Row::new("Core::BooleanNot", M, "inValue:bool", "outValue:bool", "Value:bool=false")
         .to(Parameter, Net("{outValue=Not(in=parent.inValue).out}")),
     Row::new("Core::BooleanOr", M, "inFirst:bool inSecond:bool", "outValue:bool", "First:bool=false Second:bool=false")
@@ -33,8 +33,8 @@ pub(super) const ROWS: &[Row] = &[
         .to(Last, None(Reason::Later))
         .note("words of bits come with the arrays of the catalogue"),
     Row::new("Core::BinToDec", A, "inArray:bool[]", "outValue:int", "amountBits:uint signBit:bool=false")
-        .to(Last, None(Reason::Later))
-        .note("words of bits come with the arrays of the catalogue"),
+        .to(Last, Net("{outValue=FromBits(in=parent.inArray,signed=parent.signBit).out}"))
+        .note("all elements of the array are bits; `amountBits` is not looked at"),
     Row::new("Core::DecToBCD", A, "inValue:int", "outArray:bool[] overflowBit:bool", "amountBits:uint signBit:bool=true")
         .to(Last, None(Reason::Later))
         .note("words of bits come with the arrays of the catalogue"),

@@ -11,12 +11,12 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::VectorAdd", A, "inFirst*:Vector inSecond*:Vector", "outValue:Vector", "")
         .to(Last, Net("{outValue=Add(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::VectorAverage", M, "inReset:bool inValue*:Vector", "outValue:Vector", "Duration:double=1")
-        .to(Last, Net("{s=SplitVector(in=parent.inValue),outValue=MakeVector(x=WindowMean(in=s.x,window=parent.Duration).out,y=WindowMean(in=s.y,window=parent.Duration).out,z=WindowMean(in=s.z,window=parent.Duration).out).out}"))
+        .to(Last, Net("{outValue=WindowMean(in=parent.inValue,window=parent.Duration).out}"))
         .note("`inReset` has no counterpart"),
     Row::new("World::VectorCross", A, "inFirst*:Vector inSecond*:Vector", "outValue:Vector", "")
         .to(Last, Net("{outValue=Cross(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::VectorDot", A, "inFirst*:Vector inSecond*:Vector", "outValue:double", "")
-        .to(Last, Net("{a=SplitVector(in=parent.inFirst),b=SplitVector(in=parent.inSecond),xy=Add(a=Multiply(a=a.x,b=b.x).out,b=Multiply(a=a.y,b=b.y).out),outValue=Add(a=xy.out,b=Multiply(a=a.z,b=b.z).out).out}")),
+        .to(Last, Net("{outValue=Dot(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::VectorFromXYZ", A, "inX:double inY:double inZ:double", "outValue:Vector", "X:double=0 Y:double=0 Z:double=0")
         .to(Last, Net("{outValue=MakeVector(x=parent.inX,y=parent.inY,z=parent.inZ).out}")),
     Row::new("World::VectorRotate", A, "inRot*:Rotation inValue*:Vector", "outValue:Vector", "")
@@ -39,7 +39,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::RotationFromQuaternion", A, "inW:double inX:double inY:double inZ:double", "outValue:Rotation", "X:double=1 Y:double=0 Z:double=0 W:double=0")
         .to(Last, Net("{outValue=RotationFromQuaternion(x=parent.inX,y=parent.inY,z=parent.inZ,w=parent.inW).out}")),
     Row::new("World::RotationInvert", A, "inValue*:Rotation", "outValue:Rotation", "")
-        .to(Last, Net("{outValue=SplitPose(in=Invert(in=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inValue).out).out).rotation}")),
+        .to(Last, Net("{outValue=Invert(in=parent.inValue).out}")),
     Row::new("World::RotationToABC", A, "inValue:Rotation", "outA:double outB:double outC:double", "")
         .to(Last, Net("{r=RotationToRpy(in=parent.inValue),outA=r.yaw,outB=r.pitch,outC=r.roll}")),
     Row::new("World::RotationToAxisAngle", A, "inValue*:Rotation", "outAngle:double outAxis:Vector", "")
@@ -47,7 +47,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::RotationToQuaternion", A, "inValue*:Rotation", "outW:double outX:double outY:double outZ:double", "")
         .to(Last, Net("{r=RotationToQuaternion(in=parent.inValue),outX=r.x,outY=r.y,outZ=r.z,outW=r.w}")),
     Row::new("World::RotationTransform", A, "inFirst:Rotation inSecond:Rotation", "outValue:Rotation", "")
-        .to(Last, Net("{outValue=SplitPose(in=Compose(a=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inFirst).out,b=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=parent.inSecond).out).out).rotation}")),
+        .to(Last, Net("{outValue=Compose(a=parent.inFirst,b=parent.inSecond).out}")),
     Row::new("World::FrameAddTwist", A, "inFrame*:Frame inTwist*:Twist", "outValue:Frame", "")
         .to(Last, Net("{outValue=PoseAddTwist(pose=parent.inFrame,twist=parent.inTwist).out}")),
     Row::new("World::FrameFromPosRot", A, "inPos:Vector inRot:Rotation", "outValue:Frame", "X:double=0 Y:double=0 Z:double=0 A:double=0 B:double=0 C:double=0")
@@ -57,7 +57,7 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::FrameInvert", A, "inValue*:Frame", "outValue:Frame", "")
         .to(Last, Net("{outValue=Invert(in=parent.inValue).out}")),
     Row::new("World::FrameLerp", A, "inAmount*:double inFrom*:Frame inTo*:Frame", "outValue:Frame", "")
-        .to(Last, Net("{e=PoseError(from=parent.inFrom,to=parent.inTo),f=SplitPose(in=parent.inFrom),turn=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=RotationFromVector(in=Scale(in=e.rotation,factor=parent.inAmount).out).out),start=MakePose(position=MakeVector(x='0',y='0',z='0').out,rotation=f.rotation),r=SplitPose(in=Compose(a=turn.out,b=start.out).out),outValue=MakePose(position=Add(a=f.position,b=Scale(in=e.translation,factor=parent.inAmount).out).out,rotation=r.rotation).out}")),
+        .to(Last, Net("{outValue=Interpolate(from=parent.inFrom,to=parent.inTo,t=parent.inAmount).out}")),
     Row::new("World::FrameOTG", A, "inCurPos*:Frame inCurVel*:Twist inDestPos*:Frame inDestVel:Twist inMaxRotAcc:double inMaxRotVel:double inMaxTransAcc:double inMaxTransVel:double", "outPos:Frame outVel:Twist", "MaxTransVel:double=1 MaxTransAcc:double=1 MaxRotVel:double=1 MaxRotAcc:double=1")
         .to(Last, None(Reason::Later))
         .note("trajectories that replan themselves in space come with the motions of the catalogue"),
