@@ -44,6 +44,7 @@ pub fn cell() -> DeviceTable {
             joints: 0,
         },
         first_tolerance_rad: 0.0,
+        base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         channels: [BOOLS as u32, 0, REALS as u32, 0],
     };

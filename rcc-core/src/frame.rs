@@ -25,6 +25,8 @@ pub struct DeviceModel {
     pub limits: JointLimits,
     /// How far the first set-point of a net may be from the hold set-point, rad.
     pub first_tolerance_rad: f64,
+    /// Where its base stands in the world of the cell.
+    pub base: Pose,
     /// Where the arm may be, `None` = anywhere; what a net is checked for before it starts.
     pub workspace: Option<Workspace>,
     /// Number of digital inputs, digital outputs, analog inputs, analog outputs.

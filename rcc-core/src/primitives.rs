@@ -42,6 +42,7 @@ mod debounce;
 mod delay;
 mod derivative;
 mod determinant;
+mod device_base;
 mod device_status;
 mod digital_input;
 mod digital_output;
@@ -157,6 +158,7 @@ mod split_twist;
 mod split_vector;
 mod split_wrench;
 mod square_root;
+mod start_pose;
 mod state_machine;
 mod subtract;
 mod sum;
@@ -229,6 +231,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &delay::ENTRY,
     &derivative::ENTRY,
     &determinant::ENTRY,
+    &device_base::ENTRY,
     &device_status::ENTRY,
     &digital_input::ENTRY,
     &digital_output::ENTRY,
@@ -344,6 +347,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &split_vector::ENTRY,
     &split_wrench::ENTRY,
     &square_root::ENTRY,
+    &start_pose::ENTRY,
     &state_machine::ENTRY,
     &subtract::ENTRY,
     &sum::ENTRY,

@@ -81,6 +81,7 @@ pub fn lwr() -> DeviceModel {
         })),
         limits,
         first_tolerance_rad: 1e-3,
+        base: crate::pose::Pose::IDENTITY,
         workspace: None,
         channels: [4, 4, 2, 2],
     }

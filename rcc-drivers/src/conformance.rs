@@ -195,6 +195,7 @@ pub fn device(driver: &str, settings: serde_json::Value, rows: &[Row<'_>]) -> De
         settings,
         channels: rows.iter().enumerate().map(channel).collect(),
         first_tolerance_rad: 2e-3,
+        base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         command_timeout_ns: 50_000_000,
         delay_ns: 10_000_000,

@@ -7,6 +7,7 @@ use crate::driver::{Driver, DriverError};
 use crate::host::reason::Reason;
 
 pub mod fri_lwr;
+pub mod ideal_arm;
 pub mod modbus;
 #[cfg(test)]
 pub mod template;
@@ -28,6 +29,11 @@ pub const DRIVERS: &[Row] = &[
         name: "fri-lwr",
         open: boxed::<fri_lwr::FriLwr>,
         reasons: fri_lwr::REASONS,
+    },
+    Row {
+        name: "ideal-arm",
+        open: boxed::<ideal_arm::IdealArm>,
+        reasons: ideal_arm::REASONS,
     },
     Row {
         name: "modbus",

@@ -100,6 +100,7 @@ fn open(servers: [&Simulator; 2], timeout: &str) -> Modbus {
         settings: json!({"period": "2 ms", "servers": {"a": server(servers[0]), "b": server(servers[1])}}),
         channels: rows.iter().enumerate().map(channel).collect(),
         first_tolerance_rad: 2e-3,
+        base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         command_timeout_ns: 50_000_000,
         delay_ns: 10_000_000,

@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use rcc_core::frame::DeviceModel;
+use rcc_core::pose::Pose;
 
 use crate::access::AccessConfig;
 use crate::device::{ChannelConfig, DeviceConfig, kind_name};
@@ -204,6 +205,10 @@ impl CellConfig {
             hash.text(&device.name);
             hash.number(device.first_tolerance_rad.to_bits());
             hash.number(u64::from(device.robot.is_some()));
+            if device.base != Pose::IDENTITY {
+                hash.text("base");
+                hash.reals(device.base.to_slots());
+            }
             if let Some(space) = &device.workspace {
                 hash.text("workspace");
                 hash.reals(

@@ -2,6 +2,7 @@
 //! Read once at start-up by every process that works with the cell; never by the real-time thread.
 
 use rcc_core::frame::DeviceModel;
+use rcc_core::pose::Pose;
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
 use rcc_core::workspace::Workspace;
@@ -27,6 +28,8 @@ pub struct DeviceConfig {
     pub channels: Vec<ChannelConfig>,
     /// How far the first set-point of a net may be from the hold set-point, rad per joint.
     pub first_tolerance_rad: f64,
+    /// Where its base stands in the world of the cell.
+    pub base: Pose,
     /// Where the arm may be; `None` = anywhere.
     pub workspace: Option<Workspace>,
     /// A command image older than this is stale, and the driver brings its device to rest; ns.
@@ -109,6 +112,7 @@ impl DeviceConfig {
             arm: self.robot.as_ref().map(|robot| robot.arm),
             limits,
             first_tolerance_rad: self.first_tolerance_rad,
+            base: self.base,
             workspace: self.workspace,
             // At most DIGITAL_MAX = 64 of a kind.
             channels: CHANNEL_KINDS.map(|kind| self.channels_of(kind).count() as u32),

@@ -2,6 +2,7 @@
 //! Used by every process at start-up and by the loader; nothing here is real-time.
 
 pub mod access;
+mod base;
 pub mod cell;
 pub mod codes;
 pub mod device;

@@ -377,3 +377,34 @@ fn a_workspace_bounds_the_axes_that_it_names() {
     );
     assert_eq!(io.expect_err("no arm").diagnostics.len(), 1);
 }
+
+#[test]
+fn a_base_is_where_an_arm_stands() {
+    let with = |base: &str| {
+        let rest = format!("devices:\n  b: {{driver: c, robot: robots/good.yaml{base}}}\n");
+        parse(&format!("cell: a\nperiod: 1 ms\n{rest}"))
+    };
+    let none = with("").expect("valid");
+    assert_eq!(none.models()[0].base, rcc_core::pose::Pose::IDENTITY);
+    let cell = with(", base: {xyz: [0 m, 900 mm, 0 m], rpy: [0 deg, 0 deg, 180 deg]}");
+    let cell = cell.expect("valid");
+    let base = cell.models()[0].base;
+    assert_eq!(base.position, [0.0, 0.9, 0.0]);
+    let front = base.rotate([1.0, 0.0, 0.0]);
+    assert!((front[0] + 1.0).abs() < 1e-15 && front[1].abs() < 1e-15);
+    assert_ne!(cell.fingerprint(), none.fingerprint());
+    for (bad, count) in [
+        (", base: {}", 1),
+        (", base: {xyz: [0 m, 1 m]}", 1),
+        (
+            ", base: {xyz: [0 m, 0 m, 1 deg], rpy: [0 m, 0 deg, 0 deg], height: 1 m}",
+            3,
+        ),
+    ] {
+        let faults = with(bad).expect_err("refused");
+        assert_eq!(faults.diagnostics.len(), count, "{bad}: {faults}");
+    }
+    let io =
+        parse("cell: a\nperiod: 1 ms\ndevices:\n  b: {driver: c, base: {xyz: [0 m, 0 m, 0 m]}}\n");
+    assert_eq!(io.expect_err("no arm").diagnostics.len(), 1);
+}

@@ -81,6 +81,7 @@ pub fn models() -> Vec<DeviceModel> {
         arm: Some(ARM),
         limits,
         first_tolerance_rad: 1e-3,
+        base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         channels: [
             DIGITAL_MAX as u32,

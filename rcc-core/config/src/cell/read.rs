@@ -11,6 +11,7 @@ use rcc_core::unit::Unit;
 use super::clock;
 use super::{CellConfig, ExecutorConfig, RealTime, SimulatorConfig, SupervisionConfig};
 use crate::access;
+use crate::base;
 use crate::codes;
 use crate::device::{DeviceConfig, channels};
 use crate::diagnostic::{Faults, Span};
@@ -38,12 +39,13 @@ const KEYS: [&str; 11] = [
 const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
 const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
 const SIMULATOR_KEYS: [&str; 4] = ["program", "arguments", "device", "control"];
-const DEVICE_KEYS: [&str; 8] = [
+const DEVICE_KEYS: [&str; 9] = [
     "driver",
     "robot",
     "settings",
     "channels",
     "first_tolerance",
+    "base",
     "workspace",
     "command_timeout",
     "delay",
@@ -385,6 +387,7 @@ impl Reading<'_> {
             None => Some(Vec::new()),
         };
         let tolerance = self.first_tolerance(&fields);
+        let base = base::read(&mut self.reader, &fields);
         let workspace = workspace::read(&mut self.reader, &fields);
         let timeout = self.timeout(
             &fields,
@@ -400,6 +403,7 @@ impl Reading<'_> {
             settings: settings?,
             channels: channels?,
             first_tolerance_rad: tolerance?,
+            base: base?,
             workspace: workspace?,
             command_timeout_ns: timeout?,
             delay_ns: delay?,
@@ -426,7 +430,7 @@ impl Reading<'_> {
     }
 
     fn refuse_keys_of_arms(&mut self, fields: &Fields<'_>) {
-        for key in ["first_tolerance", "workspace", "delay"] {
+        for key in ["first_tolerance", "base", "workspace", "delay"] {
             if let Some(entry) = fields.entry(key) {
                 let message = format!("`{key}` has no meaning for a device without a robot");
                 let help = "remove it, or name the robot's file: `robot: …`";

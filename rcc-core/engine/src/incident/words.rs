@@ -8,6 +8,7 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, PARAMETERS};
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
 use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region, Run};
+use rcc_core::pose::Pose;
 use rcc_core::types::Store;
 use rcc_core::workspace::Workspace;
 use rcc_ipc::control::PlanData;
@@ -316,6 +317,7 @@ pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
         out.push(*joints as u64);
         out.push(model.first_tolerance_rad.to_bits());
         out.extend(model.channels.map(u64::from));
+        out.extend(model.base.to_slots().map(f64::to_bits));
         // Without a workspace: one without bounds.
         let space = model.workspace.unwrap_or(Workspace::ANYWHERE);
         out.push(u64::from(model.workspace.is_some()));
@@ -358,6 +360,7 @@ fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
         return Err(Damaged("the number of joints"));
     }
     let [tolerance, channels @ ..] = words.some::<5>("a device's channels")?;
+    let base = Pose::from_slots(words.some::<7>("a base")?.map(f64::from_bits));
     let [has_space] = words.some("a workspace")?;
     let mut corner = || Ok(words.some::<3>("a workspace")?.map(f64::from_bits));
     let space = Workspace {
@@ -377,6 +380,7 @@ fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
             joints: number,
         },
         first_tolerance_rad: f64::from_bits(tolerance),
+        base,
         workspace: (has_space != 0).then_some(space),
         channels: channels.map(|count| count as u32),
     })

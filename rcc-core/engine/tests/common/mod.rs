@@ -42,6 +42,7 @@ pub fn model() -> DeviceModel {
         })),
         limits,
         first_tolerance_rad: 1e-3,
+        base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         channels: [4; 4],
     }

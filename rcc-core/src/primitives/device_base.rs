@@ -1,0 +1,47 @@
+//! `DeviceBase`: where the base of an arm stands in the world of its cell.
+
+use crate::frame::Frame;
+use crate::pose::Pose;
+use crate::primitive::{Entry, Example, Kernel, Parameter, Port, Spec, each};
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "DeviceBase",
+        summary: "Where the base of an arm stands in the world, as the cell's configuration has it (`base`).",
+        outputs: &[Port::typed(
+            "pose",
+            Type::Pose,
+            "the arm's base in the world of the cell",
+        )],
+        parameters: &[Parameter::arm()],
+        examples: &[Example::new(
+            "an arm whose base is the world",
+            "{device: lwr}",
+            "pose\n {xyz: [0, 0, 0], rpy: [0, 0, 0]}",
+        )],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, device]: [u32; 2]) {
+    let model = frame.models.get(device as usize);
+    let base = model.map_or(Pose::NULL, |model| model.base);
+    frame.set_pose(pose, base);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn gives_what_the_configuration_says() {
+        let mut bench = Bench::new("DeviceBase");
+        bench.model.base = Pose::from_xyz_rpy([0.5, -1.0, 0.0], [0.0, 0.0, 2.0]);
+        let want = bench.model.base.to_slots();
+        assert_eq!(bench.step().reals("pose", 7), want);
+    }
+}

@@ -1,0 +1,70 @@
+//! `StartPose`: where an arm's flange was held when the command was prepared: what holds something, holds it there.
+
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::pose::Pose;
+use crate::primitive::{Entry, Kernel, Parameter, Port, Spec, State, each};
+use crate::types::Type;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "StartPose",
+        summary: "Where an arm's flange is when the command starts: the pose of its hold set-point, the same in every cycle.",
+        outputs: &[
+            Port::typed("pose", Type::Pose, "flange in the arm's base").diagnostic(),
+            Port::typed("world", Type::Pose, "flange in the world of the cell").diagnostic(),
+        ],
+        parameters: &[Parameter::arm()],
+        // both poses
+        state: State {
+            reals: 14,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[_pose, _world, device, state] = operands else {
+        return Ok(());
+    };
+    let (arm, hold) = preparation.arm_at_rest(device)?;
+    let model = preparation.models.get(device as usize);
+    let base = model.map_or(Pose::NULL, |model| model.base);
+    let pose = arm.forward(&hold);
+    preparation.set_reals(state, pose.to_slots());
+    preparation.set_reals(state + 7, base.compose(&pose).to_slots());
+    Ok(())
+}
+
+fn step(frame: &mut Frame<'_>, [pose, world, _device, state]: [u32; 4]) {
+    for (from, to) in [(state, pose), (state + 7, world)] {
+        let known: [f64; 7] = frame.reals(from);
+        frame.set_reals(to, known);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    #[test]
+    fn it_stays_where_the_arm_was_held() {
+        let mut bench = Bench::new("StartPose");
+        let hold = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+        bench.hold = Some(hold);
+        bench.model.base = Pose::from_xyz_rpy([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        bench.prepare().unwrap();
+        let start: [f64; 7] = bench.step().reals("pose", 7).try_into().unwrap();
+        let pose = Pose::from_slots(start);
+        let world = bench.model.base.compose(&pose).to_slots();
+        bench.device.measurement.position = [0.0; 8];
+        assert_eq!(bench.step().reals("pose", 7), start);
+        assert_eq!(bench.reals("world", 7), world);
+        bench.hold = None;
+        assert!(bench.prepare().is_err());
+    }
+}

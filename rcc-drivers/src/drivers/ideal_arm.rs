@@ -1,0 +1,227 @@
+//! The driver `ideal-arm`: an arm that exists in this driver only, and is where its set-point was in the period before.
+//! Run by the host's thread, which waits in [`Driver::receive`] for the next period.
+//!
+//! Any robot of `configs/robots` works: nets, several arms and applications can be tried on a real cell, with boards, guard,
+//! start conditions and the way to rest, before there is hardware or a simulator of its wire. Outputs are wired to the
+//! inputs of the same address. It weighs nothing and feels nothing: torques and forces are 0.
+
+use std::time::{Duration, Instant};
+
+use rcc_config::{ChannelConfig, DeviceConfig, RobotConfig};
+use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, JOINTS_MAX, Joints};
+use rcc_core::primitive::ChannelKind;
+use rcc_core::unit::Unit;
+
+use crate::driver::{
+    Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
+    to_raw, to_si,
+};
+use crate::host::reason::Reason;
+
+/// The driver ends.
+pub const RELEASED: u32 = 100;
+
+/// What the numbers mean.
+pub const REASONS: &[Reason] = &[(
+    RELEASED,
+    "the driver has let the arm go: it ends; start it again",
+)];
+
+/// The driver, and the arm.
+#[derive(Debug)]
+pub struct IdealArm {
+    period: Duration,
+    /// The next period.
+    next: Instant,
+    position: Joints,
+    /// By kind: digital in, digital out, analog in, analog out; in order of their index.
+    points: [Vec<Point>; 4],
+    digital: [bool; DIGITAL_MAX + 1],
+    /// Raw values; NaN = never told.
+    analog: [f64; ANALOG_MAX + 1],
+    released: bool,
+}
+
+/// A channel and its address.
+#[derive(Clone, Debug)]
+struct Point {
+    address: usize,
+    config: ChannelConfig,
+}
+
+impl Driver for IdealArm {
+    fn open(device: &DeviceConfig) -> Result<Self, DriverError> {
+        let Some(robot) = &device.robot else {
+            return Err(DriverError::Robot {
+                device: device.name.clone(),
+                cause: "ideal-arm needs one: `robot: ../robots/lwr4plus.yaml`",
+            });
+        };
+        let mut settings = Settings::of(device);
+        let period = settings.duration("period", Duration::from_millis(1))?;
+        let position = settings.read(
+            "start",
+            "a joint position inside of its range for each joint of the robot, such as [0, \"-30 deg\", 0.5] (rad, or with a unit)",
+            Some(nearest_to_zero(robot)),
+            |value| start(value, robot),
+        )?;
+        settings.finish()?;
+        Ok(Self {
+            period,
+            next: Instant::now(),
+            position,
+            points: [
+                points(device, ChannelKind::DigitalInput)?,
+                points(device, ChannelKind::DigitalOutput)?,
+                points(device, ChannelKind::AnalogInput)?,
+                points(device, ChannelKind::AnalogOutput)?,
+            ],
+            digital: [false; DIGITAL_MAX + 1],
+            analog: [f64::NAN; ANALOG_MAX + 1],
+            released: false,
+        })
+    }
+
+    fn receive(&mut self, timeout: Duration, inputs: &mut Inputs) -> Result<Exchange, LinkError> {
+        let left = self.next.saturating_duration_since(Instant::now());
+        std::thread::sleep(left.min(timeout));
+        if left > timeout {
+            return Err(LinkError::Silent);
+        }
+        let ticks = self.schedule();
+        *inputs = self.inputs();
+        Ok(Exchange {
+            commandable: !self.released,
+            startable: !self.released,
+            mirror: self.position,
+            ticks,
+            period_ns: u64::try_from(self.period.as_nanos()).unwrap_or(u64::MAX),
+            quality_permille: 1000,
+            reason: if self.released { RELEASED } else { 0 },
+            late: 0,
+            refused: 0,
+        })
+    }
+
+    fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
+        if !self.released {
+            self.position = outputs.position;
+        }
+        let [_, digital, _, analog] = &self.points;
+        for (point, bit) in digital.iter().zip(0..) {
+            if outputs.digital_set >> bit & 1 == 1
+                && let Some(place) = self.digital.get_mut(point.address)
+            {
+                *place = outputs.digital >> bit & 1 == 1;
+            }
+        }
+        for (point, value) in analog.iter().zip(outputs.analog) {
+            if value.is_finite()
+                && let Some(place) = self.analog.get_mut(point.address)
+            {
+                *place = to_raw(&point.config, value);
+            }
+        }
+        Ok(())
+    }
+
+    fn release(&mut self) {
+        self.released = true;
+    }
+}
+
+impl IdealArm {
+    /// Sets the next period; says how many lie between the last one and this one.
+    fn schedule(&mut self) -> u64 {
+        let behind = Instant::now().saturating_duration_since(self.next);
+        let skipped = behind.as_nanos() / self.period.as_nanos().max(1);
+        let skipped = u32::try_from(skipped).unwrap_or(u32::MAX - 1);
+        self.next += self.period.saturating_mul(skipped + 1);
+        u64::from(skipped) + 1
+    }
+
+    fn inputs(&self) -> Inputs {
+        let mut inputs = Inputs {
+            position: self.position,
+            ..Inputs::NONE
+        };
+        let [digital, _, analog, _] = &self.points;
+        for (point, bit) in digital.iter().zip(0..) {
+            let on = self.digital.get(point.address).is_some_and(|on| *on);
+            inputs.digital |= u64::from(on) << bit;
+            inputs.digital_known |= 1 << bit;
+        }
+        for (point, place) in analog.iter().zip(&mut inputs.analog) {
+            let raw = self.analog.get(point.address).copied();
+            *place = to_si(&point.config, raw.unwrap_or(f64::NAN));
+        }
+        inputs
+    }
+}
+
+/// Each joint at 0, or at the end of its range that is nearest to it.
+fn nearest_to_zero(robot: &RobotConfig) -> Joints {
+    let mut joints = [0.0; JOINTS_MAX];
+    for (place, joint) in joints.iter_mut().zip(&robot.joints) {
+        *place = 0.0_f64.max(joint.lower_rad).min(joint.upper_rad);
+    }
+    joints
+}
+
+/// As many positions as the robot has joints, each inside of its range.
+fn start(value: &serde_json::Value, robot: &RobotConfig) -> Option<Joints> {
+    let given = value.as_array()?;
+    let mut joints = [0.0; JOINTS_MAX];
+    if given.len() != robot.joints.len() {
+        return None;
+    }
+    for ((place, joint), value) in joints.iter_mut().zip(&robot.joints).zip(given) {
+        let position = value.as_f64().or_else(|| angle(value.as_str()?))?;
+        let inside = position >= joint.lower_rad && position <= joint.upper_rad;
+        *place = inside.then_some(position)?;
+    }
+    Some(joints)
+}
+
+/// `-30 deg` and the like, rad.
+fn angle(text: &str) -> Option<f64> {
+    let (number, unit) = text.trim().split_once(' ')?;
+    let (unit, factor) = Unit::parse(unit.trim())?;
+    let number: f64 = number.parse().ok()?;
+    (unit == Unit::RADIAN).then_some(number * factor)
+}
+
+fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, DriverError> {
+    let (most, expected) = match kind {
+        ChannelKind::DigitalInput | ChannelKind::DigitalOutput => {
+            (DIGITAL_MAX, "a number from 1 to 64; each output its own")
+        }
+        ChannelKind::AnalogInput | ChannelKind::AnalogOutput => {
+            (ANALOG_MAX, "a number from 1 to 16; each output its own")
+        }
+    };
+    let is_output = matches!(kind, ChannelKind::DigitalOutput | ChannelKind::AnalogOutput);
+    let mut found: Vec<Point> = Vec::new();
+    for channel in channels(device, kind) {
+        let address = channel.address.as_u64();
+        let address = address.and_then(|address| usize::try_from(address).ok());
+        let address = address.filter(|address| (1..=most).contains(address));
+        let address = address.ok_or_else(|| {
+            let cause = format!("the arm has no channel {}", channel.address);
+            channel_error(device, channel, cause, expected)
+        })?;
+        let other = found.iter().find(|other| other.address == address);
+        if let Some(other) = other.filter(|_| is_output) {
+            let cause = format!("'{}' has number {address}, too", other.config.name);
+            return Err(channel_error(device, channel, cause, expected));
+        }
+        found.push(Point {
+            address,
+            config: channel.clone(),
+        });
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests;
