@@ -18,6 +18,7 @@ mod plans;
 mod readme;
 mod rt_calls;
 mod services;
+mod several_arms;
 mod syscalls;
 mod timing;
 mod values;

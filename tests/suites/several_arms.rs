@@ -1,0 +1,83 @@
+//! Two arms in one net, each with a driver of its own: started, cancelled and stopped as one.
+//! Each test has a cell of its own.
+
+use rcc_ipc::Role;
+use rcc_tests::records::Records;
+use rcc_tests::{TestCell, await_some, repository};
+
+/// What holds a load may not move against it by more, m.
+const SLIP: f64 = 1e-9;
+
+fn cell() -> TestCell {
+    TestCell::start(&repository().join("configs/cells/two-arms.yaml"), |text| {
+        text
+    })
+}
+
+fn shared_load() -> String {
+    let path = repository().join("configs/two-arms/shared-load.yaml");
+    std::fs::read_to_string(path).expect("the example")
+}
+
+/// The line is this far along, m.
+fn await_way(cell: &TestCell, id: u64, way: f64) {
+    let path = format!("/commands/{id}/values?ports=move.distance");
+    await_some("the load moves", || {
+        let reply = cell.rest("GET", &path, "");
+        let distance = reply.body["values"][0]["value"].as_f64()?;
+        (distance > way).then_some(())
+    });
+}
+
+/// Every record of the net's first monitor, one a cycle: the right flange stays where it was in the left one.
+fn assert_held(records: Records, least: usize) {
+    let records = records.finish();
+    let slips: Vec<f64> = records
+        .iter()
+        .filter(|record| record.width == 1)
+        .map(|record| record.values[0])
+        .collect();
+    assert!(slips.len() >= least, "{} records", slips.len());
+    let worst = slips.iter().copied().fold(0.0, f64::max);
+    assert!(slips.iter().all(|slip| *slip <= SLIP), "{worst} m");
+}
+
+#[test]
+fn two_arms_carry_a_load_and_are_cancelled_as_one() {
+    let cell = cell();
+    let records = Records::follow(&cell);
+    let id = cell.run(&shared_load());
+    for device in ["left", "right"] {
+        let row = cell.device(device).expect("a row");
+        let holder = format!("shared-load#{id}");
+        assert_eq!(row["holder"], holder, "one net commands both: {row}");
+    }
+    await_way(&cell, id, 0.01);
+    cell.done(id, "cancel");
+    cell.assert_ends(id, "canceled");
+    for device in ["left", "right"] {
+        cell.await_device(device, "ready");
+    }
+    // From where they rest now to the end of the line.
+    let id = cell.run(&shared_load());
+    cell.assert_ends(id, "finished");
+    assert_held(records, 500);
+    cell.stop();
+}
+
+#[test]
+fn when_one_arm_is_lost_the_other_comes_to_rest() {
+    let cell = cell();
+    let id = cell.run(&shared_load());
+    await_way(&cell, id, 0.01);
+    let dead = cell.kill(Role::Driver, "right");
+    let row = cell.await_end(id);
+    assert_eq!(row["fault"]["fault"], "device lost", "{row}");
+    assert_eq!(row["fault"]["device"], "right", "{row}");
+    cell.await_device("left", "ready");
+    let left = cell.device("left").expect("a row");
+    assert_eq!(left["holder"], serde_json::Value::Null, "{left}");
+    cell.await_successor(Role::Driver, "right", dead);
+    cell.await_device("right", "ready");
+    cell.stop();
+}
