@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use rcc_language::anatomy::{Anatomy, Part, PartRole, Pin, Source};
 
-use super::{Values, constant, links};
+use super::{Values, constant, frame_title, links};
 
 /// Draws a net.
 #[must_use]
@@ -53,12 +53,12 @@ fn clusters(out: &mut String, net: &Anatomy, values: Option<&Values>) {
         }
         open.truncate(same);
         for frame in &frames[same..] {
-            let title = frame.rsplit('/').next().unwrap_or_default();
+            let title = frame_title(net, frame);
             let _ = writeln!(
                 out,
                 "  subgraph {} {{ label={}; style=rounded; color=\"#9aa4b1\"; fontname=\"Helvetica\";",
                 quoted(&format!("cluster_{frame}")),
-                quoted(title)
+                quoted(&title)
             );
             open.push(frame);
         }

@@ -64,6 +64,16 @@ pub fn shown<'n>(net: &'n Anatomy, part: &'n Part) -> Option<&'n Link> {
     }
 }
 
+/// What stands in the frame of an instance: its name, and what it depends on if it is not always active.
+#[must_use]
+pub fn frame_title(net: &Anatomy, path: &str) -> String {
+    let name = path.rsplit('/').next().unwrap_or_default();
+    match net.condition(path) {
+        Some(condition) => format!("{name}, while {condition}"),
+        None => name.to_owned(),
+    }
+}
+
 /// The value of a constant that a link reads, with its name; `None`: it reads something else.
 #[must_use]
 pub fn constant(net: &Anatomy, link: &Link) -> Option<String> {

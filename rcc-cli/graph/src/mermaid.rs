@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use rcc_language::anatomy::{Anatomy, PartRole, Source};
 
-use super::{Values, constant, links};
+use super::{Values, constant, frame_title, links};
 
 /// Draws a net.
 #[must_use]
@@ -84,8 +84,8 @@ fn nodes(out: &mut String, net: &Anatomy) {
             open -= 1;
         }
         if let Some(frame) = frames.last() {
-            let title = frame.rsplit('/').next().unwrap_or_default();
-            let _ = writeln!(out, "  subgraph f{number} [\"{}\"]", escaped(title));
+            let title = frame_title(net, frame);
+            let _ = writeln!(out, "  subgraph f{number} [\"{}\"]", escaped(&title));
             open += 1;
         }
         for member in members {

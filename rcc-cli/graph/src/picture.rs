@@ -198,7 +198,7 @@ fn boxed(
             None => part.type_name.to_owned(),
         },
         role: part.role,
-        parameters: parameters(part),
+        parameters: parameters(net, part),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
         notes: watched.iter().map(|(_, words)| words.clone()).collect(),
@@ -260,7 +260,7 @@ fn raised(words: &str) -> String {
     words.replace("^2", "²").replace("^3", "³")
 }
 
-fn parameters(part: &Part) -> Vec<String> {
+fn parameters(net: &Anatomy, part: &Part) -> Vec<String> {
     let all = part.parameters.iter();
     let mut shown: Vec<String> = all
         .take(PARAMETERS_MAX)
@@ -268,6 +268,9 @@ fn parameters(part: &Part) -> Vec<String> {
         .collect();
     if let Some(more @ 1..) = part.parameters.len().checked_sub(PARAMETERS_MAX) {
         shown.push(format!("… {more} more"));
+    }
+    if let Some(condition) = net.condition(&part.id) {
+        shown.push(format!("while {condition}"));
     }
     shown
 }

@@ -7,7 +7,7 @@ use rcc_language::anatomy::{Anatomy, PartRole};
 
 use super::layout::{Edge, Pin, Point, Route, Shape, layout};
 use super::picture::{Box, boxes};
-use super::{Values, is_label, links};
+use super::{Values, frame_title, is_label, links};
 
 /// More boxes are no picture any more.
 pub const BOXES_MAX: usize = 400;
@@ -81,6 +81,7 @@ pub fn scene(net: &Anatomy, values: Option<&Values>) -> Result<Scene, TooMany> {
         root.insert(&path, place);
     }
     let stage = Stage {
+        net,
         boxes: &boxes,
         links: wires(net),
     };
@@ -186,6 +187,7 @@ impl Arranged {
 }
 
 struct Stage<'a> {
+    net: &'a Anatomy,
     boxes: &'a [Box],
     links: Vec<Wire>,
 }
@@ -206,11 +208,10 @@ struct Ends<'a> {
 impl Stage<'_> {
     /// Lays out what is in a group; `title`: the name in its frame.
     fn arrange(&self, group: &Group, title: Option<&str>) -> Arranged {
-        let last = |path: &str| path.rsplit('/').next().unwrap_or_default().to_owned();
         let inner: Vec<Arranged> = group
             .groups
             .iter()
-            .map(|inner| self.arrange(inner, Some(&last(&inner.path))))
+            .map(|inner| self.arrange(inner, Some(&frame_title(self.net, &inner.path))))
             .collect();
         let mut ends = Ends::new(self, group, &inner);
         let mut edges: Vec<Edge> = Vec::new();

@@ -4,10 +4,13 @@ use std::fmt::Write as _;
 
 use rcc_language::anatomy::{Anatomy, Part, PartRole};
 
+mod legend;
+
+use self::legend::Legend;
 use super::layout::{Point, Route};
-use super::picture::{Box, PORT_SIZE, PortLabel};
+use super::picture::{Box, PortLabel};
 use super::scene::{Frame, Piece, Scene};
-use super::text::{fit, lines, width};
+use super::text::{fit, lines};
 
 const MARGIN: f64 = 24.0;
 const TITLE: f64 = 20.0;
@@ -351,8 +354,7 @@ fn draw_input(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) 
             reason(why)
         );
     }
-    text(out, "port", at.x + SIDE, at.y + 1.0, &port.name, "");
-    text(out, "small", at.x + SIDE, at.y + 12.0, &port.small, "");
+    port_words(out, port, at.x + SIDE, at.y, "");
 }
 
 fn draw_output(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) {
@@ -364,9 +366,13 @@ fn draw_output(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>)
         short(at.y),
         reason(why)
     );
-    let end = " text-anchor=\"end\"";
-    text(out, "port", at.x - SIDE, at.y + 1.0, &port.name, end);
-    text(out, "small", at.x - SIDE, at.y + 12.0, &port.small, end);
+    port_words(out, port, at.x - SIDE, at.y, " text-anchor=\"end\"");
+}
+
+/// Name, and type and unit or value, at the height of a port.
+fn port_words(out: &mut String, port: &PortLabel, x: f64, y: f64, more: &str) {
+    text(out, "port", x, y + 1.0, &port.name, more);
+    text(out, "small", x, y + 12.0, &port.small, more);
 }
 
 fn reason(why: Option<&str>) -> String {
@@ -383,90 +389,6 @@ fn text(out: &mut String, class: &str, x: f64, y: f64, words: &str, more: &str) 
         short(y),
         escaped(words)
     );
-}
-
-/// What the colours and marks of a picture mean, as far as it has them.
-struct Legend(Vec<(&'static str, &'static str)>);
-
-impl Legend {
-    fn of(scene: &Scene) -> Legend {
-        let has = |role: PartRole| scene.boxes.iter().any(|(it, _)| it.role == role);
-        let roles = ROLES.iter().filter(|(role, ..)| has(*role));
-        let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
-        if scene.links.iter().any(|piece| piece.signal.2) {
-            rows.push(("delayed", "value of the cycle before"));
-        }
-        let mut ports = scene
-            .boxes
-            .iter()
-            .flat_map(|(it, _)| it.inputs.iter().chain(&it.outputs));
-        if ports.any(|port| port.null && port.linked) {
-            rows.push(("null", "can be null"));
-        }
-        if scene
-            .boxes
-            .iter()
-            .any(|(it, _)| it.notes.iter().any(|note| note.starts_with('◉')))
-        {
-            rows.push(("eye", "a monitor shows it"));
-        }
-        Legend(rows)
-    }
-
-    fn space(words: &str) -> f64 {
-        22.0 + width(words, PORT_SIZE) + 18.0
-    }
-
-    /// The entries in rows that are not wider than this.
-    fn rows(&self, most: f64) -> Vec<Vec<(&'static str, &'static str)>> {
-        let mut rows: Vec<Vec<_>> = vec![Vec::new()];
-        let mut used = 0.0;
-        for entry in &self.0 {
-            let space = Legend::space(entry.1);
-            if used > 0.0 && used + space > most {
-                rows.push(Vec::new());
-                used = 0.0;
-            }
-            used += space;
-            if let Some(row) = rows.last_mut() {
-                row.push(*entry);
-            }
-        }
-        rows
-    }
-
-    fn draw(&self, out: &mut String, rows: &[Vec<(&'static str, &'static str)>], high: f64) {
-        for (number, row) in rows.iter().rev().enumerate() {
-            let y = high - 18.0 - 20.0 * number as f64;
-            let mut x = MARGIN;
-            for (name, words) in row {
-                let (left, middle) = (short(x), short(y - 4.0));
-                let _ = match *name {
-                    "delayed" => writeln!(
-                        out,
-                        "<path class=\"link delayed\" d=\"M{left},{middle}h16\"/>"
-                    ),
-                    "null" => writeln!(
-                        out,
-                        "<circle class=\"dot null\" cx=\"{}\" cy=\"{middle}\" r=\"3.5\"/>",
-                        short(x + 9.0)
-                    ),
-                    "eye" => writeln!(
-                        out,
-                        "<text class=\"note\" x=\"{left}\" y=\"{}\">◉</text>",
-                        short(y)
-                    ),
-                    name => writeln!(
-                        out,
-                        "<rect class=\"{name}\" x=\"{left}\" y=\"{}\" width=\"14\" height=\"11\" rx=\"2\"/>",
-                        short(y - 9.5)
-                    ),
-                };
-                text(out, "kind", x + 22.0, y, words, "");
-                x += Legend::space(words);
-            }
-        }
-    }
 }
 
 /// A tenth is finer than any screen; the same number gives the same text everywhere.

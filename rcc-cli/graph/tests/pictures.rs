@@ -320,3 +320,20 @@ fn fragments_are_frames_that_hold_what_is_in_them() {
         std::fs::write(file, svg(&net, &scene)).unwrap();
     }
 }
+
+#[test]
+fn what_is_not_always_active_says_what_it_depends_on() {
+    let text = "net: regions\nfragments:\n  half:\n    inputs: {x: {}}\n    outputs: {y: out.out}\n    primitives: {out: {type: Multiply, inputs: {a: x, b: 0.5}}}\n\
+        primitives:\n  arc: {type: DigitalInput, parameters: {device: lwr, channel: arc}}\n  time: {type: Time}\n  \
+        a: {fragment: half, inputs: {x: time.out}, active: arc.out}\n  twice: {type: Add, inputs: {a: a.y, b: a.y}, active: arc.out}\n  \
+        end: {type: Termination, inputs: {done: false}}\ndiscard: [twice.out]\n";
+    let net = anatomy(text, "regions");
+    assert_eq!(net.condition("a"), Some("arc.out"));
+    assert_eq!(net.condition("time"), None);
+    let scene = scene(&net, None).unwrap();
+    assert_eq!(scene.frames[0].title, "a, while arc.out");
+    let twice = scene.boxes.iter().find(|(it, _)| it.id == "twice").unwrap();
+    assert_eq!(twice.0.parameters, ["while arc.out"]);
+    assert!(dot(&net, None).contains("a, while arc.out"));
+    assert!(mermaid(&net, None).contains("a, while arc.out"));
+}

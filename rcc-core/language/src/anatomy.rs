@@ -70,12 +70,24 @@ pub struct Part {
     pub inputs: Vec<Pin>,
     /// Outputs.
     pub outputs: Vec<Pin>,
+    /// The regions that it is in, outermost first: it is evaluated only while all their conditions are true.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub active: Vec<Activity>,
     /// Why its outputs can be null; `None`: they never are, or there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub null: Option<String>,
     /// What null at its inputs does, in words.
     #[serde(skip)]
     pub null_words: &'static str,
+}
+
+/// What is evaluated only while a condition is true.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Activity {
+    /// The instance or primitive that has the condition.
+    pub id: String,
+    /// The condition: `button.out`, or a constant.
+    pub condition: String,
 }
 
 /// One port.
@@ -132,6 +144,16 @@ pub struct Link {
     pub initial: Option<String>,
 }
 
+impl Anatomy {
+    /// The condition of an instance or primitive, if it has one of its own.
+    #[must_use]
+    pub fn condition(&self, id: &str) -> Option<&str> {
+        let mut all = self.primitives.iter().flat_map(|part| &part.active);
+        let found = all.find(|activity| activity.id == id);
+        found.map(|activity| activity.condition.as_str())
+    }
+}
+
 impl Part {
     /// The fragment instances that it is in, outermost first: `a/b/filter` is in `a` and `a/b`.
     pub fn frames(&self) -> impl Iterator<Item = &str> {
@@ -176,10 +198,46 @@ fn part(net: Typed<'_>, lowered: &Lowered, nulls: &Nulls, number: usize, item: &
         parameters: parameters(item),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
+        active: activity(net, item),
         null: nulls
             .why(net.graph, number)
             .filter(|_| !spec.outputs.is_empty()),
         null_words: spec.null,
+    }
+}
+
+/// The regions of a primitive, outermost first.
+fn activity(net: Typed<'_>, item: &Item<'_>) -> Vec<Activity> {
+    let regions = &net.graph.regions;
+    let parent = |region: &usize| regions.get(*region)?.parent;
+    let numbers = std::iter::successors(item.region, parent);
+    let mut chain: Vec<Activity> = numbers
+        .filter_map(|number| {
+            let region = regions.get(number)?;
+            Some(Activity {
+                id: region.id.name.clone(),
+                condition: condition(net, &region.condition),
+            })
+        })
+        .collect();
+    chain.reverse();
+    chain
+}
+
+fn condition(net: Typed<'_>, feed: &Feed<'_>) -> String {
+    match sources(feed).first() {
+        Some(Source::Link(link)) => {
+            let item = net.graph.items.get(link.primitive);
+            let output = item.and_then(|item| item.spec().outputs.get(link.output));
+            format!(
+                "{}.{}{}",
+                item.map_or("", |item| item.id()),
+                output.map_or("", |port| port.name),
+                link.part.as_deref().unwrap_or_default()
+            )
+        }
+        Some(Source::Constant(value) | Source::Default(value)) => value.clone(),
+        None => String::new(),
     }
 }
 

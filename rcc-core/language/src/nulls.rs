@@ -191,7 +191,8 @@ impl Nulls {
     pub fn why(&self, graph: &Graph<'_>, number: usize) -> Option<String> {
         let way = self.way(number);
         let (_, before) = way.split_last()?;
-        Some(phrase(graph, self.words(graph, *way.first()?)?, before))
+        let words = self.words(graph, *way.first()?, self.begins_at(&way, None))?;
+        Some(phrase(graph, words, before))
     }
 
     /// Why an input can be null, as a phrase; `None`: it never is.
@@ -202,15 +203,32 @@ impl Nulls {
             InputCause::FirstCycle => Some("null in the first cycle".to_owned()),
             InputCause::Output(from) => {
                 let way = self.way(from.item);
-                Some(phrase(graph, self.words(graph, *way.first()?)?, &way))
+                let output = self.begins_at(&way, Some(from.port));
+                Some(phrase(
+                    graph,
+                    self.words(graph, *way.first()?, output)?,
+                    &way,
+                ))
             }
         }
     }
 
-    /// What makes null at the item where it begins.
-    fn words(&self, graph: &Graph<'_>, number: usize) -> Option<String> {
+    /// Which output of the first item of a way it goes through; `last` is that of a way of one item.
+    fn begins_at(&self, way: &[usize], last: Option<usize>) -> Option<usize> {
+        let Some(next) = way.get(1) else {
+            return last;
+        };
+        match self.item(*next) {
+            Some(Cause::Input(_, InputCause::Output(from))) => Some(from.port),
+            _ => None,
+        }
+    }
+
+    /// What makes null at the item where it begins, at this output of it.
+    fn words(&self, graph: &Graph<'_>, number: usize, output: Option<usize>) -> Option<String> {
         let item = graph.items.get(number)?;
         let words = match self.item(number)? {
+            Cause::NotSet if is_age(item, output) => "it was never set".to_owned(),
             Cause::NotSet if has_first_value(item) => "it was set to null".to_owned(),
             Cause::NotSet => "it is not set".to_owned(),
             Cause::Constant => "its value is null".to_owned(),
@@ -240,6 +258,12 @@ impl Nulls {
         };
         Some(words)
     }
+}
+
+/// The age of an input is null until it is set, with an initial value too.
+fn is_age(item: &Item<'_>, output: Option<usize>) -> bool {
+    let port = output.and_then(|output| item.spec().outputs.get(output));
+    port.is_some_and(|port| port.name == "age")
 }
 
 fn has_first_value(item: &Item<'_>) -> bool {

@@ -331,3 +331,16 @@ proptest! {
         run(&net_of(&recipes));
     }
 }
+
+#[test]
+fn the_age_of_an_input_is_null_until_it_is_set_with_an_initial_value_too() {
+    let why = why("
+  speed: {type: Input, parameters: {initial: 1.0}}
+  old:   {type: Greater, inputs: {a: speed.age, b: 1 s}}
+  fast:  {type: Greater, inputs: {a: speed.value, b: 2.0}}
+");
+    assert_eq!(
+        why[1..],
+        ["it was never set: speed", "it was set to null: speed"]
+    );
+}

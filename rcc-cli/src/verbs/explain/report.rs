@@ -26,6 +26,8 @@ pub struct Explanation {
     pub types: Vec<Row>,
     /// Runs of equal kernels.
     pub runs: usize,
+    /// What is evaluated only while a condition is true, outer ones first.
+    pub regions: Vec<Region>,
     /// What it needs of memory.
     pub memory: Memory,
     /// Primitives in the order of evaluation.
@@ -50,6 +52,19 @@ pub struct Row {
     pub count: u64,
     /// All of them together.
     pub all_ns: f64,
+}
+
+/// What is evaluated only while a condition is true.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Region {
+    /// The instance or primitive that has the condition.
+    pub id: String,
+    /// The condition.
+    pub condition: String,
+    /// Primitives in it, those of inner regions too.
+    pub primitives: u64,
+    /// What these are expected to take while it is active.
+    pub ns: f64,
 }
 
 /// What a net needs of memory: elements, and bytes.
@@ -181,6 +196,7 @@ impl Explanation {
             types: types.collect(),
             runs: plan.runs.len(),
             memory: memory(found),
+            regions: regions(anatomy, &order),
             path: longest(anatomy, &order),
             order,
             nulls: nulls(anatomy),
@@ -219,6 +235,28 @@ fn steps(found: &Found, costs: &Costs) -> Vec<Step> {
         }
     }
     steps
+}
+
+fn regions(anatomy: &Anatomy, order: &[Step]) -> Vec<Region> {
+    let mut regions: Vec<Region> = Vec::new();
+    for (step, part) in order.iter().zip(&anatomy.order) {
+        let part = anatomy.primitives.get(*part);
+        for activity in part.into_iter().flat_map(|part| &part.active) {
+            let known = regions.iter().position(|region| region.id == activity.id);
+            let place = known.unwrap_or_else(|| {
+                regions.push(Region {
+                    id: activity.id.clone(),
+                    condition: activity.condition.clone(),
+                    primitives: 0,
+                    ns: 0.0,
+                });
+                regions.len() - 1
+            });
+            regions[place].primitives += 1;
+            regions[place].ns += step.ns;
+        }
+    }
+    regions
 }
 
 fn output(pin: &Pin) -> Output {

@@ -14,7 +14,7 @@ const ENDS: usize = 8;
 /// As people read it.
 pub fn human(it: &Explanation, shown: Shown) -> String {
     let is_small = it.order.len() <= SMALL && !(shown.order || shown.nulls || shown.path);
-    let mut parts = vec![head(it), types(it)];
+    let mut parts = vec![head(it), types(it), regions(it)];
     if is_small || shown.order || shown.all {
         parts.push(order(it));
     }
@@ -30,6 +30,20 @@ pub fn human(it: &Explanation, shown: Shown) -> String {
     }
     parts.retain(|part| !part.is_empty());
     parts.join("\n\n")
+}
+
+/// What is not always evaluated, and what it depends on.
+fn regions(it: &Explanation) -> String {
+    let lines = it.regions.iter().map(|region| {
+        format!(
+            "`{}` is evaluated only while `{}` is true: {} primitives, {} when it is",
+            region.id,
+            region.condition,
+            grouped(region.primitives),
+            time(region.ns.round() as u64)
+        )
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 fn percent(ns: f64, of: u64) -> String {
@@ -204,6 +218,7 @@ mod tests {
                 all_ns: 1_500.0,
             }],
             runs: 1,
+            regions: Vec::new(),
             memory: Memory::default(),
             order: (0..steps).map(step).collect(),
             path: Path {
@@ -229,6 +244,20 @@ mod tests {
                 dearest_ns: 100_000,
             }),
         }
+    }
+
+    #[test]
+    fn what_is_not_always_active_is_told_with_its_condition() {
+        let mut explanation = explanation(3);
+        explanation.regions.push(super::super::report::Region {
+            id: "a".into(),
+            condition: "button.out".into(),
+            primitives: 500,
+            ns: 1500.0,
+        });
+        let text = human(&explanation, Shown::default());
+        let line = "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when it is";
+        assert!(text.contains(line), "{text}");
     }
 
     #[test]

@@ -1,0 +1,96 @@
+//! The legend below a picture: only what the picture has. Pure.
+
+use std::fmt::Write as _;
+
+use rcc_language::anatomy::PartRole;
+
+use super::{MARGIN, ROLES, short, text};
+use crate::picture::PORT_SIZE;
+use crate::scene::Scene;
+use crate::text::width;
+
+/// What the colours and marks of a picture mean, as far as it has them.
+pub struct Legend(Vec<(&'static str, &'static str)>);
+
+impl Legend {
+    /// Of what a picture shows.
+    pub fn of(scene: &Scene) -> Legend {
+        let has = |role: PartRole| scene.boxes.iter().any(|(it, _)| it.role == role);
+        let roles = ROLES.iter().filter(|(role, ..)| has(*role));
+        let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
+        if scene.links.iter().any(|piece| piece.signal.2) {
+            rows.push(("delayed", "value of the cycle before"));
+        }
+        let mut ports = scene
+            .boxes
+            .iter()
+            .flat_map(|(it, _)| it.inputs.iter().chain(&it.outputs));
+        if ports.any(|port| port.null && port.linked) {
+            rows.push(("null", "can be null"));
+        }
+        if scene
+            .boxes
+            .iter()
+            .any(|(it, _)| it.notes.iter().any(|note| note.starts_with('◉')))
+        {
+            rows.push(("eye", "a monitor shows it"));
+        }
+        Legend(rows)
+    }
+
+    fn space(words: &str) -> f64 {
+        22.0 + width(words, PORT_SIZE) + 18.0
+    }
+
+    /// The entries in rows that are not wider than this.
+    pub fn rows(&self, most: f64) -> Vec<Vec<(&'static str, &'static str)>> {
+        let mut rows: Vec<Vec<_>> = vec![Vec::new()];
+        let mut used = 0.0;
+        for entry in &self.0 {
+            let space = Legend::space(entry.1);
+            if used > 0.0 && used + space > most {
+                rows.push(Vec::new());
+                used = 0.0;
+            }
+            used += space;
+            if let Some(row) = rows.last_mut() {
+                row.push(*entry);
+            }
+        }
+        rows
+    }
+
+    /// Below everything, the last row at the bottom.
+    pub fn draw(&self, out: &mut String, rows: &[Vec<(&'static str, &'static str)>], high: f64) {
+        for (number, row) in rows.iter().rev().enumerate() {
+            let y = high - 18.0 - 20.0 * number as f64;
+            let mut x = MARGIN;
+            for (name, words) in row {
+                let (left, middle) = (short(x), short(y - 4.0));
+                let _ = match *name {
+                    "delayed" => writeln!(
+                        out,
+                        "<path class=\"link delayed\" d=\"M{left},{middle}h16\"/>"
+                    ),
+                    "null" => writeln!(
+                        out,
+                        "<circle class=\"dot null\" cx=\"{}\" cy=\"{middle}\" r=\"3.5\"/>",
+                        short(x + 9.0)
+                    ),
+                    "eye" => writeln!(
+                        out,
+                        "<text class=\"note\" x=\"{left}\" y=\"{}\">◉</text>",
+                        short(y)
+                    ),
+                    name => writeln!(
+                        out,
+                        "<rect class=\"{name}\" x=\"{left}\" y=\"{}\" width=\"14\" height=\"11\" rx=\"2\"/>",
+                        short(y - 9.5)
+                    ),
+                };
+                text(out, "kind", x + 22.0, y, words, "");
+                x += Legend::space(words);
+            }
+        }
+    }
+}
