@@ -46,13 +46,18 @@ pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<
     let hal: Option<Vec<Hal>> = hal.map(read).transpose()?;
     let wakeup: Option<Vec<Wakeup>> = wakeup.map(read).transpose()?;
     Ok(format!(
-        "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Not measured\n\n\
-         The 18 real nets in the predecessor's format: they cannot be read yet.{}{}\n",
+        "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Elsewhere\n\n\
+         [performance-nets.md](performance-nets.md): loading by size, fragments that are not active, reading values, the \
+         predecessor's nets.{}{}\n",
         hal_text(hal.as_deref()),
         wakeup_text(wakeup.as_deref()),
-        if hal.is_none() { " LinuxCNC HAL." } else { "" },
+        if hal.is_none() {
+            " Not measured: LinuxCNC HAL."
+        } else {
+            ""
+        },
         if wakeup.is_none() {
-            " The wake-up against cyclictest."
+            " Not measured: the wake-up against cyclictest."
         } else {
             ""
         },

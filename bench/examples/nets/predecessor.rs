@@ -1,0 +1,102 @@
+//! The nets that the predecessor's library generated: how large they are here, and what a cycle of each takes.
+
+use std::error::Error;
+
+use rcc_bench::measure::{Figure, Subject, alternate};
+use rcc_config::CellConfig;
+use rcc_core::message::Joints;
+use rcc_engine::net::Net;
+use rcc_language::compile;
+
+use crate::table::{digits, spread, table};
+use crate::{EFFORT, PERIOD_S, Running, devices, root};
+
+const FOLDER: &str = "tests/data/directionet/flat";
+/// Names of theirs in a cell of ours.
+const HEADER: &str = "# devices: io0=io, iiwa=lwr\n# channels: io.InBool.8=door_closed, io.InReal.1=temperature, io.OutBool.2=clamp\n";
+/// Where the straight motions begin, rad.
+const HOLD: Joints = [0.3, 0.4, 0.0, -1.4, 0.0, 1.1, 0.0, 0.0];
+
+/// See the module.
+pub fn section() -> Result<String, Box<dyn Error>> {
+    eprintln!("nets: the predecessor's");
+    let cell = CellConfig::load_offline(&root().join("configs/cells/demo.yaml"))?;
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(root().join(FOLDER))? {
+        names.push(entry?.file_name().to_string_lossy().into_owned());
+    }
+    names.sort();
+    let models = cell.models();
+    let hold: Vec<_> = models.iter().map(|it| it.arm.map(|_| HOLD)).collect();
+    let (mut nets, mut sizes) = (Vec::new(), Vec::new());
+    for name in &names {
+        let text = std::fs::read_to_string(root().join(FOLDER).join(name))?;
+        let types = text.matches('(').count();
+        let Ok(compiled) = compile(&format!("{HEADER}{text}"), name, &cell) else {
+            sizes.push((types, None));
+            continue;
+        };
+        let primitives = compiled.names.primitives.len();
+        let net = Net::build(compiled.plan, &models, cell.fingerprint(), &hold, PERIOD_S)
+            .map_err(|refusal| format!("{name}: {refusal:?}"))?;
+        sizes.push((types, Some(primitives)));
+        nets.push(Running {
+            net,
+            models: models.clone(),
+            devices: devices(&models, HOLD),
+        });
+    }
+    let runs = nets.iter_mut().map(|running| {
+        Subject::new(|cycles| {
+            for _ in 0..cycles {
+                running.step();
+            }
+        })
+    });
+    let mut figures = alternate(&mut runs.collect::<Vec<_>>(), EFFORT).into_iter();
+    let rows = names.iter().zip(sizes).map(|(name, (types, primitives))| {
+        row(
+            name,
+            types,
+            primitives.zip(figures.next_if_some(primitives)),
+        )
+    });
+    Ok(format!(
+        "## The predecessor's nets\n\n\
+         The 18 flat nets of `{FOLDER}`, through the reader of DirectIONet. *Theirs* counts the primitives in their text, *ours* \
+         what is evaluated here. A net without figures is for an arm of six axes, which the demo's cell does not have.\n\n{}",
+        table(
+            &[
+                "net",
+                "theirs",
+                "ours",
+                "ns a cycle",
+                "ns a primitive of ours"
+            ],
+            &rows.collect::<Vec<_>>()
+        )
+    ))
+}
+
+/// The next figure belongs to the next net that was loaded.
+trait NextIfSome: Iterator<Item = Figure> {
+    fn next_if_some(&mut self, loaded: Option<usize>) -> Option<Figure> {
+        loaded.and_then(|_| self.next())
+    }
+}
+
+impl<I: Iterator<Item = Figure>> NextIfSome for I {}
+
+fn row(name: &str, theirs: usize, measured: Option<(usize, Figure)>) -> Vec<String> {
+    let name = name.trim_end_matches(".net").to_owned();
+    match measured {
+        Some((ours, figure)) => vec![
+            name,
+            theirs.to_string(),
+            ours.to_string(),
+            spread(figure, 1.0),
+            digits(figure.median / ours as f64),
+        ],
+        None => vec![name, theirs.to_string(), "–".into(), "–".into(), "–".into()],
+    }
+}
