@@ -75,6 +75,7 @@ mod inverse_velocity_kinematics;
 mod invert;
 mod is_null;
 mod jacobian;
+mod joint_goal;
 mod joint_position_command;
 mod joint_state;
 mod joint_torque_from_wrench;
@@ -117,11 +118,13 @@ mod on_delay;
 mod online_trajectory;
 mod or;
 mod or_else;
+mod path_correction;
 mod peak_hold;
 mod pid;
 mod pose_add_twist;
 mod pose_error;
 mod pose_from_transform;
+mod pose_goal;
 mod power;
 mod pulse;
 mod quantize;
@@ -144,6 +147,7 @@ mod rotation_to_quaternion;
 mod rotation_to_rpy;
 mod rotation_to_vector;
 mod round;
+mod scalar_goal;
 mod scale;
 mod second_order_low_pass;
 mod select;
@@ -264,6 +268,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &invert::ENTRY,
     &is_null::ENTRY,
     &jacobian::ENTRY,
+    &joint_goal::ENTRY,
     &joint_position_command::ENTRY,
     &joint_state::ENTRY,
     &joint_torque_from_wrench::ENTRY,
@@ -307,10 +312,12 @@ pub const CATALOGUE: &[&Entry] = &[
     &or::ENTRY,
     &or_else::ENTRY,
     &pid::ENTRY,
+    &path_correction::ENTRY,
     &peak_hold::ENTRY,
     &pose_add_twist::ENTRY,
     &pose_error::ENTRY,
     &pose_from_transform::ENTRY,
+    &pose_goal::ENTRY,
     &power::ENTRY,
     &pulse::ENTRY,
     &quantize::ENTRY,
@@ -333,6 +340,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &rotation_to_rpy::ENTRY,
     &rotation_to_vector::ENTRY,
     &round::ENTRY,
+    &scalar_goal::ENTRY,
     &scale::ENTRY,
     &second_order_low_pass::ENTRY,
     &select::ENTRY,

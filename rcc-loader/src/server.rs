@@ -12,7 +12,6 @@ pub mod executor;
 mod handover;
 mod head;
 pub mod manual;
-mod rehearsal;
 pub mod routes;
 pub mod service;
 mod show;

@@ -26,10 +26,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         "{}",
         draw(&loaded.command.diagnostics, Some(&source), Context::colour())
     );
-    context.print(&loaded.command, |command| match &command.rehearsal {
-        Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
-        None => line(command),
-    });
+    context.print(&loaded.command, line);
     Ok(())
 }
 

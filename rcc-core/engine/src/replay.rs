@@ -249,7 +249,6 @@ impl Track {
         let &Entry::Net {
             begins,
             cancel,
-            anew,
             evaluation,
             dt_s,
             cycles,
@@ -261,10 +260,6 @@ impl Track {
         };
         self.result.recorded += 1;
         let net = self.net.as_mut()?;
-        if anew != net.times_anew() {
-            // A START that was refused, before the net was prepared anew.
-            return None;
-        }
         if begins {
             net.reset();
             self.known = true;

@@ -283,6 +283,10 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
                     let square = Unit::SECOND.times(Unit::SECOND);
                     Constraint::Product(result, Term::Fixed(square), open(a))
                 }
+                UnitRule::PerSecond3(a) => {
+                    let cube = Unit::SECOND.times(Unit::SECOND).times(Unit::SECOND);
+                    Constraint::Product(result, Term::Fixed(cube), open(a))
+                }
                 UnitRule::Root(a) => Constraint::Product(result, result, open(a)),
                 _ => continue,
             });
@@ -308,7 +312,10 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
         UnitRule::Product(a, b) | UnitRule::Quotient(a, b) => {
             vec![UnitRule::Var(a), UnitRule::Var(b)]
         }
-        UnitRule::PerSecond(a) | UnitRule::PerSecond2(a) | UnitRule::Root(a) => {
+        UnitRule::PerSecond(a)
+        | UnitRule::PerSecond2(a)
+        | UnitRule::PerSecond3(a)
+        | UnitRule::Root(a) => {
             vec![UnitRule::Var(a)]
         }
         _ => Vec::new(),
@@ -324,6 +331,7 @@ fn cells_of(item: &Item<'_>, count: &mut usize) -> Cells {
                 | UnitRule::Quotient(..)
                 | UnitRule::PerSecond(_)
                 | UnitRule::PerSecond2(_)
+                | UnitRule::PerSecond3(_)
                 | UnitRule::Root(_)
         )
     });

@@ -389,3 +389,31 @@ fn toggle_remembers_its_lamp() {
         assert_eq!(digital(&bench, lamp), Some(lit));
     }
 }
+
+#[test]
+fn new_goal_ends_at_the_second_goal_within_half_of_the_robot_s_limits() {
+    let cell = demo();
+    let limits = cell.models()[0].limits;
+    let mut bench = bench("new-goal", &cell);
+    let (mut position, mut velocity) = (START, [0.0; 7]);
+    let mut acceleration = [0.0; 7];
+    while !bench.terminated {
+        bench.step();
+        assert!(bench.cycle < CYCLES_MAX, "it does not end");
+        let now = bench.values("move.position");
+        for (joint, now) in now.into_iter().enumerate() {
+            let speed = (now - position[joint]) / 1e-3;
+            let rate = (speed - velocity[joint]) / 1e-3;
+            let jerk = (rate - acceleration[joint]) / 1e-3;
+            let within = |value: f64, limit: f64| value.abs() <= 0.5 * limit * 1.001 + 1e-3;
+            assert!(within(speed, limits.velocity_max[joint]), "{speed}");
+            assert!(within(rate, limits.acceleration_max[joint]), "{rate}");
+            assert!(within(jerk, limits.jerk_max[joint]), "{jerk}");
+            (position[joint], velocity[joint], acceleration[joint]) = (now, speed, rate);
+        }
+    }
+    let goal = [-15.0_f64, -20.0, 0.0, 80.0, 10.0, -60.0, -20.0].map(f64::to_radians);
+    for (now, goal) in position.into_iter().zip(goal) {
+        assert!((now - goal).abs() < 1e-12, "{now} {goal}");
+    }
+}

@@ -50,6 +50,9 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &Limits) -> (Phases, Fo
         ..*state
     };
     let (from, to) = (&at(from), &at(to));
+    if !to.is_finite() {
+        return (Phases::default(), Found::AfterStop);
+    }
     if from.rests() && to.rests() {
         let way = rest_to_rest(to.position, limits);
         return (Phases::of(&[&way]), Found::Fastest);

@@ -13,6 +13,9 @@ const SAME: f64 = 1e-4;
 /// So much of a position is rounding when a way has been walked along.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
+/// A goal that takes longer at the greatest velocity is none, s.
+const LONGEST_S: f64 = 1e9;
+
 /// One axis that follows a goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
@@ -60,7 +63,8 @@ impl Follower {
     /// One period of `dt_s` further, towards `goal` or, without one, to rest. `plan` gives the way from a state to rest at
     /// a goal, and is asked only when goal or limits are not those of the last step.
     ///
-    /// A velocity limit that is not above 0 is no goal: the axis comes to rest. Limits of acceleration and jerk that are
+    /// A velocity limit that is not above 0 is no goal, nor is a goal that is not finite or farther away than 30 years at
+    /// the greatest velocity: the axis comes to rest. Limits of acceleration and jerk that are
     /// not finite and above 0 leave it on the way that it is on.
     pub fn step(
         &mut self,
@@ -69,7 +73,8 @@ impl Follower {
         dt_s: f64,
         plan: impl FnOnce(&AxisState, f64, &Limits) -> Phases,
     ) -> AxisState {
-        let goal = goal.filter(|goal| goal.is_finite() && usable(limits));
+        let near = |goal: &f64| (goal - self.now.position).abs() <= LONGEST_S * limits.velocity;
+        let goal = goal.filter(|goal| near(goal) && usable(limits));
         let bounded = |limit: f64| limit.is_finite() && limit > 0.0;
         let stays = !(bounded(limits.acceleration) && bounded(limits.jerk));
         let same = match goal {

@@ -179,6 +179,8 @@ pub enum UnitRule {
     PerSecond(u8),
     /// A variable per second squared.
     PerSecond2(u8),
+    /// A variable per second cubed.
+    PerSecond3(u8),
     /// The unit that the cell's configuration gives to the channel.
     Channel,
     /// The type says it all (`Pose`, `Twist`, `Wrench`, `Rotation`) or there is none (`Bool`, `Int`).

@@ -184,6 +184,7 @@ fn unit_words(rule: UnitRule) -> String {
         UnitRule::Quotient(a, b) => format!("{}/{}", letter(a), letter(b)),
         UnitRule::PerSecond(a) => format!("{}/s", letter(a)),
         UnitRule::PerSecond2(a) => format!("{}/s^2", letter(a)),
+        UnitRule::PerSecond3(a) => format!("{}/s^3", letter(a)),
         UnitRule::Root(a) => format!("root of {}", letter(a)),
         UnitRule::Channel => "the channel's".to_owned(),
         UnitRule::Typed => String::new(),

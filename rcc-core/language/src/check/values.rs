@@ -348,6 +348,10 @@ pub fn units_of_a_primitive_agree(net: Typed<'_>, faults: &mut Vec<Diagnostic>) 
                 UnitRule::Quotient(a, b) => var(a).zip(var(b)).map(|(a, b)| a.per(b)),
                 UnitRule::PerSecond(a) => var(a).map(|a| a.per(Unit::SECOND)),
                 UnitRule::PerSecond2(a) => var(a).map(|a| a.per(Unit::SECOND).per(Unit::SECOND)),
+                UnitRule::PerSecond3(a) => {
+                    let cube = Unit::SECOND.times(Unit::SECOND).times(Unit::SECOND);
+                    var(a).map(|a| a.per(cube))
+                }
                 UnitRule::Root(a) => match var(a).map(|square| (square, square.root())) {
                     Some((square, None)) => {
                         let message = format!(

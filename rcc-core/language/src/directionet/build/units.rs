@@ -40,6 +40,7 @@ impl Build<'_, '_> {
             UnitRule::Channel => self.channel_unit(primitive).unwrap_or(Unit::ONE),
             UnitRule::PerSecond(_) => Unit::HERTZ,
             UnitRule::PerSecond2(_) => Unit::HERTZ.per(Unit::SECOND),
+            UnitRule::PerSecond3(_) => Unit::HERTZ.per(Unit::SECOND).per(Unit::SECOND),
             _ => Unit::ONE,
         }
     }

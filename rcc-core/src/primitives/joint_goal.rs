@@ -1,0 +1,264 @@
+//! `JointGoal`: the joints of an arm go to a goal that may change in any cycle, each as fast as its limits allow.
+//!
+//! Nothing is said about the way between: joints are not synchronised. Who needs a way takes a motion along a path.
+
+use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of, step_axis};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::message::{JOINTS_MAX, Joints};
+use crate::path::Limits;
+use crate::primitive::{
+    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec, State,
+    UnitRule, each,
+};
+use crate::types::{NULL_BOOL, NULL_REAL, Type};
+use crate::unit::Unit;
+
+/// A limit for all joints, which may be left out.
+const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
+    let value = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Is(unit));
+    Parameter::new(name, value, doc)
+        .default(Literal::Null)
+        .above(0.0)
+}
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "JointGoal",
+        summary: "Joints go to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and \
+                  jerk allow.",
+        null: "a null element of `goal` or a null `speed` brings all joints to rest and keeps them there; a null `stop` counts \
+               as true",
+        null_rule: NullRule::Known,
+        formula: "each joint for itself as ScalarGoal; at first it rests at the arm's hold set-point",
+        inputs: &[
+            Port::new(
+                "goal",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "where to be, A1 first; beyond a joint's range it is no goal",
+            ),
+            Port::real(
+                "speed",
+                UnitRule::ONE,
+                "share of the greatest velocity: above 1 it is 1, below 0.0001 it is 0, a stop",
+            )
+            .default(Literal::Real(1.0)),
+            Port::bool("stop", "while true all joints brake to rest and stay; then they go on")
+                .default(Literal::Bool(false)),
+        ],
+        outputs: &[
+            Port::new(
+                "position",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "set-point, A1 first",
+            ),
+            Port::new(
+                "velocity",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "there",
+            )
+            .diagnostic(),
+            Port::bool("done", "all at rest: at the goal, or where a stop ended"),
+            Port::bool("accepted", "the goal is known and within the range of every joint")
+                .diagnostic(),
+        ],
+        parameters: &[
+            Parameter::arm(),
+            Parameter::real(
+                "scale",
+                UnitRule::ONE,
+                "share of the velocity, acceleration and jerk that the robot's configuration allows",
+            )
+            .default(Literal::Real(1.0))
+            .above(0.0)
+            .at_most(1.0),
+            limit(
+                "max_velocity",
+                Unit::RADIAN_PER_SECOND,
+                "greatest speed of every joint, where it is less",
+            ),
+            limit(
+                "max_acceleration",
+                Unit::RADIAN_PER_SECOND2,
+                "greatest acceleration of every joint, where it is less",
+            ),
+            limit(
+                "max_jerk",
+                Unit::RADIAN_PER_SECOND3,
+                "greatest jerk of every joint, where it is less",
+            ),
+        ],
+        state: State {
+            reals: (JOINTS_MAX * AXIS_WORDS) as u32,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[_, _, _, _, _, _, _, device, _, _, _, _, state, _width] = operands else {
+        return Ok(());
+    };
+    let hold = preparation.holds.get(device as usize).copied().flatten();
+    let hold = hold.ok_or(PrepareFault::HoldUnknown { device })?;
+    for (position, slot) in hold.into_iter().zip(axes(state)) {
+        preparation.set_reals(slot, rest_at(position));
+    }
+    Ok(())
+}
+
+/// Where the axes are in the arena.
+fn axes(state: u32) -> impl Iterator<Item = u32> {
+    (0..JOINTS_MAX as u32).map(move |joint| state + joint * AXIS_WORDS as u32)
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
+    let [
+        goal,
+        speed,
+        stop,
+        position,
+        velocity,
+        done,
+        accepted,
+        device,
+        scale,
+        rest @ ..,
+    ] = operands;
+    let [v, a, j, state, width] = rest;
+    let Some(model) = frame.models.get(device as usize) else {
+        return;
+    };
+    let robot = model.limits;
+    let (share, stopped) = (share_of(frame, speed, stop), frame.bool(stop) != 0);
+    let (scale, given) = (frame.real(scale), [v, a, j].map(|slot| frame.real(slot)));
+    let inside = |goal: &Joints| {
+        let ranges = robot.lower.iter().zip(&robot.upper);
+        let mut joints = goal.iter().zip(ranges).take(width as usize);
+        joints.all(|(goal, (lower, upper))| lower <= goal && goal <= upper)
+    };
+    let goal = frame.joints(goal, width).filter(inside);
+    let rows = robot.velocity_max.iter().zip(&robot.acceleration_max);
+    let rows = rows.zip(&robot.jerk_max).zip(axes(state));
+    let (mut positions, mut velocities) = ([NULL_REAL; JOINTS_MAX], [NULL_REAL; JOINTS_MAX]);
+    let (mut known, mut there, mut rests) = (true, true, true);
+    let places = positions.iter_mut().zip(&mut velocities).enumerate();
+    for ((joint, places), (((v, a), j), slot)) in places.zip(rows).take(width as usize) {
+        let limits = limits([*v, *a, *j], scale, given, share);
+        let goal = goal.and_then(|goal| goal.get(joint).copied());
+        let axis = step_axis(frame, slot, goal, &limits);
+        known &= axis.is_some();
+        if let Some(now) = axis.as_ref().map(Follower::state) {
+            (*places.0, *places.1) = (now.position, now.velocity);
+            rests &= now.rests();
+        }
+        there &= axis.is_some_and(|axis| axis.arrived());
+    }
+    frame.set_joints(position, width, Some(&positions).filter(|_| known));
+    frame.set_joints(velocity, width, Some(&velocities).filter(|_| known));
+    let at_rest = u8::from(there || stopped && rests);
+    frame.set_bool(done, if known { at_rest } else { NULL_BOOL });
+    frame.set_bool(accepted, u8::from(goal.is_some()));
+}
+
+/// What one joint may do: the robot's, scaled, or what is given where that is less.
+fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> Limits {
+    let [robot_v, robot_a, robot_j] = robot;
+    let [v, a, j] = given;
+    let least = |robot: f64, given: f64| {
+        let scaled = robot * scale;
+        if given < scaled { given } else { scaled }
+    };
+    Limits {
+        velocity: least(robot_v, v) * share,
+        acceleration: least(robot_a, a),
+        jerk: least(robot_j, j),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::frame::PrepareFault;
+    use crate::testing::Bench;
+
+    const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
+    const GOAL: [f64; 7] = [0.5, 0.3, -0.2, -1.0, 0.2, 1.1, 0.0];
+
+    fn bench() -> Bench {
+        let mut bench = Bench::new("JointGoal");
+        bench.hold = Some([0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
+        bench.set_real("speed", 1.0).set_real("scale", 1.0);
+        bench.set_reals("goal", &GOAL).set_bool("stop", Some(false));
+        bench.prepare().unwrap();
+        bench
+    }
+
+    #[test]
+    fn goes_from_the_hold_set_point_to_the_goal_within_the_robot_s_limits() {
+        let (mut bench, mut last) = (bench(), HOLD);
+        for _ in 0..3000 {
+            bench.step();
+            for (last, now) in last.iter_mut().zip(bench.reals("position", 7)) {
+                assert!((now - *last).abs() <= 2.0 * 1e-3 * (1.0 + 1e-9));
+                *last = *now;
+            }
+        }
+        assert_eq!((last, bench.bool("done")), (GOAL, Some(true)));
+    }
+
+    #[test]
+    fn a_limit_that_is_given_holds_where_the_robot_allows_more() {
+        let mut bench = bench();
+        bench
+            .set_real("max_velocity", 0.1)
+            .set_real("max_acceleration", 1e6);
+        let fastest = (0..2000).map(|_| {
+            let velocities = bench.step().reals("velocity", 7).iter();
+            velocities.fold(0.0_f64, |most, v| most.max(v.abs()))
+        });
+        let fastest = fastest.fold(0.0, f64::max);
+        assert!((fastest - 0.1).abs() < 1e-9, "{fastest}");
+    }
+
+    #[test]
+    fn a_goal_beyond_a_joint_s_range_is_none() {
+        let mut bench = bench();
+        (0..50).for_each(|_| _ = bench.step());
+        let mut far = GOAL;
+        far[3] = 3.0;
+        bench.set_reals("goal", &far);
+        (0..2000).for_each(|_| _ = bench.step());
+        assert_eq!(bench.bool("accepted"), Some(false));
+        assert_eq!(bench.bool("done"), Some(false));
+        assert_eq!(bench.reals("velocity", 7), [0.0; 7]);
+    }
+
+    #[test]
+    fn a_stop_ends_at_rest_and_null_is_a_stop() {
+        for stop in [None, Some(true)] {
+            let mut bench = bench();
+            (0..50).for_each(|_| _ = bench.step());
+            assert_eq!(
+                bench.set_bool("stop", stop).step().bool("done"),
+                Some(false)
+            );
+            (0..1000).for_each(|_| _ = bench.step());
+            assert_eq!(bench.bool("done"), Some(true));
+            assert_ne!(bench.reals("position", 7), GOAL);
+        }
+    }
+
+    #[test]
+    fn nobody_knows_the_way_from_an_unknown_hold_set_point() {
+        let mut bench = Bench::new("JointGoal");
+        bench.hold = None;
+        let fault = PrepareFault::HoldUnknown { device: 0 };
+        assert_eq!(bench.prepare(), Err(fault));
+    }
+}

@@ -1,0 +1,345 @@
+//! `PathCorrection`: a path that a sensor corrects: an offset added to a pose, bounded and jerk-limited.
+//!
+//! The offset goes to the wish as a goal that may change in any cycle; the path goes on as it is. So a seam tracker or a
+//! conveyor may move the frame that a motion is relative to, and the sum of both limits is the limit of the tool.
+
+use super::pose_goal::{limits, step_six};
+use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::pose::Pose;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
+    State, UnitRule, each,
+};
+use crate::rotation::{exp, product, rotate};
+use crate::types::{NULL_BOOL, Type};
+use crate::unit::Unit;
+use crate::vector::add;
+
+/// A positive number with a unit that may be left out.
+const fn angular(name: &'static str, unit: Unit, value: f64, doc: &'static str) -> Parameter {
+    Parameter::real(name, UnitRule::Is(unit), doc)
+        .default(Literal::Real(value))
+        .above(0.0)
+}
+
+const fn vector(name: &'static str, unit: Unit, doc: &'static str) -> Port {
+    Port::new(name, PortType::Is(Type::Vector3), UnitRule::Is(unit), doc)
+}
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "PathCorrection",
+        summary: "Adds an offset that a sensor wishes to the pose of a path, within a bound and within limits of velocity, \
+                  acceleration and jerk.",
+        null: "a null pose gives null; while `pose` or `correction` is null the offset comes to rest and stays, and so does \
+               the turn while `rotation` is; a null `stop` counts as true, a null `speed` as 0",
+        null_rule: NullRule::FirstAndAnyKnown,
+        undefined: "overflow: an infinite pose",
+        formula: "path: p + R·offset, R·exp(turn); not `in_path`: p + offset, exp(turn)·R; each element of both goes to its wish \
+                  as ScalarGoal, after the wish was cut to ± its bound",
+        examples: &[
+            Example::new(
+                "aside by 12 mm in the path's axes, which are turned by 90° about z; only the jerk counts: four phases of a \
+                 second",
+                "{max: 1, velocity: 1, acceleration: 1, jerk: 0.006}",
+                "pose | correction | pose_out | offset | limited
+                 {xyz: [1, 0, 0], rpy: [0, 0, deg(90)]} | [0.012, 0, 0] | {xyz: [1, 0.001, 0], rpy: [0, 0, deg(90)]} | [0.001, 0, 0] | false
+                 {xyz: [2, 0, 0], rpy: [0, 0, deg(90)]} | [0.012, 0, 0] | {xyz: [2, 0.006, 0], rpy: [0, 0, deg(90)]} | [0.006, 0, 0] | false
+                 {xyz: [3, 0, 0], rpy: [0, 0, deg(90)]} | [0.012, 0, 0] | {xyz: [3, 0.011, 0], rpy: [0, 0, deg(90)]} | [0.011, 0, 0] | false
+                 {xyz: [4, 0, 0], rpy: [0, 0, deg(90)]} | [0.012, 0, 0] | {xyz: [4, 0.012, 0], rpy: [0, 0, deg(90)]} | [0.012, 0, 0] | false",
+            )
+            .every_ms(1000),
+            Example::new(
+                "more than the bound is said and not done; without a correction the offset stays",
+                "{max: 0.012, velocity: 1, acceleration: 1, jerk: 0.006, in_path: false}",
+                "pose | correction | pose_out | limited
+                 {xyz: [1, 0, 0], rpy: [0, 0, 1]} | [0.5, 0, 0] | {xyz: [1.001, 0, 0], rpy: [0, 0, 1]} | true
+                 {xyz: [1, 0, 0], rpy: [0, 0, 1]} | [0.5, 0, 0] | {xyz: [1.006, 0, 0], rpy: [0, 0, 1]} | true
+                 {xyz: [1, 0, 0], rpy: [0, 0, 1]} | [0.5, 0, 0] | {xyz: [1.011, 0, 0], rpy: [0, 0, 1]} | true
+                 {xyz: [1, 0, 0], rpy: [0, 0, 1]} | [0.5, 0, 0] | {xyz: [1.012, 0, 0], rpy: [0, 0, 1]} | true
+                 {xyz: [1, 0, 0], rpy: [0, 0, 1]} | null | {xyz: [1.012, 0, 0], rpy: [0, 0, 1]} | false
+                 null | [0, 0, 0] | null | false",
+            )
+            .every_ms(1000),
+        ],
+        inputs: &[
+            Port::typed("pose", Type::Pose, "of the path, in any frame"),
+            vector("correction", Unit::METRE, "the offset that is wished for"),
+            vector(
+                "rotation",
+                Unit::RADIAN,
+                "the turn that is wished for: a rotation vector",
+            )
+            .default(Literal::Null),
+            Port::real(
+                "speed",
+                UnitRule::ONE,
+                "share of the greatest velocities: above 1 it is 1, below 0.0001 it is 0, a stop",
+            )
+            .default(Literal::Real(1.0)),
+            Port::bool("stop", "while true the offset comes to rest and stays")
+                .default(Literal::Bool(false)),
+        ],
+        outputs: &[
+            Port::typed("pose_out", Type::Pose, "the corrected pose, in the frame of `pose`"),
+            vector("offset", Unit::METRE, "that is added now").diagnostic(),
+            vector("turn", Unit::RADIAN, "that is added now: a rotation vector").diagnostic(),
+            Port::bool("limited", "the wish is beyond a bound"),
+            Port::bool("settled", "offset and turn rest at what is wished for, or at its bound")
+                .diagnostic(),
+        ],
+        parameters: &[
+            Parameter::real(
+                "max",
+                UnitRule::Is(Unit::METRE),
+                "greatest size of each element of the offset",
+            )
+            .at_least(0.0),
+            Parameter::real(
+                "velocity",
+                UnitRule::Is(Unit::METRE_PER_SECOND),
+                "greatest speed of each element of the offset",
+            )
+            .above(0.0),
+            Parameter::real(
+                "acceleration",
+                UnitRule::Is(Unit::METRE_PER_SECOND2),
+                "greatest acceleration of each element of the offset",
+            )
+            .above(0.0),
+            Parameter::real(
+                "jerk",
+                UnitRule::Is(Unit::METRE_PER_SECOND3),
+                "greatest jerk of each element of the offset",
+            )
+            .above(0.0),
+            Parameter::real(
+                "max_rotation",
+                UnitRule::RADIAN,
+                "greatest size of each element of the turn",
+            )
+            .default(Literal::Real(0.0))
+            .at_least(0.0)
+            .at_most(1.0),
+            angular(
+                "angular_velocity",
+                Unit::RADIAN_PER_SECOND,
+                1.0,
+                "greatest rate of each element of the turn",
+            ),
+            angular(
+                "angular_acceleration",
+                Unit::RADIAN_PER_SECOND2,
+                4.0,
+                "greatest second derivative of each element of the turn",
+            ),
+            angular(
+                "angular_jerk",
+                Unit::RADIAN_PER_SECOND3,
+                40.0,
+                "greatest third derivative of each element of the turn",
+            ),
+            Parameter::new(
+                "in_path",
+                ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
+                "corrections are in axes of the path's pose (its tool); false: in axes of the frame that `pose` is given in",
+            )
+            .default(Literal::Bool(true)),
+        ],
+        state: State {
+            reals: (6 * AXIS_WORDS) as u32,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[.., state] = operands else {
+        return Ok(());
+    };
+    for slot in super::pose_goal::axes(state) {
+        preparation.set_reals(slot, rest_at(0.0));
+    }
+    Ok(())
+}
+
+/// A wish within ± the bound, and whether it was beyond.
+fn bounded(wish: [f64; 3], bound: f64) -> ([f64; 3], bool) {
+    let cut = wish.map(|element| {
+        if element > bound {
+            bound
+        } else if element < -bound {
+            -bound
+        } else {
+            element
+        }
+    });
+    (cut, cut != wish)
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; 20]) {
+    let [pose, correction, rotation, speed, stop, outputs @ ..] = operands;
+    let [
+        out,
+        offset_out,
+        turn_out,
+        limited,
+        settled,
+        most,
+        v,
+        a,
+        j,
+        rest @ ..,
+    ] = outputs;
+    let [most_turn, w, wa, wj, in_path, state] = rest;
+    let (path, in_path) = (frame.known_pose(pose), frame.bool(in_path) == 1);
+    let share = share_of(frame, speed, stop);
+    let wish = |slot: u32, most: u32| {
+        let wish = path.and(frame.composite(slot));
+        wish.map(|wish| bounded(wish, frame.real(most)))
+    };
+    let (shift, turn) = (wish(correction, most), wish(rotation, most_turn));
+    let beyond = [shift, turn]
+        .into_iter()
+        .flatten()
+        .any(|(_, beyond)| beyond);
+    let goal = |wish: Option<([f64; 3], bool)>| wish.map_or([f64::NAN; 3], |(goal, _)| goal);
+    let ([x, y, z], [rx, ry, rz]) = (goal(shift), goal(turn));
+    let both = [
+        limits(frame, [v, a, j], share),
+        limits(frame, [w, wa, wj], share),
+    ];
+    let axes = step_six(
+        frame,
+        state,
+        Some([x, y, z, rx, ry, rz]),
+        [&both[0], &both[1]],
+    );
+    let now = axes.map(|axes| {
+        let [x, y, z, rx, ry, rz] = axes.map(|axis| axis.state().position);
+        ([x, y, z], [rx, ry, rz])
+    });
+    let corrected = path.zip(now).map(|(path, (offset, turn))| {
+        let (at, turned) = (path.orientation, exp(turn));
+        let (shift, orientation) = if in_path {
+            (rotate(at, offset), product(at, turned))
+        } else {
+            (offset, product(turned, at))
+        };
+        Pose {
+            position: add(path.position, shift),
+            orientation,
+        }
+    });
+    frame.set_known_pose(out, corrected);
+    frame.set_composite(offset_out, now.map(|(offset, _)| offset));
+    frame.set_composite(turn_out, now.map(|(_, turn)| turn));
+    frame.set_bool(limited, u8::from(beyond));
+    let rests = axes.map(|axes| {
+        let [x, y, z, turns @ ..] = &axes;
+        let wished = shift.is_some() && [x, y, z].into_iter().all(Follower::arrived);
+        let turned = turns.iter().all(|axis| {
+            if turn.is_some() {
+                axis.arrived()
+            } else {
+                axis.state().rests()
+            }
+        });
+        u8::from(wished && turned)
+    });
+    frame.set_bool(settled, rests.unwrap_or(NULL_BOOL));
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::pose::Pose;
+    use crate::testing::Bench;
+
+    fn bench(most: f64) -> Bench {
+        let mut bench = Bench::new("PathCorrection");
+        let values = [
+            ("speed", 1.0),
+            ("max", most),
+            ("velocity", 0.05),
+            ("acceleration", 0.5),
+            ("jerk", 10.0),
+            ("max_rotation", 0.1),
+            ("angular_velocity", 0.5),
+            ("angular_acceleration", 4.0),
+            ("angular_jerk", 40.0),
+        ];
+        for (name, value) in values {
+            bench.set_real(name, value);
+        }
+        bench
+            .set_bool("stop", Some(false))
+            .set_bool("in_path", Some(true))
+            .set_reals(
+                "pose",
+                &Pose::from_xyz_rpy([0.4, 0.1, 0.5], [3.0, 0.2, 0.1]).to_slots(),
+            )
+            .set_reals("correction", &[0.0; 3])
+            .set_reals("rotation", &[f64::NAN; 3]);
+        bench.prepare().unwrap();
+        bench
+    }
+
+    #[test]
+    fn whatever_is_wished_the_offset_keeps_its_bound_and_its_velocity() {
+        let (mut bench, mut seed, mut last) = (bench(0.02), 3_u64, [0.0; 3]);
+        for cycle in 0..20_000 {
+            if cycle % 37 == 0 {
+                let mut wish = [0.0; 3];
+                for element in &mut wish {
+                    seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                    *element = (seed >> 11) as f64 / (1_u64 << 53) as f64 * 0.1 - 0.05;
+                }
+                bench.set_reals("correction", &wish);
+                let beyond = wish.iter().any(|element| element.abs() > 0.02);
+                assert_eq!(bench.step().bool("limited"), Some(beyond));
+            } else {
+                bench.step();
+            }
+            for (last, now) in last.iter_mut().zip(bench.reals("offset", 3)) {
+                assert!(now.abs() <= 0.02 + 1e-12, "{now}");
+                assert!((now - *last).abs() <= 0.05e-3 * (1.0 + 1e-9));
+                *last = *now;
+            }
+        }
+    }
+
+    #[test]
+    fn a_sensor_that_is_lost_leaves_the_offset_where_it_comes_to_rest() {
+        let mut bench = bench(0.02);
+        bench.set_reals("correction", &[0.01, 0.0, 0.0]);
+        (0..100).for_each(|_| _ = bench.step());
+        bench.set_reals("correction", &[f64::NAN; 3]);
+        (0..1000).for_each(|_| _ = bench.step());
+        let resting = bench.real("offset");
+        assert!(resting > 0.0 && resting < 0.01);
+        assert_eq!(bench.step().real("offset"), resting);
+        assert_eq!(bench.bool("settled"), Some(false));
+        bench.set_reals("correction", &[0.01, 0.0, 0.0]);
+        (0..2000).for_each(|_| _ = bench.step());
+        assert_eq!(
+            (bench.real("offset"), bench.bool("settled")),
+            (0.01, Some(true))
+        );
+    }
+
+    #[test]
+    fn a_turn_is_added_in_the_axes_of_the_path() {
+        let mut bench = bench(0.02);
+        bench.set_reals("rotation", &[0.0, 0.0, 0.05]);
+        (0..3000).for_each(|_| _ = bench.step());
+        let path = Pose::from_xyz_rpy([0.4, 0.1, 0.5], [3.0, 0.2, 0.1]);
+        let turned = path.compose(&Pose::from_xyz_rpy([0.0; 3], [0.0, 0.0, 0.05]));
+        let got = Pose::from_slots(bench.reals("pose_out", 7).try_into().unwrap());
+        assert!(got.angle_to(&turned) < 1e-7 && got.distance_to(&turned) < 1e-12);
+    }
+}

@@ -1,0 +1,306 @@
+//! `PoseGoal`: a flange goes to a pose that may change in any cycle, jerk-limited in six axes.
+//!
+//! Position goes along x, y and z of the arm's base, orientation in the elements of the rotation vector from where it
+//! began: a chart without singularity in this direction, in which the flange never turns faster than the vector changes,
+//! as the left Jacobian of the rotation group shortens or keeps (Solà, Deray and Atchuthan, A micro Lie theory for state
+//! estimation in robotics, arXiv:1812.01537, appendix B).
+
+use core::f64::consts::TAU;
+
+use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of, step_axis};
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::path::Limits;
+use crate::pose::Pose;
+use crate::primitive::{
+    Entry, Kernel, Literal, NullRule, Parameter, Port, Spec, State, UnitRule, each,
+};
+use crate::rotation::{exp, inverse, log, product, unit};
+use crate::types::{NULL_BOOL, NULL_REAL, Type};
+use crate::unit::Unit;
+use crate::vector::{norm, scale};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "PoseGoal",
+        summary: "A flange goes to a pose that may change in any cycle, as fast as limits of velocity, acceleration and jerk \
+                  of each axis allow.",
+        null: "a null goal or `speed` brings it to rest and keeps it there; a null `stop` counts as true",
+        null_rule: NullRule::Known,
+        formula: "x, y, z and the three elements of the rotation vector from the first orientation, each for itself as \
+                  ScalarGoal; at first it rests where the arm's hold set-point puts the flange",
+        inputs: &[
+            Port::typed("goal", Type::Pose, "where the flange is to be, in the arm's base"),
+            Port::real(
+                "speed",
+                UnitRule::ONE,
+                "share of the greatest velocities: above 1 it is 1, below 0.0001 it is 0, a stop",
+            )
+            .default(Literal::Real(1.0)),
+            Port::bool("stop", "while true it brakes to rest and stays; then it goes on")
+                .default(Literal::Bool(false)),
+        ],
+        outputs: &[
+            Port::typed("pose", Type::Pose, "set-point of the flange in the arm's base"),
+            Port::bool("done", "at rest: at the goal, or where a stop ended"),
+            Port::real(
+                "flange_speed",
+                UnitRule::Is(Unit::METRE_PER_SECOND),
+                "of the flange's position",
+            )
+            .diagnostic(),
+        ],
+        parameters: &[
+            Parameter::arm(),
+            Parameter::real(
+                "velocity",
+                UnitRule::Is(Unit::METRE_PER_SECOND),
+                "greatest speed along each of x, y and z",
+            )
+            .above(0.0),
+            Parameter::real(
+                "acceleration",
+                UnitRule::Is(Unit::METRE_PER_SECOND2),
+                "greatest acceleration along each of x, y and z",
+            )
+            .above(0.0),
+            Parameter::real(
+                "jerk",
+                UnitRule::Is(Unit::METRE_PER_SECOND3),
+                "greatest jerk along each of x, y and z",
+            )
+            .above(0.0),
+            Parameter::real(
+                "angular_velocity",
+                UnitRule::Is(Unit::RADIAN_PER_SECOND),
+                "greatest rate of each element of the rotation vector",
+            )
+            .default(Literal::Real(1.0))
+            .above(0.0),
+            Parameter::real(
+                "angular_acceleration",
+                UnitRule::Is(Unit::RADIAN_PER_SECOND2),
+                "greatest second derivative of each element of the rotation vector",
+            )
+            .default(Literal::Real(4.0))
+            .above(0.0),
+            Parameter::real(
+                "angular_jerk",
+                UnitRule::Is(Unit::RADIAN_PER_SECOND3),
+                "greatest third derivative of each element of the rotation vector",
+            )
+            .default(Literal::Real(40.0))
+            .above(0.0),
+        ],
+        state: State {
+            reals: (6 * AXIS_WORDS + 4) as u32,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[_, _, _, _, _, _, device, .., state] = operands else {
+        return Ok(());
+    };
+    let (arm, hold) = preparation.arm_at_rest(device)?;
+    let Pose {
+        position: [x, y, z],
+        orientation,
+    } = arm.forward(&hold);
+    for (position, slot) in [x, y, z, 0.0, 0.0, 0.0].into_iter().zip(axes(state)) {
+        preparation.set_reals(slot, rest_at(position));
+    }
+    preparation.set_reals(first_orientation(state), orientation);
+    Ok(())
+}
+
+/// Where the six axes are in the arena.
+pub(super) fn axes(state: u32) -> impl Iterator<Item = u32> {
+    (0..6).map(move |axis| state + axis * AXIS_WORDS as u32)
+}
+
+fn first_orientation(state: u32) -> u32 {
+    state + 6 * AXIS_WORDS as u32
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
+    let [
+        goal,
+        speed,
+        stop,
+        pose,
+        done,
+        flange_speed,
+        _device,
+        rest @ ..,
+    ] = operands;
+    let [v, a, j, w, wa, wj, state] = rest;
+    let (share, stopped) = (share_of(frame, speed, stop), frame.bool(stop) != 0);
+    let line = limits(frame, [v, a, j], share);
+    let turn = limits(frame, [w, wa, wj], share);
+    let first = unit(frame.reals(first_orientation(state)));
+    let mut now = [NULL_REAL; 6];
+    for (place, slot) in now.iter_mut().zip(axes(state)) {
+        let follower = Follower::from_words(&frame.reals(slot));
+        *place = follower.state().position;
+    }
+    let [.., rx, ry, rz] = now;
+    let wish = frame.known_pose(goal).zip(first).map(|(goal, first)| {
+        let [x, y, z] = goal.position;
+        let turned = log(product(inverse(first), goal.orientation));
+        let [a, b, c] = nearest_turn(turned, [rx, ry, rz]);
+        [x, y, z, a, b, c]
+    });
+    let axes = step_six(frame, state, wish, [&line, &turn]);
+    let result = axes.zip(first).map(|(axes, first)| {
+        let [x, y, z, a, b, c] = axes.map(|axis| axis.state().position);
+        Pose {
+            position: [x, y, z],
+            orientation: product(first, exp([a, b, c])),
+        }
+    });
+    frame.set_known_pose(pose, result);
+    let at_rest = axes.map(|axes| {
+        let there = axes.iter().all(Follower::arrived);
+        u8::from(there || stopped && axes.iter().all(|axis| axis.state().rests()))
+    });
+    frame.set_bool(done, at_rest.unwrap_or(NULL_BOOL));
+    let speed = axes.map(|axes| {
+        let [x, y, z, ..] = axes.map(|axis| axis.state().velocity);
+        norm([x, y, z])
+    });
+    frame.set_real(flange_speed, speed.unwrap_or(NULL_REAL));
+}
+
+/// Three limits from their slots, the first one by a share of it.
+pub(super) fn limits(frame: &Frame<'_>, slots: [u32; 3], share: f64) -> Limits {
+    let [velocity, acceleration, jerk] = slots.map(|slot| frame.real(slot));
+    Limits {
+        velocity: velocity * share,
+        acceleration,
+        jerk,
+    }
+}
+
+/// Steps six axes, three with the first limits and three with the second; `None` while one does not know where it is.
+pub(super) fn step_six(
+    frame: &mut Frame<'_>,
+    state: u32,
+    wish: Option<[f64; 6]>,
+    [line, turn]: [&Limits; 2],
+) -> Option<[Follower; 6]> {
+    let mut all = [Follower::at_rest(NULL_REAL); 6];
+    let mut goals = wish.unwrap_or([NULL_REAL; 6]).into_iter();
+    let limits = [line, line, line, turn, turn, turn];
+    let mut known = true;
+    for ((place, slot), limits) in all.iter_mut().zip(axes(state)).zip(limits) {
+        match step_axis(frame, slot, goals.next(), limits) {
+            Some(axis) => *place = axis,
+            None => known = false,
+        }
+    }
+    known.then_some(all)
+}
+
+/// The rotation vector of the same turn, up to a whole turn longer, that is nearest to another one.
+fn nearest_turn(turn: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    let angle = norm(turn);
+    if angle < 1e-9 {
+        return turn;
+    }
+    let other = scale(turn, 1.0 - TAU / angle);
+    let apart = |vector: [f64; 3]| {
+        let [a, b, c] = vector;
+        let [x, y, z] = to;
+        norm([a - x, b - y, c - z])
+    };
+    if apart(other) < apart(turn) {
+        other
+    } else {
+        turn
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    fn bench() -> Bench {
+        let mut bench = Bench::new("PoseGoal");
+        bench.hold = Some([0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
+        let values = [
+            ("velocity", 0.2),
+            ("acceleration", 1.0),
+            ("jerk", 10.0),
+            ("angular_velocity", 1.0),
+            ("angular_acceleration", 4.0),
+            ("angular_jerk", 40.0),
+            ("speed", 1.0),
+        ];
+        for (name, value) in values {
+            bench.set_real(name, value);
+        }
+        bench.set_bool("stop", Some(false));
+        bench.prepare().unwrap();
+        bench
+    }
+
+    fn start(bench: &Bench) -> Pose {
+        let hold = bench.hold.unwrap();
+        let arm = bench.model.arm.unwrap();
+        arm.forward(&hold)
+    }
+
+    fn pose(bench: &Bench) -> Pose {
+        Pose::from_slots(bench.reals("pose", 7).try_into().unwrap())
+    }
+
+    #[test]
+    fn goes_from_the_hold_set_point_to_the_goal_and_to_another_on_the_way() {
+        let mut bench = bench();
+        let from = start(&bench);
+        let relative = |xyz, rpy| from.compose(&Pose::from_xyz_rpy(xyz, rpy));
+        bench.set_reals(
+            "goal",
+            &relative([0.1, 0.0, 0.0], [0.5, 0.0, 0.0]).to_slots(),
+        );
+        assert!(pose(bench.step()).distance_to(&from) < 1e-8);
+        (0..300).for_each(|_| _ = bench.step());
+        let other = relative([0.0, 0.1, 0.05], [0.0, -2.0, 1.0]);
+        let mut last = pose(&bench);
+        bench.set_reals("goal", &other.to_slots());
+        for _ in 0..5000 {
+            let now = pose(bench.step());
+            assert!(last.distance_to(&now) <= 0.2e-3 * 3.0_f64.sqrt() * (1.0 + 1e-9));
+            assert!(last.angle_to(&now) <= 1e-3 * 3.0_f64.sqrt() * (1.0 + 1e-4));
+            last = now;
+        }
+        assert_eq!(bench.bool("done"), Some(true));
+        assert!(last.distance_to(&other) < 1e-12 && last.angle_to(&other) < 1e-7);
+    }
+
+    #[test]
+    fn a_null_goal_keeps_it_where_it_comes_to_rest() {
+        let mut bench = bench();
+        let from = start(&bench);
+        (0..10).for_each(|_| _ = bench.step());
+        assert!(pose(&bench).distance_to(&from) < 1e-15);
+        assert_eq!(bench.bool("done"), Some(false));
+    }
+
+    #[test]
+    fn the_nearest_turn_goes_on_through_half_a_turn() {
+        let beyond = nearest_turn([-3.0, 0.0, 0.0], [3.1, 0.0, 0.0]);
+        assert!((beyond[0] - (TAU - 3.0)).abs() < 1e-12);
+        assert_eq!(
+            nearest_turn([0.1, 0.0, 0.0], [0.2, 0.0, 0.0]),
+            [0.1, 0.0, 0.0]
+        );
+        assert_eq!(nearest_turn([0.0; 3], [3.0, 0.0, 0.0]), [0.0; 3]);
+    }
+}

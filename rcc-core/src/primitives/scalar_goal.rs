@@ -1,0 +1,166 @@
+//! `ScalarGoal`: one axis that goes to a goal which may change in any cycle, as fast as limits of velocity, acceleration and
+//! jerk allow.
+
+use crate::axis::{AXIS_WORDS, rest_at, share_of, step_axis};
+use crate::frame::Frame;
+use crate::path::Limits;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
+    State, UnitRule, each,
+};
+use crate::types::{NULL_BOOL, NULL_REAL, Type};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ScalarGoal",
+        summary: "Goes to a goal that may change in any cycle, as fast as limits of velocity, acceleration and jerk allow.",
+        null: "a null goal or `speed` brings it to rest and keeps it there, a null `stop` counts as true; null only until the \
+               first goal, if there is no `initial`",
+        null_rule: NullRule::Remembers,
+        undefined: "no goal yet and no `initial`",
+        formula: "the fastest way from any state to rest in phases of constant jerk: Berscheid and Kröger, Jerk-limited \
+                  real-time trajectory generation with arbitrary target states, RSS 2021; from rest the double S of \
+                  Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, 3.4",
+        examples: &[
+            Example::new(
+                "a way on which only the jerk counts: four phases of a second; it begins at the first goal",
+                "{max_velocity: 10, max_acceleration: 10, max_jerk: 6}",
+                "goal | position | velocity | acceleration | done
+                 0 | 0 | 0 | 0 | true
+                 12 | 1 | 3 | 6 | false
+                 12 | 6 | 6 | 0 | false
+                 12 | 11 | 3 | -6 | false
+                 12 | 12 | 0 | 0 | true
+                 null | 12 | 0 | 0 | false",
+            )
+            .every_ms(1000),
+            Example::new(
+                "braked half-way, in two phases of a second, and done where it rests",
+                "{max_velocity: 10, max_acceleration: 10, max_jerk: 6, initial: 0}",
+                "goal | stop | position | velocity | done
+                 12 | false | 1 | 3 | false
+                 12 | false | 6 | 6 | false
+                 12 | true | 11 | 3 | false
+                 12 | true | 12 | 0 | true",
+            )
+            .every_ms(1000),
+        ],
+        inputs: &[
+            Port::real("goal", UnitRule::Var(0), "where to be"),
+            Port::real(
+                "speed",
+                UnitRule::ONE,
+                "share of the greatest velocity: above 1 it is 1, below 0.0001 it is 0, a stop",
+            )
+            .default(Literal::Real(1.0)),
+            Port::bool("stop", "while true it brakes to rest and stays; then it goes on")
+                .default(Literal::Bool(false)),
+        ],
+        outputs: &[
+            Port::real("position", UnitRule::Var(0), "set-point"),
+            Port::real("velocity", UnitRule::PerSecond(0), "there").diagnostic(),
+            Port::real("acceleration", UnitRule::PerSecond2(0), "there").diagnostic(),
+            Port::bool("done", "at rest: at the goal, or where a stop ended"),
+        ],
+        parameters: &[
+            Parameter::real("max_velocity", UnitRule::PerSecond(0), "greatest speed").above(0.0),
+            Parameter::real(
+                "max_acceleration",
+                UnitRule::PerSecond2(0),
+                "greatest acceleration, also for braking",
+            )
+            .above(0.0),
+            Parameter::real("max_jerk", UnitRule::PerSecond3(0), "greatest jerk").above(0.0),
+            Parameter::new(
+                "initial",
+                ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),
+                "where it begins, at rest; without it at the first goal",
+            )
+            .default(Literal::Null),
+        ],
+        state: State {
+            reals: AXIS_WORDS as u32,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, operands: [u32; 12]) {
+    let [goal, speed, stop, outputs @ .., initial, state] = operands;
+    let [position, velocity, acceleration, done, v, a, j] = outputs;
+    let (share, stopped) = (share_of(frame, speed, stop), frame.bool(stop) != 0);
+    let goal = Some(frame.real(goal)).filter(|goal| goal.is_finite());
+    let [_, _, _, _, _, now, ..] = frame.reals::<AXIS_WORDS>(state);
+    if now.is_nan() {
+        let initial = Some(frame.real(initial)).filter(|initial| initial.is_finite());
+        let begin = initial.or(goal).unwrap_or(NULL_REAL);
+        frame.set_reals(state, rest_at(begin));
+    }
+    let limits = Limits {
+        velocity: frame.real(v) * share,
+        acceleration: frame.real(a),
+        jerk: frame.real(j),
+    };
+    let axis = step_axis(frame, state, goal, &limits);
+    let now = axis.map(|axis| axis.state());
+    let at_rest = axis.map(|axis| axis.arrived() || stopped && axis.state().rests());
+    frame.set_real(position, now.map_or(NULL_REAL, |now| now.position));
+    frame.set_real(velocity, now.map_or(NULL_REAL, |now| now.velocity));
+    frame.set_real(acceleration, now.map_or(NULL_REAL, |now| now.acceleration));
+    frame.set_bool(done, at_rest.map_or(NULL_BOOL, u8::from));
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Bench;
+
+    fn bench() -> Bench {
+        let mut bench = Bench::new("ScalarGoal");
+        for (name, value) in [
+            ("max_velocity", 0.5),
+            ("max_acceleration", 2.0),
+            ("max_jerk", 20.0),
+        ] {
+            bench.set_real(name, value);
+        }
+        bench.set_real("speed", 1.0).set_bool("stop", Some(false));
+        bench
+    }
+
+    #[test]
+    fn begins_at_its_initial_or_at_the_first_goal() {
+        let mut first = bench();
+        assert!(first.step().real("position").is_nan());
+        assert_eq!(first.bool("done"), None);
+        assert_eq!(first.set_real("goal", 0.7).step().real("position"), 0.7);
+        let mut given = bench();
+        given.set_real("initial", 0.2).set_real("goal", 0.7);
+        assert!((given.step().real("position") - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn null_goal_speed_or_stop_brake_and_what_is_known_again_goes_on() {
+        for (port, known) in [("goal", 1.0), ("speed", 1.0), ("stop", 0.0)] {
+            let mut bench = bench();
+            bench.set_real("initial", 0.0).set_real("goal", 1.0);
+            (0..500).for_each(|_| _ = bench.step());
+            match port {
+                "stop" => bench.set_bool("stop", None),
+                real => bench.set_real(real, f64::NAN),
+            };
+            (0..800).for_each(|_| _ = bench.step());
+            assert_eq!(bench.real("velocity"), 0.0, "{port}");
+            assert_eq!(bench.bool("done"), Some(port == "stop"), "{port}");
+            match port {
+                "stop" => bench.set_bool("stop", Some(false)),
+                real => bench.set_real(real, known),
+            };
+            (0..4000).for_each(|_| _ = bench.step());
+            assert_eq!(bench.real("position"), 1.0, "{port}");
+            assert_eq!(bench.bool("done"), Some(true), "{port}");
+        }
+    }
+}
