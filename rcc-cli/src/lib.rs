@@ -9,6 +9,7 @@ pub mod failure;
 pub mod follow;
 pub mod incident;
 pub mod interrupt;
+pub mod picture;
 pub mod simulate;
 pub mod supervisor;
 pub mod table;

@@ -4,19 +4,22 @@
 use std::io::{self, Write};
 
 use rcc_config::CellConfig;
+use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{CommandEntry, CommandState, Joints, MonitorRecord};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::rehearsal::{Scene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_ipc::rehearsal::Rehearsed;
 use rcc_language::names::Names;
 use thiserror::Error;
 
 pub mod arm;
 pub mod device;
-pub mod plot;
 pub mod script;
 pub mod trace;
+pub mod tracks;
 
 use device::Device;
 use script::Step;
@@ -37,6 +40,8 @@ pub struct Options {
     pub cancel_at_ns: Option<u64>,
     /// Inputs that are set.
     pub steps: Vec<Step>,
+    /// Run it even if its rehearsal breaks a limit: to see how.
+    pub whatever: bool,
 }
 
 /// What came of it.
@@ -50,7 +55,14 @@ pub struct Simulated {
     pub period_ns: u64,
     /// What monitors said.
     pub trace: Trace,
+    /// What its rehearsal came to; `None`: it commands no arm.
+    pub rehearsed: Option<Rehearsed>,
+    /// The limit that it broke in its rehearsal, if it was run whatever that came to.
+    pub foreseen: Option<Refusal>,
 }
+
+/// Somebody who looks at the engine after each cycle; the time is that since START, s.
+pub type Watcher<'w> = &'w mut dyn FnMut(f64, &Engine);
 
 /// Why a net cannot be simulated.
 #[derive(Debug, Error)]
@@ -166,6 +178,7 @@ pub fn run(
     names: &Names,
     options: &Options,
     mut table: Option<&mut dyn Write>,
+    watch: Watcher<'_>,
 ) -> Result<Simulated, SimulateError> {
     let mut cell = Cell::new(config);
     apply(&options.steps, 0, 0, &mut cell.devices);
@@ -174,7 +187,12 @@ pub fn run(
     let dt_s = config.period_ns as f64 / 1e9;
     let holds = cell.holds();
     let net = Net::build(plan, &config.models(), config.fingerprint(), &holds, dt_s);
-    let net = net.map_err(SimulateError::Refused)?;
+    let mut net = net.map_err(SimulateError::Refused)?;
+    let (rehearsed, foreseen) = match cell.rehearse(&mut net, &config.models()) {
+        Ok(rehearsed) => (rehearsed, None),
+        Err(foreseen) if options.whatever => (None, Some(foreseen)),
+        Err(foreseen) => return Err(SimulateError::Refused(foreseen)),
+    };
     cell.order(Order::Reserve { ticket: 0 })?;
     cell.order(Order::Install {
         ticket: INSTALL,
@@ -201,6 +219,7 @@ pub fn run(
         records.clear();
         records.extend(std::iter::from_fn(|| cell.ends.records.pop().ok()));
         let time_s = past_ns as f64 / 1e9;
+        watch(time_s, &cell.engine);
         if trace.take(time_s, &records)
             && let Some(out) = &mut table
         {
@@ -226,10 +245,47 @@ pub fn run(
         cycles: cell.engine.status().cycle + 1 - begun,
         period_ns: config.period_ns,
         trace,
+        rehearsed,
+        foreseen,
     })
 }
 
+/// Makes a net ready where the simulators of a cell begin, and rehearses it, as an executor does at LOAD.
+///
+/// # Errors
+/// Its start values cannot be computed there, or it would break a limit.
+pub fn rehearse_at_start(
+    config: &CellConfig,
+    plan: PlanData,
+) -> Result<Option<Rehearsed>, Refusal> {
+    let mut cell = Cell::new(config);
+    cell.step();
+    let (models, dt_s) = (config.models(), config.period_ns as f64 / 1e9);
+    let mut net = Net::build(plan, &models, config.fingerprint(), &cell.holds(), dt_s)?;
+    cell.rehearse(&mut net, &models)
+}
+
 impl Cell {
+    /// As an executor does before a net is ready.
+    fn rehearse(
+        &self,
+        net: &mut Net,
+        models: &[DeviceModel],
+    ) -> Result<Option<Rehearsed>, Refusal> {
+        let inputs = self.devices.iter().map(|device| DeviceInput {
+            present: true,
+            measurement: *device.measurement(),
+        });
+        let scene = Scene {
+            models,
+            devices: &inputs.collect::<Vec<_>>(),
+            holds: &self.holds(),
+            values: &[],
+            dt_s: self.period_ns as f64 / 1e9,
+        };
+        rehearse(net, &scene)
+    }
+
     fn cancel(&mut self) -> Result<(), SimulateError> {
         let (ticket, id) = (u64::MAX, ID);
         let can_cancel = self.command().is_some_and(|row| row.can_cancel == 1);

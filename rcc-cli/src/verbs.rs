@@ -53,6 +53,8 @@ verbs! {
     Start = start;
     /// Run a net in virtual time against simple device models, without a cell.
     Simulate = simulate;
+    /// Draw what the arms of a net would do: path, joints, speeds, accelerations and jerks against their limits.
+    Plot = plot;
     /// Load, start and follow a net; Ctrl-C cancels it.
     Run = run;
     /// Set inputs of a net while it is ready or runs, or list them.

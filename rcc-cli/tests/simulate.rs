@@ -230,3 +230,101 @@ primitives:
         assert!(errors.contains(words), "{errors}");
     }
 }
+
+/// `plot`, which must end with this exit code; what it says.
+fn plot(exit: i32, arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+        .arg("plot")
+        .args(arguments)
+        .env("RCC_CONFIGS", nets().join(".."))
+        .env("NO_COLOR", "1")
+        .output()
+        .expect("rcc-cli runs");
+    let words = [output.stdout, output.stderr].concat();
+    let words = String::from_utf8_lossy(&words).into_owned();
+    assert_eq!(output.status.code(), Some(exit), "{arguments:?}: {words}");
+    words
+}
+
+#[test]
+fn a_plot_shows_path_and_joints_against_their_limits_and_is_the_same_each_time() {
+    let folder = Folder::new();
+    let run = |name: &str| {
+        plot(0, &[&net("line.yaml"), "-o", &folder.file(name)]);
+        folder.read(name)
+    };
+    let svg = run("first.svg");
+    assert_eq!(svg, run("again.svg"));
+    for part in [
+        "x [m]",
+        "z [m], flange",
+        "speed of the flange [m/s]",
+        "velocity [% of the limit]",
+        "acceleration [% of the limit]",
+        "jerk [% of the limit]",
+        "J7",
+    ] {
+        assert!(svg.contains(part), "{part}");
+    }
+    assert!(svg.len() < 200_000, "{} bytes", svg.len());
+    let png = folder.file("line.png");
+    plot(0, &[&net("line.yaml"), "-o", &png, "--cancel-at", "500ms"]);
+    let bytes = fs::read(png).expect("it was written");
+    assert!(bytes.starts_with(b"\x89PNG"));
+    let words = plot(2, &[&net("line.yaml"), "-o", &folder.file("line.jpeg")]);
+    assert!(words.contains(".svg or .png"), "{words}");
+    let words = plot(2, &[&net("blink.yaml"), "-o", &folder.file("blink.svg")]);
+    assert!(words.contains("commands no arm"), "{words}");
+}
+
+#[test]
+fn a_net_that_would_break_a_limit_is_drawn_and_told_but_not_simulated() {
+    let folder = Folder::new();
+    let text = fs::read_to_string(net("line.yaml")).expect("a net");
+    let hasty = text
+        .replace("0.15 m/s\n", "3 m/s\n")
+        .replace("0.5 m/s^2", "50 m/s^2")
+        .replace(" 5 m/s^3", " 5000 m/s^3");
+    fs::write(folder.file("hasty.yaml"), hasty).expect("written");
+    let (file, svg) = (folder.file("hasty.yaml"), folder.file("hasty.svg"));
+    let words = plot(1, &[&file, "-o", &svg]);
+    assert!(
+        words.contains("would break a limit") && words.contains("in move"),
+        "{words}"
+    );
+    assert!(folder.read("hasty.svg").contains("jerk"));
+    let output = simulate(&[&file]);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(5), "{words}");
+    assert!(
+        words.contains("RCC3023") && words.contains("slower"),
+        "{words}"
+    );
+}
+
+#[test]
+fn check_rehearses_from_where_the_simulators_begin() {
+    let check = |file: &str| {
+        Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+            .args(["check", "--rehearse", file])
+            .env("RCC_CONFIGS", nets().join(".."))
+            .env("NO_COLOR", "1")
+            .output()
+            .expect("rcc-cli runs")
+    };
+    let output = check(&net("line.yaml"));
+    let words = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{words}");
+    assert!(
+        words.contains("checked: ") && words.contains("s of motion"),
+        "{words}"
+    );
+    let folder = Folder::new();
+    let text = fs::read_to_string(net("line.yaml")).expect("a net");
+    let beyond = text.replace("0.538, 0.15, 0.384", "0.538, 0.15, 1.384");
+    fs::write(folder.file("beyond.yaml"), beyond).expect("written");
+    let output = check(&folder.file("beyond.yaml"));
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{words}");
+    assert!(words.contains("RCC3023"), "{words}");
+}

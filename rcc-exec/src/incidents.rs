@@ -27,7 +27,7 @@ const FORGET_EVERY: Duration = Duration::from_secs(1);
 /// Plans of commands that were unloaded are kept as long as a recording may have them, and no more than so many.
 const GONE_MAX: usize = 256;
 
-/// A command that is about to be ready: its id, and what its net begins from.
+/// A command that is about to be ready or to start: its id, and what its net begins from.
 pub type Made = (u64, Origin);
 
 /// What an incident says about the cell.
@@ -120,6 +120,11 @@ impl Scribe {
     }
 
     fn keep(&mut self, (id, origin): Made) {
+        // Of a net that was prepared anew before it started, what it begins from now.
+        if let Some(kept) = self.kept.iter_mut().find(|kept| kept.id == id) {
+            kept.origin = origin;
+            return;
+        }
         let file = self.command_file(id);
         self.kept.push_back(Kept {
             id,

@@ -1,32 +1,38 @@
-//! The intake thread: takes requests, builds nets, opens drivers' boards, and frees what the real-time
+//! The intake thread: takes requests, has nets made, opens drivers' boards, and frees what the real-time
 //! thread gives back. Allocates and waits as it likes.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+use std::io;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use rcc_core::frame::DeviceModel;
+use bytemuck::Zeroable;
+use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
 use rcc_ipc::control::{
     Answer, Call, InputValue, MEASUREMENT, READ_ELEMENTS_MAX, READ_MAX, Refusal, SET_ELEMENTS_MAX,
     SET_MAX, SWITCH_MAX,
 };
 use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::rehearsal::Rehearsed;
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
 use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
-use crate::incidents::Made;
+use crate::incidents;
+use crate::maker::{Job, Made, Maker, Sight, Site, What};
 use rcc_engine::costs::Costs;
-use rcc_engine::net::Net;
+use rcc_engine::net::{Net, Origin};
 use rcc_engine::queue::{Order, Outcome, Reading};
 
 /// How often announcements of drivers are looked at.
 const WATCH_EVERY: Duration = Duration::from_millis(50);
 /// How often requests are looked at.
 pub const POLL_EVERY: Duration = Duration::from_micros(500);
+/// Requests that may wait for a net that is being made.
+const BEHIND_MAX: usize = 64;
 
 /// A device as the intake thread sees it.
 struct Watched {
@@ -35,24 +41,54 @@ struct Watched {
     attached: Option<(u64, BoardReader<Measurement>)>,
 }
 
+/// A caller who waits for an answer, and what is done when it comes.
+struct Waiting {
+    request: Request,
+    then: Then,
+}
+
+/// What an answer that says that it is done means here.
+enum Then {
+    Nothing,
+    /// A command is ready.
+    Ready(u64, Option<Rehearsed>, Loaded),
+    /// Commands are started.
+    Started(Vec<u64>, Option<Rehearsed>),
+    /// Inputs of a command are set.
+    Set(u64, Vec<InputValue>),
+    /// A command is no more.
+    Unloaded(u64),
+}
+
+/// A command that is ready and not started: what its net is made of anew if an arm rests elsewhere at START.
+struct Loaded {
+    origin: Origin,
+    /// Bit d: it commands the arm of device d.
+    arms: u64,
+    /// What was set, by input.
+    values: BTreeMap<u32, Vec<u64>>,
+}
+
 /// Everything the intake thread owns.
 pub struct Intake {
     session: Session,
     server: Server,
     orders: Producer<Order>,
     outcomes: Consumer<Outcome>,
-    models: Vec<DeviceModel>,
-    configuration: u64,
-    period_ns: u64,
+    maker: Maker,
     stale_after_ns: u64,
-    costs: Costs,
     devices: Vec<Watched>,
-    waiting: HashMap<u64, Request>,
+    waiting: HashMap<u64, Waiting>,
+    loaded: HashMap<u64, Loaded>,
+    /// Commands whose net is being made.
+    making: HashSet<u64>,
+    /// Calls that name one of them, in order.
+    behind: VecDeque<(Call, Request)>,
     next_ticket: u64,
     watched_at: Option<Instant>,
     complaints: Seldom,
     recorder: Option<Recorder>,
-    scribe: Option<Sender<Made>>,
+    scribe: Option<Sender<incidents::Made>>,
 }
 
 /// What the intake thread must know about the cell.
@@ -73,13 +109,16 @@ pub struct IntakeConfig {
 
 impl Intake {
     /// Takes requests from `server` and gives orders to the real-time thread.
+    ///
+    /// # Errors
+    /// The system gives no thread to make nets.
     pub fn new(
         session: Session,
         server: Server,
         orders: Producer<Order>,
         outcomes: Consumer<Outcome>,
         config: IntakeConfig,
-    ) -> Intake {
+    ) -> io::Result<Intake> {
         let devices = config
             .names
             .into_iter()
@@ -88,29 +127,35 @@ impl Intake {
                 attached: None,
             })
             .collect();
-        Intake {
+        let site = Site {
+            models: config.models,
+            configuration: config.configuration,
+            period_ns: config.period_ns,
+            costs: config.costs,
+        };
+        Ok(Intake {
             session,
             server,
             orders,
             outcomes,
-            models: config.models,
-            configuration: config.configuration,
-            period_ns: config.period_ns,
+            maker: Maker::start(site)?,
             stale_after_ns: config.stale_after_ns,
-            costs: config.costs,
             devices,
             waiting: HashMap::new(),
+            loaded: HashMap::new(),
+            making: HashSet::new(),
+            behind: VecDeque::new(),
             next_ticket: 1,
             watched_at: None,
             complaints: Seldom::default(),
             recorder: None,
             scribe: None,
-        }
+        })
     }
 
     /// Tells every net that it makes to whoever writes incident files.
     #[must_use]
-    pub fn telling(mut self, scribe: Option<Sender<Made>>) -> Intake {
+    pub fn telling(mut self, scribe: Option<Sender<incidents::Made>>) -> Intake {
         self.scribe = scribe;
         self
     }
@@ -139,6 +184,10 @@ impl Intake {
             busy = true;
             self.take_back(outcome);
         }
+        while let Some(made) = self.maker.take() {
+            busy = true;
+            self.take_made(made);
+        }
         match self.server.poll() {
             Ok(Some(request)) => {
                 busy = true;
@@ -157,7 +206,8 @@ impl Intake {
     fn take_back(&mut self, outcome: Outcome) {
         match outcome {
             Outcome::Answer { ticket, answer } => {
-                if let Some(request) = self.waiting.remove(&ticket) {
+                if let Some(Waiting { request, then }) = self.waiting.remove(&ticket) {
+                    let answer = self.answered(answer, then);
                     reply(request, &answer);
                 }
             }
@@ -168,7 +218,7 @@ impl Intake {
                 reading,
                 refused,
             } => {
-                if let Some(request) = self.waiting.remove(&ticket) {
+                if let Some(Waiting { request, .. }) = self.waiting.remove(&ticket) {
                     let answer = refused.map_or(Answer::Values(reading.values), Answer::Refused);
                     reply(request, &answer);
                 }
@@ -195,18 +245,44 @@ impl Intake {
                 return reply(request, &Answer::Refused(Refusal::NotUnderstood));
             }
         };
-        let ticket = self.next_ticket;
+        // What concerns a command whose net is being made comes after it.
+        if named_in(&call).iter().any(|id| self.making.contains(id)) {
+            if self.behind.len() >= BEHIND_MAX {
+                return reply(request, &Answer::Refused(Refusal::Overloaded));
+            }
+            return self.behind.push_back((call, request));
+        }
+        self.obey(call, request);
+    }
+
+    fn ticket(&mut self) -> u64 {
         self.next_ticket += 1;
+        self.next_ticket - 1
+    }
+
+    fn obey(&mut self, call: Call, request: Request) {
+        let ticket = self.ticket();
+        let mut then = Then::Nothing;
         let order = match call {
             Call::Reserve => Order::Reserve { ticket },
             Call::Reject { id } => Order::Reject { ticket, id },
-            Call::Start { id } => Order::Start { ticket, id },
-            Call::Switch { stop, start } => match (named(&stop), named(&start)) {
-                (Some(stop), Some(start)) => Order::Switch {
-                    ticket,
-                    stop,
-                    start,
-                },
+            Call::Start { id } => {
+                let sight = self.sight();
+                if let Some(what) = self.elsewhere(id, &sight) {
+                    return self.make(ticket, id, what, sight, request);
+                }
+                then = Then::Started(vec![id], None);
+                Order::Start { ticket, id }
+            }
+            Call::Switch { stop, start } => match (listed(&stop), listed(&start)) {
+                (Some(stop), Some(list)) => {
+                    then = Then::Started(start, None);
+                    Order::Switch {
+                        ticket,
+                        stop,
+                        start: list,
+                    }
+                }
                 _ => {
                     let max = SWITCH_MAX as u32;
                     let refusal = Refusal::SwitchTooLarge { max };
@@ -220,6 +296,9 @@ impl Intake {
                         elements: SET_ELEMENTS_MAX as u32,
                     };
                     return reply(request, &Answer::Refused(refusal));
+                }
+                if self.loaded.contains_key(&id) {
+                    then = Then::Set(id, values.clone());
                 }
                 Order::Set { ticket, id, values }
             }
@@ -241,58 +320,191 @@ impl Intake {
             }
             Call::Cancel { id } => Order::Cancel { ticket, id },
             Call::Abort { id } => Order::Abort { ticket, id },
-            Call::Unload { id } => Order::Unload { ticket, id },
+            Call::Unload { id } => {
+                then = Then::Unloaded(id);
+                Order::Unload { ticket, id }
+            }
             Call::Record => Order::Record { ticket },
             Call::Acknowledge => Order::Acknowledge { ticket },
             Call::Install { id, plan } => {
-                let holds = self.holds();
-                match Net::build(
-                    plan,
-                    &self.models,
-                    self.configuration,
-                    &holds,
-                    self.period_ns as f64 / 1e9,
-                ) {
-                    Ok(mut net) => {
-                        net.expected_ns = self.costs.expected_ns(&net.plan());
-                        if let Some(scribe) = &self.scribe {
-                            // Gone only when the executor ends.
-                            let _ = scribe.send((id, net.origin()));
-                        }
-                        Order::Install { ticket, id, net }
-                    }
-                    Err(refusal) => {
-                        reply(request, &Answer::Refused(refusal));
+                let sight = self.sight();
+                return self.make(ticket, id, What::Plan(plan), sight, request);
+            }
+        };
+        self.send(order, Some((ticket, Waiting { request, then })));
+    }
+
+    /// Has a net made; who asked for it waits.
+    fn make(&mut self, ticket: u64, id: u64, what: What, sight: Sight, request: Request) {
+        let job = Job {
+            ticket,
+            id,
+            what,
+            sight,
+        };
+        match self.maker.give(job) {
+            Ok(()) => {
+                self.making.insert(id);
+                let then = Then::Nothing;
+                self.waiting.insert(ticket, Waiting { request, then });
+            }
+            Err(refusal) => reply(request, &Answer::Refused(refusal)),
+        }
+    }
+
+    /// A net is made, or cannot be: the command becomes ready or rejected, or is started, or stays ready.
+    fn take_made(&mut self, made: Made) {
+        let Made {
+            ticket,
+            id,
+            anew,
+            net,
+        } = made;
+        self.making.remove(&id);
+        let waiting = self.waiting.remove(&ticket);
+        if let Some(Waiting { request, .. }) = waiting {
+            match net {
+                Ok((net, rehearsed)) if anew => {
+                    self.start_anew(ticket, id, net, rehearsed, request)
+                }
+                Ok((net, rehearsed)) => {
+                    let loaded = Loaded {
+                        origin: net.origin(),
+                        arms: net.resources().arms,
+                        values: BTreeMap::new(),
+                    };
+                    let then = Then::Ready(id, rehearsed, loaded);
+                    let order = Order::Install { ticket, id, net };
+                    self.send(order, Some((ticket, Waiting { request, then })));
+                }
+                Err(refusal) => {
+                    reply(request, &Answer::Refused(refusal));
+                    if !anew {
                         // Nobody waits for this answer: the caller already has the reason.
-                        return self.send(Order::Reject { ticket: 0, id }, None);
+                        self.send(Order::Reject { ticket: 0, id }, None);
                     }
                 }
             }
-        };
-        self.send(order, Some((ticket, request)));
+        }
+        for (call, request) in std::mem::take(&mut self.behind) {
+            if named_in(&call).iter().any(|id| self.making.contains(id)) {
+                self.behind.push_back((call, request));
+            } else {
+                self.obey(call, request);
+            }
+        }
     }
 
-    fn send(&mut self, order: Order, waiting: Option<(u64, Request)>) {
-        match (self.orders.push(order), waiting) {
-            (Ok(()), Some((ticket, request))) => {
-                self.waiting.insert(ticket, request);
+    /// START of a command whose net was made anew: the net takes the place of the one that was ready.
+    fn start_anew(
+        &mut self,
+        ticket: u64,
+        id: u64,
+        net: Box<Net>,
+        rehearsed: Option<Rehearsed>,
+        request: Request,
+    ) {
+        let origin = net.origin();
+        if self.orders.push(Order::Renew { id, net }).is_err() {
+            return reply(request, &Answer::Refused(Refusal::Overloaded));
+        }
+        self.tell(id, &origin);
+        if let Some(loaded) = self.loaded.get_mut(&id) {
+            loaded.origin = origin;
+        }
+        let then = Then::Started(vec![id], rehearsed);
+        let order = Order::Start { ticket, id };
+        self.send(order, Some((ticket, Waiting { request, then })));
+    }
+
+    /// Whoever writes incident files must have what a net begins from.
+    fn tell(&self, id: u64, origin: &Origin) {
+        if let Some(scribe) = &self.scribe {
+            // Gone only when the executor ends.
+            let _ = scribe.send((id, origin.clone()));
+        }
+    }
+
+    /// What is to be remembered of an answer, and the answer as the caller gets it.
+    fn answered(&mut self, answer: Answer, then: Then) -> Answer {
+        let Answer::Done { cycle } = answer else {
+            return answer;
+        };
+        let rehearsed = match then {
+            Then::Nothing => None,
+            Then::Ready(id, rehearsed, loaded) => {
+                self.tell(id, &loaded.origin);
+                self.loaded.insert(id, loaded);
+                rehearsed
             }
-            (Err(_), Some((_, request))) => reply(request, &Answer::Refused(Refusal::Overloaded)),
+            Then::Started(ids, rehearsed) => {
+                for id in ids {
+                    self.loaded.remove(&id);
+                }
+                rehearsed
+            }
+            Then::Set(id, values) => {
+                if let Some(loaded) = self.loaded.get_mut(&id) {
+                    let pairs = values.into_iter().map(|value| (value.input, value.words));
+                    loaded.values.extend(pairs);
+                }
+                None
+            }
+            Then::Unloaded(id) => {
+                self.loaded.remove(&id);
+                None
+            }
+        };
+        rehearsed.map_or(answer, |rehearsed| Answer::Rehearsed { cycle, rehearsed })
+    }
+
+    /// What the net of a command must be made of anew to be started: its arms rest, and not all of them where they were
+    /// when it was made. While one moves, START is left to refuse it.
+    fn elsewhere(&self, id: u64, sight: &Sight) -> Option<What> {
+        let loaded = self.loaded.get(&id)?;
+        let mut same = true;
+        for device in (0..self.devices.len()).filter(|device| loaded.arms >> device & 1 == 1) {
+            let rests = sight.rests_at(device)?;
+            let begun = loaded.origin.begun.holds.get(device).copied().flatten();
+            same &= begun == Some(rests);
+        }
+        let value = |(input, words): (&u32, &Vec<u64>)| InputValue {
+            input: *input,
+            words: words.clone(),
+        };
+        let values = || loaded.values.iter().map(value).collect();
+        (!same).then(|| What::Anew(loaded.origin.clone(), values()))
+    }
+
+    fn send(&mut self, order: Order, waiting: Option<(u64, Waiting)>) {
+        match (self.orders.push(order), waiting) {
+            (Ok(()), Some((ticket, waiting))) => {
+                self.waiting.insert(ticket, waiting);
+            }
+            (Err(_), Some((_, waiting))) => {
+                reply(waiting.request, &Answer::Refused(Refusal::Overloaded));
+            }
             (Ok(()), None) => {}
             (Err(_), None) => warn!("an order was lost: the real-time thread takes none"),
         }
     }
 
-    /// Where each arm is held now; `None` if nobody knows.
-    fn holds(&self) -> Vec<Option<Joints>> {
-        self.devices
-            .iter()
-            .map(|device| self.hold(device))
-            .collect()
+    /// What the devices say now.
+    fn sight(&self) -> Sight {
+        let looks = self.devices.iter().map(|device| self.look(device));
+        let (devices, holds) = looks.unzip();
+        Sight { devices, holds }
     }
 
-    fn hold(&self, device: &Watched) -> Option<Joints> {
-        let (_, board) = device.attached.as_ref()?;
+    /// What a device measures, and where its arm is held if that is known.
+    fn look(&self, device: &Watched) -> (DeviceInput, Option<Joints>) {
+        let mut input = DeviceInput {
+            present: false,
+            measurement: Measurement::zeroed(),
+        };
+        let Some((_, board)) = device.attached.as_ref() else {
+            return (input, None);
+        };
         let measurement = board.read();
         let fresh = monotonic_ns().abs_diff(measurement.stamp_ns) <= self.stale_after_ns;
         let online = DeviceState::from_number(measurement.state) != DeviceState::Offline;
@@ -300,7 +512,10 @@ impl Intake {
         let known = measurement.magic == MAGIC
             && measurement.joints as usize <= JOINTS_MAX
             && measurement.joints > 0;
-        (fresh && online && finite && known).then_some(measurement.hold)
+        input.present = fresh && online && measurement.magic == MAGIC;
+        input.measurement = measurement;
+        let hold = (fresh && online && finite && known).then_some(measurement.hold);
+        (input, hold)
     }
 
     /// Attaches drivers that announced themselves and detaches dead ones.
@@ -381,8 +596,22 @@ impl Intake {
     }
 }
 
+/// The commands that a call does something to, except for one whose net is only now made.
+fn named_in(call: &Call) -> Vec<u64> {
+    match call {
+        Call::Start { id }
+        | Call::Cancel { id }
+        | Call::Abort { id }
+        | Call::Unload { id }
+        | Call::Set { id, .. }
+        | Call::Reject { id } => vec![*id],
+        Call::Switch { stop, start } => [&stop[..], start].concat(),
+        _ => Vec::new(),
+    }
+}
+
 /// The ids in a list of fixed length, if they fit; 0 names none.
-fn named(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
+fn listed(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
     let mut list = [0; SWITCH_MAX];
     list.get_mut(..ids.len())?.copy_from_slice(ids);
     Some(list)

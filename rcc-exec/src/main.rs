@@ -98,7 +98,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     } = helper_ends;
     let (flight, scribe, made) = flight_recorder(config, &cell, session.incarnation());
     let scribe = scribe.map(|scribe| scribe.recording(recorder.clone()));
-    let intake = Intake::new(session, server, orders, outcomes, intake_config);
+    let intake = Intake::new(session, server, orders, outcomes, intake_config)?;
     let intake = intake.recording(recorder.clone()).telling(made);
     let pump = Pump::new(records, events, publisher, names);
     let pump = pump.recording(&cell, recorder.clone());

@@ -12,6 +12,7 @@ pub mod executor;
 mod handover;
 mod head;
 pub mod manual;
+mod rehearsal;
 pub mod routes;
 pub mod service;
 mod show;

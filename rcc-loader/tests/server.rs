@@ -295,6 +295,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
     let namer = Namer {
         config: &config,
         net: &|id| format!("net#{id}"),
+        motion: &|_, motion| format!("motion {motion}"),
         reason: &|_, reason| format!("because {reason}"),
     };
     let device = |violation| Refusal::FirstSetPoint {

@@ -88,17 +88,17 @@ fn a_command_that_nobody_loaded_is_unknown_to_every_verb() {
     cell.stop();
 }
 
+/// A line that begins at `from` (m) and nowhere else.
+fn line_from(name: &str, from: f64, y: f64) -> String {
+    let from = format!("from: {{xyz: [0.538, {from}, 0.384], quat: [0, 1, 0, 0]}}");
+    nets::line(name, y, 0.2).replace("      to:", &format!("      {from}\n      to:"))
+}
+
 #[test]
 fn a_net_that_begins_elsewhere_is_refused_with_joint_and_values_and_stays_ready() {
     let cell = TestCell::demo();
-    let first = cell.load(&nets::line("first", 0.05, 0.2));
-    let other = cell.run(&nets::line("other", 0.1, 0.2));
-    cell.assert_ends(other, "finished");
-    cell.await_device("lwr", "ready");
-    let refused = await_some("the refusal of the first set-point", || {
-        let refused = cell.operate(first, "start");
-        (refused.code() != "RCC3008").then_some(refused)
-    });
+    let first = cell.load(&line_from("first", 0.1, 0.05));
+    let refused = cell.operate(first, "start");
     assert_eq!(
         (refused.status, refused.code()),
         (409, "RCC3011"),
@@ -111,11 +111,57 @@ fn a_net_that_begins_elsewhere_is_refused_with_joint_and_values_and_stays_ready(
     );
     assert_eq!(cell.state(first)["state"], "ready");
     assert_eq!(cell.state(first)["cycles"], 0, "no cycle counts");
-    // Back where it was loaded, the same command starts.
-    let back = cell.run(&nets::line("back", 0.0, 0.2));
-    cell.assert_ends(back, "finished");
+    // When the arm is where it begins, the same command starts.
+    let there = cell.run(&nets::line("there", 0.1, 0.2));
+    cell.assert_ends(there, "finished");
     cell.start_when_ready(first);
     cell.assert_ends(first, "finished");
+    cell.stop();
+}
+
+#[test]
+fn nets_that_are_loaded_in_advance_start_one_after_the_other_from_where_the_arm_rests() {
+    let cell = TestCell::demo();
+    let rows = [("out", 0.1), ("on", 0.15), ("back", 0.0)];
+    let ids = rows.map(|(name, y)| cell.load(&nets::line(name, y, 0.2)));
+    for id in ids {
+        let told = &cell.state(id)["rehearsal"];
+        // The one that goes back is there already.
+        let words = told["words"].as_str().unwrap_or_default();
+        assert!(words.starts_with("checked: "), "{told}");
+        cell.start_when_ready(id);
+        cell.assert_ends(id, "finished");
+    }
+    cell.stop();
+}
+
+#[test]
+fn a_net_that_would_break_a_limit_is_rejected_with_motion_place_joint_and_what_helps() {
+    let cell = TestCell::demo();
+    let text = nets::line("hasty", 0.2, 3.0)
+        .replace("1 m/s^2", "20 m/s^2")
+        .replace("10 m/s^3", "200 m/s^3");
+    let (id, row) = cell.load_any(&text);
+    assert_eq!(row["state"], "rejected", "{row}");
+    let finding = &row["diagnostics"][0];
+    assert_eq!(finding["code"], "RCC3023", "{row}");
+    let words = finding["message"].as_str().unwrap_or_default();
+    for part in [
+        "in move at ",
+        " % of the path",
+        " m)",
+        "lwr joint J",
+        "exceeds",
+    ] {
+        assert!(words.contains(part), "{part}: {words}");
+    }
+    assert!(
+        finding["help"]
+            .as_str()
+            .is_some_and(|help| help.contains("slower")),
+        "{row}"
+    );
+    cell.rest("DELETE", &format!("/commands/{id}"), "");
     cell.stop();
 }
 

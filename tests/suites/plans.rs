@@ -173,8 +173,9 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
         let answer = control.bytes(&bytes);
         refused += u32::from(matches!(answer, Answer::Refused(_)));
         // What is accepted is a plan that checks: it may run, and can be ended.
-        if matches!(answer, Answer::Done { .. })
-            && let Answer::Done { .. } = control.call(&Call::Start { id })
+        if matches!(answer, Answer::Done { .. } | Answer::Rehearsed { .. })
+            && let Answer::Done { .. } | Answer::Rehearsed { .. } =
+                control.call(&Call::Start { id })
         {
             control.call(&Call::Abort { id });
         }

@@ -47,8 +47,8 @@ pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<
     let wakeup: Option<Vec<Wakeup>> = wakeup.map(read).transpose()?;
     Ok(format!(
         "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Elsewhere\n\n\
-         [performance-nets.md](performance-nets.md): loading by size, fragments that are not active, reading values, the \
-         predecessor's nets.{}{}\n",
+         `cargo run --release -p rcc-bench --example nets` measures loading by size, fragments that are not active, reading \
+         values and the predecessor's nets, and writes them into `docs/performance-nets.md`.{}{}\n",
         hal_text(hal.as_deref()),
         wakeup_text(wakeup.as_deref()),
         if hal.is_none() {

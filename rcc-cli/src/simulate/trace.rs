@@ -7,6 +7,8 @@ use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::types::Store;
 use rcc_language::names::{MonitorNames, Names};
 
+use crate::picture::{Curve, Panel};
+
 /// Buckets of a series before two neighbours are merged; at least two for each point of a plot.
 const BUCKETS_MAX: usize = 4096;
 
@@ -182,6 +184,52 @@ impl Trace {
         }
         writeln!(out)
     }
+}
+
+/// A panel for each unit, with a line for each column that was shown: through smallest and largest of each stretch.
+#[must_use]
+pub fn panels(columns: &[Column]) -> Vec<Panel> {
+    let mut panels: Vec<Panel> = Vec::new();
+    for column in columns.iter().filter(|column| column.seen) {
+        let unit = if column.unit.is_empty() {
+            "1"
+        } else {
+            &column.unit
+        };
+        let title = format!("[{unit}]");
+        let place = match panels.iter().position(|panel| panel.title == title) {
+            Some(place) => place,
+            None => {
+                panels.push(Panel::over_time(title, Vec::new()));
+                panels.len() - 1
+            }
+        };
+        let curves = &mut panels[place].curves;
+        curves.push(Curve {
+            name: column.name.clone(),
+            stretches: stretches(column.series.buckets()),
+            colour: curves.len(),
+        });
+    }
+    panels
+}
+
+fn stretches(buckets: &[Bucket]) -> Vec<Vec<(f64, f64)>> {
+    let known = buckets.split(|bucket| bucket.range.is_none());
+    let stretch = |buckets: &[Bucket]| {
+        let pairs = buckets
+            .iter()
+            .filter_map(|bucket| Some((bucket.time_s, bucket.range?)));
+        let points = pairs.flat_map(|(time_s, [low, high])| {
+            let second = (low != high).then_some((time_s, high));
+            [(time_s, low)].into_iter().chain(second)
+        });
+        points.collect::<Vec<_>>()
+    };
+    known
+        .map(stretch)
+        .filter(|points| !points.is_empty())
+        .collect()
 }
 
 fn column_name(net: &str, row: &MonitorNames, element: usize) -> String {

@@ -5,17 +5,21 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use rcc_config::{CellConfig, auto_ports};
+use rcc_ipc::control::PlanData;
 use rcc_language::compile_with;
 use rcc_language::devices::DeviceTable;
 use rcc_language::library::Files;
-use rcc_loader::server::api::Finding;
+use rcc_language::names::Names;
+use rcc_loader::server::api::{Finding, RehearsalView};
 use rcc_loader::server::codes::exit;
 use rcc_loader::server::compile::{findings, name_of};
 use serde::Serialize;
 
+use super::simulate::with_namer;
 use crate::context::{Context, Format, say};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
+use crate::simulate::rehearse_at_start;
 use crate::supervisor::places;
 use crate::table::grouped;
 
@@ -34,6 +38,9 @@ pub struct Arguments {
     /// What is refused beside errors.
     #[arg(long, value_enum)]
     deny: Option<Deny>,
+    /// Runs nets that command an arm through virtual time, from where the cell's simulators begin, as LOAD does.
+    #[arg(long)]
+    rehearse: bool,
 }
 
 /// What is refused beside errors.
@@ -49,6 +56,8 @@ struct Verdict {
     valid: bool,
     net: String,
     primitives: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rehearsal: Option<RehearsalView>,
     diagnostics: Vec<Finding>,
 }
 
@@ -75,7 +84,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         Some(path) => path.clone(),
         None => places::config("cells/demo.yaml")?,
     };
-    let cell = DeviceTable::from(&load_config(&config)?);
+    let config = load_config(&config)?;
+    let cell = DeviceTable::from(&config);
+    let stage = arguments.rehearse.then_some(&config);
     let context = Context {
         format: if arguments.json { Format::Json } else { context.format },
         ..context.clone()
@@ -94,7 +105,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 Err(failure) => summary.unreadable(&context, &failure),
                 Ok(source) if is_folder && !is_net(&source) => summary.others += 1,
                 Ok(source) => {
-                    let verdict = verdict(&source, &cell, arguments.deny.is_some());
+                    let verdict = verdict(&source, &cell, arguments.deny.is_some(), stage);
                     summary.count(&verdict);
                     tell(&context, &source, &verdict, is_many);
                 }
@@ -111,16 +122,32 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-fn verdict(source: &(String, String), cell: &DeviceTable, deny_warnings: bool) -> Verdict {
+fn verdict(
+    source: &(String, String),
+    cell: &DeviceTable,
+    deny_warnings: bool,
+    stage: Option<&CellConfig>,
+) -> Verdict {
     let (name, text) = source;
     match compile_with(text, name, cell, &Files) {
         Ok(compiled) => {
             let checked = compiled.plan.plan().check(&cell.models(), cell.fingerprint);
-            let diagnostics = findings(&compiled.warnings);
+            let mut diagnostics = findings(&compiled.warnings);
+            let rehearsed = stage.map(|config| rehearsed(config, compiled.plan.clone(), &compiled.names));
+            let is_refused = matches!(rehearsed, Some(Err(_)));
+            let rehearsal = match rehearsed {
+                Some(Err(finding)) => {
+                    diagnostics.push(*finding);
+                    None
+                }
+                Some(Ok(rehearsal)) => rehearsal,
+                None => None,
+            };
             Verdict {
                 file: name.clone(),
-                valid: !deny_warnings || diagnostics.is_empty(),
+                valid: !is_refused && (!deny_warnings || diagnostics.is_empty()),
                 net: compiled.net,
+                rehearsal,
                 // A net that compiled has a plan that checks.
                 primitives: checked.map_or(0, |checked| checked.primitives),
                 diagnostics,
@@ -131,9 +158,23 @@ fn verdict(source: &(String, String), cell: &DeviceTable, deny_warnings: bool) -
             valid: false,
             net: String::new(),
             primitives: 0,
+            rehearsal: None,
             diagnostics: findings(&faults),
         },
     }
+}
+
+/// What the rehearsal of a net came to, or what it would break.
+fn rehearsed(
+    config: &CellConfig,
+    plan: PlanData,
+    names: &Names,
+) -> Result<Option<RehearsalView>, Box<Finding>> {
+    let told = rehearse_at_start(config, plan);
+    with_namer(names, config, |namer| match told {
+        Ok(rehearsed) => Ok(rehearsed.map(|rehearsed| namer.rehearsal(&rehearsed))),
+        Err(refusal) => Err(Box::new(namer.refusal(1, refusal).finding())),
+    })
 }
 
 fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many: bool) {
@@ -144,6 +185,9 @@ fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many
     if verdict.valid && !is_many {
         let Verdict { file, net, primitives, .. } = verdict;
         say(&format!("{file}: {net} is valid, {primitives} primitives"));
+        if let Some(rehearsal) = &verdict.rehearsal {
+            say(&rehearsal.words);
+        }
     }
 }
 
@@ -250,6 +294,7 @@ mod tests {
             valid,
             net: String::new(),
             primitives: 0,
+            rehearsal: None,
             diagnostics: severities.iter().map(|it| finding(it)).collect(),
         };
         let mut summary = Summary::default();

@@ -26,7 +26,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         "{}",
         draw(&loaded.command.diagnostics, Some(&source), Context::colour())
     );
-    context.print(&loaded.command, line);
+    context.print(&loaded.command, |command| match &command.rehearsal {
+        Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
+        None => line(command),
+    });
     Ok(())
 }
 

@@ -8,38 +8,61 @@ use std::time::{Duration, Instant};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
 use rcc_language::names::Names;
-use rcc_loader::server::api::FaultView;
+use rcc_ipc::control::PlanData;
+use rcc_loader::server::api::{FaultView, RehearsalView};
 use rcc_loader::server::codes::{self, exit};
 use rcc_loader::server::compile::compile;
 use rcc_loader::server::words::Namer;
 use serde::Serialize;
 
 use super::check::load_config;
+use super::plot;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
+use crate::picture::Picture;
 use crate::simulate::script::Step;
-use crate::simulate::{self, Options, SimulateError, Simulated, plot};
+use crate::simulate::trace;
+use crate::simulate::{self, Options, SimulateError, Simulated};
 use crate::supervisor::places;
 use crate::table;
+
+/// What happens in a net's virtual time.
+#[derive(clap::Args, Debug)]
+pub struct Scenario {
+    /// A net, YAML or JSON; - is the standard input.
+    pub file: String,
+    /// The cell's configuration whose devices are imitated (default: the demo cell's).
+    #[arg(long)]
+    pub config: Option<PathBuf>,
+    /// Longest logical time.
+    #[arg(long = "for", value_name = "TIME", default_value = "60s", value_parser = super::duration)]
+    pub limit: Duration,
+    /// CANCEL after this time; a net without Cancel is aborted.
+    #[arg(long, value_name = "TIME", value_parser = super::duration)]
+    pub cancel_at: Option<Duration>,
+    /// An input of a device: io.door_closed=true@2s, io.temperature=300K; without a time from the beginning.
+    #[arg(long, value_name = "DEVICE.CHANNEL=VALUE[@TIME]")]
+    pub input: Vec<String>,
+}
+
+/// A scenario with its files read.
+pub struct Prepared {
+    /// The cell.
+    pub config: CellConfig,
+    /// The plan and its names.
+    pub plan: PlanData,
+    /// Names of its ports.
+    pub names: Names,
+    /// What happens.
+    pub options: Options,
+}
 
 /// What to simulate.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
-    /// A net, YAML or JSON; - is the standard input.
-    file: String,
-    /// The cell's configuration whose devices are imitated (default: the demo cell's).
-    #[arg(long)]
-    config: Option<PathBuf>,
-    /// Longest logical time.
-    #[arg(long = "for", value_name = "TIME", default_value = "60s", value_parser = super::duration)]
-    limit: Duration,
-    /// CANCEL after this time; a net without Cancel is aborted.
-    #[arg(long, value_name = "TIME", value_parser = super::duration)]
-    cancel_at: Option<Duration>,
-    /// An input of a device: io.door_closed=true@2s, io.temperature=300K; without a time from the beginning.
-    #[arg(long, value_name = "DEVICE.CHANNEL=VALUE[@TIME]")]
-    input: Vec<String>,
+    #[command(flatten)]
+    scenario: Scenario,
     /// Writes what monitors show, a line for each cycle in which one is due.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -56,6 +79,7 @@ struct Report {
     fault: Option<FaultView>,
     cycles: u64,
     time_s: f64,
+    rehearsal: Option<RehearsalView>,
     monitors: Vec<Value>,
 }
 
@@ -71,32 +95,23 @@ struct Value {
 /// # Errors
 /// The net or an argument is not valid, it is refused, or it ends with a fault or an abort.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let path = match &arguments.config {
-        Some(path) => path.clone(),
-        None => places::config("cells/demo.yaml")?,
-    };
-    let config = load_config(&path)?;
-    let options = options(&arguments, &config)?;
-    let source = read_net(&arguments.file)?;
-    let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
-        let what = format!("{} is not valid", source.0);
-        Failure::invalid(&what, diagnostics, source.clone())
-    })?;
-    eprint!("{}", draw(&compiled.warnings, Some(&source), Context::colour()));
-    let names: Names = serde_json::from_value(compiled.names).map_err(|error| {
-        Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it with the net")
-    })?;
+    let Prepared {
+        config,
+        plan,
+        names,
+        options,
+    } = arguments.scenario.prepare()?;
     let mut csv = arguments.csv.as_deref().map(create).transpose()?;
     let table = csv.as_mut().map(|file| file as &mut dyn Write);
     let begun = Instant::now();
-    let simulated = simulate::run(&config, compiled.plan, &names, &options, table)
-        .map_err(|error| failure(&error, &names.net, &config, arguments.csv.as_deref()))?;
+    let simulated = simulate::run(&config, plan, &names, &options, table, &mut |_, _| ())
+        .map_err(|error| failure(&error, &names, &config, arguments.csv.as_deref()))?;
     let took = begun.elapsed();
-    let report = report(&names.net, &simulated, &config);
+    let report = report(&names, &simulated, &config);
     if let Some(path) = &arguments.plot {
-        let picture = plot::svg(&report.net, simulated.trace.columns(), report.time_s);
-        let written = create(path)?.write_all(picture.as_bytes());
-        written.map_err(|error| not_written(path, &error))?;
+        let panels = trace::panels(simulated.trace.columns());
+        let title = report.net.clone();
+        plot::write(path, &Picture { title, panels })?;
     }
     context.print(&report, human);
     if context.format == Format::Human {
@@ -108,39 +123,74 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-fn options(arguments: &Arguments, config: &CellConfig) -> Result<Options, Failure> {
-    let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
-    let steps = arguments.input.iter().map(|text| Step::parse(text, config));
-    let steps = steps.collect::<Result<_, _>>().map_err(|error| {
-        let help = "`rcc-cli simulate --help` shows how";
-        Failure::new(codes::BAD_REQUEST, error.to_string(), help)
-    })?;
-    Ok(Options {
-        limit_ns: ns(arguments.limit),
-        cancel_at_ns: arguments.cancel_at.map(ns),
-        steps,
-    })
+impl Scenario {
+    /// Reads the cell and the net and compiles it; what is worth a warning is told.
+    ///
+    /// # Errors
+    /// A file cannot be read or is not valid, or an input is not understood.
+    pub fn prepare(&self) -> Result<Prepared, Failure> {
+        let path = match &self.config {
+            Some(path) => path.clone(),
+            None => places::config("cells/demo.yaml")?,
+        };
+        let config = load_config(&path)?;
+        let options = self.options(&config)?;
+        let source = read_net(&self.file)?;
+        let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
+            let what = format!("{} is not valid", source.0);
+            Failure::invalid(&what, diagnostics, source.clone())
+        })?;
+        eprint!("{}", draw(&compiled.warnings, Some(&source), Context::colour()));
+        let names = serde_json::from_value(compiled.names).map_err(|error| {
+            Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it with the net")
+        })?;
+        Ok(Prepared {
+            config,
+            plan: compiled.plan,
+            names,
+            options,
+        })
+    }
+
+    fn options(&self, config: &CellConfig) -> Result<Options, Failure> {
+        let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
+        let steps = self.input.iter().map(|text| Step::parse(text, config));
+        let steps = steps.collect::<Result<_, _>>().map_err(|error| {
+            let help = "`rcc-cli simulate --help` shows how";
+            Failure::new(codes::BAD_REQUEST, error.to_string(), help)
+        })?;
+        Ok(Options {
+            limit_ns: ns(self.limit),
+            cancel_at_ns: self.cancel_at.map(ns),
+            steps,
+            whatever: false,
+        })
+    }
 }
 
-fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
+pub(super) fn create(path: &Path) -> Result<BufWriter<File>, Failure> {
     let file = File::create(path).map_err(|error| not_written(path, &error))?;
     Ok(BufWriter::new(file))
 }
 
-fn not_written(path: &Path, error: &std::io::Error) -> Failure {
+pub(super) fn not_written(path: &Path, error: &std::io::Error) -> Failure {
     let message = format!("{} cannot be written: {error}", path.display());
     Failure::new(codes::NOT_STORED, message, "name another file")
 }
 
-fn with_namer<T>(net: &str, config: &CellConfig, what: impl FnOnce(&Namer<'_>) -> T) -> T {
+pub(super) fn with_namer<T>(names: &Names, config: &CellConfig, what: impl FnOnce(&Namer<'_>) -> T) -> T {
     what(&Namer {
         config,
-        net: &|_| net.to_owned(),
+        net: &|_| names.net.clone(),
+        motion: &|_, motion| {
+            let id = names.motions.get(motion as usize).cloned();
+            id.unwrap_or_else(|| format!("motion {motion}"))
+        },
         reason: &|_, _| String::new(),
     })
 }
 
-fn failure(error: &SimulateError, net: &str, config: &CellConfig, csv: Option<&Path>) -> Failure {
+pub(super) fn failure(error: &SimulateError, net: &Names, config: &CellConfig, csv: Option<&Path>) -> Failure {
     match error {
         SimulateError::Refused(refusal) => {
             let refused = with_namer(net, config, |namer| namer.refusal(1, *refusal));
@@ -151,7 +201,7 @@ fn failure(error: &SimulateError, net: &str, config: &CellConfig, csv: Option<&P
     }
 }
 
-fn report(net: &str, simulated: &Simulated, config: &CellConfig) -> Report {
+fn report(net: &Names, simulated: &Simulated, config: &CellConfig) -> Report {
     let command = &simulated.command;
     let reason = EndReason::from_number(command.reason);
     let columns = simulated.trace.columns().iter();
@@ -161,11 +211,16 @@ fn report(net: &str, simulated: &Simulated, config: &CellConfig) -> Report {
         last: column.last,
     });
     Report {
-        net: net.to_owned(),
+        net: net.net.clone(),
         state: CommandState::from_number(command.state).name().to_owned(),
         reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
         fault: with_namer(net, config, |namer| namer.fault(&command.fault)),
         cycles: command.cycles,
+        rehearsal: simulated.rehearsed.map(|rehearsed| RehearsalView {
+            // Another one each time.
+            took_ns: 0,
+            ..with_namer(net, config, |namer| namer.rehearsal(&rehearsed))
+        }),
         time_s: simulated.cycles as f64 * simulated.period_ns as f64 / 1e9,
         monitors: monitors.collect(),
     }
@@ -178,7 +233,10 @@ fn human(report: &Report) -> String {
         (None, None) => report.state.clone(),
     };
     let cycles = table::grouped(report.cycles);
-    let head = format!("{}  after {} s, {cycles} cycles  {state}", report.net, report.time_s);
+    let mut head = format!("{}  after {} s, {cycles} cycles  {state}", report.net, report.time_s);
+    if let Some(rehearsal) = &report.rehearsal {
+        head = format!("{head}\n{}", rehearsal.words);
+    }
     if report.monitors.is_empty() {
         return head;
     }

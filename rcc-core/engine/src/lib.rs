@@ -12,4 +12,5 @@ pub mod input;
 pub mod net;
 pub mod queue;
 pub mod record;
+pub mod rehearsal;
 pub mod replay;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
+use rcc_core::path::{Drive, MotionState, Motions};
 use rcc_core::plan::{Checked, MonitorPoint, Plan, Rate, Resources, Run, ValuePoint};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
@@ -62,6 +63,8 @@ pub struct Begun {
     pub holds: Arc<[Option<Joints>]>,
     /// The executor's period, s.
     pub dt_s: f64,
+    /// How many times it was prepared anew because its arms rested elsewhere at START; counted modulo 256.
+    pub anew: u8,
 }
 
 /// What one evaluation came to.
@@ -108,6 +111,7 @@ impl Net {
         let begun = Begun {
             holds: holds.into(),
             dt_s,
+            anew: 0,
         };
         Ok(Net::made(
             Arc::new(data),
@@ -128,8 +132,40 @@ impl Net {
         models: &[DeviceModel],
         configuration: u64,
     ) -> Result<Box<Net>, Refusal> {
-        let Begun { holds, dt_s } = &origin.begun;
-        Net::build((*origin.data).clone(), models, configuration, holds, *dt_s)
+        let Begun { holds, dt_s, anew } = &origin.begun;
+        let data = (*origin.data).clone();
+        let mut net = Net::build(data, models, configuration, holds, *dt_s)?;
+        net.begun.anew = *anew;
+        Ok(net)
+    }
+
+    /// The same net from where its arms rest now: its start values are computed anew. Not for the real-time thread.
+    ///
+    /// # Errors
+    /// Its start values cannot be computed from there.
+    pub fn anew(
+        origin: &Origin,
+        models: &[DeviceModel],
+        configuration: u64,
+        holds: &[Option<Joints>],
+    ) -> Result<Box<Net>, Refusal> {
+        let data = (*origin.data).clone();
+        let mut net = Net::build(data, models, configuration, holds, origin.begun.dt_s)?;
+        net.begun.anew = origin.begun.anew.wrapping_add(1);
+        Ok(net)
+    }
+
+    /// How many times it was prepared anew, as [`Begun::anew`].
+    pub fn times_anew(&self) -> u8 {
+        self.begun.anew
+    }
+
+    /// Number of its primitives.
+    pub fn primitives(&self) -> u64 {
+        self.run_lengths
+            .iter()
+            .map(|length| u64::from(*length))
+            .sum()
     }
 
     fn made(
@@ -317,6 +353,39 @@ impl Net {
         self.evaluate_with(models, devices, dt_s, cycle)
     }
 
+    /// As [`Net::evaluate`], and tells `seen` the index and the state of each motion that is stepped.
+    pub fn evaluate_seen(
+        &mut self,
+        models: &[DeviceModel],
+        devices: &[DeviceInput],
+        dt_s: f64,
+        seen: impl FnMut(usize, &MotionState),
+    ) -> Evaluation {
+        self.evaluate_with(models, devices, dt_s, |plan, frame| {
+            let mut motions = Seen {
+                motions: &mut *frame.motions,
+                seen,
+            };
+            let mut inner = Frame {
+                reals: &mut *frame.reals,
+                bools: &mut *frame.bools,
+                ints: &mut *frame.ints,
+                outputs: &mut *frame.outputs,
+                motions: &mut motions,
+                ..*frame
+            };
+            cycle(plan, &mut inner);
+            let Frame {
+                cycle,
+                terminated,
+                motion_failed,
+                ..
+            } = inner;
+            (frame.cycle, frame.terminated, frame.motion_failed) =
+                (cycle, terminated, motion_failed);
+        })
+    }
+
     /// As [`Net::evaluate`], and says what the run `timed` took by `clock`.
     pub fn evaluate_timed(
         &mut self,
@@ -438,6 +507,20 @@ impl Net {
                 .for_each(|(place, value)| *place = f64::from_bits(value.cast_unsigned())),
         }
         width
+    }
+}
+
+/// Motions whose states are shown to somebody.
+struct Seen<'a, F> {
+    motions: &'a mut dyn Motions,
+    seen: F,
+}
+
+impl<F: FnMut(usize, &MotionState)> Motions for Seen<'_, F> {
+    fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState> {
+        let state = self.motions.step(index, drive)?;
+        (self.seen)(index, &state);
+        Some(state)
     }
 }
 

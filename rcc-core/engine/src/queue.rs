@@ -27,6 +27,9 @@ pub enum Order {
     Reserve { ticket: u64 },
     /// Makes a loading command ready.
     Install { ticket: u64, id: u64, net: Box<Net> },
+    /// Another net for a ready command, prepared anew from where its arms rest; what was set waits in it. The other one
+    /// comes back; this one does if the command is not ready.
+    Renew { id: u64, net: Box<Net> },
     /// Makes a loading command rejected.
     Reject { ticket: u64, id: u64 },
     /// START.

@@ -15,7 +15,7 @@ use rtrb::{Consumer, Producer};
 
 use crate::net::{Evaluation, Net};
 use crate::queue::Order;
-use entry::{BEGINS, CANCEL, MEASUREMENT_WORDS, OrderKind, Tag, head, outcome_number};
+use entry::{BEGINS, CANCEL, MEASUREMENT_WORDS, OrderKind, Tag, anew_flags, head, outcome_number};
 use ring::Ring;
 
 /// So long the recording goes on after what freezes it, ns.
@@ -244,6 +244,7 @@ impl Recorder {
             self.due &= !bit;
         }
         let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
+        let flags = flags | anew_flags(net.times_anew());
         let outcome = outcome_number(evaluation);
         let (reals, bools, ints) = net.arenas();
         self.ring.push(&[
@@ -378,6 +379,7 @@ fn push_input(ring: &mut Ring, index: usize, device: &Written) {
 fn kind_of(order: &Order) -> (OrderKind, u64) {
     match order {
         Order::Install { id, .. } => (OrderKind::Install, *id),
+        Order::Renew { id, .. } => (OrderKind::Renew, *id),
         Order::Reject { id, .. } => (OrderKind::Reject, *id),
         Order::Start { id, .. } => (OrderKind::Start, *id),
         Order::Cancel { id, .. } => (OrderKind::Cancel, *id),

@@ -249,6 +249,7 @@ impl Track {
         let &Entry::Net {
             begins,
             cancel,
+            anew,
             evaluation,
             dt_s,
             cycles,
@@ -260,6 +261,10 @@ impl Track {
         };
         self.result.recorded += 1;
         let net = self.net.as_mut()?;
+        if anew != net.times_anew() {
+            // A START that was refused, before the net was prepared anew.
+            return None;
+        }
         if begins {
             net.reset();
             self.known = true;

@@ -13,7 +13,7 @@ use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
 use rcc_core::types::Store;
 use rcc_engine::incident::{self, Head, Incident, Parts};
-use rcc_engine::net::Origin;
+use rcc_engine::net::{Net, Origin};
 use rcc_engine::queue::Order;
 use rcc_engine::record::hash::Sum;
 use rcc_engine::record::{Reason, Recorder, RecorderConfig, RecorderHelper, Recording};
@@ -505,4 +505,28 @@ fn a_damaged_recording_is_an_error_or_a_difference_and_never_a_panic() {
         // Either is right: that it comes back is the test.
         let _ = replay(&source, None, |_| ());
     }
+}
+
+#[test]
+fn what_ran_before_a_net_was_made_anew_is_not_compared_with_it() {
+    let mut stage = Recorded::new(4 << 20);
+    let id = stage.load(line_net()).expect("a good plan");
+    // The arm rests elsewhere by now: refused, after the first evaluation.
+    let hold = &mut stage.bench.driver.measurement.hold;
+    hold[0] += 0.1;
+    let holds = [Some(*hold), None];
+    stage.start(id);
+    stage.bench.steps(2);
+    let net = Net::anew(&stage.nets[&id], &stage.bench.models, CONFIGURATION, &holds);
+    let net = net.expect("from there, too");
+    stage.nets.insert(id, net.origin());
+    stage.bench.order(|_| Order::Renew { id, net });
+    stage.start(id);
+    stage.bench.steps(300);
+    let tape = stage.freeze();
+    let results = stage.replay(&tape.words);
+    let result = &results[0];
+    assert_eq!(result.mismatch, None, "{result:?}");
+    assert!(result.compared > 300, "{result:?}");
+    assert_eq!(result.recorded, result.compared + 1, "{result:?}");
 }

@@ -8,6 +8,8 @@ use rcc_core::plan::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::rehearsal::{Foreseen, Rehearsed};
+
 /// Name of the executor's request service in its announcement.
 pub const CONTROL: &str = "control";
 /// Name of the board with [`rcc_core::message::CycleStatus`].
@@ -219,6 +221,13 @@ pub enum Answer {
         /// Executor cycle.
         cycle: u64,
     },
+    /// As [`Answer::Done`], of a net that was rehearsed before.
+    Rehearsed {
+        /// Executor cycle.
+        cycle: u64,
+        /// What the rehearsal came to.
+        rehearsed: Rehearsed,
+    },
     /// What was read.
     Values(Values),
     /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
@@ -313,6 +322,8 @@ pub enum Refusal {
     Plan(PlanError),
     /// The start values could not be computed.
     Prepare(PrepareFault),
+    /// In its rehearsal the net breaks a limit of an arm.
+    Foreseen(Foreseen),
     /// The nets would need more of a cycle than the cell's budget.
     Budget {
         /// What the net is expected to need, ns.

@@ -29,6 +29,7 @@ pub mod lock;
 pub mod parcel;
 pub mod pattern;
 mod reap;
+pub mod rehearsal;
 pub mod request;
 pub mod room;
 pub mod seldom;

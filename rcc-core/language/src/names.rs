@@ -23,6 +23,9 @@ pub struct Names {
     /// Values that are set from outside, in the order of the plan.
     #[serde(default)]
     pub inputs: Vec<InputNames>,
+    /// Ids of the motions, in the order of the plan.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motions: Vec<String>,
 }
 
 /// Names of one primitive.
@@ -145,7 +148,18 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         primitives: primitives.collect(),
         monitors: monitors.collect(),
         inputs: inputs(net, lowered),
+        motions: motions(net, lowered),
     }
+}
+
+/// Each motion has the next number in the order in which primitives are lowered.
+fn motions(net: Typed<'_>, lowered: &Lowered) -> Vec<String> {
+    let items = lowered
+        .order
+        .iter()
+        .filter_map(|item| net.graph.items.get(*item));
+    let motions = items.filter(|item| item.spec().role == Role::Motion);
+    motions.map(|item| item.id().to_string()).collect()
 }
 
 fn inputs(net: Typed<'_>, lowered: &Lowered) -> Vec<InputNames> {

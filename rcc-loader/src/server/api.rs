@@ -223,9 +223,45 @@ pub struct CommandView {
     /// Seconds since the epoch at which it was loaded.
     #[serde(default)]
     pub loaded_at: u64,
+    /// Of a net that commands an arm: what it did when it was run through virtual time before it became ready.
+    #[serde(default)]
+    pub rehearsal: Option<RehearsalView>,
     /// Faults and warnings of its text.
     #[serde(default)]
     pub diagnostics: Vec<Finding>,
+}
+
+/// What a net did when it was run through virtual time, before anything was commanded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct RehearsalView {
+    /// Virtual time that was checked, s.
+    pub time_s: f64,
+    /// `finished`: to its end; `waits`: until nothing moved any more; `too long`: it goes on after what was checked;
+    /// `elsewhere`: nothing was checked, START does it.
+    pub end: String,
+    /// Smallest distance to a singularity, `null` = not known.
+    #[serde(default)]
+    pub singularity: Option<f64>,
+    /// Greatest use of limits, for velocity, acceleration and jerk; none if nothing moved.
+    #[serde(default)]
+    pub peaks: Vec<PeakView>,
+    /// All of it for people.
+    pub words: String,
+    /// What it took, ns.
+    pub took_ns: u64,
+}
+
+/// How much of a limit was used.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PeakView {
+    /// `speed`, `acceleration` or `jerk`.
+    pub of: String,
+    /// The device.
+    pub device: String,
+    /// The joint.
+    pub joint: String,
+    /// Value in parts of the limit; 1 = all of it.
+    pub share: f64,
 }
 
 /// A command with its text.

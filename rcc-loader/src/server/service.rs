@@ -278,6 +278,10 @@ impl Service {
         let refused = match handed_over {
             Ok(Answer::RefusedFor { .. } | Answer::Values(_)) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
+            Ok(Answer::Rehearsed { rehearsed, .. }) => {
+                file.rehearsal = Some(self.with_namer(None, |namer| namer.rehearsal(&rehearsed)));
+                return stored(&file);
+            }
             Ok(Answer::Refused(refusal)) => {
                 self.with_namer(Some(&store), |namer| namer.refusal(id, refusal))
             }
@@ -330,7 +334,7 @@ impl Service {
         let id = self.resolve(&attached, &store, name, |state| operation.suits(state))?;
         let net = store.read(id).map(|file| file.net).unwrap_or_default();
         match self.executor.call(&operation.call(id))? {
-            Answer::Done { cycle } => {
+            Answer::Done { cycle } | Answer::Rehearsed { cycle, .. } => {
                 if operation == Operation::Unload {
                     store.remove(id);
                 }
@@ -405,8 +409,13 @@ impl Service {
     }
 
     fn view(&self, store: &Store, row: &CommandEntry) -> (CommandView, CommandFile) {
+        // Looked at before the file: what the load came to is written after the executor has answered.
+        let is_loading = self.loading().contains_key(&row.id);
         let file = self.file(store, row.id).unwrap_or_default();
-        let state = CommandState::from_number(row.state);
+        let state = match CommandState::from_number(row.state) {
+            CommandState::Ready | CommandState::Rejected if is_loading => CommandState::Loading,
+            state => state,
+        };
         let reason = EndReason::from_number(row.reason);
         let view = CommandView {
             id: row.id,
@@ -426,6 +435,7 @@ impl Service {
             primitives: file.primitives,
             uses: file.uses.clone(),
             loaded_at: file.loaded_at,
+            rehearsal: file.rehearsal.clone(),
             diagnostics: file.diagnostics.clone(),
         };
         (view, file)
@@ -443,10 +453,15 @@ impl Service {
                 _ => format!("#{id}"),
             }
         };
+        let motion = |id: u64, motion: u32| {
+            let file = store.and_then(|store| self.file(store, id));
+            motion_name(file.as_ref().map(|file| &file.names), motion)
+        };
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
         what(&Namer {
             config: &self.config,
             net: &net,
+            motion: &motion,
             reason: &reason,
         })
     }
@@ -463,6 +478,14 @@ impl Service {
 /// All faults of the text.
 pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
     compile::compile(text, file, config)
+}
+
+/// The id of a motion, from the names of its net.
+fn motion_name(names: Option<&serde_json::Value>, motion: u32) -> String {
+    let ids = names.and_then(|names| names.get("motions"));
+    let id = ids.and_then(|ids| ids.get(motion as usize));
+    let id = id.and_then(serde_json::Value::as_str);
+    id.map_or_else(|| format!("motion {motion}"), str::to_owned)
 }
 
 pub(super) fn unexpected() -> ApiError {

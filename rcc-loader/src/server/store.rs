@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime};
 use rcc_ipc::Cell;
 use serde::{Deserialize, Serialize};
 
-use super::api::Finding;
+use super::api::{Finding, RehearsalView};
 
 /// Everything the loader knows about a command and the executor does not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,6 +36,9 @@ pub struct CommandFile {
     /// Number of primitives.
     #[serde(default)]
     pub primitives: u32,
+    /// What its rehearsal came to.
+    #[serde(default)]
+    pub rehearsal: Option<RehearsalView>,
     /// Seconds since the epoch at which it was loaded.
     #[serde(default)]
     pub loaded_at: u64,

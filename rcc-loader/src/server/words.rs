@@ -20,6 +20,8 @@ pub struct Namer<'a> {
     pub config: &'a CellConfig,
     /// `net#id` of a command.
     pub net: &'a dyn Fn(u64) -> String,
+    /// The id of a motion in that net.
+    pub motion: &'a dyn Fn(u64, u32) -> String,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
 }
@@ -168,6 +170,7 @@ impl Namer<'_> {
             ),
             Refusal::Plan(error) => self.plan(&net, error),
             Refusal::Prepare(fault) => self.prepare(&net, fault),
+            Refusal::Foreseen(foreseen) => self.foreseen(id, &foreseen),
             Refusal::Budget {
                 needed_ns,
                 in_use_ns,
@@ -420,8 +423,8 @@ pub fn unknown(name: &str) -> ApiError {
 }
 
 fn first_set_point(net: &str, violation: &str) -> (Code, String, String) {
-    let help = "begin where the device is held (a LinearMotion without `from` does): load the net again and start it; \
-                there is deliberately no flag to skip this check";
+    let help = "begin where the device is held (a motion without `from` does, wherever that is at START), or bring the device \
+                to where the net begins; there is deliberately no flag to skip this check";
     (
         codes::FIRST_SET_POINT,
         format!("{net} cannot start: {violation}"),

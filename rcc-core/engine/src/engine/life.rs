@@ -19,6 +19,7 @@ impl Engine {
         let (ticket, result) = match order {
             Order::Reserve { ticket } => (ticket, self.reserve().map(Some)),
             Order::Install { ticket, id, net } => (ticket, self.install(id, net).map(|()| None)),
+            Order::Renew { id, net } => return self.renew(id, net),
             Order::Reject { ticket, id } => (ticket, self.reject(id).map(|()| None)),
             Order::Start { ticket, id } => match self.begin(ticket, id) {
                 // Answered after the first evaluation.
@@ -118,6 +119,16 @@ impl Engine {
                 Err(refusal)
             }
         }
+    }
+
+    fn renew(&mut self, id: u64, mut net: Box<Net>) {
+        let row = self.row_in(id, |state| state == CommandState::Ready).ok();
+        let row = row.filter(|row| self.pending.get(*row) == Some(&Pending::Nothing));
+        if let Some(Some(old)) = row.and_then(|row| self.nets.get_mut(row)) {
+            std::mem::swap(net.inputs_mut(), old.inputs_mut());
+            std::mem::swap(&mut net, old);
+        }
+        self.give_back(Outcome::Net(net));
     }
 
     fn reject(&mut self, id: u64) -> Result<(), Refusal> {

@@ -136,8 +136,8 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
             input.at_most.unwrap_or(none),
         ));
     }
-    let Begun { holds, dt_s } = &origin.begun;
-    out.push(dt_s.to_bits());
+    let Begun { holds, dt_s, anew } = &origin.begun;
+    out.extend([u64::from(*anew), dt_s.to_bits()]);
     out.push(holds.len() as u64);
     for hold in holds.iter() {
         // Null in the first joint: not known.
@@ -262,7 +262,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
     });
     let monitors = monitors.collect::<Result<_, _>>()?;
     let inputs = inputs(words)?;
-    let [dt_s] = words.some("a net's period")?;
+    let [anew, dt_s] = words.some("a net's period")?;
     let holds = groups::<JOINTS_MAX>(words, "a net's hold set-points")?.iter();
     let holds = holds.map(|hold| Some(hold.map(f64::from_bits)).filter(|hold| !hold[0].is_nan()));
     let data = PlanData {
@@ -288,6 +288,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
         begun: Begun {
             holds: holds.collect(),
             dt_s: f64::from_bits(dt_s),
+            anew: anew as u8,
         },
     })
 }

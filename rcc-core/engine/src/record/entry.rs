@@ -57,6 +57,12 @@ pub(super) const BEGINS: u16 = 1;
 /// In the flags of a net or a snapshot: CANCEL was requested.
 pub(super) const CANCEL: u16 = 2;
 
+/// The flags of a net say how many times it was prepared anew (the lowest bits of it): only an evaluation of the net that
+/// an incident has can be compared.
+pub(super) fn anew_flags(anew: u8) -> u16 {
+    u16::from(anew) << 8
+}
+
 /// An order as a number, with what it is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -85,6 +91,8 @@ pub enum OrderKind {
     Set = 12,
     /// Values were read.
     Read = 13,
+    /// A net was prepared anew.
+    Renew = 14,
 }
 
 /// What came of one evaluation, as a number.
@@ -150,6 +158,8 @@ pub enum Entry<'a> {
         begins: bool,
         /// CANCEL was requested.
         cancel: bool,
+        /// How many times it was prepared anew, as [`crate::net::Begun::anew`].
+        anew: u8,
         /// What came of it.
         evaluation: Evaluation,
         /// The engine's period, s.
@@ -269,6 +279,7 @@ fn read(head: u64, words: &[u64]) -> Option<Entry<'_>> {
             id,
             begins: flags & BEGINS != 0,
             cancel: flags & CANCEL != 0,
+            anew: (flags >> 8) as u8,
             evaluation: outcome_of(small)?,
             dt_s: f64::from_bits(dt_s),
             cycles,

@@ -475,9 +475,9 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     let to = plan.reals(&goal.to_slots());
     let from = plan.reals(&from.unwrap_or([f64::NAN; 7]));
     let limits = plan.reals(&[0.2, 1.0, 10.0, 1.0, 4.0, 40.0]);
-    let state = plan.reals(&[f64::NAN; 9]);
     let joints = plan.reals(&[f64::NAN; 7]);
-    let ik = plan.reals(&[f64::NAN; 9]);
+    let ik = plan.reals(&[f64::NAN; 10]);
+    plan.data.ints.extend([NULL_INT; 2]);
     plan.add("Cancel", &[requested]);
     let outputs = [requested, pose, done, distance, speed, acceleration];
     let parameters = [
@@ -491,11 +491,8 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
         limits + 4,
         limits + 5,
     ];
-    plan.add(
-        "LinearMotion",
-        &[&outputs[..], &parameters, &[state, 0]].concat(),
-    );
-    plan.add("InverseKinematics", &[pose, joints, 0, ik, 7]);
+    plan.add("LinearMotion", &[&outputs[..], &parameters, &[0]].concat());
+    plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, ik, 7]);
     plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("Termination", &[done]);
     plan.monitor(Store::Real, distance, 1, 1);

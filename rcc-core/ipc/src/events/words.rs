@@ -321,7 +321,7 @@ impl Fault {
             "device lost" => {
                 "when it is ready again (rcc-cli devices), load and start the net again"
             }
-            "jump" => "begin where the device is held: load the net again",
+            "jump" => "begin where the device is held",
             "limit" => "correct the net's speeds or its path",
             "overrun" => "make the net cheaper, or the machine quieter (rcc-cli doctor)",
             "panic" => "a fault of ours: report it with the net",

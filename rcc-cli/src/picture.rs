@@ -1,0 +1,415 @@
+//! Curves as a picture: panels with axes, limits and a legend, as SVG or PNG. Whoever asks for a picture runs it; the same
+//! curves give the same picture.
+
+use std::io::Write;
+use std::sync::OnceLock;
+
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use plotters::style::{FontStyle, register_font};
+use thiserror::Error;
+
+mod thin;
+
+/// Colours that people with any colour vision tell apart (Okabe and Ito, 2008).
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 0, 0),
+    RGBColor(153, 153, 153),
+];
+const LIMIT: RGBColor = RGBColor(200, 30, 30);
+const WIDTH: u32 = 1200;
+const TITLE: u32 = 44;
+/// Height of a panel with time, and of one with places.
+const HEIGHT: u32 = 240;
+const SQUARE: u32 = 380;
+const LEGEND: u32 = 230;
+/// Names beyond these are not in the legend.
+const LEGEND_MAX: usize = 12;
+const FONT: &str = "sans-serif";
+
+/// A curve; where it has no value there is a gap between two stretches.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curve {
+    /// For the legend; empty: it is not in it.
+    pub name: String,
+    /// Its stretches, points in order.
+    pub stretches: Vec<Vec<(f64, f64)>>,
+    /// Place in the list of colours.
+    pub colour: usize,
+}
+
+/// A rectangle of the picture with axes of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// What is shown, with its unit.
+    pub title: String,
+    /// Name of the horizontal axis, with its unit.
+    pub across: String,
+    /// Three to a row, with the same scale in both directions: places. Otherwise it is as wide as the picture: time.
+    pub place: bool,
+    /// Curves.
+    pub curves: Vec<Curve>,
+    /// Values that must not be exceeded.
+    pub limits: Vec<f64>,
+    /// Vertical lines: something happens.
+    pub marks: Vec<f64>,
+    /// What is shown at least: least and greatest value, down and up.
+    pub shows: Option<[f64; 2]>,
+    /// A rectangle: left, right, bottom and top.
+    pub frame: Option<[f64; 4]>,
+}
+
+impl Panel {
+    /// A panel of values over time, s.
+    #[must_use]
+    pub fn over_time(title: String, curves: Vec<Curve>) -> Panel {
+        Panel {
+            title,
+            across: "time [s]".to_owned(),
+            place: false,
+            curves,
+            limits: Vec::new(),
+            marks: Vec::new(),
+            shows: None,
+            frame: None,
+        }
+    }
+}
+
+/// Panels under a title.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Above all.
+    pub title: String,
+    /// From the top; those with places come in rows of three.
+    pub panels: Vec<Panel>,
+}
+
+/// Why there is no picture.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("the picture cannot be drawn: {0}")]
+pub struct PictureError(String);
+
+type Area<B> = DrawingArea<B, Shift>;
+
+fn failed(error: impl std::fmt::Display) -> PictureError {
+    PictureError(error.to_string())
+}
+
+/// The one font of pictures, so that they are the same everywhere and need nothing from the system.
+fn font() {
+    static ONCE: OnceLock<()> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        // Refused only if it were no font; then there are no letters, and the drawing says so.
+        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+    });
+}
+
+impl Picture {
+    /// As SVG.
+    ///
+    /// # Errors
+    /// The drawing fails.
+    pub fn svg(&self) -> Result<String, PictureError> {
+        let mut text = String::new();
+        self.draw(SVGBackend::with_string(&mut text, (WIDTH, self.height())))?;
+        Ok(text)
+    }
+
+    /// Writes it as PNG.
+    ///
+    /// # Errors
+    /// The drawing or the writing fails.
+    pub fn png(&self, out: impl Write) -> Result<(), PictureError> {
+        let (width, height) = (WIDTH, self.height());
+        let mut pixels = vec![0; width as usize * height as usize * 3];
+        self.draw(BitMapBackend::with_buffer(&mut pixels, (width, height)))?;
+        let mut encoder = png::Encoder::new(out, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header().map_err(failed)?;
+        writer.write_image_data(&pixels).map_err(failed)?;
+        writer.finish().map_err(failed)
+    }
+
+    fn rows(&self) -> Vec<&[Panel]> {
+        let mut rows = Vec::new();
+        for group in self.panels.chunk_by(|one, next| one.place && next.place) {
+            rows.extend(group.chunks(3));
+        }
+        rows
+    }
+
+    fn height(&self) -> u32 {
+        let heights = self.rows().into_iter().map(height_of);
+        TITLE + heights.sum::<u32>()
+    }
+
+    fn draw<B: DrawingBackend>(&self, backend: B) -> Result<(), PictureError>
+    where
+        B::ErrorType: 'static,
+    {
+        font();
+        let root = backend.into_drawing_area();
+        root.fill(&WHITE).map_err(failed)?;
+        let (title, mut rest) = root.split_vertically(TITLE);
+        let style = (FONT, 22).into_font().color(&BLACK);
+        title
+            .draw_text(&self.title, &style, (16, 12))
+            .map_err(failed)?;
+        for row in self.rows() {
+            let (area, below) = rest.split_vertically(height_of(row));
+            rest = below;
+            let columns = if row.iter().any(|panel| panel.place) {
+                3
+            } else {
+                1
+            };
+            let areas = area.split_evenly((1, columns));
+            for (panel, area) in row.iter().zip(areas) {
+                panel.draw(&area)?;
+            }
+        }
+        root.present().map_err(failed)
+    }
+}
+
+fn height_of(row: &[Panel]) -> u32 {
+    if row.iter().any(|panel| panel.place) {
+        SQUARE
+    } else {
+        HEIGHT
+    }
+}
+
+impl Panel {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Result<(), PictureError>
+    where
+        B::ErrorType: 'static,
+    {
+        let (width, height) = area.dim_in_pixel();
+        let legend = if self.place { 10 } else { LEGEND };
+        let (chart, side) = area.split_horizontally(width - legend);
+        let [left, right, bottom, top] = self.bounds(width - legend, height);
+        let mut chart = ChartBuilder::on(&chart)
+            .caption(&self.title, (FONT, 15))
+            .margin(6)
+            .x_label_area_size(34)
+            .y_label_area_size(66)
+            .build_cartesian_2d(left..right, bottom..top)
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(221, 221, 221))
+            .x_labels(if self.place { 5 } else { 10 })
+            .y_labels(6)
+            .x_desc(&self.across)
+            .label_style((FONT, 13))
+            .x_label_formatter(&|value| short(*value))
+            .y_label_formatter(&|value| short(*value))
+            .draw()
+            .map_err(failed)?;
+        if let Some([l, r, b, t]) = self.frame {
+            let corners = [(l.max(left), b.max(bottom)), (r.min(right), t.min(top))];
+            let frame = Rectangle::new(corners, LIMIT.stroke_width(1));
+            chart.draw_series([frame]).map_err(failed)?;
+        }
+        let across = self
+            .limits
+            .iter()
+            .map(|limit| [(left, *limit), (right, *limit)]);
+        let limits = across.map(|ends| PathElement::new(ends, LIMIT.stroke_width(1)));
+        chart.draw_series(limits).map_err(failed)?;
+        let up = self
+            .marks
+            .iter()
+            .map(|mark| [(*mark, bottom), (*mark, top)]);
+        let marks = up.map(|ends| PathElement::new(ends, RGBColor(90, 90, 90).stroke_width(1)));
+        chart.draw_series(marks).map_err(failed)?;
+        // Half a unit of the picture is not seen.
+        let (x, y) = (
+            (right - left) / f64::from(width),
+            (top - bottom) / f64::from(height),
+        );
+        for curve in &self.curves {
+            let colour = COLOURS[curve.colour % COLOURS.len()];
+            for stretch in &curve.stretches {
+                let points = thin::thinned(stretch, 0.4 * x, 0.4 * y);
+                let line = LineSeries::new(points, colour.stroke_width(2));
+                chart.draw_series(line).map_err(failed)?;
+            }
+        }
+        self.ends(&mut chart)?;
+        self.legend(&side)
+    }
+
+    /// Of places: where they begin.
+    fn ends<B: DrawingBackend>(
+        &self,
+        chart: &mut ChartContext<'_, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
+    ) -> Result<(), PictureError>
+    where
+        B::ErrorType: 'static,
+    {
+        let begins = self
+            .curves
+            .iter()
+            .filter(|_| self.place)
+            .filter_map(|curve| {
+                let begin = curve.stretches.first()?.first()?;
+                let colour = COLOURS[curve.colour % COLOURS.len()];
+                Some(Circle::new(*begin, 5, colour.filled()))
+            });
+        chart.draw_series(begins).map_err(failed)?;
+        Ok(())
+    }
+
+    fn legend<B: DrawingBackend>(&self, area: &Area<B>) -> Result<(), PictureError>
+    where
+        B::ErrorType: 'static,
+    {
+        if self.place {
+            return Ok(());
+        }
+        let style = (FONT, 13).into_font().color(&BLACK);
+        let named = self.curves.iter().filter(|curve| !curve.name.is_empty());
+        let count = named.clone().count();
+        for (index, curve) in named.take(LEGEND_MAX + 1).enumerate() {
+            let y = 34 + 16 * index as i32;
+            if index == LEGEND_MAX {
+                let more = format!("and {} more", count - LEGEND_MAX);
+                return area.draw_text(&more, &style, (30, y - 6)).map_err(failed);
+            }
+            let colour = COLOURS[curve.colour % COLOURS.len()];
+            let line = PathElement::new([(4, y), (24, y)], colour.stroke_width(3));
+            area.draw(&line).map_err(failed)?;
+            area.draw_text(&curve.name, &style, (30, y - 6))
+                .map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// Left, right, bottom and top of what is shown.
+    fn bounds(&self, width: u32, height: u32) -> [f64; 4] {
+        let points = || {
+            self.curves
+                .iter()
+                .flat_map(|curve| curve.stretches.iter().flatten())
+        };
+        let across = points().map(|(x, _)| *x);
+        let limits = self.limits.iter().copied();
+        let shows = self.shows.into_iter().flatten();
+        let up = points().map(|(_, y)| *y).chain(limits).chain(shows);
+        let ([left, right], [bottom, top]) = (span(across), span(up));
+        if !self.place {
+            let room = 0.05 * (top - bottom);
+            return [left, right, bottom - room, top + room];
+        }
+        // Without the axes' labels.
+        let shape = f64::from(width - 80) / f64::from(height - 70);
+        let half = 0.55 * ((right - left) / shape).max(top - bottom).max(1e-3);
+        let (x, y) = (0.5 * (left + right), 0.5 * (bottom + top));
+        [x - half * shape, x + half * shape, y - half, y + half]
+    }
+}
+
+/// Least and greatest of some values, never the same.
+fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let [low, high] = values
+        .filter(|value| value.is_finite())
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+            [low.min(value), high.max(value)]
+        });
+    match (low <= high, high - low) {
+        (false, _) => [0.0, 1.0],
+        (true, width) if width > 1e-9 * high.abs().max(low.abs()).max(1e-9) => [low, high],
+        (true, _) => [low - 0.5, high + 0.5],
+    }
+}
+
+/// With as many digits as a mark of an axis needs.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.6}");
+    let trimmed = rounded.trim_end_matches('0').trim_end_matches('.');
+    match trimmed {
+        "0" | "-0" if value.abs() > 1e-12 => format!("{value:.1e}"),
+        "-0" => "0".to_owned(),
+        _ if value.abs() >= 1e6 => format!("{value:.2e}"),
+        _ => trimmed.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture() -> Picture {
+        let wave = (0..1000).map(|i| (f64::from(i) * 1e-3, (f64::from(i) * 0.01).sin()));
+        let curve = Curve {
+            name: "a<b>&\"c\"".to_owned(),
+            stretches: vec![wave.collect()],
+            colour: 0,
+        };
+        let place = Panel {
+            place: true,
+            across: "x [m]".to_owned(),
+            frame: Some([-1.0, 2.0, -2.0, f64::INFINITY]),
+            ..Panel::over_time("y [m]".to_owned(), vec![curve.clone()])
+        };
+        let empty = Panel::over_time("nothing".to_owned(), vec![Curve::default()]);
+        let time = Panel {
+            limits: vec![1.0, -1.0],
+            marks: vec![0.5],
+            ..Panel::over_time("wave [1]".to_owned(), vec![curve])
+        };
+        Picture {
+            title: "a net".to_owned(),
+            panels: vec![place.clone(), place, time, empty],
+        }
+    }
+
+    #[test]
+    fn a_picture_is_the_same_each_time_and_names_cannot_break_it() {
+        let svg = picture().svg().unwrap();
+        assert_eq!(svg, picture().svg().unwrap());
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        assert!(svg.contains("a&lt;b&gt;&amp;") && !svg.contains("a<b>"));
+        assert!(svg.contains("time [s]") && svg.contains("wave [1]"));
+        assert!(svg.len() < 60_000, "{} bytes", svg.len());
+    }
+
+    #[test]
+    fn a_png_has_letters_and_lines() {
+        let mut bytes = Vec::new();
+        picture().png(&mut bytes).unwrap();
+        let decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+        let mut reader = decoder.read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(
+            (info.width, info.height),
+            (WIDTH, TITLE + SQUARE + 2 * HEIGHT)
+        );
+        let rows = pixels.chunks(WIDTH as usize * 3);
+        let dark = rows
+            .take(TITLE as usize)
+            .flatten()
+            .filter(|value| **value < 100);
+        assert!(dark.count() > 100, "the title is written");
+    }
+
+    #[test]
+    fn what_does_not_change_has_room_around_it() {
+        assert_eq!(span([2.0, 2.0].into_iter()), [1.5, 2.5]);
+        assert_eq!(span([f64::NAN].into_iter()), [0.0, 1.0]);
+        assert_eq!(span([1.0, f64::INFINITY, 3.0].into_iter()), [1.0, 3.0]);
+    }
+}

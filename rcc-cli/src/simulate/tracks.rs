@@ -1,0 +1,229 @@
+//! What arms are told while a net is simulated, and panels of it: the path of the flange, and positions, velocities,
+//! accelerations and jerks of the joints in parts of their limits. The caller's thread.
+
+use rcc_config::CellConfig;
+use rcc_core::frame::DeviceModel;
+use rcc_core::message::Joints;
+use rcc_engine::engine::Engine;
+
+use crate::picture::{Curve, Panel};
+
+/// One arm's set-points.
+#[derive(Clone, Debug)]
+struct Track {
+    device: usize,
+    name: String,
+    joints: Vec<String>,
+    model: DeviceModel,
+    /// Stretches of cycles in which it is commanded: time (s) and set-point (rad).
+    stretches: Vec<Vec<(f64, Joints)>>,
+    commanded: bool,
+}
+
+/// All arms of a cell.
+#[derive(Clone, Debug)]
+pub struct Tracks {
+    tracks: Vec<Track>,
+    dt_s: f64,
+}
+
+/// Quantities of joints in the order of their panels.
+const RATES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
+
+impl Tracks {
+    /// Nothing was told yet.
+    #[must_use]
+    pub fn new(config: &CellConfig) -> Tracks {
+        let arms = config.devices.iter().enumerate();
+        let tracks = arms.filter_map(|(device, row)| {
+            let robot = row.robot.as_ref()?;
+            Some(Track {
+                device,
+                name: row.name.clone(),
+                joints: robot
+                    .joints
+                    .iter()
+                    .map(|joint| joint.name.clone())
+                    .collect(),
+                model: row.model(),
+                stretches: Vec::new(),
+                commanded: false,
+            })
+        });
+        Tracks {
+            tracks: tracks.collect(),
+            dt_s: config.period_ns as f64 / 1e9,
+        }
+    }
+
+    /// Takes what the engine tells in this cycle.
+    pub fn take(&mut self, time_s: f64, engine: &Engine) {
+        for track in &mut self.tracks {
+            let image = engine.image(track.device);
+            let point = image.and_then(|image| image.at(image.sequence));
+            let point = point.filter(|point| point.has_position == 1);
+            if let Some(point) = point {
+                if !track.commanded {
+                    track.stretches.push(Vec::new());
+                }
+                if let Some(stretch) = track.stretches.last_mut() {
+                    stretch.push((time_s, point.position));
+                }
+            }
+            track.commanded = point.is_some();
+        }
+    }
+
+    /// The panels of every arm that was commanded; `marks`: times at which something happens, s.
+    #[must_use]
+    pub fn panels(&self, marks: &[f64]) -> Vec<Panel> {
+        let told = self
+            .tracks
+            .iter()
+            .filter(|track| !track.stretches.is_empty());
+        let of_several = told.clone().count() > 1;
+        told.flat_map(|track| {
+            let prefix = if of_several {
+                format!("{}: ", track.name)
+            } else {
+                String::new()
+            };
+            let mut panels = track.panels(self.dt_s);
+            for panel in &mut panels {
+                panel.title = format!("{prefix}{}", panel.title);
+                if !panel.place {
+                    panel.marks = marks.to_vec();
+                }
+            }
+            panels
+        })
+        .collect()
+    }
+}
+
+impl Track {
+    fn panels(&self, dt_s: f64) -> Vec<Panel> {
+        let mut panels = self.places(dt_s);
+        panels.push(self.positions());
+        panels.extend(RATES.map(|(name, order)| self.rates(name, order, dt_s)));
+        panels
+    }
+
+    /// Where the flange is, and its speed.
+    fn places(&self, dt_s: f64) -> Vec<Panel> {
+        let Some(arm) = self.model.arm else {
+            return Vec::new();
+        };
+        let at = |joints: &Joints| arm.forward(joints).position;
+        let place = |stretch: &Vec<(f64, Joints)>| {
+            let places = stretch.iter().map(|(time_s, joints)| (*time_s, at(joints)));
+            places.collect::<Vec<_>>()
+        };
+        let path: Vec<Vec<(f64, [f64; 3])>> = self.stretches.iter().map(place).collect();
+        let axes = ["x", "y", "z"];
+        let projection = |across: usize, up: usize| {
+            let stretch = |places: &Vec<(f64, [f64; 3])>| {
+                let points = places.iter().map(|(_, place)| (place[across], place[up]));
+                points.collect()
+            };
+            let curve = Curve {
+                stretches: path.iter().map(stretch).collect(),
+                ..Curve::default()
+            };
+            Panel {
+                place: true,
+                across: format!("{} [m]", axes[across]),
+                frame: self.model.workspace.map(|space| {
+                    [
+                        space.lower[across],
+                        space.upper[across],
+                        space.lower[up],
+                        space.upper[up],
+                    ]
+                }),
+                ..Panel::over_time(format!("{} [m], flange", axes[up]), vec![curve])
+            }
+        };
+        let speed = |places: &Vec<(f64, [f64; 3])>| {
+            let pairs = places.windows(2).map(|pair| {
+                let [(_, a), (time_s, b)] = [pair[0], pair[1]];
+                let square: f64 = a.iter().zip(b).map(|(a, b)| (b - a) * (b - a)).sum();
+                (time_s, square.sqrt() / dt_s)
+            });
+            pairs.collect()
+        };
+        let speed = Curve {
+            stretches: path.iter().map(speed).collect(),
+            ..Curve::default()
+        };
+        let speed = Panel {
+            shows: Some([0.0, 0.0]),
+            ..Panel::over_time("speed of the flange [m/s]".to_owned(), vec![speed])
+        };
+        vec![projection(0, 1), projection(0, 2), projection(1, 2), speed]
+    }
+
+    /// Where each joint is between its limits.
+    fn positions(&self) -> Panel {
+        let limits = self.model.limits;
+        let share = |joint: usize, value: f64| {
+            let (lower, upper) = (limits.lower[joint], limits.upper[joint]);
+            100.0 * (2.0 * value - lower - upper) / (upper - lower)
+        };
+        let curve = |joint: usize| {
+            let stretch = |stretch: &Vec<(f64, Joints)>| {
+                let points = stretch
+                    .iter()
+                    .map(|(time_s, row)| (*time_s, share(joint, row[joint])));
+                points.collect()
+            };
+            self.stretches.iter().map(stretch).collect()
+        };
+        self.joints_panel("position [% of the range from its middle]", curve)
+    }
+
+    /// A difference of the set-points in parts of its limit.
+    fn rates(&self, name: &str, order: usize, dt_s: f64) -> Panel {
+        let limits = self.model.limits;
+        let limit = [
+            limits.velocity_max,
+            limits.acceleration_max,
+            limits.jerk_max,
+        ];
+        let limit = limit[order - 1];
+        let per = dt_s.powi(order as i32);
+        let curve = |joint: usize| {
+            let stretch = |stretch: &Vec<(f64, Joints)>| {
+                let mut points: Vec<(f64, f64)> = stretch
+                    .iter()
+                    .map(|(time_s, row)| (*time_s, row[joint]))
+                    .collect();
+                for _ in 0..order {
+                    // From rest: before the first set-point the arm was there, too.
+                    let mut last = points.first().map_or(0.0, |(_, first)| *first);
+                    for (_, value) in &mut points {
+                        (last, *value) = (*value, *value - last);
+                    }
+                }
+                let scaled = points.into_iter();
+                scaled
+                    .map(|(time_s, value)| (time_s, 100.0 * value / per / limit[joint]))
+                    .collect()
+            };
+            self.stretches.iter().map(stretch).collect()
+        };
+        self.joints_panel(&format!("{name} [% of the limit]"), curve)
+    }
+
+    fn joints_panel(&self, title: &str, curve: impl Fn(usize) -> Vec<Vec<(f64, f64)>>) -> Panel {
+        let curves = self.joints.iter().enumerate().map(|(joint, name)| Curve {
+            name: name.clone(),
+            stretches: curve(joint),
+            colour: joint,
+        });
+        Panel {
+            limits: vec![-100.0, 100.0],
+            ..Panel::over_time(title.to_owned(), curves.collect())
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! `plot NET`: what the arms of a net would do in virtual time, as a picture: the path of the flange, and positions,
+//! velocities, accelerations and jerks of the joints in parts of their limits.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use rcc_core::message::EndReason;
+use rcc_ipc::control::Refusal;
+use rcc_loader::server::codes;
+use rcc_loader::server::codes::exit;
+use serde::Serialize;
+
+use super::simulate::{Prepared, Scenario, create, failure, not_written, with_namer};
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::picture::{Picture, PictureError};
+use crate::simulate::tracks::Tracks;
+use crate::simulate::{self, Options};
+
+/// What to plot.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(flatten)]
+    scenario: Scenario,
+    /// Where the picture goes; .svg or .png (default: the net's name with .svg).
+    #[arg(short, long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    net: String,
+    file: String,
+    time_s: f64,
+    /// A limit that the net would break, in words.
+    breaks: Option<String>,
+}
+
+/// Does it.
+///
+/// # Errors
+/// The net is not valid or refused, commands no arm, or the picture cannot be written; one that breaks a limit or ends with
+/// a fault is drawn, and is an error.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let Prepared {
+        config,
+        plan,
+        names,
+        options,
+    } = arguments.scenario.prepare()?;
+    let out = arguments.out.unwrap_or_else(|| PathBuf::from(format!("{}.svg", names.net)));
+    let options = Options {
+        whatever: true,
+        ..options
+    };
+    let mut tracks = Tracks::new(&config);
+    let mut watch = |time_s: f64, engine: &rcc_engine::engine::Engine| tracks.take(time_s, engine);
+    let simulated = simulate::run(&config, plan, &names, &options, None, &mut watch)
+        .map_err(|error| failure(&error, &names, &config, None))?;
+    let cancel_s = options.cancel_at_ns.map(|ns| ns as f64 / 1e9);
+    let panels = tracks.panels(&cancel_s.into_iter().collect::<Vec<_>>());
+    if panels.is_empty() {
+        let message = format!("{} commands no arm", names.net);
+        let help = "`rcc-cli simulate NET --plot FILE.svg` draws what its monitors show";
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
+    }
+    let title = match cancel_s {
+        Some(cancel_s) => format!("{}, CANCEL after {cancel_s} s", names.net),
+        None => names.net.clone(),
+    };
+    write(&out, &Picture { title, panels })?;
+    let words = |refusal: Refusal| with_namer(&names, &config, |namer| namer.refusal(1, refusal));
+    let fault = with_namer(&names, &config, |namer| namer.fault(&simulated.command.fault));
+    let breaks = simulated.foreseen.map(|refusal| words(refusal).message);
+    let report = Report {
+        net: names.net.clone(),
+        file: out.display().to_string(),
+        time_s: simulated.cycles as f64 * simulated.period_ns as f64 / 1e9,
+        breaks: breaks.or_else(|| fault.map(|fault| fault.words)),
+    };
+    context.print(&report, |report: &Report| {
+        let mut lines = format!("{}: {} s of {}", report.file, report.time_s, report.net);
+        if let Some(breaks) = &report.breaks {
+            lines = format!("{lines}\n{breaks}");
+        }
+        lines
+    });
+    let is_fault = EndReason::from_number(simulated.command.reason) == EndReason::Fault;
+    match report.breaks {
+        Some(_) => Err(Failure::said(exit::FAILED)),
+        None if is_fault => Err(Failure::said(exit::FAILED)),
+        None => Ok(()),
+    }
+}
+
+/// Writes a picture; what it is is said by the file's name.
+pub(super) fn write(path: &Path, picture: &Picture) -> Result<(), Failure> {
+    let name = path.extension().and_then(|extension| extension.to_str());
+    let failed = |error: PictureError| {
+        let message = format!("{}: {error}", path.display());
+        Failure::new(codes::PROCESS_FAILED, message, "is there room on the disk? otherwise report it")
+    };
+    match name {
+        Some("png") => picture.png(create(path)?).map_err(failed),
+        Some("svg") => {
+            let svg = picture.svg().map_err(failed)?;
+            let written = create(path)?.write_all(svg.as_bytes());
+            written.map_err(|error| not_written(path, &error))
+        }
+        _ => {
+            let message = format!("{} names no kind of picture", path.display());
+            Err(Failure::new(codes::BAD_REQUEST, message, "end its name in .svg or .png"))
+        }
+    }
+}

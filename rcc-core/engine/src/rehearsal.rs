@@ -1,0 +1,239 @@
+//! The rehearsal of a net: before it commands an arm it is run through virtual time, with arms that follow exactly and
+//! sensors that stay as they are, and what it would command is held against the limits of the arms. Off the real-time
+//! thread; the net is afterwards as it was.
+//!
+//! The net itself is evaluated, so that geometry, kinematics, blends and corrections are judged together, by the set-points
+//! that an arm would get: positions, and their first, second and third differences. What depends on sensors and on values
+//! that are set meanwhile stays the business of the guard, which checks every set-point before it leaves.
+
+use std::time::Instant;
+
+use bytemuck::Zeroable;
+use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
+use rcc_core::path::MotionState;
+use rcc_ipc::control::{InputValue, Refusal};
+use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed};
+
+use crate::net::{Evaluation, Net};
+
+mod watch;
+
+use watch::Watch;
+
+/// Virtual time that is rehearsed, s.
+pub const TIME_MAX_S: f64 = 20.0;
+/// Primitives that are evaluated in one rehearsal: about a fifth of a second of work.
+pub const WORK_MAX: u64 = 40_000_000;
+/// When nothing has moved for so long, the net waits for something outside, s.
+pub const WAITS_S: f64 = 3.0;
+
+/// What a net is rehearsed in.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene<'a> {
+    /// The devices of the cell.
+    pub models: &'a [DeviceModel],
+    /// What they measure now; one that is not present is quiet.
+    pub devices: &'a [DeviceInput],
+    /// Where each arm is held at rest, `None` = not known, or it moves.
+    pub holds: &'a [Option<Joints>],
+    /// What is set before START.
+    pub values: &'a [InputValue],
+    /// The executor's period, s.
+    pub dt_s: f64,
+}
+
+/// Rehearses a net that was not started yet; `None` for one that commands no arm.
+///
+/// # Errors
+/// [`Refusal::Foreseen`]: the first limit that it would break.
+pub fn rehearse(net: &mut Net, scene: &Scene<'_>) -> Result<Option<Rehearsed>, Refusal> {
+    let arms = net.resources().arms;
+    if arms == 0 {
+        return Ok(None);
+    }
+    let begun = Instant::now();
+    let stage = Stage::new(arms, scene);
+    let mut result = match stage {
+        Some(mut stage) => {
+            // One that is refused was refused when it was set, too.
+            let _ = net.set(scene.values);
+            let result = stage.run(net, scene);
+            net.reset();
+            net.inputs_mut().forget();
+            result
+        }
+        None => Ok(elsewhere()),
+    };
+    if let Ok(rehearsed) = &mut result {
+        rehearsed.took_ns = begun.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
+    }
+    result.map(Some).map_err(Refusal::Foreseen)
+}
+
+fn elsewhere() -> Rehearsed {
+    Rehearsed {
+        time_s: 0.0,
+        end: RehearsalEnd::Elsewhere,
+        peaks: watch::NO_PEAKS,
+        singularity: f64::NAN,
+        took_ns: 0,
+    }
+}
+
+/// The devices in virtual time, who watches the arms, and where the motions are.
+struct Stage {
+    inputs: Vec<DeviceInput>,
+    watches: Vec<Watch>,
+    /// By index of the motion: the last path parameter.
+    reached: Vec<f64>,
+}
+
+/// Where the motion that is under way was when the first rule was broken, and its path parameter there.
+type At = Option<(Place, f64)>;
+
+impl Stage {
+    /// `None` if it is not known where an arm rests.
+    fn new(arms: u64, scene: &Scene<'_>) -> Option<Stage> {
+        let mut inputs = Vec::with_capacity(scene.models.len());
+        let mut watches = Vec::new();
+        for (index, model) in scene.models.iter().enumerate() {
+            let input = scene.devices.get(index).filter(|input| input.present);
+            let mut measurement = input.map_or_else(|| quiet(model), |input| input.measurement);
+            if arms >> index & 1 == 1 {
+                let hold = scene.holds.get(index).copied().flatten()?;
+                (measurement.hold, measurement.position) = (hold, hold);
+                measurement.state = DeviceState::Ready as u32;
+                watches.push(Watch::new(index, *model, hold));
+            }
+            inputs.push(DeviceInput {
+                present: true,
+                measurement,
+            });
+        }
+        Some(Stage {
+            inputs,
+            watches,
+            reached: Vec::new(),
+        })
+    }
+
+    fn run(&mut self, net: &mut Net, scene: &Scene<'_>) -> Result<Rehearsed, Foreseen> {
+        let steps = steps_max(net, scene.dt_s);
+        let waits = (WAITS_S / scene.dt_s) as u64;
+        let (mut end, mut step, mut still) = (RehearsalEnd::TooLong, 0, 0);
+        let mut first: Option<(Foreseen, At)> = None;
+        while step < steps {
+            let time_s = step as f64 * scene.dt_s;
+            let (evaluation, at) = self.evaluate(net, scene);
+            if let Evaluation::Fault(code) = evaluation {
+                first = first.or(Some((watch::fault(code, time_s), at)));
+                break;
+            }
+            let mut moved = false;
+            for watch in &mut self.watches {
+                let Some(output) = net.outputs().get(watch.device()) else {
+                    continue;
+                };
+                let seen = watch.see(output, step == 0, scene.dt_s);
+                if seen.is_elsewhere {
+                    return Ok(elsewhere());
+                }
+                moved |= seen.moves;
+                let broken = seen.broken.map(|broken| watch::foreseen(broken, time_s));
+                first = first.or(broken.map(|broken| (broken, at)));
+            }
+            self.follow(net, scene.dt_s);
+            step += 1;
+            still = if moved { 0 } else { still + 1 };
+            if evaluation == Evaluation::Terminated {
+                end = RehearsalEnd::Finished;
+                break;
+            }
+            if still >= waits {
+                end = RehearsalEnd::Waits;
+                break;
+            }
+        }
+        let peaks = watch::peaks(&self.watches);
+        match first {
+            Some((foreseen, at)) => Err(Foreseen {
+                speed: watch::speed(&peaks),
+                place: at.map(|(place, s)| self.placed(place, s)),
+                ..foreseen
+            }),
+            None => Ok(Rehearsed {
+                // What it waited for at the end is not a part of what was checked.
+                time_s: (step - still.min(step)) as f64 * scene.dt_s,
+                end,
+                peaks,
+                singularity: watch::singularity(&self.watches),
+                took_ns: 0,
+            }),
+        }
+    }
+
+    /// One cycle, and where the motion is that is under way.
+    fn evaluate(&mut self, net: &mut Net, scene: &Scene<'_>) -> (Evaluation, At) {
+        let mut at: At = None;
+        let (inputs, reached) = (&self.inputs, &mut self.reached);
+        let seen = |index: usize, state: &MotionState| {
+            if reached.len() <= index {
+                reached.resize(index + 1, 0.0);
+            }
+            reached[index] = state.path.s;
+            let moves = state.path.velocity > 0.0;
+            if moves || at.is_none() {
+                let place = Place {
+                    motion: index as u32,
+                    leg: state.leg,
+                    fraction: f64::NAN,
+                    distance_m: state.distance,
+                };
+                at = Some((place, state.path.s));
+            }
+        };
+        let evaluation = net.evaluate_seen(scene.models, inputs, scene.dt_s, seen);
+        (evaluation, at)
+    }
+
+    /// With the part of the way that the motion went until the rehearsal ended.
+    fn placed(&self, place: Place, s: f64) -> Place {
+        let whole = self.reached.get(place.motion as usize).copied();
+        let whole = whole.filter(|whole| *whole > 0.0);
+        Place {
+            fraction: whole.map_or(f64::NAN, |whole| s / whole),
+            ..place
+        }
+    }
+
+    /// Arms are where they were told to be; every device has exchanged once more.
+    fn follow(&mut self, net: &Net, dt_s: f64) {
+        let period_ns = (dt_s * 1e9).round() as u64;
+        for (input, output) in self.inputs.iter_mut().zip(net.outputs()) {
+            let measurement = &mut input.measurement;
+            measurement.sequence += 1;
+            measurement.stamp_ns += period_ns;
+            if output.has_position {
+                measurement.state = DeviceState::Commanded as u32;
+                (measurement.hold, measurement.position) = (output.position, output.position);
+            }
+        }
+    }
+}
+
+/// A device that measures nothing in particular.
+fn quiet(model: &DeviceModel) -> Measurement {
+    let mut measurement = Measurement::zeroed();
+    measurement.magic = MAGIC;
+    measurement.state = DeviceState::Ready as u32;
+    measurement.joints = model.joints;
+    measurement.digital_known = u64::MAX;
+    measurement
+}
+
+/// Cycles within the time and the work of a rehearsal.
+fn steps_max(net: &Net, dt_s: f64) -> u64 {
+    let work = WORK_MAX / net.primitives().max(1);
+    ((TIME_MAX_S / dt_s) as u64).min(work).max(1)
+}

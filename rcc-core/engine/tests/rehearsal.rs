@@ -1,0 +1,270 @@
+//! Nets are run through virtual time before they command an arm, and are made anew from where the arm rests at START.
+
+mod common;
+
+use common::{Bench, HOLD, drift_net, input_net, line_net, model, motion_net, output_net};
+use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::message::{CommandState, EndReason};
+use rcc_core::workspace::Workspace;
+use rcc_engine::net::Net;
+use rcc_engine::queue::Order;
+use rcc_engine::rehearsal::{Scene, TIME_MAX_S, rehearse};
+use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_ipc::rehearsal::{Foreseen, RehearsalEnd, Rehearsed, Rule};
+
+const DT_S: f64 = 1e-3;
+/// Where `line_net` has y of its goal, and the limits of its speed, acceleration and jerk.
+const GOAL_Y: usize = 11;
+const LIMITS: usize = 24;
+
+fn build(plan: PlanData, models: &[DeviceModel]) -> Box<Net> {
+    Net::build(plan, models, 5, &[Some(HOLD)], DT_S).expect("a good plan")
+}
+
+/// Rehearses with an arm that rests at `HOLD`.
+fn rehearsed(net: &mut Net, models: &[DeviceModel]) -> Result<Option<Rehearsed>, Foreseen> {
+    let scene = Scene {
+        models,
+        devices: &[],
+        holds: &[Some(HOLD)],
+        values: &[],
+        dt_s: DT_S,
+    };
+    rehearse(net, &scene).map_err(|refusal| match refusal {
+        Refusal::Foreseen(foreseen) => foreseen,
+        other => panic!("{other:?}"),
+    })
+}
+
+/// A line of `metres` along y from where the arm is held.
+fn line(metres: f64, limits: [f64; 3]) -> PlanData {
+    let mut plan = line_net();
+    plan.reals[GOAL_Y] += metres - 0.1;
+    plan.reals[LIMITS..LIMITS + 3].copy_from_slice(&limits);
+    plan
+}
+
+const SLOW: [f64; 3] = [0.2, 1.0, 10.0];
+
+#[test]
+fn a_line_that_keeps_its_limits_is_told_with_what_it_needs_of_them() {
+    let models = [model()];
+    let mut net = build(line(0.1, SLOW), &models);
+    let told = rehearsed(&mut net, &models)
+        .unwrap()
+        .expect("it commands an arm");
+    assert_eq!(told.end, RehearsalEnd::Finished);
+    // 0.1 m at 0.2 m/s, 1 m/s², 10 m/s³: 0.5 s and the time of acceleration and jerk.
+    assert!((told.time_s - 0.8).abs() < 0.01, "{told:?}");
+    for peak in told.peaks {
+        assert!(peak.share > 0.01 && peak.share < 1.0, "{told:?}");
+        assert!((1..=7).contains(&peak.joint));
+    }
+}
+
+#[test]
+fn a_rehearsed_net_is_as_it_was() {
+    let models = [model()];
+    let (mut net, mut other) = (build(line_net(), &models), build(line_net(), &models));
+    rehearsed(&mut net, &models).unwrap();
+    let mut measurement: rcc_core::message::Measurement = bytemuck::Zeroable::zeroed();
+    measurement.joints = 7;
+    let inputs = [DeviceInput {
+        present: true,
+        measurement,
+    }];
+    for _ in 0..100 {
+        let pair = [&mut net, &mut other].map(|net| net.evaluate(&models, &inputs, DT_S));
+        assert_eq!(pair[0], pair[1]);
+        assert_eq!(net.outputs()[0].position, other.outputs()[0].position);
+        assert_eq!(net.cycles, other.cycles);
+    }
+}
+
+#[test]
+fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not() {
+    let models = [model()];
+    let fast = [3.0, 20.0, 400.0];
+    let foreseen = rehearsed(&mut build(line(0.3, fast), &models), &models).unwrap_err();
+    assert!(
+        matches!(
+            foreseen.rule,
+            Rule::Velocity | Rule::Acceleration | Rule::Jerk
+        ),
+        "{foreseen:?}"
+    );
+    assert!(foreseen.value.abs() > foreseen.limit && foreseen.limit > 0.0);
+    let place = foreseen.place.expect("a motion is under way");
+    assert!(place.fraction > 0.0 && place.fraction < 1.0, "{place:?}");
+    assert!(
+        (place.distance_m - 0.3 * place.fraction).abs() < 1e-6,
+        "{place:?}"
+    );
+    let part = foreseen.speed;
+    assert!(part > 0.05 && part < 1.0, "{foreseen:?}");
+    let slower = [
+        fast[0] * part,
+        fast[1] * part.powi(2),
+        fast[2] * part.powi(3),
+    ];
+    let told = rehearsed(&mut build(line(0.3, slower), &models), &models);
+    assert_eq!(told.unwrap().unwrap().end, RehearsalEnd::Finished);
+}
+
+#[test]
+fn a_joint_beyond_its_range_is_told_with_the_limit() {
+    let mut narrow = model();
+    narrow.limits.upper[0] = HOLD[0] + 1e-5;
+    let models = [narrow];
+    let drift = drift_net(HOLD[0], 1e-6);
+    let foreseen = rehearsed(&mut build(drift, &models), &models).unwrap_err();
+    assert_eq!((foreseen.rule, foreseen.joint), (Rule::Position, 1));
+    assert_eq!(foreseen.limit, HOLD[0] + 1e-5);
+    assert!((foreseen.time_s - 10.0).abs() < 0.01, "{foreseen:?}");
+    assert_eq!(foreseen.place, None, "no motion is under way");
+    assert_eq!(foreseen.speed, 1.0, "slower does not help");
+}
+
+#[test]
+fn a_flange_that_leaves_the_workspace_is_told_with_the_axis_and_the_bound() {
+    let mut bounded = model();
+    let y = bounded.arm.unwrap().forward(&HOLD).position[1];
+    let mut space = Workspace::ANYWHERE;
+    space.upper[1] = y + 0.05;
+    bounded.workspace = Some(space);
+    let models = [bounded];
+    let foreseen = rehearsed(&mut build(line(0.1, SLOW), &models), &models).unwrap_err();
+    assert_eq!((foreseen.rule, foreseen.joint), (Rule::Workspace, 2));
+    assert!(
+        (foreseen.value - foreseen.limit).abs() < 1e-3,
+        "{foreseen:?}"
+    );
+    assert!((foreseen.place.unwrap().fraction - 0.5).abs() < 0.01);
+    space.upper[1] = y + 0.11;
+    let models = [DeviceModel {
+        workspace: Some(space),
+        ..models[0]
+    }];
+    assert!(rehearsed(&mut build(line(0.1, SLOW), &models), &models).is_ok());
+}
+
+#[test]
+fn a_path_that_cannot_be_reached_is_told_before_the_arm_is_let_go_of() {
+    let models = [model()];
+    let mut plan = line(3.0, [0.2, 0.5, 5.0]);
+    plan.reals[LIMITS] = 0.2;
+    let foreseen = rehearsed(&mut build(plan, &models), &models).unwrap_err();
+    assert!(
+        matches!(foreseen.rule, Rule::LetsGo | Rule::Velocity),
+        "{foreseen:?}"
+    );
+    let place = foreseen.place.expect("a motion is under way");
+    assert!(
+        place.distance_m > 0.1 && place.distance_m < 1.5,
+        "{place:?}"
+    );
+}
+
+#[test]
+fn what_does_not_begin_where_the_arm_rests_is_left_to_start() {
+    let models = [model()];
+    let mut from = model().arm.unwrap().forward(&HOLD);
+    from.position[2] += 0.05;
+    let mut net = build(motion_net(Some(from.to_slots())), &models);
+    let told = rehearsed(&mut net, &models).unwrap().unwrap();
+    assert_eq!(told.end, RehearsalEnd::Elsewhere);
+    let mut net = build(line_net(), &models);
+    let scene = Scene {
+        models: &models,
+        devices: &[],
+        holds: &[None],
+        values: &[],
+        dt_s: DT_S,
+    };
+    let told = rehearse(&mut net, &scene).unwrap().unwrap();
+    assert_eq!(told.end, RehearsalEnd::Elsewhere);
+}
+
+#[test]
+fn a_rehearsal_has_an_end_even_if_its_net_has_none() {
+    let models = [model()];
+    let mut drift = build(drift_net(HOLD[0], 0.0), &models);
+    let told = rehearsed(&mut drift, &models).unwrap().unwrap();
+    assert_eq!((told.end, told.time_s), (RehearsalEnd::Waits, 0.0));
+    // Slow enough for the third difference of its first step.
+    let mut drift = build(drift_net(HOLD[0], 1e-6), &models);
+    let told = rehearsed(&mut drift, &models).unwrap().unwrap();
+    assert_eq!((told.end, told.time_s), (RehearsalEnd::TooLong, TIME_MAX_S));
+}
+
+#[test]
+fn a_net_that_commands_no_arm_is_not_rehearsed() {
+    let models = [model()];
+    assert_eq!(
+        rehearsed(&mut build(output_net(1), &models), &models),
+        Ok(None)
+    );
+}
+
+/// Made anew from where the arm rests now, as START has it made.
+fn renew(bench: &mut Bench, id: u64, plan: PlanData) {
+    let loaded = Net::build(plan, &bench.models, 5, &[Some(HOLD)], DT_S).expect("a good plan");
+    let holds = [Some(bench.driver.measurement.hold)];
+    let net = Net::anew(&loaded.origin(), &bench.models, 5, &holds).expect("from there, too");
+    bench.order(|_| Order::Renew { id, net });
+}
+
+#[test]
+fn nets_that_were_loaded_in_advance_start_one_after_the_other_where_the_arm_rests() {
+    let mut bench = Bench::new();
+    let (out, back) = (line(0.1, SLOW), line(0.02, SLOW));
+    let (first, second) = (bench.load(out), bench.load(back.clone()));
+    assert!(matches!(bench.start(first), Answer::Done { .. }));
+    assert_eq!(bench.until_terminated(first, 2000), EndReason::Finished);
+    let rests = bench.driver.measurement.hold;
+    let refused = bench.start(second);
+    assert!(
+        matches!(refused, Answer::Refused(Refusal::FirstSetPoint { .. })),
+        "{refused:?}"
+    );
+    renew(&mut bench, second, back);
+    assert!(matches!(bench.start(second), Answer::Done { .. }));
+    let begins = bench.told().position;
+    assert!(begins.iter().zip(rests).all(|(a, b)| (a - b).abs() < 1e-12));
+    assert_eq!(bench.until_terminated(second, 2000), EndReason::Finished);
+    let arm = model().arm.unwrap();
+    let y = arm.forward(&HOLD).position[1];
+    let ends = bench.driver.measurement.hold;
+    assert!((arm.forward(&ends).position[1] - (y + 0.02)).abs() < 1e-9);
+}
+
+#[test]
+fn what_was_set_waits_in_the_net_that_takes_the_place() {
+    let mut bench = Bench::new();
+    let id = bench.load(input_net(1.0, 0));
+    bench.set(id, &[(0, &[4.5])]);
+    renew(&mut bench, id, input_net(1.0, 0));
+    assert!(matches!(bench.start(id), Answer::Done { .. }));
+    assert_eq!(bench.told().analog[0], 4.5);
+}
+
+#[test]
+fn a_net_is_only_replaced_while_it_is_ready() {
+    let mut bench = Bench::new();
+    let id = bench.load(line_net());
+    bench.start(id);
+    bench.steps(50);
+    let before = bench.entry(id).cycles;
+    renew(&mut bench, id, line_net());
+    bench.step();
+    assert_eq!(bench.entry(id).cycles, before + 1, "it goes on");
+    assert_eq!(bench.until_terminated(id, 2000), EndReason::Finished);
+    renew(&mut bench, id, line_net());
+    bench.step();
+    assert_eq!(bench.state(id), CommandState::Terminated);
+    bench.order(|_| Order::Renew {
+        id: 999,
+        net: build(line_net(), &[model()]),
+    });
+    bench.step();
+}

@@ -1,0 +1,107 @@
+//! What the rehearsal of a net came to: the executor's answer to LOAD and START has it. Plain data between processes.
+
+use serde::{Deserialize, Serialize};
+
+/// What a net did in its rehearsal, when it broke no limit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rehearsed {
+    /// Virtual time, s.
+    pub time_s: f64,
+    /// How it ended.
+    pub end: RehearsalEnd,
+    /// Greatest share of the limit of velocity, acceleration and jerk that a joint used.
+    pub peaks: [Peak; 3],
+    /// Smallest distance to a singularity of an arm that it commands, as its kinematics define it; NaN = not known.
+    pub singularity: f64,
+    /// What the rehearsal took, ns.
+    pub took_ns: u64,
+}
+
+/// How a rehearsal ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RehearsalEnd {
+    /// The net said that it is over.
+    Finished,
+    /// Nothing moved any more: it waits for something outside, which a rehearsal does not know.
+    Waits,
+    /// It went on when the time or the work of a rehearsal was used up.
+    TooLong,
+    /// Its first set-points are not where its arms are held now, or an arm does not rest: START compares again.
+    Elsewhere,
+}
+
+/// How much of a limit was used.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Peak {
+    /// Device index.
+    pub device: u32,
+    /// Joint, counted from 1; 0 = no joint moved.
+    pub joint: u32,
+    /// Value in parts of the limit; 1 = all of it.
+    pub share: f64,
+}
+
+impl Peak {
+    /// Nothing moved.
+    pub const NONE: Peak = Peak {
+        device: 0,
+        joint: 0,
+        share: 0.0,
+    };
+}
+
+/// What a net would do that its arm does not allow, found out before anything is commanded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Foreseen {
+    /// Which rule it would break.
+    pub rule: Rule,
+    /// Device index.
+    pub device: u32,
+    /// Joint, counted from 1; of [`Rule::Workspace`] the axis: 1, 2, 3 = x, y, z; else 0.
+    pub joint: u32,
+    /// What it would be: rad, rad/s, rad/s², rad/s³; of the workspace m.
+    pub value: f64,
+    /// What is allowed.
+    pub limit: f64,
+    /// When, in s after START.
+    pub time_s: f64,
+    /// Where a motion is at that time, if one is under way.
+    pub place: Option<Place>,
+    /// With so much of its speed the motion would keep all limits of speed, acceleration and jerk; 1 = speed is not the
+    /// reason.
+    pub speed: f64,
+}
+
+/// Where a motion is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// Index of the motion in its net.
+    pub motion: u32,
+    /// The leg that it is in, from 0.
+    pub leg: u32,
+    /// Part of the way to where the motion ends (in the rehearsal) that lies behind it, 0 to 1; NaN = not known.
+    pub fraction: f64,
+    /// Way of the flange since the start, m.
+    pub distance_m: f64,
+}
+
+/// The rules of a rehearsal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Rule {
+    /// A set-point is a finite number.
+    NotFinite,
+    /// Range of a joint.
+    Position,
+    /// Largest velocity of a joint.
+    Velocity,
+    /// Largest acceleration of a joint.
+    Acceleration,
+    /// Largest jerk of a joint.
+    Jerk,
+    /// The workspace of the device.
+    Workspace,
+    /// An arm is not let go of while it moves: a set-point that becomes null, mostly of a pose that cannot be reached.
+    LetsGo,
+    /// No fault of the net itself, [`rcc_core::message::FaultCode`] as a number in `value`.
+    Fault,
+}

@@ -1,0 +1,179 @@
+//! Words for rehearsals: what a net did when it was run through virtual time, or which limit it would break, where on its
+//! path, and what helps. Pure; used by the server's threads.
+
+use rcc_core::message::FaultCode;
+use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed, Rule};
+
+use super::api::{PeakView, RehearsalView};
+use super::codes::{self, Code};
+use super::words::Namer;
+
+/// Nearer to a singularity than this (sine of the angle that is left) is worth a word.
+const NEAR: f64 = 0.05;
+const QUANTITIES: [&str; 3] = ["speed", "acceleration", "jerk"];
+
+impl Namer<'_> {
+    /// What a rehearsal came to, with names.
+    #[must_use]
+    pub fn rehearsal(&self, rehearsed: &Rehearsed) -> RehearsalView {
+        let peaks = QUANTITIES.into_iter().zip(rehearsed.peaks);
+        let moved = peaks.filter(|(_, peak)| peak.joint != 0);
+        let peaks: Vec<PeakView> = moved
+            .map(|(of, peak)| PeakView {
+                of: of.to_owned(),
+                device: self.device_name(peak.device),
+                joint: self.joint_name(peak.device, peak.joint),
+                share: peak.share,
+            })
+            .collect();
+        let end = match rehearsed.end {
+            RehearsalEnd::Finished => "finished",
+            RehearsalEnd::Waits => "waits",
+            RehearsalEnd::TooLong => "too long",
+            RehearsalEnd::Elsewhere => "elsewhere",
+        };
+        RehearsalView {
+            time_s: rehearsed.time_s,
+            end: end.to_owned(),
+            singularity: Some(rehearsed.singularity).filter(|distance| distance.is_finite()),
+            words: words(rehearsed, &peaks),
+            peaks,
+            took_ns: rehearsed.took_ns,
+        }
+    }
+
+    /// The refusal of a net that would break a limit.
+    pub(super) fn foreseen(&self, id: u64, foreseen: &Foreseen) -> (Code, String, String) {
+        let net = (self.net)(id);
+        let what = self.broken(foreseen);
+        let place = self.place(id, foreseen.place);
+        let message = format!(
+            "{net} would break a limit {:.3} s after START{place}: {what}",
+            foreseen.time_s
+        );
+        (codes::FORESEEN, message, help(foreseen))
+    }
+
+    fn broken(&self, foreseen: &Foreseen) -> String {
+        let Foreseen {
+            rule,
+            device,
+            joint,
+            value,
+            limit,
+            ..
+        } = *foreseen;
+        let of = format!(
+            "{} joint {}",
+            self.device_name(device),
+            self.joint_name(device, joint)
+        );
+        let exceeds = |what: &str, per: &str| {
+            format!(
+                "{of}: {what} {} exceeds {}",
+                angle(value, per),
+                angle(limit, per)
+            )
+        };
+        match rule {
+            Rule::NotFinite => format!("{of}: the set-point is not a finite number"),
+            Rule::Position => format!(
+                "{of}: position {} is beyond the limit {}",
+                angle(value, ""),
+                angle(limit, "")
+            ),
+            Rule::Velocity => exceeds("velocity", "/s"),
+            Rule::Acceleration => exceeds("acceleration", "/s²"),
+            Rule::Jerk => exceeds("jerk", "/s³"),
+            Rule::Workspace => {
+                let axis = ["?", "x", "y", "z"].get(joint as usize).unwrap_or(&"?");
+                format!(
+                    "{} leaves its workspace: {axis} is {value:.4} m, the bound is {limit:.4} m",
+                    self.device_name(device)
+                )
+            }
+            Rule::LetsGo => format!(
+                "{} has no set-point any more while it moves",
+                self.device_name(device)
+            ),
+            Rule::Fault => format!(
+                "the net ends with a fault ({})",
+                FaultCode::from_number(value as u32).name()
+            ),
+        }
+    }
+
+    fn place(&self, id: u64, place: Option<Place>) -> String {
+        let Some(place) = place else {
+            return String::new();
+        };
+        let leg = match place.leg {
+            0 => String::new(),
+            leg => format!(", leg {}", leg + 1),
+        };
+        let metres = match place.distance_m {
+            metres if metres.is_finite() => format!(" ({metres:.4} m)"),
+            _ => String::new(),
+        };
+        let motion = (self.motion)(id, place.motion);
+        let part = match 100.0 * place.fraction {
+            part if part.is_finite() => format!(" at {part:.1} % of the path"),
+            _ => String::new(),
+        };
+        format!(", in {motion}{leg}{part}{metres}")
+    }
+}
+
+fn words(rehearsed: &Rehearsed, peaks: &[PeakView]) -> String {
+    if rehearsed.end == RehearsalEnd::Elsewhere {
+        return "not checked yet: it does not begin where the arm rests now; START checks it"
+            .to_owned();
+    }
+    let time = format!("{:.1} s of motion", rehearsed.time_s);
+    let highest = match peaks {
+        [] => "nothing moves".to_owned(),
+        peaks => {
+            let words = peaks
+                .iter()
+                .map(|peak| format!("{} {:.0} % of {}", peak.of, 100.0 * peak.share, peak.joint));
+            format!("highest joint {}", words.collect::<Vec<_>>().join(", "))
+        }
+    };
+    let rest = match rehearsed.end {
+        RehearsalEnd::TooLong => "; what comes later was not checked",
+        RehearsalEnd::Waits => "; then it waits",
+        RehearsalEnd::Finished | RehearsalEnd::Elsewhere => "",
+    };
+    let near = match rehearsed.singularity {
+        // As near as this, small corrections of the path are large ones of joints.
+        distance if distance < NEAR => format!(", near a singularity ({distance:.3})"),
+        _ => String::new(),
+    };
+    format!("checked: {time}, {highest}{near}{rest}")
+}
+
+fn help(foreseen: &Foreseen) -> String {
+    let slower = format!(
+        "at {:.0} % of its speed it would keep the limits",
+        (100.0 * foreseen.speed).floor().max(1.0)
+    );
+    match foreseen.rule {
+        Rule::Velocity | Rule::Acceleration | Rule::Jerk => format!(
+            "go slower: {slower}; if that is very slow, the path passes near a singularity: take another arm angle or \
+             branch, or go around"
+        ),
+        Rule::Position => "begin with another branch or arm angle, or divide the motion and turn the joint back in between"
+            .to_owned(),
+        Rule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
+        Rule::LetsGo | Rule::NotFinite => {
+            "a pose on the path cannot be reached, or only with a joint beyond its limits (`reason` and `joint` of \
+             InverseKinematics say which: monitor them and `rcc-cli simulate`): choose another start, goal or arm angle"
+                .to_owned()
+        }
+        Rule::Fault => "correct the net or its parameters; `rcc-cli simulate` shows how it gets there".to_owned(),
+    }
+}
+
+fn angle(rad: f64, per: &str) -> String {
+    format!("{:.3}°{per} ({rad:.6} rad{per})", rad.to_degrees())
+}
