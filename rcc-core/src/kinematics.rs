@@ -2,6 +2,7 @@
 //! Pure functions of their arguments; used by the loader and by the real-time thread.
 
 mod arm;
+mod arm_angles;
 mod axes;
 mod branch;
 mod ortho;
@@ -9,6 +10,7 @@ mod srs;
 mod turns;
 
 pub use arm::{Arm, ArmJacobian, NoJoints, PARAMETERS, Singularity, SingularityKind};
+pub use arm_angles::ArmAngles;
 pub use branch::{BRANCHES, Branch, Configuration, Unreachable};
 pub use ortho::OrthoParallelArm;
 pub use srs::SrsArm;

@@ -17,6 +17,7 @@ mod arc_cosine;
 mod arc_sine;
 mod arc_tangent;
 mod arm_angle;
+mod arm_angle_limits;
 mod at;
 mod backlash;
 mod biquad;
@@ -210,6 +211,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &arc_sine::ENTRY,
     &arc_tangent::ENTRY,
     &arm_angle::ENTRY,
+    &arm_angle_limits::ENTRY,
     &at::ENTRY,
     &backlash::ENTRY,
     &biquad::ENTRY,

@@ -263,7 +263,7 @@ impl SrsArm {
     }
 
     /// Robot joints to canonical ones, or back.
-    fn canonical(&self, joints: &[f64; 7]) -> [f64; 7] {
+    pub(super) fn canonical(&self, joints: &[f64; 7]) -> [f64; 7] {
         let mut turned = *joints;
         for (joint, sign) in turned.iter_mut().zip(self.signs) {
             *joint *= sign;

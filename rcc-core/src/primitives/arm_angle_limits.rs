@@ -1,0 +1,108 @@
+//! `ArmAngleLimits`: how far the elbow of a seven-joint arm may go round while its flange stays at a pose.
+//!
+//! With it a net chooses the arm angle itself, within joint limits and without a jump to another way round, and gives it to
+//! `InverseKinematicsNear`.
+
+use crate::frame::Frame;
+use crate::kinematics::Arm;
+use crate::primitive::{
+    Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each, finite,
+};
+use crate::types::Type;
+use crate::unit::Unit;
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ArmAngleLimits",
+        summary: "The arm angles around that of given joints for which a flange pose is within the joint limits, in their branch.",
+        null: "a null input gives null outputs; an arm of six joints has no arm angle (null)",
+        undefined: "the pose cannot be reached; a joint would be beyond its limit with the arm angle of `hint`; the arm has six joints; overflow: an infinite input",
+        formula: "each joint limit as A sin ψ + B cos ψ + C = 0 (Shimizu et al., IEEE T-RO 24(5), 2008, section IV)",
+        examples: &[Example::new(
+            "nothing is known of a null pose, and there is nothing out of reach",
+            "{device: lwr}",
+            "pose | hint | lower | upper\n\
+             null | [0, 0.5, 0, 1, 0, 0.3, 0] | null | null\n\
+             {xyz: [9, 0, 0], rpy: [0, 0, 0]} | [0, 0.5, 0, 1, 0, 0.3, 0] | null | null",
+        )],
+        inputs: &[
+            Port::typed("pose", Type::Pose, "flange in the arm's base"),
+            Port::new(
+                "hint",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "joint positions that say the branch and the arm angle around which is asked, A1 first",
+            ),
+        ],
+        outputs: &[
+            Port::real(
+                "lower",
+                UnitRule::Is(Unit::RADIAN),
+                "smallest arm angle, at most that of `hint`",
+            ),
+            Port::real(
+                "upper",
+                UnitRule::Is(Unit::RADIAN),
+                "largest arm angle, at least that of `hint`; beyond ±π the way goes on through π; a free circle is π to both sides",
+            ),
+        ],
+        parameters: &[Parameter::arm()],
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(frame: &mut Frame<'_>, [pose, hint, lower, upper, device, width]: [u32; 6]) {
+    let pose = frame.known_pose(pose);
+    let there = frame.arm_at(device, hint, width).zip(pose);
+    let limits = frame.limits(device);
+    let found = there.zip(limits).and_then(|(((arm, hint), pose), limits)| {
+        let Arm::Srs(srs) = arm else {
+            return None;
+        };
+        let angles = srs.arm_angles(&pose, arm.branch(&hint), limits).ok()?;
+        angles.around(arm.arm_angle(&hint)?)
+    });
+    let [from, to] = found.map_or([f64::NAN; 2], |interval| interval);
+    frame.set_real(lower, finite(from));
+    frame.set_real(upper, finite(to));
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::frame::joints_from;
+    use crate::testing::{Bench, kr6};
+
+    const JOINTS: [f64; 8] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+
+    #[test]
+    fn at_either_end_a_joint_is_at_its_limit() {
+        let mut bench = Bench::new("ArmAngleLimits");
+        let arm = bench.model.arm.unwrap();
+        let limits = bench.model.limits;
+        let pose = arm.forward(&JOINTS);
+        bench.set_reals("pose", &pose.to_slots());
+        bench.set_reals("hint", &JOINTS[..7]).step();
+        let (lower, upper) = (bench.real("lower"), bench.real("upper"));
+        let angle = arm.arm_angle(&JOINTS).unwrap();
+        assert!(lower < angle && angle < upper, "{lower} {angle} {upper}");
+        for end in [lower, upper] {
+            let joints = arm.inverse(&pose, end, arm.branch(&JOINTS), &[0.0; 8]);
+            let joints = joints_from(&joints.unwrap()).unwrap();
+            let room =
+                (0..7).map(|i| (joints[i] - limits.lower[i]).min(limits.upper[i] - joints[i]));
+            let least = room.fold(f64::INFINITY, f64::min);
+            assert!(least.abs() < 1e-9, "{end}: {least}");
+        }
+    }
+
+    #[test]
+    fn six_joints_have_none() {
+        let mut bench = Bench::wide("ArmAngleLimits", None, 6);
+        bench.model = kr6();
+        bench.set_reals("pose", &kr6().arm.unwrap().forward(&[0.1; 8]).to_slots());
+        bench.set_reals("hint", &[0.1; 6]).step();
+        assert!(bench.real("lower").is_nan() && bench.real("upper").is_nan());
+    }
+}
