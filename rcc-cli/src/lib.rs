@@ -7,6 +7,7 @@ pub mod demo;
 pub mod doctor;
 pub mod failure;
 pub mod follow;
+pub mod identify;
 pub mod incident;
 pub mod interrupt;
 pub mod picture;

@@ -91,6 +91,8 @@ verbs! {
     Fault = fault;
     /// What this machine grants and how punctual it is; why a device is not connected.
     Doctor = doctor;
+    /// What hangs on a wrist sensor, from its readings.
+    Wrench = wrench;
     /// Print monitored values as they come.
     Tail = tail;
     /// Write the systemd units of a cell from its configuration, or remove them.

@@ -56,6 +56,7 @@ mod falling_edge;
 mod first_cycle;
 mod first_order_low_pass;
 mod floor;
+mod force_control;
 mod force_torque;
 mod forward_kinematics;
 mod from_bits;
@@ -168,6 +169,7 @@ mod state_machine;
 mod subtract;
 mod sum;
 mod tangent;
+mod tare;
 mod termination;
 mod time;
 mod to_bits;
@@ -192,6 +194,7 @@ mod window_mean;
 mod window_min;
 mod window_rms;
 mod wrap;
+mod wrench_compensation;
 mod wrench_shift;
 mod wrench_transform;
 mod xor;
@@ -250,6 +253,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &first_cycle::ENTRY,
     &first_order_low_pass::ENTRY,
     &floor::ENTRY,
+    &force_control::ENTRY,
     &force_torque::ENTRY,
     &forward_kinematics::ENTRY,
     &from_bits::ENTRY,
@@ -362,6 +366,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &subtract::ENTRY,
     &sum::ENTRY,
     &tangent::ENTRY,
+    &tare::ENTRY,
     &termination::ENTRY,
     &time::ENTRY,
     &to_bits::ENTRY,
@@ -386,6 +391,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &window_min::ENTRY,
     &window_rms::ENTRY,
     &wrap::ENTRY,
+    &wrench_compensation::ENTRY,
     &wrench_shift::ENTRY,
     &wrench_transform::ENTRY,
     &xor::ENTRY,

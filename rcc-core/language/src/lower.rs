@@ -332,7 +332,12 @@ impl<'a> Lowering<'a> {
         self.arena.constant(&stored.unwrap_or(Stored::null(ty)))
     }
 
+    /// A number is the default of every element of a value that has several.
     fn default(&mut self, value: Default, ty: Type) -> Slot {
+        if let (Default::Real(value), Type::Vector3 | Type::Twist | Type::Wrench) = (value, ty) {
+            let stored = Stored::Reals(vec![value; ty.width() as usize]);
+            return self.arena.constant(&stored);
+        }
         self.constant(Some(&literal(value)), ty)
     }
 

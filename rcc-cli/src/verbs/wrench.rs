@@ -1,0 +1,135 @@
+//! `wrench identify`: what hangs on a wrist sensor, from readings in several orientations, as parameters to paste.
+//! The main thread.
+
+use std::fmt::Write;
+use std::io::Read;
+
+use rcc_loader::server::codes;
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::identify::readings::{self, Wanted};
+use crate::identify::{GRAVITY, Identified, identify};
+
+/// What to do with wrenches.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Mass, centre and offsets for WrenchCompensation, from readings at rest in at least six orientations.
+    Identify(Identify),
+}
+
+/// Where the readings are.
+#[derive(clap::Args, Debug)]
+struct Identify {
+    /// A table of `simulate --csv`, or lines of `tail --output json`, with a wrench and a pose or rotation of the sensor in
+    /// the base; - is the standard input.
+    file: String,
+    /// The wrench, by the end of its name; without it the only value of six numbers.
+    #[arg(long, value_name = "NAME")]
+    wrench: Option<String>,
+    /// The pose or rotation, by the end of its name; without it the only value of seven or four numbers.
+    #[arg(long, value_name = "NAME")]
+    pose: Option<String>,
+    /// Acceleration of what falls, m/s², axes of the base.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = three)]
+    gravity: Option<[f64; 3]>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    found: Identified,
+    gravity: Option<[f64; 3]>,
+}
+
+fn three(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let numbers = numbers.map_err(|error| format!("`{text}`: {error}"))?;
+    let count = numbers.len();
+    numbers
+        .try_into()
+        .map_err(|_| format!("`{text}` has {count} numbers, three are needed: 0,0,-9.81"))
+}
+
+/// Does it.
+///
+/// # Errors
+/// The file cannot be read, has no readings, or too few or too similar ones.
+pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let What::Identify(asked) = arguments.what;
+    let text = content(&asked.file)?;
+    let wanted = Wanted {
+        wrench: asked.wrench,
+        pose: asked.pose,
+    };
+    let refused = |what: String, help: &str| {
+        Failure::new(codes::BAD_REQUEST, format!("{}: {what}", asked.file), help)
+    };
+    let readings = readings::read(&text, &wanted).map_err(|error| {
+        refused(error.to_string(), "name them with --wrench and --pose; see docs/force.md")
+    })?;
+    let gravity = asked.gravity.unwrap_or([0.0, 0.0, -GRAVITY]);
+    let found = identify(&readings, gravity)
+        .map_err(|error| refused(error.to_string(), "see docs/force.md"))?;
+    let report = Report {
+        found,
+        gravity: asked.gravity,
+    };
+    context.print(&report, human);
+    Ok(())
+}
+
+fn content(file: &str) -> Result<String, Failure> {
+    let read = match file {
+        "-" => {
+            let mut text = String::new();
+            std::io::stdin().read_to_string(&mut text).map(|_| text)
+        }
+        path => std::fs::read_to_string(path),
+    };
+    read.map_err(|error| Failure::unreadable(file, &error))
+}
+
+/// A primitive to paste; what it is worth stands in comments.
+fn human(report: &Report) -> String {
+    let Report { found, gravity } = report;
+    let list = |values: &[f64; 3]| format!("[{}]", values.map(|value| rounded(value)).join(", "));
+    let [force, torque] = found.residual;
+    let [force_max, torque_max] = found.residual_max;
+    let [mass, centre] = found.deviation;
+    let mut text = String::from("compensated:\n  type: WrenchCompensation\n  parameters:\n");
+    // A String takes everything.
+    let mut line = |words: String| _ = writeln!(text, "{words}");
+    line(format!("    mass: {} kg", rounded(found.mass)));
+    line(format!("    centre: {}  # m", list(&found.centre)));
+    line(format!("    force_offset: {}  # N", list(&found.force_offset)));
+    line(format!("    torque_offset: {}  # N·m", list(&found.torque_offset)));
+    if let Some(gravity) = gravity {
+        line(format!("    gravity: {}  # m/s²", list(gravity)));
+    }
+    line(format!(
+        "# {} readings, {} orientations, spread {:.2} (at best 0.82), condition {:.1}",
+        found.readings, found.orientations, found.spread, found.condition
+    ));
+    line(format!(
+        "# left over: force {force:.2e} N (at most {force_max:.2e}), torque {torque:.2e} N·m (at most {torque_max:.2e})"
+    ));
+    line(format!(
+        "# standard deviation: mass {mass:.2e} kg, centre {centre:.2e} m"
+    ));
+    text.trim_end().to_owned()
+}
+
+/// To a billionth: more is never known.
+fn rounded(value: f64) -> String {
+    let rounded = (value * 1e9).round() / 1e9;
+    // Without a minus before zero.
+    format!("{:?}", rounded + 0.0)
+}

@@ -1,0 +1,274 @@
+//! `ForceControl`: holds a force along one axis while a path goes on along the others, by admittance.
+//!
+//! What is added to the path's pose is a way along the axis whose speed is proportional to the force that is missing. That
+//! speed is followed within limits of acceleration and jerk, in closed form, and never so that the way to rest would end
+//! beyond `travel`: where contact is lost, the tool does not go on searching.
+
+use crate::frame::Frame;
+use crate::primitive::{
+    Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
+    State, UnitRule, each, within,
+};
+use crate::rotation;
+use crate::spatial;
+use crate::types::{NULL_REAL, Type};
+use crate::unit::Unit;
+use crate::vector;
+
+const FORCE: UnitRule = UnitRule::Is(Unit::NEWTON);
+const METRE: UnitRule = UnitRule::Is(Unit::METRE);
+const VELOCITY: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND);
+const ACCELERATION: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND2);
+const JERK: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND3);
+const GAIN: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND.per(Unit::NEWTON));
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "ForceControl",
+        summary: "Presses with a force along one axis while a path goes on along the others: moves the path's pose along \
+                  the axis, within limits of speed, acceleration, jerk and way.",
+        null: "a null `force` or `wrench`, and an `active` that is not true, bring the way along the axis to rest within \
+               its limits; a null `pose` gives a null `pose`",
+        null_rule: NullRule::Propagates,
+        undefined: "an axis without direction; a pose without direction of its rotation; overflow",
+        formula: "v -> gain (force - pressed), pressed = -wrench · axis, |v| <= velocity; admittance without mass: \
+                  Siciliano and Villani, Robot Force Control, 1999, section 3.3; selection of axes: Raibert and Craig, \
+                  1981. v is followed with |a| <= acceleration and |da/dt| <= jerk by the filter of OnlineTrajectory",
+        examples: &[
+            Example::new(
+                "nothing touches: it goes down with gain · force, as soon as the limits allow",
+                "{axis: [0, 0, -1], gain: 0.1, velocity: 2, acceleration: 1, jerk: 1, travel: 100}",
+                "pose | force | wrench | pose_out | offset | velocity | limited
+                 {xyz: [1, 0, 5], rpy: [0, 0, 0]} | 10 | [0, 0, 0, 0, 0, 0] | {xyz: [1, 0, 4.833333333333333], rpy: [0, 0, 0]} | 0.16666666666666666 | 0.5 | false
+                 {xyz: [1, 1, 5], rpy: [0, 0, 0]} | 10 | [0, 0, 0, 0, 0, 0] | {xyz: [1, 1, 4], rpy: [0, 0, 0]} | 1 | 1 | false
+                 {xyz: [1, 2, 5], rpy: [0, 0, 0]} | 10 | [0, 0, 10, 0, 0, 0] | {xyz: [1, 2, 3.1666666666666665], rpy: [0, 0, 0]} | 1.8333333333333333 | 0.5 | false
+                 {xyz: [1, 3, 5], rpy: [0, 0, 0]} | 10 | [0, 0, 10, 0, 0, 0] | {xyz: [1, 3, 3], rpy: [0, 0, 0]} | 2 | 0 | false
+                 {xyz: [1, 4, 5], rpy: [0, 0, 0]} | 10 | null | {xyz: [1, 4, 3], rpy: [0, 0, 0]} | 2 | 0 | false
+                 null | 10 | null | null | 2 | 0 | false",
+            )
+            .every_ms(1000),
+        ],
+        inputs: &[
+            Port::typed("pose", Type::Pose, "of the path, in the base"),
+            Port::real("force", FORCE, "to press with, along the axis"),
+            Port::typed(
+                "wrench",
+                Type::Wrench,
+                "what the surroundings exert on the tool, axes of the frame that `axis` is in",
+            ),
+            Port::bool("active", "while it is not true, the way along the axis comes to rest and stays")
+                .default(Literal::Bool(true)),
+        ],
+        outputs: &[
+            Port::typed("pose_out", Type::Pose, "the path's pose, moved by `offset` along the axis"),
+            Port::real("offset", METRE, "way along the axis").diagnostic(),
+            Port::real("velocity", VELOCITY, "of the way along the axis").diagnostic(),
+            Port::real("acceleration", ACCELERATION, "of the way along the axis").diagnostic(),
+            Port::real("missing", FORCE, "force - pressed").diagnostic(),
+            Port::bool("limited", "it stopped or stops because of `travel`: until the force leads back").diagnostic(),
+            Port::bool("resting", "the way along the axis rests").diagnostic(),
+        ],
+        parameters: &[
+            Parameter::new(
+                "axis",
+                ParameterKind::Value(PortType::Is(Type::Vector3), UnitRule::ONE),
+                "where the tool presses to, any length but 0",
+            ),
+            Parameter::bool("in_tool", "the axis is in axes of `pose`, which it turns with; else in those of the base")
+                .default(Literal::Bool(false)),
+            Parameter::real("gain", GAIN, "speed for each newton that is missing; below 1 / (stiffness of contact · delay)")
+                .above(0.0),
+            Parameter::real("velocity", VELOCITY, "largest speed along the axis").above(0.0),
+            Parameter::real("acceleration", ACCELERATION, "largest acceleration along the axis").above(0.0),
+            Parameter::real("jerk", JERK, "largest jerk along the axis").above(0.0),
+            Parameter::real("travel", METRE, "longest way from the path, to both sides").above(0.0),
+        ],
+        // way, velocity, acceleration; 1 = held back by `travel` above, -1 below
+        state: State {
+            reals: 4,
+            ..State::NONE
+        },
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+/// Limits of the way along the axis.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    velocity: f64,
+    acceleration: f64,
+    jerk: f64,
+    travel: f64,
+}
+
+/// The way along the axis.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Way {
+    s: f64,
+    v: f64,
+    a: f64,
+    /// Held back by `travel`: 1 above, -1 below, 0 not.
+    held: f64,
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
+    let [pose, force, wrench, active, outputs @ .., state] = operands;
+    let [
+        pose_out,
+        offset,
+        velocity,
+        acceleration,
+        missing,
+        limited,
+        resting,
+        parameters @ ..,
+    ] = outputs;
+    let [axis, in_tool, gain, v_max, a_max, j_max, travel] = parameters;
+    let limits = Limits {
+        velocity: frame.real(v_max),
+        acceleration: frame.real(a_max),
+        jerk: frame.real(j_max),
+        travel: frame.real(travel),
+    };
+    let axis = frame.composite(axis).and_then(vector::normalized);
+    let pushed = frame.composite(wrench).map(spatial::split);
+    let pressed = pushed
+        .zip(axis)
+        .map(|((pushed, _), axis)| -vector::dot(pushed, axis));
+    let wanted = frame.real(force) - pressed.unwrap_or(NULL_REAL);
+    let acts = (frame.bool(active) == 1) & wanted.is_finite();
+    let goal = if acts { frame.real(gain) * wanted } else { 0.0 };
+    let before = match frame.reals(state) {
+        [s, v, a, held] if s.is_finite() => Way { s, v, a, held },
+        _ => Way {
+            s: 0.0,
+            v: 0.0,
+            a: 0.0,
+            held: 0.0,
+        },
+    };
+    let way = follow(
+        before,
+        within(goal, -limits.velocity, limits.velocity),
+        &limits,
+        frame.dt_s,
+    );
+    frame.set_reals(state, [way.s, way.v, way.a, way.held]);
+    for (slot, value) in [(offset, way.s), (velocity, way.v), (acceleration, way.a)] {
+        frame.set_real(slot, value);
+    }
+    frame.set_real(
+        missing,
+        if wanted.is_finite() {
+            wanted
+        } else {
+            NULL_REAL
+        },
+    );
+    frame.set_bool(limited, u8::from(way.held != 0.0));
+    frame.set_bool(resting, u8::from((way.v == 0.0) & (way.a == 0.0)));
+    let moved = frame.known_pose(pose).zip(axis).map(|(mut pose, axis)| {
+        let axis = match frame.bool(in_tool) {
+            1 => rotation::rotate(pose.orientation, axis),
+            _ => axis,
+        };
+        pose.position = vector::add(pose.position, vector::scale(axis, way.s));
+        pose
+    });
+    frame.set_known_pose(pose_out, moved);
+}
+
+/// One period towards a speed of `goal`, or to rest where that would lead beyond `travel`.
+fn follow(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
+    // Held back, it goes to rest until the goal leads away from the bound.
+    let held = if before.held * goal >= 0.0 {
+        before.held
+    } else {
+        0.0
+    };
+    let next = towards(before, if held == 0.0 { goal } else { 0.0 }, limits, dt_s);
+    let margin = MARGIN_CYCLES * dt_s;
+    let [low, high] = reach(&next, limits, margin);
+    let beyond = if high > limits.travel {
+        1.0
+    } else if low < -limits.travel {
+        -1.0
+    } else {
+        0.0
+    };
+    if (held != 0.0) | (beyond * goal <= 0.0) {
+        return Way { held, ..next };
+    }
+    Way {
+        held: beyond,
+        ..towards(before, 0.0, limits, dt_s)
+    }
+}
+
+/// Whole periods make the way to rest longer than that in continuous time by less than these cycles at its speed.
+const MARGIN_CYCLES: f64 = 3.0;
+
+/// One period in which the speed goes to `goal` as fast as acceleration and jerk allow, without overshoot.
+fn towards(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
+    let Way { s, v, a, .. } = before;
+    let change = limits.jerk * dt_s;
+    let wanted = braking_rate(goal - v, a, limits.jerk, dt_s);
+    let wanted = within(wanted, -limits.acceleration, limits.acceleration);
+    let next = within(wanted, a - change, a + change);
+    let speed = v + (a + next) / 2.0 * dt_s;
+    // What rounding leaves of a speed that is reached.
+    let arrived = (next.abs() <= 1e-9 * change) & ((speed - goal).abs() <= 1e-9 * change * dt_s);
+    Way {
+        s: s + (v + (2.0 * a + next) / 6.0 * dt_s) * dt_s,
+        v: if arrived { goal } else { speed },
+        a: if arrived { 0.0 } else { next },
+        held: 0.0,
+    }
+}
+
+/// The rate after one more period from which braking with `most` ends just where nothing is left, see `OnlineTrajectory`.
+fn braking_rate(left: f64, rate: f64, most: f64, dt_s: f64) -> f64 {
+    let unit = most * dt_s;
+    let z = (left / dt_s - rate / 2.0) / unit;
+    let size = z.abs();
+    let cycles = libm::floor((1.0 + libm::sqrt(1.0 + 8.0 * size)) / 2.0);
+    let value = unit * (size / cycles + (cycles - 1.0) / 2.0);
+    if z < 0.0 { -value } else { value }
+}
+
+/// The least and the greatest place on the fastest way to rest from here, with `margin_s` of the speed added.
+fn reach(way: &Way, limits: &Limits, margin_s: f64) -> [f64; 2] {
+    let Way { s, v, a, .. } = *way;
+    let (jerk, most) = (limits.jerk, limits.acceleration);
+    // The speed when the acceleration is taken back at once: where it still goes then, it has to be braked.
+    let after = v + a * a.abs() / (2.0 * jerk);
+    let sign = if after < 0.0 { -1.0 } else { 1.0 };
+    let end = s + sign * stop_way(sign * v, sign * a, jerk, most);
+    // An acceleration against the speed may turn it round: until then it goes less far than without.
+    let turn = s + stop_way(v.abs(), 0.0, jerk, most) * if v < 0.0 { -1.0 } else { 1.0 };
+    let turns = v * after < 0.0;
+    let turn = if turns { turn } else { end };
+    let margin = margin_s * (v.abs() + a.abs() * margin_s);
+    [s.min(end).min(turn) - margin, s.max(end).max(turn) + margin]
+}
+
+/// The way to rest with jerk and acceleration at their limits, from a speed and acceleration from which it is not turned
+/// round: v + a |a| / 2 jerk is not negative.
+fn stop_way(v: f64, a: f64, jerk: f64, most: f64) -> f64 {
+    let peak = libm::sqrt((jerk * v + a * a / 2.0).max(0.0)).min(most);
+    let first = (a + peak) / jerk;
+    let held = ((v + (a * a / 2.0 - peak * peak) / jerk) / peak).max(0.0);
+    let held = if peak > 0.0 { held } else { 0.0 };
+    let last = peak / jerk;
+    // The speeds between the three parts follow from the end, where it is 0.
+    let slow = peak * peak / (2.0 * jerk);
+    let quick = slow + peak * held;
+    let way_first = v * first + a * first * first / 2.0 - jerk * first * first * first / 6.0;
+    let way_last = slow * last - peak * last * last / 2.0 + jerk * last * last * last / 6.0;
+    way_first + (quick + slow) / 2.0 * held + way_last
+}
+
+#[cfg(test)]
+mod tests;

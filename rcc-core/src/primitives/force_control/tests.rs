@@ -1,0 +1,197 @@
+//! Force control: its limits under any force, a contact that is a spring, and the ways to rest.
+
+use super::{Limits, Way, follow};
+use crate::testing::Bench;
+
+const DT_S: f64 = 1e-3;
+const AT_REST: Way = Way {
+    s: 0.0,
+    v: 0.0,
+    a: 0.0,
+    held: 0.0,
+};
+
+/// Numbers that look random, in -1 to 1: a linear congruential generator (Knuth, TAOCP 2, 3.3.4, table 1, line 26).
+fn random(state: &mut u64) -> f64 {
+    *state = state
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+/// One cycle, in which every limit holds.
+fn checked(before: Way, goal: f64, limits: &Limits) -> Way {
+    let way = follow(before, goal, limits, DT_S);
+    let jerk = (way.a - before.a) / DT_S;
+    let moved = (before.v + way.v) / 2.0 * DT_S;
+    assert!(way.s.abs() <= limits.travel, "{way:?} {limits:?}");
+    assert!(
+        way.v.abs() <= limits.velocity * (1.0 + 1e-9),
+        "{way:?} {limits:?}"
+    );
+    assert!(
+        way.a.abs() <= limits.acceleration * (1.0 + 1e-9),
+        "{way:?} {limits:?}"
+    );
+    assert!(
+        jerk.abs() <= limits.jerk * (1.0 + 1e-6),
+        "{jerk} {limits:?}"
+    );
+    assert!(
+        (way.v - before.v - (way.a + before.a) / 2.0 * DT_S).abs()
+            < 1e-9 * limits.jerk * DT_S * DT_S + 1e-15
+    );
+    assert!((way.s - before.s - moved).abs() <= limits.jerk * DT_S * DT_S * DT_S);
+    way
+}
+
+#[test]
+fn goals_that_jump_at_any_time_break_no_limit_and_never_leave_the_travel() {
+    let mut held = 0;
+    for seed in 1..400 {
+        let mut state = seed;
+        let mut share = |low: f64, high: f64| low + (high - low) * (random(&mut state) + 1.0) / 2.0;
+        let limits = Limits {
+            velocity: share(0.005, 0.5),
+            acceleration: share(0.05, 5.0),
+            jerk: share(0.5, 200.0),
+            travel: share(0.002, 0.2),
+        };
+        let mut way = AT_REST;
+        for _ in 0..40 {
+            let goal = share(-1.0, 1.0) * limits.velocity;
+            for _ in 0..share(1.0, 400.0) as usize {
+                way = checked(way, goal, &limits);
+                held += usize::from(way.held != 0.0);
+            }
+        }
+    }
+    assert!(held > 10_000, "{held}");
+}
+
+#[test]
+fn at_the_end_of_the_travel_it_rests_and_the_way_back_is_free() {
+    let limits = Limits {
+        velocity: 0.1,
+        acceleration: 1.0,
+        jerk: 20.0,
+        travel: 0.02,
+    };
+    let mut way = AT_REST;
+    for _ in 0..1000 {
+        way = checked(way, 0.1, &limits);
+    }
+    assert_eq!((way.v, way.a, way.held), (0.0, 0.0, 1.0));
+    assert!(way.s > 0.019, "{}", way.s);
+    for _ in 0..150 {
+        way = checked(way, -0.1, &limits);
+    }
+    assert!(way.s < 0.015 && way.held == 0.0 && way.v == -0.1, "{way:?}");
+}
+
+fn bench() -> Bench {
+    let mut bench = Bench::new("ForceControl");
+    bench
+        .set_reals("pose", &[0.5, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0])
+        .set_real("force", 10.0)
+        .set_reals("wrench", &[0.0; 6])
+        .set_bool("active", Some(true))
+        .set_reals("axis", &[0.0, 0.0, -2.0])
+        .set_bool("in_tool", Some(false))
+        .set_real("gain", 1e-3)
+        .set_real("velocity", 0.05)
+        .set_real("acceleration", 0.5)
+        .set_real("jerk", 10.0)
+        .set_real("travel", 0.05);
+    bench
+}
+
+/// A floor 10 mm below the path, 5000 N/m, felt `delay` cycles later.
+fn on_the_floor(bench: &mut Bench, cycles: usize, delay: usize) -> f64 {
+    let mut forces = std::collections::VecDeque::from(std::vec![0.0; delay]);
+    let mut most = 0.0_f64;
+    for _ in 0..cycles {
+        let z = bench.reals("pose_out", 3)[2];
+        let push = if z.is_nan() {
+            0.0
+        } else {
+            (5000.0 * (0.39 - z)).max(0.0)
+        };
+        most = most.max(push);
+        forces.push_back(push);
+        let felt = forces.pop_front().unwrap_or(0.0);
+        bench
+            .set_reals("wrench", &[0.0, 0.0, felt, 0.0, 0.0, 0.0])
+            .step();
+    }
+    most
+}
+
+#[test]
+fn it_finds_the_contact_and_holds_the_force() {
+    let mut bench = bench();
+    let most = on_the_floor(&mut bench, 3000, 10);
+    let push = 5000.0 * (0.39 - bench.reals("pose_out", 3)[2]);
+    assert!((push - 10.0).abs() < 1e-3, "{push}");
+    assert!(most < 12.0, "{most}");
+    assert_eq!(bench.reals("pose_out", 2), [0.5, 0.0]);
+    assert_eq!(bench.bool("limited"), Some(false));
+}
+
+#[test]
+fn what_is_not_known_brings_it_to_rest_within_its_limits() {
+    for null in ["wrench", "force", "active"] {
+        let mut bench = bench();
+        for _ in 0..100 {
+            bench.step();
+        }
+        assert!(bench.real("velocity") > 5e-3);
+        match null {
+            "wrench" => bench.set_reals("wrench", &[f64::NAN; 6]),
+            "force" => bench.set_real("force", f64::NAN),
+            _ => bench.set_bool("active", None),
+        };
+        let mut last = bench.real("acceleration");
+        for _ in 0..200 {
+            let now = bench.step().real("acceleration");
+            assert!((now - last).abs() <= 10.0 * DT_S * (1.0 + 1e-9), "{null}");
+            last = now;
+        }
+        assert_eq!(bench.bool("resting"), Some(true), "{null}");
+        assert!(
+            bench.reals("pose_out", 7).iter().all(|x| x.is_finite()),
+            "{null}"
+        );
+    }
+}
+
+#[test]
+fn a_contact_that_is_lost_ends_at_the_travel() {
+    let mut bench = bench();
+    on_the_floor(&mut bench, 2000, 0);
+    bench.set_reals("wrench", &[0.0; 6]);
+    for _ in 0..8000 {
+        bench.step();
+    }
+    assert_eq!(bench.bool("limited"), Some(true));
+    assert_eq!(bench.bool("resting"), Some(true));
+    let offset = bench.real("offset");
+    assert!(offset > 0.049 && offset <= 0.05, "{offset}");
+}
+
+#[test]
+fn an_axis_of_the_tool_turns_with_the_pose() {
+    let mut bench = bench();
+    // Turned by 180 degrees about x: z of the tool points down.
+    bench
+        .set_reals("axis", &[0.0, 0.0, 1.0])
+        .set_bool("in_tool", Some(true));
+    for _ in 0..100 {
+        bench.step();
+    }
+    let (z, offset) = (bench.reals("pose_out", 3)[2], bench.real("offset"));
+    assert!(
+        offset > 1e-4 && (z - 0.4 + offset).abs() < 1e-15,
+        "{z} {offset}"
+    );
+}
