@@ -20,6 +20,7 @@ pub mod device;
 pub mod script;
 pub mod trace;
 pub mod tracks;
+pub mod wall;
 
 use device::Device;
 use script::Step;

@@ -328,3 +328,54 @@ fn check_rehearses_from_where_the_simulators_begin() {
     assert_eq!(output.status.code(), Some(3), "{words}");
     assert!(words.contains("RCC3023"), "{words}");
 }
+
+#[test]
+fn polishing_holds_its_force_on_the_table_and_gives_up_without_one() {
+    let folder = Folder::new();
+    let table = nets().join("../cells/table.yaml").display().to_string();
+    let csv = folder.file("polish.csv");
+    let net = net("polish.yaml");
+    let there = report(0, &[&net, "--config", &table, "--csv", &csv]);
+    assert_eq!(there["reason"], "finished");
+    let text = folder.read("polish.csv");
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().expect("names").split(',').collect();
+    let column = |name: &str| {
+        names
+            .iter()
+            .position(|known| known.starts_with(name))
+            .expect("a column")
+    };
+    let columns = [
+        column("time"),
+        column("polish/press"),
+        column("polish/hold.pose_out[1]"),
+    ];
+    let rows = lines.map(|line| {
+        let cells: Vec<f64> = line
+            .split(',')
+            .map(|cell| cell.parse().unwrap_or(f64::NAN))
+            .collect();
+        columns.map(|column| cells[column])
+    });
+    let rows: Vec<[f64; 3]> = rows.collect();
+    let most = rows.iter().map(|[_, press, _]| *press).fold(0.0, f64::max);
+    assert!((9.9..12.0).contains(&most), "{most} N");
+    // From a second after the contact on, until the line brakes, it is 10 N, and the line goes on meanwhile.
+    let held: Vec<_> = rows
+        .iter()
+        .filter(|[time, _, _]| (2.5..2.8).contains(time))
+        .collect();
+    assert!(
+        held.len() > 200 && held.iter().all(|[_, press, _]| (press - 10.0).abs() < 0.2),
+        "{held:?}"
+    );
+    assert!(
+        held[0][2] - held[held.len() - 1][2] > 0.005,
+        "{:?}",
+        held[0]
+    );
+    // The demo's cell has no table: it ends because of `travel`, before the line's end.
+    let gone = report(0, &[&net]);
+    assert_eq!(gone["reason"], "finished");
+}

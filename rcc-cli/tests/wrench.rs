@@ -360,3 +360,28 @@ fn too_few_orientations_are_refused_with_words() {
         "{err}"
     );
 }
+
+#[test]
+fn every_command_of_the_page_runs_and_prints_what_it_shows() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let page = std::fs::read_to_string(root.join("docs/force.md")).expect("the page");
+    let mut commands = 0;
+    for block in page.split("```console\n").skip(1) {
+        let block = block.split("```").next().expect("a block");
+        let (command, shown) = block.split_once('\n').expect("lines");
+        let words: Vec<&str> = command.split_whitespace().collect();
+        assert_eq!(&words[..2], ["$", "rcc-cli"]);
+        let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+            .args(&words[2..])
+            .current_dir(&root)
+            .env("NO_COLOR", "1")
+            .output()
+            .expect("rcc-cli runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{command}: {errors}");
+        let out = String::from_utf8_lossy(&output.stdout);
+        assert!(shown.is_empty() || out == shown, "{command}: {out}");
+        commands += 1;
+    }
+    assert_eq!(commands, 2);
+}

@@ -4,11 +4,13 @@
 use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, SimulatorConfig};
 use rcc_core::guard::Guard;
+use rcc_core::kinematics::Arm as Kinematics;
 use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
 use rcc_motion::RestLimits;
 
 use super::arm::Arm;
+use super::wall::Wall;
 
 /// An output that the device's surroundings feed back into an input; indices among the channels of their kinds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +30,8 @@ type Release = Option<f64>;
 #[derive(Debug)]
 pub struct Device {
     arm: Option<Arm>,
+    kinematics: Option<Kinematics>,
+    wall: Option<Wall>,
     measurement: Measurement,
     wires: Vec<Wire>,
     digital: u64,
@@ -71,6 +75,8 @@ impl Device {
         let analog_release = release(ChannelKind::AnalogOutput);
         Device {
             arm: arm(config, &arguments, period_ns),
+            kinematics: config.model().arm,
+            wall: Wall::of(&arguments),
             measurement,
             wires: wires(config, &arguments),
             digital: 0,
@@ -104,6 +110,17 @@ impl Device {
             m.state = arm.state() as u32;
             (m.position, m.hold) = (*arm.position(), *arm.position());
             (m.played_ns, m.settled_ns) = (arm.played_ns(), arm.settled_ns());
+        }
+        self.touch();
+    }
+
+    /// What the arm meets pushes its flange.
+    fn touch(&mut self) {
+        let m = &mut self.measurement;
+        if let (Some(arm), Some(wall)) = (&self.kinematics, &mut self.wall) {
+            let flange = arm.forward(&m.position);
+            let [fx, fy, fz] = wall.force(flange.position, m.period_ns as f64 / 1e9);
+            m.wrench = [fx, fy, fz, 0.0, 0.0, 0.0];
         }
     }
 

@@ -1,0 +1,81 @@
+//! An elastic wall that an arm's flange meets in virtual time, as `lwr-sim --wall=` has it. The arm is stiff: it feels the
+//! wall and does not give way. The caller's thread.
+
+use rcc_core::vector::{self, Vector};
+
+/// A plane that pushes back and never pulls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall {
+    /// A point of it, base frame, m.
+    point: Vector,
+    /// To the free side, length 1.
+    normal: Vector,
+    /// N/m.
+    stiffness: f64,
+    /// Against the velocity into the wall, N·s/m.
+    damping: f64,
+    /// Where the flange was in the cycle before, m.
+    last: Option<Vector>,
+}
+
+impl Wall {
+    /// Reads `--wall=PX,PY,PZ,NX,NY,NZ,K,D` among a simulator's arguments; `None` without one that its program would take.
+    #[must_use]
+    pub fn of(arguments: &[&str]) -> Option<Wall> {
+        let given = arguments
+            .iter()
+            .find_map(|argument| argument.strip_prefix("--wall="))?;
+        let numbers: Result<Vec<f64>, _> =
+            given.split(',').map(|part| part.trim().parse()).collect();
+        let [px, py, pz, nx, ny, nz, stiffness, damping] = numbers.ok()?.try_into().ok()?;
+        let sound = |value: f64| value.is_finite() && value >= 0.0;
+        (sound(stiffness) && sound(damping)).then_some(Wall {
+            point: [px, py, pz],
+            normal: vector::normalized([nx, ny, nz])?,
+            stiffness,
+            damping,
+            last: None,
+        })
+    }
+
+    /// The force on a flange that is at `position` (m) now, one period (s) after the last call; N, base axes.
+    pub fn force(&mut self, position: Vector, period_s: f64) -> Vector {
+        let last = self.last.replace(position).unwrap_or(position);
+        let speed = vector::dot(self.normal, vector::subtract(position, last)) / period_s;
+        let depth = vector::dot(self.normal, vector::subtract(self.point, position));
+        let push = match depth > 0.0 {
+            true => (self.stiffness * depth - self.damping * speed).max(0.0),
+            false => 0.0,
+        };
+        vector::scale(self.normal, push)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_pushes_to_its_free_side_with_the_depth_and_against_the_speed() {
+        let mut wall = Wall::of(&["--start=0", "--wall=0,0,0.3,0,0,2,1000,50"]).expect("a wall");
+        assert_eq!(wall.force([0.1, 0.0, 0.31], 1e-3), [0.0; 3]);
+        let [x, y, z] = wall.force([0.1, 0.0, 0.29], 0.1);
+        assert!((z - 20.0).abs() < 1e-9 && x == 0.0 && y == 0.0, "{z}");
+        let [_, _, z] = wall.force([0.1, 0.0, 0.29], 0.1);
+        assert!((z - 10.0).abs() < 1e-9, "{z}");
+        // Drawn out quickly it does not pull.
+        assert_eq!(wall.force([0.1, 0.0, 0.299], 1e-3), [0.0; 3]);
+    }
+
+    #[test]
+    fn what_the_simulator_refuses_is_no_wall() {
+        for text in [
+            "--wall=1,2",
+            "--wall=0,0,0,0,0,0,1,1",
+            "--wall=0,0,0,0,0,1,-1,0",
+            "--wal=0",
+        ] {
+            assert_eq!(Wall::of(&[text]), None, "{text}");
+        }
+    }
+}
