@@ -329,6 +329,8 @@ pub fn joints_from(values: &[f64]) -> Option<Joints> {
 pub struct Preparation<'a> {
     /// The initial arena of `Real`.
     pub reals: &'a mut [f64],
+    /// The initial arena of `Int`.
+    pub ints: &'a [i64],
     /// Kinematics and limits, by device index.
     pub models: &'a [DeviceModel],
     /// The hold set-point of each device, `None` if it is not known now.
@@ -352,6 +354,11 @@ impl Preparation<'_> {
         if let Some(place) = tail.first_chunk_mut() {
             *place = values;
         }
+    }
+
+    /// Reads an `Int`.
+    pub fn int(&self, slot: u32) -> i64 {
+        self.ints.get(slot as usize).copied().unwrap_or(NULL_INT)
     }
 
     /// The hold set-point and the kinematics of an arm.

@@ -3,6 +3,13 @@
 
 use serde::{Deserialize, Serialize};
 
+mod fault;
+mod legs;
+pub mod record;
+
+pub use fault::{MotionFault, Quantity};
+pub use legs::{ArcOrientation, LEGS_MAX, Leg, Limits, PathRequest, Relative, Segment};
+
 use crate::axis::{AxisState, Phases, stop_and_go};
 use crate::frame::PrepareFault;
 use crate::message::Joints;
@@ -71,6 +78,8 @@ pub struct MotionState {
     pub pose: Pose,
     /// Set-point of the joints, rad; null for a motion that gives poses only.
     pub joints: Joints,
+    /// Part of the whole path that is behind it, 0 to 1; never falls.
+    pub progress: f64,
     /// Way of the flange since the start, m.
     pub distance: f64,
     /// Speed of the flange along the path, m/s.
@@ -102,49 +111,6 @@ impl Motions for () {
     }
 }
 
-/// Greatest speed, acceleration and jerk of something along its way, in its unit per s, s² and s³ (each > 0).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Limits {
-    /// Per second.
-    pub velocity: f64,
-    /// Per second squared.
-    pub acceleration: f64,
-    /// Per second cubed.
-    pub jerk: f64,
-}
-
-/// One piece of a path, from where the one before ends.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Segment {
-    /// A straight line of the flange, and the shortest turn.
-    Line {
-        /// Its end, in the arm's base.
-        to: Pose,
-    },
-}
-
-/// A segment and how to go along it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Leg {
-    /// Its shape.
-    pub segment: Segment,
-    /// Of the flange's position, m.
-    pub line: Limits,
-    /// Of the flange's orientation, rad.
-    pub turn: Limits,
-}
-
-/// A path that a net asks for.
-#[derive(Debug, Clone, Copy)]
-pub struct PathRequest<'a> {
-    /// Index of the arm.
-    pub device: u32,
-    /// Flange at the start, in the arm's base; `None`: at the arm's hold set-point.
-    pub from: Option<Pose>,
-    /// In order; at least one.
-    pub legs: &'a [Leg],
-}
-
 /// Builds the motions of a net that is made ready; off the real-time thread.
 pub trait MotionBuilder {
     /// Builds motion `index`.
@@ -152,18 +118,4 @@ pub trait MotionBuilder {
     /// # Errors
     /// What cannot be gone along as asked for.
     fn path(&mut self, index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault>;
-}
-
-/// Why a leg of a path cannot be gone along.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum MotionFault {
-    /// It turns by 180°: both ways are equally short.
-    AmbiguousRotation,
-    /// Speed, acceleration and jerk are useless together.
-    Limits {
-        /// The limits as computed for the path.
-        limits: PathLimits,
-    },
-    /// There is no such motion in the plan.
-    NoMotion,
 }

@@ -7,6 +7,7 @@ use crate::primitive::Kernel;
 mod abs;
 mod add;
 mod all_of;
+mod along;
 mod analog_input;
 mod analog_output;
 mod analog_output_state;
@@ -28,6 +29,7 @@ mod bit_xor;
 mod blink;
 mod cancel;
 mod ceiling;
+mod circular_motion;
 mod compose;
 mod concatenate;
 mod constant;
@@ -78,6 +80,7 @@ mod invert;
 mod is_null;
 mod jacobian;
 mod joint_goal;
+mod joint_motion;
 mod joint_position_command;
 mod joint_state;
 mod joint_torque_from_wrench;
@@ -106,6 +109,7 @@ mod median;
 mod min;
 mod min_element;
 mod monitor;
+mod motion_sequence;
 mod multiplexer;
 mod multiply;
 mod negate;
@@ -159,6 +163,7 @@ mod sign;
 mod signal_generator;
 mod sine;
 mod solve;
+mod spline_motion;
 mod split_pose;
 mod split_twist;
 mod split_vector;
@@ -225,6 +230,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &blink::ENTRY,
     &cancel::ENTRY,
     &ceiling::ENTRY,
+    &circular_motion::ENTRY,
     &compose::ENTRY,
     &concatenate::ENTRY,
     &constant::ENTRY,
@@ -275,6 +281,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &is_null::ENTRY,
     &jacobian::ENTRY,
     &joint_goal::ENTRY,
+    &joint_motion::ENTRY,
     &joint_position_command::ENTRY,
     &joint_state::ENTRY,
     &joint_torque_from_wrench::ENTRY,
@@ -303,6 +310,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &min::ENTRY,
     &min_element::ENTRY,
     &monitor::ENTRY,
+    &motion_sequence::ENTRY,
     &multiplexer::ENTRY,
     &multiply::ENTRY,
     &negate::ENTRY,
@@ -356,6 +364,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &signal_generator::ENTRY,
     &sine::ENTRY,
     &solve::ENTRY,
+    &spline_motion::ENTRY,
     &split_pose::ENTRY,
     &split_twist::ENTRY,
     &split_vector::ENTRY,

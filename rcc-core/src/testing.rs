@@ -45,6 +45,7 @@ impl Motions for Endless {
             leg: 0,
             pose: Pose::from_xyz_rpy([0.0; 3], [0.0; 3]),
             joints: [0.0; JOINTS_MAX],
+            progress: 0.0,
             distance: 0.0,
             speed: 0.0,
             acceleration: 0.0,
@@ -299,6 +300,7 @@ impl Bench {
     pub fn prepare(&mut self) -> Result<(), PrepareFault> {
         let mut preparation = Preparation {
             reals: &mut self.reals,
+            ints: &self.ints,
             models: &[self.model],
             holds: &[self.hold],
             motions: &mut self.motions,

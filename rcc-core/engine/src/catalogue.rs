@@ -6,9 +6,10 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, Joints, Measurement};
+use rcc_core::path::record;
 use rcc_core::plan::{CLOCKS_MAX, Run};
 use rcc_core::primitive::{
-    ChannelKind, Family, Kernel, Literal, Operand, PortType, Role, Size, Sizes, Spec,
+    ChannelKind, Family, Kernel, Literal, Operand, ParameterKind, PortType, Role, Size, Sizes, Spec,
 };
 use rcc_core::primitives::{self, CATALOGUE, Entry};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
@@ -204,7 +205,11 @@ impl Filling {
             };
             sizes.set(size, width);
         }
+        let motion = spec.role == Role::Motion;
         let parameters = spec.parameters.iter().filter(|row| row.kind.is_operand());
+        let kinds = parameters.clone().map(|row| Some(row.kind));
+        let ports = spec.inputs.iter().chain(spec.outputs).map(|_| None);
+        let mut kinds = ports.chain(kinds);
         // What there is to know of the first operands; state and sizes follow.
         let inputs = spec.inputs.iter().map(|port| (Some(port.ty), port.default));
         let outputs = spec.outputs.iter().map(|_| (None, Some(Literal::Null)));
@@ -213,6 +218,12 @@ impl Filling {
         for operand in spec.operands(kernel) {
             let place = known.next();
             let number = self.number;
+            let kind = kinds.next().flatten().filter(|_| motion);
+            let goal = kind.and_then(|kind| self.goal(kind));
+            if let Some(slot) = goal {
+                self.data.operands.push(slot);
+                continue;
+            }
             let operand = match (operand, place) {
                 (Operand::Slot { store, width, .. }, Some((ty, default))) => {
                     self.value(ty, store, sizes.width(width), default)
@@ -234,6 +245,38 @@ impl Filling {
                 (Operand::Size(size), _) => sizes.get(size),
             };
             self.data.operands.push(operand);
+        }
+    }
+
+    /// Where a motion leads that is not only one pose; `None` for any other parameter.
+    fn goal(&mut self, kind: ParameterKind) -> Option<u32> {
+        // A little further each time.
+        let pose = |number: u32| {
+            let joints = HOLD.map(|joint| joint * (1.0 - 0.02 * f64::from(number)));
+            ARM.forward(&joints).to_slots()
+        };
+        let poses = (1..=WIDTH).map(pose);
+        match kind {
+            ParameterKind::Value(PortType::Joints, _) => {
+                let joints = HOLD.map(|joint| joint * 0.9);
+                Some(self.reals(&joints[..JOINTS as usize]))
+            }
+            ParameterKind::Value(PortType::Is(Type::Vector3), _) => Some(self.reals(&pose(2)[..3])),
+            ParameterKind::Poses(_) => {
+                let poses: Vec<f64> = poses.flatten().collect();
+                Some(self.reals(&poses))
+            }
+            ParameterKind::Path(_) => {
+                let mut rows = Vec::new();
+                for pose in poses {
+                    let mut row = [NULL_REAL; record::WIDTH];
+                    row[0] = record::LIN;
+                    row[1..8].copy_from_slice(&pose);
+                    rows.extend(row);
+                }
+                Some(self.reals(&rows))
+            }
+            _ => None,
         }
     }
 

@@ -577,6 +577,7 @@ fn prepare(
         for operands in operands.chunks_exact(group) {
             let mut preparation = Preparation {
                 reals: &mut data.reals,
+                ints: &data.ints,
                 models,
                 holds,
                 motions: &mut motions,

@@ -12,6 +12,7 @@ mod motion;
 mod path_clock;
 mod profile;
 mod rest;
+mod track;
 
 pub use motion::{Builder, Motion, MotionSet};
 pub use path_clock::{

@@ -33,12 +33,13 @@ fn lines() -> MotionSet {
         device: 0,
         from: Some(Pose::from_xyz_rpy([0.0; 3], [0.0; 3])),
         legs: &[Leg {
-            segment: Segment::Line {
-                to: Pose::from_xyz_rpy([LINE.length, 0.0, 0.0], [0.0, 0.1, 0.0]),
-            },
             line: limits,
             turn: limits,
+            ..Leg::new(Segment::Line {
+                to: Pose::from_xyz_rpy([LINE.length, 0.0, 0.0], [0.0, 0.1, 0.0]),
+            })
         }],
+        joints: false,
     };
     let mut builder = Builder::new(&[], &[], DT, 3);
     (0..3).for_each(|index| builder.path(index, &request).unwrap());

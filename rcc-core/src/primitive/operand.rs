@@ -335,6 +335,10 @@ impl Spec {
         let outputs = self.outputs.iter().map(move |p| slot(p.ty, store, true));
         let parameters = self.parameters.iter().filter_map(move |p| match p.kind {
             ParameterKind::Value(ty, _) => Some(slot(ty, store, false)),
+            ParameterKind::Poses(_) | ParameterKind::Path(_) => {
+                let (ty, _) = p.kind.value()?;
+                Some(slot(ty, store, false))
+            }
             ParameterKind::Arm => Some(Operand::Arm),
             ParameterKind::Device => Some(Operand::Device),
             ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),

@@ -344,6 +344,11 @@ pub enum ParameterKind {
     Channel(ChannelKind),
     /// How often per second; becomes a whole number of cycles.
     Rate,
+    /// Poses, one or more: a row of seven numbers each, as many as the length variable says.
+    Poses(Dim),
+    /// Legs of a path: a row of [`crate::path::record::WIDTH`] numbers each (a spline has one for each of its points), as many
+    /// as the length variable says.
+    Path(Dim),
 }
 
 impl ParameterKind {
@@ -367,6 +372,13 @@ impl ParameterKind {
             ParameterKind::First(unit) => Some((PortType::Any, unit)),
             ParameterKind::Length(_) => Some((PortType::Is(Type::Int), UnitRule::Typed)),
             ParameterKind::Window => Some((PortType::Is(Type::Real), UnitRule::Is(Unit::SECOND))),
+            ParameterKind::Poses(rows) => {
+                Some((PortType::Matrix(rows, Dim::Is(7)), UnitRule::Typed))
+            }
+            ParameterKind::Path(rows) => {
+                let width = Dim::Is(crate::path::record::WIDTH as u16);
+                Some((PortType::Matrix(rows, width), UnitRule::Typed))
+            }
             _ => None,
         }
     }

@@ -121,7 +121,6 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         value
     });
     let leg = Leg {
-        segment: Segment::Line { to },
         line: Limits {
             velocity,
             acceleration,
@@ -132,11 +131,13 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
             acceleration: wa,
             jerk: wj,
         },
+        ..Leg::new(Segment::Line { to })
     };
     let request = PathRequest {
         device,
         from: from.is_finite().then_some(from),
         legs: &[leg],
+        joints: false,
     };
     preparation.motions.path(motion, &request)
 }

@@ -126,6 +126,8 @@ fn parameter(parameter: &Parameter) -> ParameterView {
         ParameterKind::Arm => ("device with an arm".to_owned(), String::new()),
         ParameterKind::Device => ("device".to_owned(), String::new()),
         ParameterKind::Channel(kind) => (kind_name(kind).to_owned(), String::new()),
+        ParameterKind::Poses(_) => ("poses".to_owned(), String::new()),
+        ParameterKind::Path(_) => ("path".to_owned(), String::new()),
         ParameterKind::Rate => ("Rate".to_owned(), "Hz".to_owned()),
     };
     ParameterView {

@@ -5,7 +5,7 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
 use rcc_core::guard::ViolationKind;
 use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
-use rcc_core::path::MotionFault;
+use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
 use rcc_ipc::control::{InputFault, Refusal};
@@ -434,27 +434,103 @@ fn first_set_point(net: &str, violation: &str) -> (Code, String, String) {
 
 /// Why a leg of a motion cannot be gone along, and what helps.
 fn motion(leg: u32, fault: MotionFault) -> (String, String) {
+    let place = |fraction: f64| format!("at {:.0} % of its way", fraction * 100.0);
+    let joint = |joint: u8| format!("A{}", joint + 1);
     let (why, help) = match fault {
         MotionFault::AmbiguousRotation => (
             "it turns by 180°, and both ways are equally short".to_owned(),
-            "divide it into two motions, or change the orientation a little",
+            "divide it into two motions, or change the orientation a little".to_owned(),
         ),
         MotionFault::Limits { limits } => (
             format!(
                 "it cannot be planned: length {} with velocity {}, acceleration {}, jerk {}",
                 limits.length, limits.velocity, limits.acceleration, limits.jerk
             ),
-            "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3",
+            "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3".to_owned(),
         ),
         MotionFault::NoMotion => (
             "the plan has no such motion".to_owned(),
-            "this is a fault of the loader: report it with the net",
+            "this is a fault of the loader: report it with the net".to_owned(),
         ),
+        MotionFault::NotFinite => (
+            "a pose, a joint or an angle of it is null".to_owned(),
+            "give `to` (as many joints as the arm has) or `pose`".to_owned(),
+        ),
+        MotionFault::Legs { count } => (
+            format!("the path has {count} legs"),
+            format!("give 1 to {LEGS_MAX}, each point of a spline counts as one"),
+        ),
+        MotionFault::JointCount { joints } => (
+            format!("it gives more joints than the arm has, {joints}"),
+            "give one angle a joint, A1 first".to_owned(),
+        ),
+        MotionFault::Collinear => (
+            "start, via and end of the arc lie on a line".to_owned(),
+            "move the via point aside, or take a line".to_owned(),
+        ),
+        MotionFault::Coincident { distance_m } => (
+            format!("two points of it are {distance_m:.1e} m apart"),
+            "points of an arc or spline must differ by 1 µm or more".to_owned(),
+        ),
+        MotionFault::TurnsTooFar { angle_rad } => (
+            format!("a point of the spline is turned by {angle_rad:.2} rad from the middle one"),
+            "4 rad are possible: divide it into two splines".to_owned(),
+        ),
+        MotionFault::Unreachable { fraction } => (
+            format!("the arm cannot reach it {}", place(fraction)),
+            "move the points nearer, or go there by a `ptp` in another branch".to_owned(),
+        ),
+        MotionFault::JointRange {
+            fraction,
+            joint: which,
+            value,
+            limit,
+        } => (
+            format!(
+                "{} would be at {value:.3} rad {}, its limit is {limit:.3} rad",
+                joint(which),
+                place(fraction)
+            ),
+            "begin with another arm angle or branch (a `ptp` to joints says both)".to_owned(),
+        ),
+        MotionFault::Singular {
+            fraction,
+            joint: which,
+        } => (
+            format!(
+                "it goes through a singular position {}: {} would jump",
+                place(fraction),
+                joint(which)
+            ),
+            "go around it, or go there by a `ptp`".to_owned(),
+        ),
+        MotionFault::TooFast {
+            fraction,
+            quantity,
+            order,
+            value,
+            limit,
+            possible,
+        } => {
+            let (what, unit) = match quantity {
+                Quantity::Line => ("the flange".to_owned(), "m"),
+                Quantity::Turn => ("the turn of the flange".to_owned(), "rad"),
+                Quantity::Joint(which) => (joint(which), "rad"),
+            };
+            let per = ["s", "s²", "s³"][usize::from(order.clamp(1, 3)) - 1];
+            (
+                format!(
+                    "at the given speed {what} would come to {value:.3} {unit}/{per} {}, its limit is {limit:.3} {unit}/{per}",
+                    place(fraction)
+                ),
+                format!(
+                    "at most {:.0} % of the speed is possible; without `velocity` it goes as fast as the joints allow",
+                    (possible * 100.0).floor()
+                ),
+            )
+        }
     };
-    (
-        format!("leg {} of a motion: {why}", leg + 1),
-        help.to_owned(),
-    )
+    (format!("leg {} of a motion: {why}", leg + 1), help)
 }
 
 fn over_budget(net: &str, times_ns: [u64; 3]) -> (Code, String, String) {

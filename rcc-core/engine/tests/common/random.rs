@@ -108,7 +108,10 @@ impl Maker<'_> {
         let unwanted = match entry.spec.role {
             Role::Termination => true,
             Role::CommandsArm => self.arm_taken || !self.random.once_in(4),
-            Role::Motion => !self.random.once_in(2) || self.data.clocks > 3,
+            // Random numbers are a line, but seldom a path of another kind that the arm can follow.
+            Role::Motion => {
+                entry.spec.name != "LinearMotion" || !self.random.once_in(2) || self.data.clocks > 3
+            }
             _ => entry.kernels.is_empty(),
         };
         if !unwanted {

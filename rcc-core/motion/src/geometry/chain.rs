@@ -48,6 +48,17 @@ impl Shape {
         }
     }
 
+    /// |dx/ds| of the flange where it is the same everywhere.
+    #[must_use]
+    pub fn constant_speed(&self) -> Option<f64> {
+        match self {
+            Shape::Line(line) => Some(line.speed()),
+            Shape::Circle(circle) => Some(circle.speed()),
+            Shape::Spline(spline) => spline.speed_by_arc(),
+            Shape::PoseBlend(_) | Shape::Joints(_) | Shape::JointBlend(_) => None,
+        }
+    }
+
     /// Length in s (≥ 0); a rounding's is that of its piece.
     #[must_use]
     pub fn length(&self) -> f64 {
@@ -101,6 +112,16 @@ impl Piece {
     #[must_use]
     pub fn length(&self) -> f64 {
         self.end - self.begin
+    }
+
+    /// Which part of its shape has been gone at this part of the piece; all of it on a rounding.
+    #[must_use]
+    pub fn of_shape(&self, fraction: f64) -> f64 {
+        let length = self.shape.length();
+        if self.blend || length <= 0.0 {
+            return 1.0;
+        }
+        (self.offset + self.length() * fraction) / length
     }
 }
 
@@ -194,17 +215,18 @@ impl Chain {
         self.pieces.last().map_or(0.0, |piece| piece.end)
     }
 
-    /// The piece at s; `None` if the chain has none.
+    /// The number of the piece at s; 0 if the chain has none.
     #[inline]
     #[must_use]
-    pub fn piece(&self, s: f64) -> Option<&Piece> {
+    pub fn number(&self, s: f64) -> usize {
         let number = self.pieces.partition_point(|piece| piece.end <= s);
-        self.pieces.get(number).or(self.pieces.last())
+        number.min(self.pieces.len().saturating_sub(1))
     }
 
     /// Where it is at s in [0, length]; `None` if it has no pieces.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Option<Where<T>> {
-        self.piece(s.value()).map(|piece| piece.at(s))
+        let piece = self.pieces.get(self.number(s.value()));
+        piece.map(|piece| piece.at(s))
     }
 }

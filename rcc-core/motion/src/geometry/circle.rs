@@ -124,6 +124,12 @@ impl Circle {
         vector::norm(self.out)
     }
 
+    /// Metres of way per unit of s.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.radius_m() * libm::fabs(self.angle) / self.length
+    }
+
     /// Where the flange is.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {

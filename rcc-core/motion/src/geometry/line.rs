@@ -91,6 +91,16 @@ impl Line {
         self.length
     }
 
+    /// Metres of way per unit of s.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        if self.length > 0.0 {
+            distance(self.from, self.to) / self.length
+        } else {
+            0.0
+        }
+    }
+
     /// Where the flange is.
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Placement<T> {
@@ -124,15 +134,10 @@ impl JointLine {
     /// A joint is not finite.
     pub fn new(from: &Joints, to: &Joints, metres_per_rad: f64) -> Result<Self, GeometryError> {
         let ways = from.iter().zip(to).map(|(from, to)| libm::fabs(to - from));
-        let longest = ways.fold(
-            0.0,
-            |longest: f64, way| {
-                if way <= longest { longest } else { way }
-            },
-        );
-        if !longest.is_finite() {
+        if !ways.clone().all(f64::is_finite) {
             return Err(GeometryError::NotFinite);
         }
+        let longest = ways.fold(0.0, f64::max);
         let length = if longest > super::NOTHING {
             longest * metres_per_rad
         } else {

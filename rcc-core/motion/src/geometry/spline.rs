@@ -94,6 +94,12 @@ impl Spline {
         self.length
     }
 
+    /// Metres of way per unit of s, if s is the length of the arc.
+    #[must_use]
+    pub fn speed_by_arc(&self) -> Option<f64> {
+        (!self.table.is_empty()).then_some(1.0)
+    }
+
     /// s of each point, the first (0) and the last (the length) included.
     #[must_use]
     pub fn points(&self) -> Vec<f64> {
@@ -248,7 +254,7 @@ fn orientations(poses: &[Pose], middle: Quaternion) -> Result<Vec<[f64; 3]>, Geo
     let mut turns = Vec::new();
     for (point, turn) in relative.into_iter().enumerate() {
         let turn = if flip { turn.map(|x| -x) } else { turn };
-        let angle_rad = 2.0 * libm::acos(turn[3].max(-1.0).min(1.0));
+        let angle_rad = 2.0 * libm::acos(turn[3].clamp(-1.0, 1.0));
         if angle_rad > TURN_MAX {
             return Err(GeometryError::TurnsTooFar { point, angle_rad });
         }

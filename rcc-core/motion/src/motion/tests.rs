@@ -25,10 +25,11 @@ fn line(to: Pose) -> Result<MotionSet, PrepareFault> {
         device: 0,
         from: Some(from()),
         legs: &[Leg {
-            segment: Segment::Line { to },
             line: LINE,
             turn: TURN,
+            ..Leg::new(Segment::Line { to })
         }],
+        joints: false,
     };
     builder.path(0, &request)?;
     builder.finish()

@@ -1,0 +1,394 @@
+//! Legs one after the other: each as a shape, with the arm's configuration on it and where it ends.
+//! Run when a command is made ready; allocates.
+
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::{Arm, Branch, Configuration, NoJoints, turns_by_signs, within_limits};
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::path::{ArcOrientation, Leg, Limits, MotionFault, Relative, Segment};
+use rcc_core::pose::Pose;
+use rcc_core::rotation;
+use rcc_core::vector;
+
+use super::bounds::Bounds;
+use super::build::{Fault, Traveller};
+use super::walk::Follower;
+use super::{STEPS, joint_bounds};
+use crate::geometry::chain::{Shape, Where};
+use crate::geometry::circle::{Circle, CircleOrientation};
+use crate::geometry::jet::Jet;
+use crate::geometry::line::{JointLine, Line};
+use crate::geometry::spline::Spline;
+use crate::geometry::{GeometryError, Metric, NOTHING};
+
+/// What a turn counts where the limits do not say: metres per radian.
+const RADIUS_M: f64 = 0.25;
+
+/// A leg as a shape.
+#[derive(Debug, Clone)]
+pub(super) struct Draft {
+    pub(super) shape: Shape,
+    pub(super) leg: u32,
+    /// Branch and arm angle on a shape of the flange.
+    pub(super) configuration: Option<Configuration>,
+    /// Joints along it, at even steps.
+    joints: Vec<Joints>,
+    pub(super) bounds: Bounds,
+    /// Its speed is given.
+    pub(super) given: bool,
+    /// Zone of the rounding at its end, m.
+    zone_m: f64,
+}
+
+impl Draft {
+    /// How long the rounding from this to the next one is, in s of each.
+    pub(super) fn zones(&self, next: Option<&Draft>, arm: Arm) -> [f64; 2] {
+        let Some(next) = next.filter(|_| self.zone_m > 0.0) else {
+            return [0.0; 2];
+        };
+        [
+            zone(&self.shape, self.zone_m, arm, |way, length| length - way),
+            zone(&next.shape, self.zone_m, arm, |way, _| way),
+        ]
+    }
+
+    /// Joints with derivatives at s.
+    pub(super) fn jets(
+        &self,
+        traveller: Traveller<'_>,
+        shape: &Shape,
+        s: f64,
+    ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
+        if let Where::Joints(joints) = shape.at(Jet::variable(s)) {
+            return Ok(joints);
+        }
+        let follower = Follower {
+            arm: traveller.arm,
+            model: traveller.model,
+            configuration: self.configuration.ok_or(MotionFault::NoMotion)?,
+        };
+        let last = self.joints.len().saturating_sub(1);
+        let near = (s / shape.length() * last as f64) as usize;
+        let hint = self.joints.get(near.min(last));
+        follower.jets(shape, s, hint.unwrap_or(&traveller.joints))
+    }
+}
+
+/// Way in s from a corner (`place` says where on the shape that way is) to where the flange is `zone_m` from it; at most
+/// half of the shape.
+fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -> f64 {
+    let Shape::Joints(line) = shape else {
+        return zone_m;
+    };
+    let length = line.length();
+    let flange = |way: f64| arm.forward(&line.at(place(way, length)));
+    let corner = flange(0.0);
+    let inside = |way: f64| corner.distance_to(&flange(way)) < zone_m;
+    let (mut from, mut to) = (0.0, length / 2.0);
+    for step in 1..=64 {
+        let way = length / 2.0 * f64::from(step) / 64.0;
+        if !inside(way) {
+            to = way;
+            break;
+        }
+        from = way;
+    }
+    for _ in 0..48 {
+        let middle = 0.5 * (from + to);
+        if inside(middle) {
+            from = middle;
+        } else {
+            to = middle;
+        }
+    }
+    to
+}
+
+/// All legs as shapes.
+///
+/// # Errors
+/// Legs that are no path, or that the arm cannot follow.
+pub(super) fn drafts(traveller: Traveller<'_>, legs: &[Leg<'_>]) -> Result<Vec<Draft>, Fault> {
+    let mut walk = Walk {
+        traveller,
+        pose: traveller.pose,
+        joints: traveller.joints,
+        configuration: None,
+        drafts: Vec::new(),
+    };
+    for (leg, number) in legs.iter().zip(0..) {
+        walk.leg(leg, number).map_err(|fault| (number, fault))?;
+    }
+    walk.even_out();
+    Ok(walk.drafts)
+}
+
+struct Walk<'a> {
+    traveller: Traveller<'a>,
+    pose: Pose,
+    joints: Joints,
+    /// Of the flange's shapes since the last one of joints.
+    configuration: Option<Configuration>,
+    drafts: Vec<Draft>,
+}
+
+impl Walk<'_> {
+    fn leg(&mut self, leg: &Leg<'_>, number: u32) -> Result<(), MotionFault> {
+        let arm = self.traveller.arm;
+        let metric = metric(leg);
+        let to = |pose: &Pose| place(&self.pose, pose, leg.relative);
+        let (shape, steps) = match leg.segment {
+            Segment::Joints { to } => return self.joints(leg, number, to),
+            Segment::JointsToPose {
+                to: goal,
+                branch,
+                status,
+                turn,
+            } => {
+                let branch = status
+                    .and_then(|status| arm.branch_of_status(status))
+                    .map(Branch::index)
+                    .or(branch);
+                let (goal, hint) = (to(&goal), self.joints);
+                let mut joints = chosen(self.traveller, &goal, (branch, turn), &hint)?;
+                joints
+                    .iter_mut()
+                    .skip(arm.joints())
+                    .for_each(|joint| *joint = f64::NAN);
+                return self.joints(leg, number, joints);
+            }
+            Segment::Line { to: goal } => {
+                let line = Line::new(&self.pose, &to(&goal), metric).map_err(geometry)?;
+                (Shape::Line(line), STEPS)
+            }
+            Segment::Circle {
+                via,
+                to: goal,
+                orientation,
+                angle,
+            } => {
+                let via = Pose {
+                    position: via,
+                    ..Pose::IDENTITY
+                };
+                let orientation = match orientation {
+                    ArcOrientation::Even => CircleOrientation::Even,
+                    ArcOrientation::Constant => CircleOrientation::Constant,
+                    ArcOrientation::Path => CircleOrientation::Path,
+                };
+                let (via, goal) = (to(&via).position, to(&goal));
+                let circle = Circle::new(&self.pose, via, &goal, (orientation, angle), metric);
+                (Shape::Circle(circle.map_err(geometry)?), STEPS)
+            }
+            Segment::Spline { through } => {
+                let mut poses = vec![self.pose];
+                poses.extend(through.iter().map(to));
+                let steps = (through.len() * STEPS / 4).max(STEPS);
+                let spline = Spline::new(&poses, metric).map_err(geometry)?;
+                (Shape::Spline(spline), steps)
+            }
+        };
+        let configuration = self.configuration;
+        let configuration = configuration.unwrap_or_else(|| arm.configuration(&self.joints));
+        let follower = Follower {
+            arm,
+            model: self.traveller.model,
+            configuration,
+        };
+        let span = (0.0, shape.length());
+        let joints = follower.walk(|s| shape.at(s), span, &self.joints, steps)?;
+        if let Where::Flange(end) = shape.at(shape.length()) {
+            self.pose = end.pose();
+        }
+        self.joints = joints.last().copied().unwrap_or(self.joints);
+        self.configuration = Some(configuration);
+        self.push(leg, number, shape, joints);
+        Ok(())
+    }
+
+    fn joints(&mut self, leg: &Leg<'_>, number: u32, to: Joints) -> Result<(), MotionFault> {
+        // Joints that the arm does not have do not move.
+        let count = self.traveller.arm.joints();
+        if to.iter().skip(count).any(|joint| !joint.is_nan()) {
+            let joints = count as u8;
+            return Err(MotionFault::JointCount { joints });
+        }
+        let mut goal = self.joints;
+        for (place, joint) in goal.iter_mut().zip(to).take(count) {
+            *place = joint;
+        }
+        in_range(&goal, &self.traveller.model.limits)?;
+        let line = JointLine::new(&self.joints, &goal, 1.0).map_err(geometry)?;
+        let joints = vec![self.joints, goal];
+        (self.joints, self.pose) = (goal, self.traveller.arm.forward(&goal));
+        self.configuration = None;
+        self.push(leg, number, Shape::Joints(line), joints);
+        Ok(())
+    }
+
+    fn push(&mut self, leg: &Leg<'_>, number: u32, shape: Shape, joints: Vec<Joints>) {
+        let row = |limits: Limits| [limits.velocity, limits.acceleration, limits.jerk];
+        let mut bounds = [[f64::INFINITY; 3]; super::bounds::QUANTITIES];
+        let configuration = match shape {
+            Shape::Joints(_) => None,
+            _ => {
+                (bounds[0], bounds[1]) = (row(leg.line), row(leg.turn));
+                self.configuration
+            }
+        };
+        let joint = joint_bounds(&self.traveller.model.limits, leg.scale);
+        for (place, joint) in bounds.iter_mut().skip(2).zip(joint) {
+            *place = joint;
+        }
+        self.drafts.push(Draft {
+            given: configuration.is_some() && leg.line.velocity.is_finite(),
+            shape,
+            leg: number,
+            configuration,
+            joints,
+            bounds,
+            zone_m: leg.blend,
+        });
+    }
+
+    /// Scales s of lines of joints, so that they can speed up by as much of it as the shapes of the flange: the acceleration
+    /// of the clock is one for the whole path.
+    fn even_out(&mut self) {
+        let agility = |draft: &Draft| {
+            if draft.shape.length() <= NOTHING {
+                return f64::INFINITY;
+            }
+            let last = draft.joints.len().saturating_sub(1).max(1);
+            let step = draft.shape.length() / last as f64;
+            let mut agility = f64::INFINITY;
+            for pair in draft.joints.windows(2) {
+                for ((a, b), [_, limit, _]) in pair[0].iter().zip(pair[1]).zip(&draft.bounds[2..]) {
+                    let by = limit * step / (b - a).abs();
+                    agility = if by < agility { by } else { agility };
+                }
+            }
+            agility
+        };
+        let flange = |draft: &&Draft| draft.configuration.is_some();
+        let of_flange = self.drafts.iter().filter(flange).map(agility);
+        let least = of_flange.fold(f64::INFINITY, f64::min);
+        let first = self.drafts.iter().map(agility).find(|x| x.is_finite());
+        let wanted = if least.is_finite() {
+            Some(least)
+        } else {
+            first
+        };
+        for draft in &mut self.drafts {
+            let by = wanted.map_or(1.0, |wanted| wanted / agility(draft));
+            if let (Shape::Joints(_), [from, to]) = (&draft.shape, draft.joints.as_slice())
+                && by.is_finite()
+                && by > 0.0
+                && let Ok(line) = JointLine::new(from, to, by)
+            {
+                draft.shape = Shape::Joints(line);
+            }
+        }
+    }
+}
+
+/// Where a pose of a leg is, in the arm's base.
+fn place(from: &Pose, pose: &Pose, relative: Option<Relative>) -> Pose {
+    match relative {
+        None => *pose,
+        Some(Relative::Tool) => from.compose(pose),
+        Some(Relative::Base) => Pose {
+            position: vector::add(from.position, pose.position),
+            orientation: rotation::product(pose.orientation, from.orientation),
+        },
+    }
+}
+
+fn metric(leg: &Leg<'_>) -> Metric {
+    let radius = leg.line.velocity / leg.turn.velocity;
+    Metric {
+        radius_m: if radius.is_finite() && radius > 0.0 {
+            radius
+        } else {
+            RADIUS_M
+        },
+    }
+}
+
+/// The joints of a pose: of a branch, or those that are reached soonest.
+fn chosen(
+    traveller: Traveller<'_>,
+    pose: &Pose,
+    (branch, turn): (Option<u8>, Option<u8>),
+    hint: &Joints,
+) -> Result<Joints, MotionFault> {
+    let Traveller { arm, model, .. } = traveller;
+    let arm_angle = arm.configuration(hint).arm_angle;
+    let time_s = |joints: &Joints| {
+        let ways = joints.iter().zip(hint).zip(&model.limits.velocity_max);
+        let times = ways
+            .take(arm.joints())
+            .map(|((to, from), v)| (to - from).abs() / v);
+        times.fold(0.0, f64::max)
+    };
+    let (mut best, mut fault) = (None, MotionFault::Unreachable { fraction: 1.0 });
+    for index in 0..8 {
+        if branch.is_some_and(|wanted| wanted != index) {
+            continue;
+        }
+        let configuration = Configuration {
+            branch: Branch::from_bits(index),
+            arm_angle,
+        };
+        let limits = &model.limits;
+        let found = match turn {
+            None => arm.inverse_within(pose, configuration, hint, limits),
+            Some(turn) => arm
+                .inverse(pose, arm_angle, configuration.branch, hint)
+                .map_err(NoJoints::from)
+                .and_then(|joints| {
+                    let joints = turns_by_signs(&joints, turn);
+                    Ok(within_limits(&joints, limits).map(|()| joints)?)
+                }),
+        };
+        match found {
+            Ok(joints) => {
+                let time = time_s(&joints);
+                if best.is_none_or(|(least, _)| time < least) {
+                    best = Some((time, joints));
+                }
+            }
+            Err(error) => fault = super::walk::no_joints(error, 1.0),
+        }
+    }
+    best.map(|(_, joints)| joints).ok_or(fault)
+}
+
+fn in_range(joints: &Joints, limits: &JointLimits) -> Result<(), MotionFault> {
+    let bounds = limits.lower.iter().zip(&limits.upper);
+    for ((value, (lower, upper)), joint) in joints.iter().zip(bounds).zip(0u8..).take(limits.joints)
+    {
+        let limit = if value < lower {
+            *lower
+        } else if value > upper {
+            *upper
+        } else {
+            continue;
+        };
+        return Err(MotionFault::JointRange {
+            fraction: 1.0,
+            joint,
+            value: *value,
+            limit,
+        });
+    }
+    Ok(())
+}
+
+fn geometry(error: GeometryError) -> MotionFault {
+    match error {
+        GeometryError::HalfTurn => MotionFault::AmbiguousRotation,
+        GeometryError::Collinear => MotionFault::Collinear,
+        GeometryError::Coincident { distance_m, .. } => MotionFault::Coincident { distance_m },
+        GeometryError::TurnsTooFar { angle_rad, .. } => MotionFault::TurnsTooFar { angle_rad },
+        GeometryError::NotFinite => MotionFault::NotFinite,
+    }
+}

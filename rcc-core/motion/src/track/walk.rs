@@ -1,0 +1,94 @@
+//! The joints along a shape: solved step by step, so that they stay on their branch and at their turns.
+//! Used when a motion is built.
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::kinematics::{Arm, Configuration, NoJoints};
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::path::MotionFault;
+
+use super::sampling::{NEIGHBOURS, derivatives};
+use crate::geometry::chain::{Shape, Where};
+use crate::geometry::jet::Jet;
+
+/// A joint that goes further than this from one step to the next (rad) jumps: the path goes through a singular position.
+const JUMP: f64 = 0.5;
+
+/// Steps by which the derivatives at one place are found, as part of the shape.
+const NEAR: f64 = 1.0 / 256.0;
+
+/// An arm that follows a shape.
+#[derive(Clone, Copy)]
+pub(super) struct Follower<'a> {
+    pub(super) arm: Arm,
+    pub(super) model: &'a DeviceModel,
+    pub(super) configuration: Configuration,
+}
+
+impl Follower<'_> {
+    /// The joints at even steps along [from, to] of a shape of the flange, the first near `start`.
+    ///
+    /// # Errors
+    /// Where the flange cannot be brought, or a joint is beyond its limit.
+    pub(super) fn walk(
+        &self,
+        at: impl Fn(f64) -> Where<f64>,
+        (from, to): (f64, f64),
+        start: &Joints,
+        steps: usize,
+    ) -> Result<Vec<Joints>, MotionFault> {
+        let (mut joints, mut last) = (Vec::with_capacity(steps + 1), *start);
+        for step in 0..=steps {
+            #[allow(clippy::cast_precision_loss)] // Some thousands at most.
+            let fraction = step as f64 / steps as f64;
+            let Where::Flange(place) = at(from + (to - from) * fraction) else {
+                return Ok(joints);
+            };
+            let found = self
+                .arm
+                .inverse_within(&place.pose(), self.configuration, &last, &self.model.limits)
+                .map_err(|error| no_joints(error, fraction))?;
+            let mut ways = found.iter().zip(last).zip(0u8..);
+            let jump = ways.find(|((now, before), _)| (*now - before).abs() > JUMP);
+            if let Some((_, joint)) = jump {
+                return Err(MotionFault::Singular { fraction, joint });
+            }
+            last = found;
+            joints.push(found);
+        }
+        Ok(joints)
+    }
+
+    /// The joints at s of a shape with their derivatives; `hint` are joints near it.
+    ///
+    /// # Errors
+    /// As [`Follower::walk`].
+    pub(super) fn jets(
+        &self,
+        shape: &Shape,
+        s: f64,
+        hint: &Joints,
+    ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
+        let (length, steps) = (shape.length(), NEIGHBOURS - 1);
+        let step = length * NEAR;
+        // The place is one of the steps: the fourth, unless the shape begins or ends before.
+        let room = |way: f64| ((way / step + 1e-9) as usize).min(steps);
+        let before = room(s).min(steps / 2).max(steps - room(length - s));
+        let begin = s - step * before as f64;
+        let end = begin + step * steps as f64;
+        let near = self.walk(|s| shape.at(s), (begin, end), hint, steps)?;
+        let jets = derivatives(&near, step);
+        jets.get(before).copied().ok_or(MotionFault::NotFinite)
+    }
+}
+
+pub(super) fn no_joints(error: NoJoints, fraction: f64) -> MotionFault {
+    match error {
+        NoJoints::Unreachable(_) => MotionFault::Unreachable { fraction },
+        NoJoints::OutOfLimits(out) => MotionFault::JointRange {
+            fraction,
+            joint: out.joint,
+            value: out.value,
+            limit: out.limit,
+        },
+    }
+}

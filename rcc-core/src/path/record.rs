@@ -1,0 +1,125 @@
+//! Legs as rows of numbers: how a path lies in a plan, [`WIDTH`] numbers a leg or a point of a spline, null where nothing is
+//! given. Written by the language, read when a net is made ready.
+//!
+//! | column | what |
+//! | --- | --- |
+//! | 0 | 0 `ptp` to joints, 1 `ptp` to a pose, 2 `lin`, 3 `circ`, 4 a point of a `spline`, 5 its last one |
+//! | 1 to 8 | joints (rad), or `[x y z qx qy qz qw]` (m) |
+//! | 9 to 11 | `via` of an arc, m; of a `ptp` to a pose: Status, Turn |
+//! | 12 | orientation on an arc: 0 even, 1 constant, 2 path |
+//! | 13 | angle of an arc, rad |
+//! | 14 | zone of the rounding at the end, m |
+//! | 15 to 17 | velocity, acceleration, jerk of the flange (m) |
+//! | 18 to 20 | the same of its orientation (rad) |
+//! | 21 | scale of the joints' limits |
+//! | 22 | branch of a `ptp` to a pose |
+//! | 23 | relative: 1 to the tool, 2 in axes of the base |
+
+use super::{ArcOrientation, Leg, Limits, Relative, Segment};
+use crate::pose::Pose;
+
+/// Numbers of a leg.
+pub const WIDTH: usize = 24;
+
+/// `ptp` to joints.
+pub const PTP_JOINTS: f64 = 0.0;
+/// `ptp` to a pose.
+pub const PTP_POSE: f64 = 1.0;
+/// `lin`.
+pub const LIN: f64 = 2.0;
+/// `circ`.
+pub const CIRC: f64 = 3.0;
+/// A point of a `spline` behind which another one comes.
+pub const THROUGH: f64 = 4.0;
+/// The last point of a `spline`.
+pub const SPLINE: f64 = 5.0;
+
+/// A row.
+pub type Row = [f64; WIDTH];
+
+/// The pose of a row.
+#[must_use]
+pub fn pose(row: &Row) -> Pose {
+    let [_, x, y, z, qx, qy, qz, qw, ..] = *row;
+    Pose::from_slots([x, y, z, qx, qy, qz, qw])
+}
+
+/// The leg of a row; of the last row of a spline, with all its poses. `None` for a point that is not the last one, and for
+/// a row that is none.
+#[must_use]
+pub fn leg<'a>(row: &Row, through: &'a [Pose]) -> Option<Leg<'a>> {
+    let [
+        kind,
+        a,
+        b,
+        c,
+        d,
+        e,
+        f,
+        g,
+        h,
+        vx,
+        vy,
+        vz,
+        orientation,
+        angle,
+        blend,
+        v,
+        va,
+        vj,
+        w,
+        wa,
+        wj,
+        scale,
+        branch,
+        relative,
+    ] = *row;
+    let to = pose(row);
+    let segment = if kind == PTP_JOINTS {
+        let to = [a, b, c, d, e, f, g, h];
+        Segment::Joints { to }
+    } else if kind == PTP_POSE {
+        let number = |value: f64| (0..=u8::MAX).find(|number| f64::from(*number) == value);
+        Segment::JointsToPose {
+            to,
+            branch: number(branch),
+            status: number(vx),
+            turn: number(vy),
+        }
+    } else if kind == LIN {
+        Segment::Line { to }
+    } else if kind == CIRC {
+        Segment::Circle {
+            via: [vx, vy, vz],
+            to,
+            orientation: arc_orientation(orientation),
+            angle: (!angle.is_nan()).then_some(angle),
+        }
+    } else if kind == SPLINE {
+        Segment::Spline { through }
+    } else {
+        return None;
+    };
+    Some(Leg {
+        segment,
+        relative: match relative {
+            1.0 => Some(Relative::Tool),
+            2.0 => Some(Relative::Base),
+            _ => None,
+        },
+        line: Limits::of([v, va, vj]),
+        turn: Limits::of([w, wa, wj]),
+        scale: if scale.is_nan() { 1.0 } else { scale },
+        blend: if blend.is_nan() { 0.0 } else { blend },
+    })
+}
+
+/// The orientation of a number in a row.
+#[must_use]
+pub fn arc_orientation(number: f64) -> ArcOrientation {
+    match number {
+        1.0 => ArcOrientation::Constant,
+        2.0 => ArcOrientation::Path,
+        _ => ArcOrientation::Even,
+    }
+}

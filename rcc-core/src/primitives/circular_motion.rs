@@ -1,0 +1,120 @@
+//! `CircularMotion`: an arc of the flange through a point, jerk-limited, that can be stopped on the path.
+//!
+//! Position follows the circle through start, `via` and `to`; the orientation has a mode. Joints are given as well, by the
+//! arm angle and the branch of the start.
+
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::path::{Leg, Limits, PathRequest, Segment, record};
+use crate::pose::Pose;
+use crate::primitive::{
+    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
+    each,
+};
+use crate::types::Type;
+use crate::unit::Unit;
+
+use super::along::{self, PORTS};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "CircularMotion",
+        summary: "An arc of the flange through a point, jerk-limited, with a soft stop on the path.",
+        null: along::NULL,
+        null_rule: NullRule::Known,
+        formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with arm angle and branch of the start",
+        inputs: along::INPUTS,
+        outputs: along::OUTPUTS,
+        parameters: &[
+            Parameter::arm(),
+            Parameter::new(
+                "via",
+                ParameterKind::Value(PortType::Is(Type::Vector3), UnitRule::Is(Unit::METRE)),
+                "a point that the flange passes, in the arm's base",
+            ),
+            Parameter::new(
+                "to",
+                ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed),
+                "flange at the end, in the arm's base; with `angle` another point of the circle",
+            ),
+            Parameter::new(
+                "angle",
+                ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
+                "how far around instead of to `to`, deg(360) for a whole circle; negative: the other way around",
+            )
+            .default(Literal::Null),
+            Parameter::int(
+                "orientation",
+                "0: turns evenly from that of the start to that of `to`; 1: stays; 2: turns with the circle",
+            )
+            .default(Literal::Int(0)),
+            along::FLANGE[0],
+            along::FLANGE[1],
+            along::FLANGE[2],
+            along::FLANGE[3],
+            along::FLANGE[4],
+            along::FLANGE[5],
+            along::SCALE,
+        ],
+        role: Role::Motion,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[
+        ..,
+        device,
+        via,
+        to,
+        angle,
+        orientation,
+        v,
+        a,
+        j,
+        w,
+        wa,
+        wj,
+        scale,
+        motion,
+        _width,
+    ] = operands
+    else {
+        return Ok(());
+    };
+    let number = |slot: u32| {
+        let [value] = preparation.reals(slot);
+        value
+    };
+    let angle = number(angle);
+    let orientation = preparation.int(orientation);
+    let segment = Segment::Circle {
+        via: preparation.reals(via),
+        to: Pose::from_slots(preparation.reals(to)),
+        // A number that is no mode is refused by the language.
+        orientation: record::arc_orientation(orientation as f64),
+        angle: (!angle.is_nan()).then_some(angle),
+    };
+    let leg = Leg {
+        line: Limits::of([v, a, j].map(number)),
+        turn: Limits::of([w, wa, wj].map(number)),
+        scale: number(scale),
+        ..Leg::new(segment)
+    };
+    let request = PathRequest {
+        device,
+        from: None,
+        legs: &[leg],
+        joints: true,
+    };
+    preparation.motions.path(motion, &request)
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 14]) {
+    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
+    if let (Some(ports), Some([motion, width])) = (ports, rest) {
+        along::step(frame, *ports, *motion, *width);
+    }
+}

@@ -1,0 +1,123 @@
+//! `JointMotion`: all joints together on a straight line in joint space (PTP), to joints or to where the flange is at a pose.
+//!
+//! One path parameter moves every joint, so that a stop, a pause or another speed leave all of them on the line.
+
+use crate::frame::{Preparation, PrepareFault};
+use crate::message::JOINTS_MAX;
+use crate::path::{Leg, PathRequest, Segment};
+use crate::pose::Pose;
+use crate::primitive::{
+    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
+    each,
+};
+use crate::types::Type;
+use crate::unit::Unit;
+
+use super::along::{self, PORTS};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "JointMotion",
+        summary: "Point to point: all joints together, jerk-limited, to joints or to a flange pose.",
+        null: along::NULL,
+        null_rule: NullRule::Known,
+        formula: "q(s) = q₀ + (q₁ − q₀)·s/l; s jerk-limited such that every joint keeps its velocity, acceleration and jerk",
+        inputs: along::INPUTS,
+        outputs: along::OUTPUTS,
+        parameters: &[
+            Parameter::arm(),
+            Parameter::new(
+                "to",
+                ParameterKind::Value(PortType::Joints, UnitRule::Is(Unit::RADIAN)),
+                "joints at the end, A1 first; or give `pose`",
+            )
+            .default(Literal::Null),
+            Parameter::new(
+                "pose",
+                ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed),
+                "flange at the end, in the arm's base; or give `to`",
+            )
+            .default(Literal::Null),
+            Parameter::int(
+                "branch",
+                "with `pose`: in this branch, 0 to 7 (bit 0 shoulder, 1 elbow, 2 wrist); without it in the one reached soonest",
+            )
+            .default(Literal::Null),
+            Parameter::int(
+                "status",
+                "with `pose`: KUKA's Status of a 6-axis arm, which says the branch",
+            )
+            .default(Literal::Null),
+            Parameter::int(
+                "turn",
+                "with `pose`: KUKA's Turn, bit i set if joint i + 1 is negative at the end",
+            )
+            .default(Literal::Null),
+            along::SCALE,
+        ],
+        role: Role::Motion,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+/// A number of a few bits, if it is one.
+fn bits(value: i64) -> Option<u8> {
+    u8::try_from(value).ok()
+}
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[
+        ..,
+        device,
+        to,
+        pose,
+        branch,
+        status,
+        turn,
+        scale,
+        motion,
+        width,
+    ] = operands
+    else {
+        return Ok(());
+    };
+    let mut joints = [f64::NAN; JOINTS_MAX];
+    let given = preparation.reals.get(to as usize..).unwrap_or(&[]);
+    for (place, joint) in joints.iter_mut().zip(given).take(width as usize) {
+        *place = *joint;
+    }
+    let [scale] = preparation.reals(scale);
+    let pose = Pose::from_slots(preparation.reals(pose));
+    let segment = if joints.iter().any(|joint| !joint.is_nan()) {
+        Segment::Joints { to: joints }
+    } else {
+        let [branch, status, turn] = [branch, status, turn].map(|slot| bits(preparation.int(slot)));
+        Segment::JointsToPose {
+            to: pose,
+            branch,
+            status,
+            turn,
+        }
+    };
+    let leg = Leg {
+        scale,
+        ..Leg::new(segment)
+    };
+    let request = PathRequest {
+        device,
+        from: None,
+        legs: &[leg],
+        joints: true,
+    };
+    preparation.motions.path(motion, &request)
+}
+
+fn step(frame: &mut crate::frame::Frame<'_>, operands: [u32; PORTS + 9]) {
+    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
+    if let (Some(ports), Some([motion, width])) = (ports, rest) {
+        along::step(frame, *ports, *motion, *width);
+    }
+}

@@ -1,0 +1,93 @@
+//! `MotionSequence`: point to point, lines, arcs and splines one after the other, rounded where wanted, with one clock.
+//!
+//! A leg without `blend:` ends at rest; with it the path is left so far before its end, and joined so far behind, by a curve
+//! that is smooth to the second derivative. Roundings from and to a `ptp` are made in joint space.
+
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::path::record::{self, Row};
+use crate::path::{LEGS_MAX, Leg, MotionFault, PathRequest, Segment};
+use crate::pose::Pose;
+use crate::primitive::{Dim, Entry, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each};
+
+use super::along::{self, PORTS};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "MotionSequence",
+        summary: "Motions one after the other (ptp, lin, circ, spline), rounded where wanted, with a soft stop on the path.",
+        null: along::NULL,
+        null_rule: NullRule::Known,
+        formula: "roundings: polynomials of degree 5 by the path parameter, C2 at both ends",
+        inputs: along::INPUTS,
+        outputs: along::OUTPUTS,
+        parameters: &[
+            Parameter::arm(),
+            Parameter::new(
+                "path",
+                ParameterKind::Path(Dim::Var(0)),
+                "legs in order, up to 128 with all points of splines: `- {ptp: {joints: [...]}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`",
+            ),
+            along::SCALE,
+        ],
+        role: Role::Motion,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+/// A path of too many legs.
+pub(super) fn too_many(motion: u32, count: u32) -> PrepareFault {
+    PrepareFault::Motion {
+        motion,
+        leg: 0,
+        fault: MotionFault::Legs { count },
+    }
+}
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[.., device, path, scale, motion, _width, count] = operands else {
+        return Ok(());
+    };
+    let [scale] = preparation.reals(scale);
+    if count as usize > LEGS_MAX {
+        return Err(too_many(motion, count));
+    }
+    let row = |number: u32| -> Row { preparation.reals(path + record::WIDTH as u32 * number) };
+    let mut poses = [Pose::NULL; LEGS_MAX];
+    for (pose, number) in poses.iter_mut().zip(0..count) {
+        *pose = record::pose(&row(number));
+    }
+    let nothing = Leg::new(Segment::Spline { through: &[] });
+    let mut legs = [nothing; LEGS_MAX];
+    let (mut used, mut first) = (0usize, 0usize);
+    for (number, behind) in (0..count).zip(1usize..) {
+        let through = poses.get(first..behind).unwrap_or(&[]);
+        let row = row(number);
+        if let (Some(leg), Some(place)) = (record::leg(&row, through), legs.get_mut(used)) {
+            *place = Leg {
+                scale: leg.scale * scale,
+                ..leg
+            };
+            used += 1;
+            first = behind;
+        } else if row.first() != Some(&record::THROUGH) {
+            first = behind;
+        }
+    }
+    let request = PathRequest {
+        device,
+        from: None,
+        legs: legs.get(..used).unwrap_or(&[]),
+        joints: true,
+    };
+    preparation.motions.path(motion, &request)
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 6]) {
+    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
+    if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
+        along::step(frame, *ports, *motion, *width);
+    }
+}

@@ -1,0 +1,97 @@
+//! `SplineMotion`: a smooth curve of the flange through poses, jerk-limited, that can be stopped on the path.
+//!
+//! A natural spline of the fifth degree in position and orientation: the third derivative has the least mean square of all
+//! curves through the poses. Joints are given as well, by the arm angle and the branch of the start.
+
+use crate::frame::{Frame, Preparation, PrepareFault};
+use crate::path::{LEGS_MAX, Leg, Limits, PathRequest, Segment};
+use crate::pose::Pose;
+use crate::primitive::{Dim, Entry, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each};
+
+use super::along::{self, PORTS};
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "SplineMotion",
+        summary: "A smooth curve of the flange through poses, jerk-limited, with a soft stop on the path.",
+        null: along::NULL,
+        null_rule: NullRule::Known,
+        formula: "natural spline of degree 5 (de Boor, A Practical Guide to Splines, XIII) by chord length, followed by arc length; orientation in modified Rodrigues parameters",
+        inputs: along::INPUTS,
+        outputs: along::OUTPUTS,
+        parameters: &[
+            Parameter::arm(),
+            Parameter::new(
+                "through",
+                ParameterKind::Poses(Dim::Var(0)),
+                "poses of the flange in the arm's base that it goes through, up to 128; the last one is the end",
+            ),
+            along::FLANGE[0],
+            along::FLANGE[1],
+            along::FLANGE[2],
+            along::FLANGE[3],
+            along::FLANGE[4],
+            along::FLANGE[5],
+            along::SCALE,
+        ],
+        role: Role::Motion,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+)
+.prepared_by(prepare);
+
+fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
+    let &[
+        ..,
+        device,
+        through,
+        v,
+        a,
+        j,
+        w,
+        wa,
+        wj,
+        scale,
+        motion,
+        _width,
+        count,
+    ] = operands
+    else {
+        return Ok(());
+    };
+    let number = |slot: u32| {
+        let [value] = preparation.reals(slot);
+        value
+    };
+    let mut poses = [Pose::NULL; LEGS_MAX];
+    let places = (0..count).map(|row| through + 7 * row);
+    for (pose, place) in poses.iter_mut().zip(places) {
+        *pose = Pose::from_slots(preparation.reals(place));
+    }
+    let through = poses.get(..count as usize);
+    let Some(through) = through else {
+        return Err(super::motion_sequence::too_many(motion, count));
+    };
+    let leg = Leg {
+        line: Limits::of([v, a, j].map(number)),
+        turn: Limits::of([w, wa, wj].map(number)),
+        scale: number(scale),
+        ..Leg::new(Segment::Spline { through })
+    };
+    let request = PathRequest {
+        device,
+        from: None,
+        legs: &[leg],
+        joints: true,
+    };
+    preparation.motions.path(motion, &request)
+}
+
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 12]) {
+    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
+    if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
+        along::step(frame, *ports, *motion, *width);
+    }
+}
