@@ -366,7 +366,10 @@ impl<'a> Lowering<'a> {
         );
         for (parameter, literal) in spec.parameters.iter().zip(&item.parameters) {
             match parameter.kind {
-                ParameterKind::Value(ty, _) => {
+                ParameterKind::Value(..) | ParameterKind::Poses(_) | ParameterKind::Path(_) => {
+                    let Some((ty, _)) = parameter.kind.value() else {
+                        continue;
+                    };
                     let ty = self.net.inferred.port_type(self.net.graph, number, ty);
                     let ty = ty.unwrap_or(Type::Real);
                     let slot = match (literal, parameter.default) {

@@ -2,6 +2,7 @@
 //! Knows the shape of the language, not the catalogue; all faults of shape and of names at once. The loader's threads.
 
 pub mod fragment;
+mod legs;
 pub mod literal;
 pub mod part;
 pub mod reference;

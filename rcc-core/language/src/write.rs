@@ -268,6 +268,7 @@ pub fn literal_tree(literal: &Literal) -> Tree {
             let parts = parts.iter();
             return Tree::map(parts.map(|(key, part)| (key.clone(), literal_tree(part))));
         }
+        Written::Rows(node) => return Tree::of(node),
         Written::Usual => {}
     }
     match &literal.shape {

@@ -10,7 +10,7 @@ use rcc_core::pose::Pose;
 use rcc_core::types::{ELEMENTS_MAX, NULL_BOOL, NULL_INT, NULL_REAL, Store, Type};
 use rcc_core::unit::Unit;
 
-use super::{report_unknown_keys, shape};
+use super::{legs, report_unknown_keys, shape};
 use crate::fault;
 use crate::write;
 
@@ -39,6 +39,8 @@ pub enum Written {
     Text(String),
     /// As a mapping: `{xyz: …, rpy: …}`.
     Parts(Vec<(String, Literal)>),
+    /// As a list of mappings: poses, or legs of a path.
+    Rows(Node),
 }
 
 /// What a constant looks like.
@@ -344,6 +346,9 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
         Value::Text(text) if !matches!(usual.shape, Shape::Text(_)) => {
             Written::Text(text.trim().to_string())
         }
+        Value::List(nodes) if nodes.iter().any(|node| node.map().is_some()) => {
+            Written::Rows(node.clone())
+        }
         Value::Map(entries) => {
             // They have been read without a fault.
             let part = |node| read(node, &mut Vec::new());
@@ -364,7 +369,7 @@ pub fn read(node: &Node, faults: &mut Vec<Diagnostic>) -> Literal {
     literal
 }
 
-fn read_quantity(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Quantity> {
+pub(super) fn read_quantity(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<Quantity> {
     quantity::of(node)
         .map_err(|error| {
             faults.push(Diagnostic::error(
@@ -385,9 +390,15 @@ fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Shape
         faults.push(Diagnostic::error(fault::WRONG_SHAPE, node.span, message));
         return Shape::Refused;
     }
+    if legs::are_legs(nodes) {
+        return legs::read(nodes, faults).map_or(Shape::Refused, Shape::List);
+    }
     let elements: Vec<Literal> = nodes.iter().map(|node| read(node, faults)).collect();
     if elements.iter().any(Literal::is_refused) {
         return Shape::Refused;
+    }
+    if let Some(rows) = pose_rows(&elements) {
+        return Shape::List(rows);
     }
     let kind = |element: &Literal| match &element.shape {
         Shape::Bool(_) => ListOf::Bools,
@@ -420,6 +431,19 @@ fn read_list(node: &Node, nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Shape
         return Shape::Refused;
     }
     Shape::List(elements)
+}
+
+/// Poses as rows of seven numbers; `None` if one of the elements is none.
+fn pose_rows(elements: &[Literal]) -> Option<Vec<Literal>> {
+    let row = |element: &Literal| match &element.shape {
+        Shape::Pose(numbers) => {
+            let number = |number: &f64| Literal::new(Shape::Real(*number, None), element.span);
+            let row = Shape::List(numbers.iter().map(number).collect());
+            Some(Literal::new(row, element.span))
+        }
+        _ => None,
+    };
+    elements.iter().map(row).collect()
 }
 
 /// What a list consists of.

@@ -84,6 +84,7 @@ impl Bench {
             for operands in plan.operands_of(run).unwrap().chunks_exact(group) {
                 let mut preparation = Preparation {
                     reals: &mut reals,
+                    ints: &net.plan.ints,
                     models: &models,
                     holds: &holds,
                     motions: &mut motions,

@@ -1,0 +1,432 @@
+//! Legs of a path as people write them: `- {lin: {xyz: …, rpy: …}, blend: 20 mm}`. They become rows of numbers, see
+//! `rcc_core::path::record`. The loader's threads.
+
+use rcc_config::diagnostic::Diagnostic;
+use rcc_config::yaml::{Node, Value};
+use rcc_core::message::JOINTS_MAX;
+use rcc_core::path::record::{self, Row, WIDTH};
+use rcc_core::unit::Unit;
+
+use super::literal::{Literal, Shape};
+use super::{report_unknown_keys, shape};
+use crate::fault;
+
+/// What a leg is: each has one of these keys.
+const KINDS: [&str; 4] = ["ptp", "lin", "circ", "spline"];
+
+/// Limits of the flange: key, column and unit.
+const LIMITS: [(&str, usize, Unit); 7] = [
+    ("blend", 14, Unit::METRE),
+    ("velocity", 15, Unit::METRE_PER_SECOND),
+    ("acceleration", 16, Unit::METRE_PER_SECOND2),
+    ("jerk", 17, Unit::METRE_PER_SECOND3),
+    ("angular_velocity", 18, Unit::RADIAN_PER_SECOND),
+    ("angular_acceleration", 19, Unit::RADIAN_PER_SECOND2),
+    ("angular_jerk", 20, Unit::RADIAN_PER_SECOND3),
+];
+
+const SCALE: usize = 21;
+
+/// Keys beside the kind: of a leg of the flange, of one of the joints.
+const FLANGE_KEYS: &[&str] = &[
+    "lin",
+    "circ",
+    "spline",
+    "blend",
+    "velocity",
+    "acceleration",
+    "jerk",
+    "angular_velocity",
+    "angular_acceleration",
+    "angular_jerk",
+    "scale",
+    "relative",
+];
+const JOINT_KEYS: &[&str] = &["ptp", "blend", "scale", "relative"];
+
+/// True for a list of legs: its first element says what kind of leg it is.
+pub(super) fn are_legs(nodes: &[Node]) -> bool {
+    let first = nodes.first();
+    first.is_some_and(|node| KINDS.iter().any(|kind| node.get(kind).is_some()))
+}
+
+/// Rows of legs; `None` if one is refused, with its fault.
+pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<Literal>> {
+    let before = faults.len();
+    let mut rows = Vec::new();
+    for node in nodes {
+        leg(node, &mut rows, faults);
+    }
+    (faults.len() == before).then_some(rows)
+}
+
+/// A row as a constant: null where it says nothing.
+fn row_literal(row: &Row, node: &Node) -> Literal {
+    let number = |value: &f64| {
+        let shape = if value.is_nan() {
+            Shape::Null
+        } else {
+            Shape::Real(*value, None)
+        };
+        Literal::new(shape, node.span)
+    };
+    Literal::new(Shape::List(row.iter().map(number).collect()), node.span)
+}
+
+fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
+    let mut kinds = KINDS
+        .iter()
+        .filter_map(|kind| Some((*kind, node.get(kind)?)));
+    let (Some((kind, what)), None) = (kinds.next(), kinds.next()) else {
+        faults.push(
+            shape(
+                node,
+                "a leg",
+                "a mapping with one of `ptp`, `lin`, `circ`, `spline`",
+            )
+            .help("write `- {lin: {xyz: [...], rpy: [...]}, blend: 20 mm}`"),
+        );
+        return;
+    };
+    let keys = if kind == "ptp" {
+        JOINT_KEYS
+    } else {
+        FLANGE_KEYS
+    };
+    report_unknown_keys(node, keys, &format!("a `{kind}`"), faults);
+    let mut row = [f64::NAN; WIDTH];
+    for (key, column, unit) in LIMITS {
+        if let Some(node) = node.get(key) {
+            let above = key != "blend";
+            row[column] = quantity(node, key, unit, above, faults);
+        }
+    }
+    if let Some(node) = node.get("scale") {
+        row[SCALE] = quantity(node, "scale", Unit::ONE, true, faults);
+        if row[SCALE] > 1.0 {
+            faults.push(out_of_range(node, "`scale` must be at most 1"));
+        }
+    }
+    if let Some(node) = node.get("relative") {
+        row[23] = word(node, "relative", &["", "tool", "base"], faults);
+    }
+    match kind {
+        "ptp" => ptp(what, &mut row, faults),
+        "lin" => {
+            row[0] = record::LIN;
+            pose(what, &mut row, faults);
+        }
+        "circ" => circ(what, &mut row, faults),
+        _ => return spline(what, &row, rows, faults),
+    }
+    rows.push(row_literal(&row, node));
+}
+
+fn ptp(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
+    let Some(joints) = node.get("joints") else {
+        row[0] = record::PTP_POSE;
+        let keys = &["xyz", "rpy", "quat", "branch", "status", "turn"];
+        report_unknown_keys(node, keys, "a `ptp`", faults);
+        for (key, column, most) in [("branch", 22, 7), ("status", 9, 7), ("turn", 10, 255)] {
+            if let Some(node) = node.get(key) {
+                row[column] = whole(node, key, most, faults);
+            }
+        }
+        return pose(&only(node, &["xyz", "rpy", "quat"]), row, faults);
+    };
+    row[0] = record::PTP_JOINTS;
+    report_unknown_keys(node, &["joints"], "a `ptp` to joints", faults);
+    let Some(joints) = joints.list().filter(|all| all.len() <= JOINTS_MAX) else {
+        faults.push(shape(joints, "`joints`", "a list of angles, A1 first"));
+        return;
+    };
+    for (place, node) in row[1..].iter_mut().zip(joints) {
+        *place = number(node, "a joint", Unit::RADIAN, faults);
+    }
+}
+
+fn circ(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
+    row[0] = record::CIRC;
+    report_unknown_keys(
+        node,
+        &["via", "to", "angle", "orientation"],
+        "a `circ`",
+        faults,
+    );
+    let (Some(via), Some(to)) = (node.get("via"), node.get("to")) else {
+        faults.push(
+            shape(node, "a `circ`", "`via` and `to`")
+                .help("write `circ: {via: {xyz: [...]}, to: {xyz: [...], rpy: [...]}}`"),
+        );
+        return;
+    };
+    pose(to, row, faults);
+    let point = via.get("xyz").unwrap_or(via);
+    match point.list().filter(|all| all.len() == 3) {
+        Some(point) => {
+            for (place, node) in row[9..].iter_mut().zip(point) {
+                *place = number(node, "`via`", Unit::METRE, faults);
+            }
+        }
+        None => faults.push(shape(via, "`via`", "a point, `{xyz: [x, y, z]}`")),
+    }
+    if let Some(node) = node.get("angle") {
+        row[13] = number(node, "`angle`", Unit::RADIAN, faults);
+    }
+    if let Some(node) = node.get("orientation") {
+        row[12] = word(node, "orientation", &["even", "constant", "path"], faults);
+    }
+}
+
+/// A row for each point.
+fn spline(node: &Node, row: &Row, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
+    let points = node.get("through").unwrap_or(node);
+    if points.list().is_none() {
+        report_unknown_keys(node, &["through"], "a `spline`", faults);
+    }
+    let Some(points) = points.list().filter(|points| !points.is_empty()) else {
+        faults.push(shape(node, "a `spline`", "a list of poses"));
+        return;
+    };
+    for (number, point) in (1..).zip(points) {
+        let mut row = *row;
+        row[0] = if number == points.len() {
+            record::SPLINE
+        } else {
+            record::THROUGH
+        };
+        pose(point, &mut row, faults);
+        rows.push(row_literal(&row, point));
+    }
+}
+
+/// A mapping with some of its entries.
+fn only(node: &Node, keys: &[&str]) -> Node {
+    let mut node = node.clone();
+    if let Value::Map(entries) = &mut node.value {
+        entries.retain(|entry| keys.contains(&entry.key.name.as_str()));
+    }
+    node
+}
+
+fn pose(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
+    let before = faults.len();
+    match super::literal::read(node, faults).shape {
+        Shape::Pose(elements) => {
+            for (place, element) in row[1..].iter_mut().zip(elements) {
+                *place = element;
+            }
+        }
+        _ if faults.len() > before => {}
+        _ => faults.push(
+            shape(node, "a goal", "a pose")
+                .help("write `{xyz: [x, y, z], rpy: [roll, pitch, yaw]}`"),
+        ),
+    }
+}
+
+/// A number in a unit, or bare.
+fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> f64 {
+    let Some(quantity) = super::literal::read_quantity(node, faults) else {
+        return f64::NAN;
+    };
+    if let Some(have) = quantity.unit.filter(|have| *have != unit) {
+        let message = format!("unit mismatch: {what} is in {unit}, this is in {have}");
+        faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
+    }
+    quantity.value
+}
+
+/// A number greater than 0 (or not less, unless `above`).
+fn quantity(node: &Node, key: &str, unit: Unit, above: bool, faults: &mut Vec<Diagnostic>) -> f64 {
+    let value = number(node, &format!("`{key}`"), unit, faults);
+    if value < 0.0 || (above && value == 0.0) {
+        let wanted = if above { "greater than 0" } else { "0 or more" };
+        faults.push(out_of_range(node, &format!("`{key}` must be {wanted}")));
+    }
+    value
+}
+
+fn out_of_range(node: &Node, message: &str) -> Diagnostic {
+    Diagnostic::error(fault::OUT_OF_RANGE, node.span, message.to_owned())
+}
+
+fn whole(node: &Node, key: &str, most: i64, faults: &mut Vec<Diagnostic>) -> f64 {
+    match node.value {
+        Value::Int(value) if (0..=most).contains(&value) => value as f64,
+        _ => {
+            faults.push(shape(
+                node,
+                &format!("`{key}`"),
+                &format!("a whole number from 0 to {most}"),
+            ));
+            f64::NAN
+        }
+    }
+}
+
+/// The place of a word in a list; an empty word there is none.
+fn word(node: &Node, key: &str, words: &[&str], faults: &mut Vec<Diagnostic>) -> f64 {
+    let given = node.text().unwrap_or("");
+    let found = (0u8..)
+        .zip(words)
+        .find(|(_, word)| !word.is_empty() && **word == given);
+    if let Some((number, _)) = found {
+        return f64::from(number);
+    }
+    let words: Vec<&str> = words
+        .iter()
+        .copied()
+        .filter(|word| !word.is_empty())
+        .collect();
+    faults.push(shape(
+        node,
+        &format!("`{key}`"),
+        &format!("one of {}", words.join(", ")),
+    ));
+    f64::NAN
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcc_core::path::record::leg;
+    use rcc_core::path::{ArcOrientation, Relative, Segment};
+    use rcc_core::types::Type;
+
+    fn literal(text: &str) -> (Literal, Vec<&'static str>) {
+        let root = rcc_config::yaml::parse(&format!("x: {text}\n")).unwrap();
+        let mut faults = Vec::new();
+        let literal = super::super::literal::read(root.get("x").unwrap(), &mut faults);
+        let codes = faults.iter().map(|fault| fault.code).collect();
+        (literal, codes)
+    }
+
+    fn rows(text: &str) -> Vec<Row> {
+        let (literal, faults) = literal(text);
+        assert_eq!(faults, Vec::<&str>::new(), "{text}");
+        let Shape::List(rows) = &literal.shape else {
+            panic!("{literal}")
+        };
+        let ty = Type::Matrix(rows.len() as u8, WIDTH as u8);
+        let Some(super::super::literal::Stored::Reals(values)) = literal.stored(ty) else {
+            panic!("{text}")
+        };
+        let (rows, rest) = values.as_chunks::<WIDTH>();
+        assert!(rest.is_empty());
+        rows.to_vec()
+    }
+
+    const GOAL: &str = "xyz: [0.4, 0, 300 mm], rpy: [0, deg(180), 0]";
+
+    #[test]
+    fn legs_of_every_kind_become_rows() {
+        let text = format!(
+            "[{{ptp: {{joints: [deg(90), 0]}}, scale: 0.5}}, {{ptp: {{{GOAL}, branch: 3}}}}, \
+             {{lin: {{{GOAL}}}, blend: 20 mm, velocity: 0.2 m/s, relative: tool}}, \
+             {{circ: {{via: {{xyz: [0, 0, 1]}}, to: {{{GOAL}}}, orientation: path, angle: 1.5}}}}, \
+             {{spline: [{{{GOAL}}}, {{{GOAL}}}], jerk: 3}}]"
+        );
+        let rows = rows(&text);
+        assert_eq!(rows.len(), 6);
+        let legs: Vec<_> = rows.iter().map(|row| leg(row, &[])).collect();
+        let [
+            Some(ptp),
+            Some(pose),
+            Some(lin),
+            Some(circ),
+            None,
+            Some(spline),
+        ] = legs.as_slice()
+        else {
+            panic!("{legs:?}")
+        };
+        assert!(
+            matches!(ptp.segment, Segment::Joints { to: [a, b, c, ..] } if a > 1.57 && b == 0.0 && c.is_nan())
+        );
+        assert_eq!((ptp.scale, ptp.blend), (0.5, 0.0));
+        assert!(matches!(
+            pose.segment,
+            Segment::JointsToPose {
+                branch: Some(3),
+                turn: None,
+                ..
+            }
+        ));
+        assert!(matches!(lin.segment, Segment::Line { to } if to.position == [0.4, 0.0, 0.3]));
+        assert_eq!((lin.blend, lin.line.velocity), (0.02, 0.2));
+        assert!(lin.line.jerk.is_infinite() && lin.relative == Some(Relative::Tool));
+        assert!(matches!(
+            circ.segment,
+            Segment::Circle {
+                via: [0.0, 0.0, 1.0],
+                orientation: ArcOrientation::Path,
+                angle: Some(1.5),
+                ..
+            }
+        ));
+        assert_eq!(spline.line.jerk, 3.0);
+    }
+
+    #[test]
+    fn a_list_of_poses_becomes_rows_and_is_written_as_it_was() {
+        let text = format!("[{{{GOAL}}}, {{{GOAL}}}]");
+        let (literal, faults) = literal(&text);
+        assert!(faults.is_empty());
+        assert!(literal.stored(Type::Matrix(2, 7)).is_some());
+        let written = crate::write::constant(&literal);
+        assert!(
+            written.contains("300 mm") && written.contains("deg(180)"),
+            "{written}"
+        );
+    }
+
+    #[test]
+    fn faults_have_their_places_and_remedies() {
+        for (text, code) in [
+            ("[{lin: {xyz: [0, 0, 0]}}]", fault::WRONG_SHAPE),
+            ("[{lin: 3}]", fault::WRONG_SHAPE),
+            (
+                &format!("[{{lin: {{{GOAL}}}}}, {{line: {{{GOAL}}}}}]"),
+                fault::WRONG_SHAPE,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, blend: 20 N}}]"),
+                fault::UNIT_MISMATCH,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, blend: -1 mm}}]"),
+                fault::OUT_OF_RANGE,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, velocity: 0}}]"),
+                fault::OUT_OF_RANGE,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, scale: 2}}]"),
+                fault::OUT_OF_RANGE,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, speed: 2}}]"),
+                fault::UNKNOWN_KEY,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, relative: world}}]"),
+                fault::WRONG_SHAPE,
+            ),
+            (
+                &format!("[{{circ: {{to: {{{GOAL}}}}}}}]"),
+                fault::WRONG_SHAPE,
+            ),
+            ("[{ptp: {joints: 3}}]", fault::WRONG_SHAPE),
+            ("[{ptp: {joints: [0]}, velocity: 1}]", fault::UNKNOWN_KEY),
+            ("[{spline: []}]", fault::WRONG_SHAPE),
+            (
+                &format!("[{{ptp: {{{GOAL}, branch: 9}}}}]"),
+                fault::WRONG_SHAPE,
+            ),
+        ] {
+            assert_eq!(literal(text).1, vec![code], "{text}");
+        }
+    }
+}
