@@ -45,6 +45,7 @@ fn lwr() -> DeviceModel {
         },
         first_tolerance_rad: 1e-3,
         workspace: None,
+        base: Pose::IDENTITY,
         channels: [0; 4],
     }
 }
