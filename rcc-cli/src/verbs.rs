@@ -43,6 +43,8 @@ verbs! {
     Explain = explain;
     /// A net of the predecessor (DirectIONet) as YAML or JSON, and back.
     Convert = convert;
+    /// Make a robot file from a URDF.
+    Robot = robot;
     /// Draw a net: SVG, DOT or Mermaid.
     Graph = graph;
     /// What primitives cost on this machine.

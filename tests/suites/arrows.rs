@@ -47,6 +47,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
     ),
     ("rcc-graph", &["rcc-language"]),
+    ("rcc-robot", &["rcc-core"]),
     ("rcc-net", &["rcc-core", "rcc-config", "rcc-language"]),
     (
         "rcc-loader",
@@ -90,6 +91,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "rcc-process",
             "rcc-language",
             "rcc-graph",
+            "rcc-robot",
             "rcc-loader",
             // `replay` and `simulate` run the same cycle in virtual time.
             "rcc-engine",

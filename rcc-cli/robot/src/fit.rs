@@ -1,0 +1,327 @@
+//! From the axes of a chain with all joints 0 to the lengths, directions and zeros of an arm, or to what does not fit.
+//! Pure mathematics; run once by whoever imports a robot.
+
+use std::fmt;
+
+use nalgebra::{Isometry3, Vector3};
+use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
+
+use crate::{Chain, ImportError};
+
+/// Axes may be off by this, rad or m; the comparison of forward kinematics is sharper.
+const SLACK: f64 = 1e-6;
+
+type Vector = Vector3<f64>;
+
+/// What a joint or link lacks.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Misfit {
+    /// The axis has another direction.
+    Direction {
+        /// The axis, base frame, all joints 0.
+        axis: [f64; 3],
+        /// What it should be, in words.
+        wanted: &'static str,
+    },
+    /// The axis does not go through a point where others meet.
+    Beside {
+        /// How far it misses it, m.
+        by: f64,
+        /// The point, in words.
+        point: &'static str,
+    },
+    /// Nothing is between two points that must be apart.
+    NoLength {
+        /// Which, in words.
+        between: &'static str,
+    },
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Misfit::Direction { axis, wanted } => {
+                let [x, y, z] = axis.map(|value| value + 0.0);
+                write!(
+                    f,
+                    "its axis is [{x:.6}, {y:.6}, {z:.6}] with all joints 0, but must be {wanted}"
+                )
+            }
+            Misfit::Beside { by, point } => {
+                write!(f, "its axis misses {point} by {:.6} mm", by * 1e3)
+            }
+            Misfit::NoLength { between } => write!(f, "there is no length between {between}"),
+        }
+    }
+}
+
+/// One line in space.
+#[derive(Clone, Copy)]
+struct Line {
+    axis: Vector,
+    origin: Vector,
+}
+
+impl Line {
+    /// The point of this line that is nearest to another one, and how far they are apart; `None` if they are parallel.
+    fn meets(&self, other: &Line) -> Option<(Vector, f64)> {
+        let across = self.axis.cross(&other.axis);
+        let square = across.norm_squared();
+        if square < SLACK {
+            return None;
+        }
+        let apart = other.origin - self.origin;
+        let along = apart.cross(&other.axis).dot(&across) / square;
+        Some((
+            self.origin + self.axis * along,
+            apart.dot(&across).abs() / square.sqrt(),
+        ))
+    }
+
+    fn distance(&self, point: &Vector) -> f64 {
+        (point - self.origin).cross(&self.axis).norm()
+    }
+}
+
+/// Words of a fit: which joint or link they are about.
+struct Fit<'c> {
+    chain: &'c Chain,
+    lines: Vec<Line>,
+    tip: Isometry3<f64>,
+}
+
+/// The arm that a chain is.
+pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
+    let (axes, tip) = chain.at_zero();
+    let lines = axes
+        .into_iter()
+        .map(|[axis, origin]| Line { axis, origin })
+        .collect();
+    let fit = Fit { chain, lines, tip };
+    match fit.lines.as_slice() {
+        &[a, b, c, d, e, f] => fit
+            .ortho_parallel([a, b, c, d, e, f])
+            .map(Arm::OrthoParallel),
+        &[a, b, c, d, e, f, g] => fit.srs([a, b, c, d, e, f, g]).map(Arm::Srs),
+        _ => Err(ImportError::Count {
+            count: chain.hinges.len(),
+            joints: fit.names(),
+        }),
+    }
+}
+
+impl Fit<'_> {
+    fn names(&self) -> String {
+        let names = self.chain.hinges.iter().map(|hinge| hinge.name.as_str());
+        names.collect::<Vec<_>>().join(", ")
+    }
+
+    fn joint(&self, number: usize, misfit: Misfit) -> ImportError {
+        let hinge = self.chain.hinges.get(number - 1);
+        ImportError::Joint {
+            joint: hinge.map(|hinge| hinge.name.clone()).unwrap_or_default(),
+            misfit,
+        }
+    }
+
+    fn tip_misfit(&self, misfit: Misfit) -> ImportError {
+        ImportError::Link {
+            link: self.chain.tip.clone(),
+            misfit,
+        }
+    }
+
+    /// The sign of an axis along a direction.
+    fn sign(
+        &self,
+        number: usize,
+        line: &Line,
+        direction: &Vector,
+        wanted: &'static str,
+    ) -> Result<f64, ImportError> {
+        if line.axis.cross(direction).norm() < SLACK {
+            return Ok(line.axis.dot(direction).signum());
+        }
+        let axis = line.axis.into();
+        Err(self.joint(number, Misfit::Direction { axis, wanted }))
+    }
+
+    fn through(
+        &self,
+        number: usize,
+        line: &Line,
+        at: &Vector,
+        point: &'static str,
+    ) -> Result<(), ImportError> {
+        let by = line.distance(at);
+        if by < SLACK {
+            return Ok(());
+        }
+        Err(self.joint(number, Misfit::Beside { by, point }))
+    }
+
+    /// Seven hinges along z y z y z y z, all 0 with the arm straight up.
+    fn srs(&self, lines: [Line; 7]) -> Result<SrsArm, ImportError> {
+        const Z: &str = "along the base's z axis (upright, all joints 0)";
+        const Y: &str = "along the base's y axis (upright, all joints 0)";
+        let mut signs = [0.0; 7];
+        let wanted = [Vector::z(), Vector::y()];
+        for (((place, line), number), along_y) in signs
+            .iter_mut()
+            .zip(&lines)
+            .zip(1..)
+            .zip([false, true].into_iter().cycle())
+        {
+            let [z, y] = &wanted;
+            *place = match along_y {
+                false => self.sign(number, line, z, Z)?,
+                true => self.sign(number, line, y, Y)?,
+            };
+        }
+        let height = |line: &Line| line.origin.z;
+        for (number, line) in (1..).zip(&lines) {
+            let at = Vector::z() * height(line);
+            self.through(number, line, &at, "the base's z axis")?;
+        }
+        let [_, l2, _, l4, _, l6, _] = &lines;
+        let [shoulder, elbow, wrist] = [l2, l4, l6].map(height);
+        let flange = self.tip.translation.vector;
+        let turned = self.tip.rotation.angle();
+        if turned > SLACK {
+            return Err(self.tip_misfit(Misfit::Direction {
+                axis: (self.tip.rotation * Vector::x()).into(),
+                wanted: "that of the base (x axis of the flange, all joints 0)",
+            }));
+        }
+        let by = flange.xy().norm();
+        if by > SLACK {
+            let point = "the last axis";
+            return Err(self.tip_misfit(Misfit::Beside { by, point }));
+        }
+        for (number, between, length) in [
+            (4, "shoulder and elbow", elbow - shoulder),
+            (6, "elbow and wrist", wrist - elbow),
+        ] {
+            if length < SLACK {
+                return Err(self.joint(number, Misfit::NoLength { between }));
+            }
+        }
+        if flange.z < wrist || shoulder < 0.0 {
+            let between = "wrist and flange, upwards";
+            return Err(self.tip_misfit(Misfit::NoLength { between }));
+        }
+        Ok(SrsArm {
+            shoulder_height: shoulder,
+            upper_arm: elbow - shoulder,
+            forearm: wrist - elbow,
+            wrist_to_flange: flange.z - wrist,
+            signs,
+        })
+    }
+
+    /// Six hinges: upright, two parallel ones, and three that meet; in any position with all joints 0.
+    fn ortho_parallel(&self, lines: [Line; 6]) -> Result<OrthoParallelArm, ImportError> {
+        let [l1, l2, l3, l4, l5, l6] = &lines;
+        let up = Vector::z();
+        let sign1 = self.sign(1, l1, &up, "along the base's z axis")?;
+        self.through(1, l1, &Vector::zeros(), "the base's z axis")?;
+        // Joint 2 to the left of where joint 1 = 0 looks: forwards is nearer to x than to −x.
+        let left = l2.axis - up * l2.axis.z;
+        if l2.axis.z.abs() > SLACK {
+            let wanted = "square to axis 1";
+            let axis = l2.axis.into();
+            return Err(self.joint(2, Misfit::Direction { axis, wanted }));
+        }
+        let backwards = left.y < -SLACK || (left.y.abs() <= SLACK && left.x > 0.0);
+        let left = if backwards { -left } else { left }.normalize();
+        let forwards = left.cross(&up);
+        let sign2 = self.sign(2, l2, &left, "square to axis 1")?;
+        let sign3 = self.sign(3, l3, &left, "parallel to axis 2")?;
+
+        // Where the wrist is: axes 4, 5 and 6 meet.
+        let wrist = l4.meets(l5).filter(|(_, by)| *by < SLACK);
+        let Some((wrist, _)) = wrist else {
+            let by = l4.meets(l5).map_or(0.0, |(_, by)| by);
+            let point = "axis 4 (or is parallel to it)";
+            return Err(self.joint(5, Misfit::Beside { by, point }));
+        };
+        self.through(6, l6, &wrist, "the point where axes 4 and 5 meet")?;
+        for (number, a, b, wanted) in [
+            (4, l4, &left, "square to axis 3"),
+            (5, l5, &l4.axis, "square to axis 4"),
+            (6, l6, &l5.axis, "square to axis 5"),
+        ] {
+            if a.axis.dot(b).abs() > SLACK {
+                let axis = a.axis.into();
+                return Err(self.joint(number, Misfit::Direction { axis, wanted }));
+            }
+        }
+
+        let level = |point: Vector| (point.dot(&forwards), point.z);
+        let (shoulder_offset, shoulder_height) = level(l2.origin);
+        let (along, rise) = level(l3.origin - l2.origin);
+        let upper_arm = along.hypot(rise);
+        if upper_arm < SLACK {
+            let between = "axes 2 and 3";
+            return Err(self.joint(3, Misfit::NoLength { between }));
+        }
+        let theta2 = along.atan2(rise);
+        let lower = wrist - l3.origin;
+        let lower = lower - left * lower.dot(&left);
+        // Axis 4 points to the wrist, and axis 6 to the flange.
+        let sign4 = if lower.dot(&l4.axis) < 0.0 { -1.0 } else { 1.0 };
+        let z3 = l4.axis * sign4;
+        let x3 = left.cross(&z3);
+        let (forearm, elbow_offset) = (lower.dot(&z3), lower.dot(&x3));
+        if forearm < SLACK {
+            let between = "axis 3 and the wrist";
+            return Err(self.joint(4, Misfit::NoLength { between }));
+        }
+        let (along, rise) = level(z3);
+        let theta3 = along.atan2(rise) - theta2;
+        let side = l5.axis.dot(&left);
+        let sign5 = if side < -SLACK || (side.abs() <= SLACK && l5.axis.dot(&x3) > 0.0) {
+            -1.0
+        } else {
+            1.0
+        };
+        let y4 = l5.axis * sign5;
+        let theta4 = (-y4.dot(&x3)).atan2(y4.dot(&left));
+        let [flange_x, z5] = [Vector::x(), Vector::z()].map(|axis| self.tip.rotation * axis);
+        let sign6 = if l6.axis.cross(&z5).norm() < SLACK {
+            l6.axis.dot(&z5).signum()
+        } else {
+            return Err(self.tip_misfit(Misfit::Direction {
+                axis: z5.into(),
+                wanted: "along the last axis (z axis of the flange, all joints 0)",
+            }));
+        };
+        let to_flange = self.tip.translation.vector - wrist;
+        let by = to_flange.cross(&z5).norm();
+        if by > SLACK {
+            let point = "the last axis";
+            return Err(self.tip_misfit(Misfit::Beside { by, point }));
+        }
+        let wrist_to_flange = to_flange.dot(&z5);
+        if wrist_to_flange < 0.0 {
+            let between = "wrist and flange along the flange's z axis (it points inwards)";
+            return Err(self.tip_misfit(Misfit::NoLength { between }));
+        }
+        let x4 = y4.cross(&z3);
+        let theta5 = z5.dot(&x4).atan2(z5.dot(&z3));
+        let x5 = y4.cross(&z5);
+        let theta6 = flange_x.dot(&y4).atan2(flange_x.dot(&x5));
+        let theta1 = forwards.y.atan2(forwards.x);
+        Ok(OrthoParallelArm {
+            shoulder_height,
+            shoulder_offset,
+            lateral_offset: wrist.dot(&left),
+            upper_arm,
+            elbow_offset,
+            forearm,
+            wrist_to_flange,
+            signs: [sign1, sign2, sign3, sign4, sign5, sign6],
+            zeros: [theta1, theta2, theta3, theta4, theta5, theta6],
+        })
+    }
+}

@@ -1,0 +1,146 @@
+//! URDFs that are arms, and URDFs that are not, with the joint that does not fit.
+//! Tests only.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing)]
+
+use super::*;
+
+fn data(name: &str) -> String {
+    let path = format!(
+        "{}/../../tests/data/kinematics/{name}",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    std::fs::read_to_string(path).unwrap()
+}
+
+#[test]
+fn the_golden_lwr_is_recognised() {
+    let lwr = import(&data("lwr4plus.urdf"), None, None).unwrap();
+    assert!(lwr.difference < 1e-14, "{}", lwr.difference);
+    let Arm::Srs(arm) = lwr.arm else {
+        panic!("{lwr:?}")
+    };
+    assert_eq!(arm.signs, [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0]);
+    let text = yaml(&lwr, "lwr4plus.urdf");
+    for line in [
+        "  shoulder_height: 0.3105 m",
+        "  upper_arm: 0.4 m",
+        "  forearm: 0.39 m",
+        "  wrist_to_flange: 0.078 m",
+        "  j2: {position: [deg(-120), deg(120)]",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}
+
+#[test]
+fn the_golden_kr6_is_recognised() {
+    let kr6 = import(&data("kr6_r900_2.urdf"), None, None).unwrap();
+    assert!(kr6.difference < 1e-14, "{}", kr6.difference);
+    let text = yaml(&kr6, "kr6_r900_2.urdf");
+    for line in [
+        "  shoulder_height: 0.4 m",
+        "  shoulder_offset: 0.025 m",
+        "  lateral_offset: 0 m",
+        "  upper_arm: 0.455 m",
+        "  elbow_offset: -0.025 m",
+        "  forearm: 0.42 m",
+        "  wrist_to_flange: 0.09 m",
+        "  signs: [-1, 1, 1, -1, 1, -1]",
+        "  zeros: [deg(0), deg(90), deg(0), deg(0), deg(0), deg(0)]",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+}
+
+/// What is said of a URDF in which a text was replaced.
+fn refusal(file: &str, from: &str, to: &str) -> String {
+    let text = data(file);
+    assert!(text.contains(from), "{from}");
+    import(&text.replacen(from, to, 1), None, None)
+        .unwrap_err()
+        .to_string()
+}
+
+#[test]
+fn a_joint_that_does_not_fit_is_named() {
+    let cases = [
+        // The elbow beside the line from shoulder to wrist.
+        (
+            "lwr4plus.urdf",
+            "<child link=\"l4\"/><origin xyz=\"0 0 0\"",
+            "<child link=\"l4\"/><origin xyz=\"0.05 0 0\"",
+            "joint `j4`: its axis misses the base's z axis by 50.000000 mm",
+        ),
+        (
+            "kr6_r900_2.urdf",
+            "<child link=\"l3\"/><origin xyz=\"0.455 0 0\" rpy=\"0 0 0\"",
+            "<child link=\"l3\"/><origin xyz=\"0.455 0 0\" rpy=\"0.1 0 0\"",
+            "joint `j3`: its axis is [0.000000, 0.995004, 0.099833]",
+        ),
+        // A wrist with an offset.
+        (
+            "kr6_r900_2.urdf",
+            "<origin xyz=\"0.09 0 0\"",
+            "<origin xyz=\"0.09 0.02 0\"",
+            "joint `j6`: its axis misses the point where axes 4 and 5 meet by 20.000000 mm",
+        ),
+        (
+            "kr6_r900_2.urdf",
+            "name=\"j4\" type=\"revolute\"",
+            "name=\"j4\" type=\"prismatic\"",
+            "joint `j4` is prismatic",
+        ),
+        (
+            "kr6_r900_2.urdf",
+            "rpy=\"0 1.5707963267948966 0\"",
+            "rpy=\"0 1.5707963 0\"",
+            "write them with all digits",
+        ),
+    ];
+    for (file, from, to, said) in cases {
+        let refusal = refusal(file, from, to);
+        assert!(refusal.contains(said), "{refusal}");
+    }
+}
+
+#[test]
+fn a_robot_turned_mirrored_and_with_other_zeros_is_recognised() {
+    // Another position with all joints 0, other directions, an arm beside axis 1.
+    let turned = data("kr6_r900_2.urdf")
+        .replacen("xyz=\"0.025 0 0\"", "xyz=\"0.025 0.07 0\"", 1)
+        .replacen(
+            "<origin xyz=\"0 0 0.4\" rpy=\"0 0 0\"/>",
+            "<origin xyz=\"0 0 0.4\" rpy=\"0 0 2.5\"/>",
+            1,
+        )
+        .replacen("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 -1 0\"/>", 1)
+        .replacen(
+            "<origin xyz=\"0.42 0 0\" rpy=\"0 0 0\"/>",
+            "<origin xyz=\"0.42 0 0\" rpy=\"0.3 0 0\"/>",
+            1,
+        );
+    let arm = import(&turned, None, None).unwrap();
+    assert!(arm.difference < 1e-14, "{}", arm.difference);
+}
+
+#[test]
+fn links_are_named_where_it_is_not_clear_which() {
+    let text = data("kr6_r900_2.urdf");
+    let refusal = import(&text, Some("nowhere"), None)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("no link `nowhere`; the links are base, l1"),
+        "{refusal}"
+    );
+    let refusal = import(&text, Some("flange"), Some("base"))
+        .unwrap_err()
+        .to_string();
+    assert!(refusal.contains("no chain of joints leads"), "{refusal}");
+    let refusal = import(&text, Some("l1"), None).unwrap_err().to_string();
+    assert!(refusal.contains("the chain has 5 hinges"), "{refusal}");
+    let more = text.replacen("</robot>", "<link name=\"camera\"/><joint name=\"jc\" type=\"fixed\"><parent link=\"l6\"/><child link=\"camera\"/></joint></robot>", 1);
+    assert!(import(&more, None, None).is_ok(), "flange is usual");
+    let refusal = import("<robot", None, None).unwrap_err().to_string();
+    assert!(refusal.contains("cannot be read as URDF"), "{refusal}");
+}

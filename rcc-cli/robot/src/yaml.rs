@@ -1,0 +1,124 @@
+//! The robot file of what was imported, with a comment for everything that the URDF does not say.
+//! Run once by whoever imports a robot.
+
+use std::fmt::Write;
+
+use rcc_core::kinematics::Arm;
+
+use crate::Imported;
+
+/// Acceleration that brings a joint to its speed in this time, s.
+const SPEED_UP_S: f64 = 0.3;
+/// Jerk that brings a joint to its acceleration in this time, s.
+const JERK_S: f64 = 0.1;
+/// Where the URDF gives no speed, rad/s.
+const VELOCITY: f64 = 1.0;
+
+/// Writing to a String cannot fail.
+macro_rules! put {
+    ($text:expr, $($more:tt)*) => { { let _ = writeln!($text, $($more)*); } };
+}
+
+/// The text of a robot file, see docs/robots.md.
+#[must_use]
+pub fn yaml(imported: &Imported, source: &str) -> String {
+    let Imported {
+        name,
+        chain,
+        arm,
+        difference,
+    } = imported;
+    let mut text = String::new();
+    put!(
+        text,
+        "# Made by `rcc-cli robot import {source}` from link `{}` to link `{}`.",
+        chain.base,
+        chain.tip
+    );
+    put!(
+        text,
+        "# Forward kinematics of both agree to {difference:.0e} m and rad at 1000 random joint positions."
+    );
+    put!(text, "robot: {}", quoted(name));
+    put!(text, "\nkinematics:");
+    match arm {
+        Arm::Srs(arm) => {
+            put!(text, "  type: srs");
+            put!(text, "  shoulder_height: {} m", tidy(arm.shoulder_height));
+            put!(text, "  upper_arm: {} m", tidy(arm.upper_arm));
+            put!(text, "  forearm: {} m", tidy(arm.forearm));
+            put!(text, "  wrist_to_flange: {} m", tidy(arm.wrist_to_flange));
+            put!(text, "  signs: {:?}", arm.signs.map(|sign| sign as i32));
+        }
+        Arm::OrthoParallel(arm) => {
+            put!(text, "  type: ortho-parallel");
+            put!(text, "  shoulder_height: {} m", tidy(arm.shoulder_height));
+            put!(text, "  shoulder_offset: {} m", tidy(arm.shoulder_offset));
+            put!(text, "  lateral_offset: {} m", tidy(arm.lateral_offset));
+            put!(text, "  upper_arm: {} m", tidy(arm.upper_arm));
+            put!(text, "  elbow_offset: {} m", tidy(arm.elbow_offset));
+            put!(text, "  forearm: {} m", tidy(arm.forearm));
+            put!(text, "  wrist_to_flange: {} m", tidy(arm.wrist_to_flange));
+            put!(text, "  signs: {:?}", arm.signs.map(|sign| sign as i32));
+            let zeros = arm
+                .zeros
+                .map(|zero| format!("deg({})", tidy(zero.to_degrees())));
+            put!(text, "  zeros: [{}]", zeros.join(", "));
+        }
+    }
+    put!(
+        text,
+        "\n# URDF says no acceleration and no jerk: our choice, full speed after {SPEED_UP_S} s and full acceleration after {JERK_S} s."
+    );
+    put!(
+        text,
+        "# Compare every number with the data sheet before the arm moves."
+    );
+    put!(text, "joints:");
+    for hinge in &chain.hinges {
+        let [lower, upper] = hinge
+            .range
+            .unwrap_or([-180_f64, 180.0].map(f64::to_radians));
+        let velocity = hinge.velocity.unwrap_or(VELOCITY);
+        let degrees = |value: f64| tidy(value.to_degrees());
+        let mut missing = Vec::new();
+        if hinge.range.is_none() {
+            missing.push("no limits in the URDF: one turn");
+        }
+        if hinge.velocity.is_none() {
+            missing.push("no speed in the URDF: chosen");
+        }
+        let comment = match missing.is_empty() {
+            true => String::new(),
+            false => format!("  # {}", missing.join("; ")),
+        };
+        put!(
+            text,
+            "  {}: {{position: [deg({}), deg({})], velocity: {} deg/s, acceleration: {} deg/s^2, jerk: {} deg/s^3}}{comment}",
+            quoted(&hinge.name),
+            degrees(lower),
+            degrees(upper),
+            degrees(velocity),
+            degrees(velocity / SPEED_UP_S),
+            degrees(velocity / SPEED_UP_S / JERK_S),
+        );
+    }
+    text
+}
+
+/// Without what the conversion of angles and sums of lengths leave in the last digits: 12 digits behind the point.
+fn tidy(value: f64) -> f64 {
+    (value * 1e12).round() / 1e12 + 0.0
+}
+
+/// A name as YAML takes it.
+fn quoted(name: &str) -> String {
+    let plain = name
+        .chars()
+        .all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '+'));
+    if plain && name.starts_with(|c: char| c.is_alphabetic()) {
+        name.to_owned()
+    } else {
+        format!("{name:?}")
+    }
+}

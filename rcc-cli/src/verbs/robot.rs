@@ -1,0 +1,63 @@
+//! `robot import FILE.urdf`: a robot file from a URDF, if its chain is an arm that the core knows. Needs no cell.
+
+use std::path::{Path, PathBuf};
+
+use rcc_loader::server::codes;
+
+use crate::context::{Context, say};
+use crate::failure::Failure;
+
+/// What to do with robots.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum What {
+    /// Make a robot file from a URDF: finds out which kind of arm it is, and proves it, before anything is written.
+    Import(Import),
+}
+
+#[derive(clap::Args, Debug)]
+struct Import {
+    /// The URDF (without xacro: run `xacro` first).
+    file: PathBuf,
+    /// The link that stands (default: the root).
+    #[arg(long)]
+    base: Option<String>,
+    /// The link that is the flange (default: the only leaf, or tool0, flange, ee_link, ee).
+    #[arg(long)]
+    tip: Option<String>,
+    /// Write to this file instead of the standard output.
+    #[arg(short = 'o', long, value_name = "FILE")]
+    into: Option<PathBuf>,
+}
+
+/// Does it.
+///
+/// # Errors
+/// The file is no URDF, or its chain is no arm that the core knows; which joint does not fit is said.
+pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
+    let What::Import(import) = arguments.what;
+    let shown = import.file.display().to_string();
+    let text = std::fs::read_to_string(&import.file)
+        .map_err(|error| Failure::unreadable(&shown, &error))?;
+    let imported = rcc_robot::import(&text, import.base.as_deref(), import.tip.as_deref());
+    let imported = imported.map_err(|error| {
+        let help = "--base and --tip name the links of the arm; docs/robots.md says which arms the core knows";
+        Failure::new(codes::BAD_REQUEST, format!("{shown}: {error}"), help)
+    })?;
+    let name = Path::new(&import.file).file_name();
+    let name = name.map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
+    let yaml = rcc_robot::yaml(&imported, &name);
+    match import.into {
+        None => say(yaml.trim_end()),
+        Some(path) => std::fs::write(&path, yaml).map_err(|error| {
+            let message = format!("{}: {error}", path.display());
+            Failure::new(codes::BAD_REQUEST, message, "name a file that can be written")
+        })?,
+    }
+    Ok(())
+}
