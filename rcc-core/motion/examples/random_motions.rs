@@ -1,0 +1,59 @@
+//! Random motions of each kind, as many as one likes:
+//! `cargo run --release -p rcc-motion --example random_motions -- 100000 [KIND]`. One thread.
+
+#[path = "../tests/motions/mod.rs"]
+mod motions;
+
+use motions::{KINDS, Outcome, Worst, case, robots};
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let count: u64 = arguments
+        .next()
+        .and_then(|count| count.parse().ok())
+        .unwrap_or(10_000);
+    let only = arguments.next();
+    println!(
+        "kind           robot          motions  refused    cycles  off path  velocity  accel.    jerk  broken"
+    );
+    let mut all_kept = true;
+    for kind in KINDS {
+        let name = format!("{kind:?}");
+        if only.as_ref().is_some_and(|only| *only != name) {
+            continue;
+        }
+        let robots = robots();
+        for robot in &robots {
+            let (mut worst, mut ran, mut refused, mut broken) = (Worst::default(), 0, 0, 0);
+            // As many motions as were asked for, whatever is refused on the way.
+            for seed in 0.. {
+                if ran >= count.div_ceil(robots.len() as u64) || refused > 20 * count {
+                    break;
+                }
+                match case(kind, robot, seed) {
+                    Outcome::Ran(motion) => {
+                        ran += 1;
+                        worst.and(motion);
+                    }
+                    Outcome::Refused => refused += 1,
+                    Outcome::Broken(fault) => {
+                        broken += 1;
+                        ran += 1;
+                        if broken <= 5 {
+                            println!("{name} of {}, seed {seed}: {fault}", robot.name);
+                        }
+                    }
+                }
+            }
+            let [velocity, acceleration, jerk] = worst.parts.map(|part| 100.0 * part);
+            println!(
+                "{name:14} {:12} {ran:9} {refused:8} {:9} {:8.1e} m {velocity:6.2} % {acceleration:5.2} % {jerk:5.2} % {broken:6}",
+                robot.name, worst.cycles, worst.off_m
+            );
+            all_kept &= broken == 0;
+        }
+    }
+    if !all_kept {
+        std::process::exit(1);
+    }
+}

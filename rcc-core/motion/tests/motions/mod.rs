@@ -1,0 +1,370 @@
+//! Random motions of each kind and robot under random drives, judged from outside: by differences of the set-points, cycle
+//! by cycle, and by geometry that is computed here. Used by the test `random_motions` and by the example of that name,
+//! which counts higher.
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::path::{
+    ArcOrientation, Drive, Leg, Limits, MotionBuilder, MotionState, Motions, PathRequest, Segment,
+};
+use rcc_core::pose::Pose;
+use rcc_core::vector::{add, cross, dot, norm, scale, subtract};
+use rcc_motion::{Builder, MotionSet};
+
+mod judge;
+mod random;
+
+pub use judge::Worst;
+use judge::{Geometry, Judge, Reference};
+use random::Random;
+
+/// Most cycles of a motion; the slowest ones take a tenth of it.
+const CYCLES_MAX: usize = 400_000;
+
+/// A kind of motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A line of which only poses are asked for.
+    Poses,
+    /// A line.
+    Line,
+    /// An arc.
+    Circle,
+    /// A curve through poses.
+    Spline,
+    /// A line of the joints.
+    PointToPoint,
+    /// Some of all of them, rounded or not.
+    Sequence,
+}
+
+/// All of them.
+#[allow(dead_code)] // The test has its own choice.
+pub const KINDS: [Kind; 6] = [
+    Kind::Poses,
+    Kind::Line,
+    Kind::Circle,
+    Kind::Spline,
+    Kind::PointToPoint,
+    Kind::Sequence,
+];
+
+/// An arm, where it begins, and what it is called.
+pub struct Robot {
+    /// What it is called.
+    pub name: &'static str,
+    model: DeviceModel,
+    home: Joints,
+}
+
+/// Ranges, velocities and accelerations in degrees; the jerk is ten times the acceleration.
+fn robot<const N: usize>(
+    name: &'static str,
+    arm: Arm,
+    home: [f64; N],
+    range: [[f64; 2]; N],
+    velocity: [f64; N],
+    acceleration: [f64; N],
+) -> Robot {
+    let column = |values: [f64; N]| {
+        let mut all = [0.0; JOINTS_MAX];
+        for (place, value) in all.iter_mut().zip(values) {
+            *place = value.to_radians();
+        }
+        all
+    };
+    Robot {
+        name,
+        model: DeviceModel {
+            joints: N as u32,
+            arm: Some(arm),
+            limits: JointLimits {
+                lower: column(range.map(|[lower, _]| lower)),
+                upper: column(range.map(|[_, upper]| upper)),
+                velocity_max: column(velocity),
+                acceleration_max: column(acceleration),
+                jerk_max: column(acceleration.map(|a| 10.0 * a)),
+                joints: N,
+            },
+            first_tolerance_rad: 1e-3,
+            workspace: None,
+            base: Pose::IDENTITY,
+            channels: [0; 4],
+        },
+        home: column(home),
+    }
+}
+
+/// The robots: two of seven joints, one of six.
+#[must_use]
+pub fn robots() -> [Robot; 3] {
+    let seven = [170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0].map(|x: f64| [-x, x]);
+    let lwr = Arm::Srs(SrsArm {
+        shoulder_height: 0.3105,
+        upper_arm: 0.4,
+        forearm: 0.39,
+        wrist_to_flange: 0.078,
+        signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
+    });
+    let iiwa = Arm::Srs(SrsArm {
+        shoulder_height: 0.36,
+        upper_arm: 0.42,
+        forearm: 0.4,
+        wrist_to_flange: 0.126,
+        signs: [1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0],
+    });
+    let agilus = Arm::OrthoParallel(OrthoParallelArm {
+        shoulder_height: 0.4,
+        shoulder_offset: 0.025,
+        lateral_offset: 0.0,
+        upper_arm: 0.455,
+        elbow_offset: -0.025,
+        forearm: 0.42,
+        wrist_to_flange: 0.09,
+        signs: [-1.0, 1.0, 1.0, -1.0, 1.0, -1.0],
+        zeros: [0.0, 90.0_f64.to_radians(), 0.0, 0.0, 0.0, 0.0],
+    });
+    [
+        robot(
+            "LWR 4+",
+            lwr,
+            [20.0, 30.0, -10.0, -90.0, 5.0, 60.0, 20.0],
+            seven,
+            [110.0, 110.0, 128.0, 128.0, 204.0, 184.0, 184.0],
+            [1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0],
+        ),
+        robot(
+            "iiwa 14",
+            iiwa,
+            [20.0, 30.0, -10.0, -90.0, 5.0, 60.0, 20.0],
+            seven,
+            [85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0],
+            [420.0, 420.0, 500.0, 370.0, 650.0, 670.0, 670.0],
+        ),
+        robot(
+            "KR 6 R900-2",
+            agilus,
+            [10.0, -80.0, 100.0, 10.0, 60.0, -20.0],
+            [
+                [-170.0, 170.0],
+                [-190.0, 45.0],
+                [-120.0, 156.0],
+                [-185.0, 185.0],
+                [-120.0, 120.0],
+                [-350.0, 350.0],
+            ],
+            [360.0, 300.0, 360.0, 450.0, 450.0, 540.0],
+            [1300.0, 370.0, 1390.0, 7000.0, 6800.0, 13500.0],
+        ),
+    ]
+}
+
+/// What became of a random motion.
+pub enum Outcome {
+    /// It was refused when it was built.
+    Refused,
+    /// It ran, and what came closest to its limits.
+    Ran(Worst),
+    /// It broke a rule.
+    Broken(String),
+}
+
+/// One motion as drawn by lot.
+struct Lot {
+    start: Joints,
+    from: Pose,
+    scale: f64,
+    /// Targets of legs, and points of splines.
+    poses: Vec<Pose>,
+    joints: Vec<Joints>,
+    /// Of the flange, if it has any.
+    line: Limits,
+    turn: Limits,
+    dt_s: f64,
+}
+
+/// Builds, runs and judges the motion of this seed.
+#[must_use]
+pub fn case(kind: Kind, robot: &Robot, seed: u64) -> Outcome {
+    let mut random = Random::new(seed ^ (kind as u64) << 60);
+    let Some(lot) = draw(kind, robot, &mut random) else {
+        return Outcome::Refused;
+    };
+    let legs = legs(kind, &lot, &mut random);
+    let build = |dt_s| -> Option<MotionSet> {
+        let (models, holds) = ([robot.model], [Some(lot.start)]);
+        let mut builder = Builder::new(&models, &holds, dt_s, 1);
+        let request = PathRequest {
+            device: 0,
+            from: None,
+            legs: &legs,
+            joints: kind != Kind::Poses,
+        };
+        builder.path(0, &request).ok()?;
+        builder.finish().ok()
+    };
+    let Some(motion) = build(lot.dt_s) else {
+        return Outcome::Refused;
+    };
+    let geometry = match (kind, &legs[0].segment) {
+        (Kind::Poses | Kind::Line, Segment::Line { to }) => Geometry::Line(lot.from, *to),
+        (Kind::Circle, Segment::Circle { via, to, .. }) => {
+            Geometry::Circle([lot.from.position, *via, to.position])
+        }
+        (Kind::PointToPoint, Segment::Joints { to }) => Geometry::Joints(lot.start, *to),
+        _ => {
+            let Some(reference) = build(1e-3).and_then(Reference::run) else {
+                return Outcome::Broken("the reference never ended".into());
+            };
+            Geometry::Reference(Box::new(reference))
+        }
+    };
+    let model = (kind != Kind::Poses).then_some(&robot.model);
+    let judge = Judge::new(model, &lot, geometry);
+    run(motion, judge, &mut random)
+}
+
+/// Where it begins and what it goes to; `None` if that is no place to begin from.
+fn draw(kind: Kind, robot: &Robot, random: &mut Random) -> Option<Lot> {
+    let arm = robot.model.arm?;
+    let limits = &robot.model.limits;
+    let mut near = |home: &Joints, by: f64| {
+        let mut joints = *home;
+        for (index, joint) in joints.iter_mut().enumerate().take(limits.joints) {
+            *joint += random.within(-by, by);
+            if *joint <= limits.lower[index] + 0.01 || *joint >= limits.upper[index] - 0.01 {
+                return None;
+            }
+        }
+        Some(joints)
+    };
+    let start = near(&robot.home, 0.5)?;
+    // Null where the arm has no joint.
+    let mut joints = (0..5)
+        .map(|_| near(&start, 0.5))
+        .collect::<Option<Vec<_>>>()?;
+    for target in &mut joints {
+        target[limits.joints..].fill(f64::NAN);
+    }
+    let from = arm.forward(&start);
+    let reach = random.log_even(0.005, 0.2);
+    let poses = (0..20).map(|_| {
+        let mut around = |by: f64| random.within(-by, by);
+        let turn = [around(0.25), around(0.25), around(0.25)];
+        let way = [around(reach), around(reach), around(reach)];
+        from.compose(&Pose::from_xyz_rpy(way, turn))
+    });
+    let poses = poses.collect();
+    let given = kind == Kind::Poses || random.even() < 0.3;
+    let mut of = |low: f64, high: f64| {
+        let velocity = random.log_even(low, high);
+        let acceleration = velocity * random.log_even(2.0, 20.0);
+        Limits {
+            velocity,
+            acceleration,
+            jerk: acceleration * random.log_even(5.0, 50.0),
+        }
+    };
+    let (line, turn) = if given {
+        (of(0.02, 0.2), of(0.2, 1.0))
+    } else {
+        (Limits::NONE, Limits::NONE)
+    };
+    Some(Lot {
+        start,
+        from,
+        scale: random.log_even(0.2, 1.0),
+        poses,
+        joints,
+        line,
+        turn,
+        dt_s: [1e-3, 4e-3, 4e-3][random.below(3)],
+    })
+}
+
+/// The legs of a kind.
+fn legs<'a>(kind: Kind, lot: &'a Lot, random: &mut Random) -> Vec<Leg<'a>> {
+    let leg = |segment, blend| Leg {
+        line: lot.line,
+        turn: lot.turn,
+        scale: lot.scale,
+        blend,
+        ..Leg::new(segment)
+    };
+    let circle = |index: usize, orientation| Segment::Circle {
+        via: lot.poses[index].position,
+        to: lot.poses[index + 1],
+        orientation,
+        angle: None,
+    };
+    let orientation = [
+        ArcOrientation::Even,
+        ArcOrientation::Constant,
+        ArcOrientation::Path,
+    ][random.below(3)];
+    let through = 2 + random.below(4);
+    match kind {
+        Kind::Poses | Kind::Line => vec![leg(Segment::Line { to: lot.poses[0] }, 0.0)],
+        Kind::Circle => vec![leg(circle(0, orientation), 0.0)],
+        Kind::Spline => {
+            let through = &lot.poses[..through];
+            vec![leg(Segment::Spline { through }, 0.0)]
+        }
+        Kind::PointToPoint => vec![leg(Segment::Joints { to: lot.joints[0] }, 0.0)],
+        Kind::Sequence => (0..2 + random.below(4))
+            .map(|index| {
+                let segment = match random.below(6) {
+                    0 => circle(2 * index, ArcOrientation::Even),
+                    1 => Segment::Spline {
+                        through: &lot.poses[2 * index..2 * index + 2],
+                    },
+                    2 => Segment::Joints {
+                        to: lot.joints[index.min(4)],
+                    },
+                    _ => Segment::Line {
+                        to: lot.poses[2 * index],
+                    },
+                };
+                let blend = random.log_even(0.001, 0.05);
+                leg(segment, if random.even() < 0.7 { blend } else { 0.0 })
+            })
+            .collect(),
+    }
+}
+
+/// Runs a motion under drives drawn by lot until it is done, and three cycles more.
+fn run(mut motion: MotionSet, mut judge: Judge, random: &mut Random) -> Outcome {
+    let mut drive = Drive::RUN;
+    let often = random.log_even(2.0, 500.0);
+    let calm_at = random.below(1500);
+    let stop_at = random.below(4000);
+    for cycle in 0..CYCLES_MAX {
+        if cycle >= calm_at {
+            drive = Drive::RUN;
+        } else if random.even() * often < 1.0 {
+            drive = random.drive();
+        }
+        let stop = cycle == stop_at;
+        let Some(state) = motion.step(0, Drive { stop, ..drive }) else {
+            return Outcome::Broken("there is no motion".into());
+        };
+        if let Err(fault) = judge.see(&state) {
+            return Outcome::Broken(format!("cycle {cycle}: {fault}"));
+        }
+        if state.path.done {
+            for _ in 0..3 {
+                let again = motion.step(0, random.drive());
+                if again.is_none_or(|again| !again.path.done || again.path.s != state.path.s) {
+                    return Outcome::Broken(format!("cycle {cycle}: done, and not any more"));
+                }
+            }
+            return match judge.at_end(&state, cycle >= stop_at) {
+                Ok(worst) => Outcome::Ran(worst),
+                Err(fault) => Outcome::Broken(format!("cycle {cycle}: {fault}")),
+            };
+        }
+    }
+    Outcome::Broken("it never ended".into())
+}
