@@ -328,7 +328,7 @@ impl Intake {
             Call::Acknowledge => Order::Acknowledge { ticket },
             Call::Install { id, plan } => {
                 let sight = self.sight();
-                return self.make(ticket, id, What::Plan(plan), sight, request);
+                return self.make(ticket, id, What::Plan(Box::new(plan)), sight, request);
             }
         };
         self.send(order, Some((ticket, Waiting { request, then })));

@@ -50,7 +50,7 @@ impl Sight {
 #[derive(Debug)]
 pub enum What {
     /// A new command's plan.
-    Plan(PlanData),
+    Plan(Box<PlanData>),
     /// A command that is ready, from where its arms rest now, with what was set meanwhile.
     Anew(Origin, Vec<InputValue>),
 }
@@ -139,7 +139,7 @@ impl Site {
         let dt_s = self.period_ns as f64 / 1e9;
         let (mut net, values) = match what {
             What::Plan(plan) => {
-                let net = Net::build(plan, &self.models, self.configuration, &sight.holds, dt_s)?;
+                let net = Net::build(*plan, &self.models, self.configuration, &sight.holds, dt_s)?;
                 (net, Vec::new())
             }
             What::Anew(origin, values) => {

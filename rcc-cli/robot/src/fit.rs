@@ -98,11 +98,11 @@ pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
         .map(|[axis, origin]| Line { axis, origin })
         .collect();
     let fit = Fit { chain, lines, tip };
-    match fit.lines.as_slice() {
-        &[a, b, c, d, e, f] => fit
+    match *fit.lines.as_slice() {
+        [a, b, c, d, e, f] => fit
             .ortho_parallel([a, b, c, d, e, f])
             .map(Arm::OrthoParallel),
-        &[a, b, c, d, e, f, g] => fit.srs([a, b, c, d, e, f, g]).map(Arm::Srs),
+        [a, b, c, d, e, f, g] => fit.srs([a, b, c, d, e, f, g]).map(Arm::Srs),
         _ => Err(ImportError::Count {
             count: chain.hinges.len(),
             joints: fit.names(),

@@ -100,7 +100,7 @@ fn content(file: &str) -> Result<String, Failure> {
 /// A primitive to paste; what it is worth stands in comments.
 fn human(report: &Report) -> String {
     let Report { found, gravity } = report;
-    let list = |values: &[f64; 3]| format!("[{}]", values.map(|value| rounded(value)).join(", "));
+    let list = |values: &[f64; 3]| format!("[{}]", values.map(rounded).join(", "));
     let [force, torque] = found.residual;
     let [force_max, torque_max] = found.residual_max;
     let [mass, centre] = found.deviation;

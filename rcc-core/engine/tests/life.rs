@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, HOLD, endless_net, line_net, motion_net, output_net};
+use common::{Bench, HOLD, endless_net, line_net, model, motion_net, output_net};
 use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
 use rcc_core::plan::Resource;
 use rcc_engine::queue::Order;
@@ -363,8 +363,8 @@ fn a_set_point_beyond_a_limit_ends_the_net_with_joint_value_and_limit() {
 #[test]
 fn a_motion_that_begins_elsewhere_by_its_parameter_is_refused() {
     let mut bench = Bench::new();
-    let mut from = rcc_core::pose::Pose::IDENTITY.to_slots();
-    from[..3].copy_from_slice(&[0.4, 0.0, 0.5]);
+    let mut from = model().arm.unwrap().forward(&HOLD).to_slots();
+    from[2] += 0.05;
     let id = bench.load(motion_net(Some(from)));
     assert!(matches!(
         refused(bench.start(id)),

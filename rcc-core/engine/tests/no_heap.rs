@@ -10,7 +10,7 @@ use common::{Bench, HOLD, Plan, drift_net, endless_net, input_net, line_net, nam
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
 use rcc_core::plan::ValuePoint;
-use rcc_core::types::Store;
+use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::queue::{Order, Reading};
 use rcc_engine::record::{Recorder, RecorderConfig};
 use rcc_ipc::control::{Answer, InputValue, PlanData};
@@ -197,8 +197,9 @@ fn an_unreachable_pose_and_null_inputs_make_none() {
     let (no, nothing) = (plan.bool(0), plan.bool(2));
     let pose = plan.reals(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0]);
     let joints = plan.reals(&[f64::NAN; 7]);
-    let state = plan.reals(&[f64::NAN; 9]);
-    plan.add("InverseKinematics", &[pose, joints, 0, state, 7]);
+    let state = plan.reals(&[f64::NAN; 10]);
+    plan.data.ints.extend([NULL_INT; 2]);
+    plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, state, 7]);
     plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("DigitalOutput", &[nothing, 0, 0]);
     plan.add("Termination", &[no]);

@@ -60,7 +60,7 @@ fn clocks() {
     let stairs = |count: u32| {
         let piece = |k: u32| PathPiece {
             end_s: 1e4 * f64::from(k) / f64::from(count),
-            velocity: if k % 2 == 0 { 0.5 } else { 0.2 },
+            velocity: if k.is_multiple_of(2) { 0.5 } else { 0.2 },
         };
         let pieces: Vec<PathPiece> = (1..=count).map(piece).collect();
         PathBounds::new(&pieces, 2.0, 20.0, 1e-3).expect("these are limits")

@@ -172,7 +172,6 @@ impl Arm {
     }
 
     /// The joints of all branches, by [`Branch::index`], as [`Arm::inverse`] gives them.
-    #[must_use]
     pub fn all_branches(
         &self,
         pose: &Pose,

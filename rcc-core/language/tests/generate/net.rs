@@ -180,7 +180,9 @@ impl Growing {
             let constant = |word: &String| {
                 word.starts_with("{xyz") || word.starts_with("{rpy") || word.starts_with('[')
             };
-            if words.iter().any(constant) {
+            // A list of constants only is an array, which is no list of values.
+            let link = |word: &String| word.starts_with('p');
+            if words.iter().any(constant) || !words.iter().any(link) {
                 return None;
             }
             return Some(format!("[{}]", words.join(", ")));

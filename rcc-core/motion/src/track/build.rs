@@ -163,9 +163,9 @@ fn look(
             samples.push(sample(lengths, &jets));
         }
     }
-    let speeds = samples.iter().map(|[[speed, ..], ..]| speed);
+    let mut speeds = samples.iter().map(|[[speed, ..], ..]| speed);
     let sum: f64 = speeds.clone().sum();
-    let ends: f64 = speeds.clone().take(1).chain(speeds.last()).sum();
+    let ends: f64 = speeds.clone().take(1).chain(speeds.next_back()).sum();
     // Exact where the speed is the same everywhere.
     let way_m = (sum - ends / 2.0) * step;
     seen.way_m = piece

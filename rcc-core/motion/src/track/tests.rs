@@ -345,8 +345,7 @@ fn a_sequence_rests_at_every_end_without_zones_and_nowhere_with_them() {
         assert_eq!(done.last().leg, 4);
         let moving = done.states.iter().map(|state| state.path.velocity > 0.0);
         let moving: Vec<bool> = moving.collect();
-        let rests = moving.windows(2).filter(|pair| pair[0] && !pair[1]).count();
-        rests
+        moving.windows(2).filter(|pair| pair[0] && !pair[1]).count()
     };
     assert_eq!((rests(0.0), rests(0.03)), (5, 1));
 }

@@ -106,7 +106,7 @@ impl Geometry {
                     return 0.0;
                 }
                 let since = subtract(place, from.position);
-                let fraction = (dot(since, way) / (length * length)).max(0.0).min(1.0);
+                let fraction = (dot(since, way) / (length * length)).clamp(0.0, 1.0);
                 let off = norm(subtract(since, scale(way, fraction)));
                 let turned = from.slerp(to, fraction);
                 // The angle between nearly equal orientations is known to the root of an f64's rounding.
@@ -138,7 +138,7 @@ impl Geometry {
                         way += (to - from) * (to - from);
                     }
                 }
-                let fraction = (along / way).max(0.0).min(1.0);
+                let fraction = (along / way).clamp(0.0, 1.0);
                 for ((q, from), to) in state.joints.iter().zip(from).zip(to).take(7) {
                     if to.is_finite() {
                         off = off.max((q - from - fraction * (to - from)).abs());
@@ -194,7 +194,7 @@ impl<'a> Judge<'a> {
         self.s = state.path.s;
         let off = self.geometry.off(state);
         self.worst.off_m = self.worst.off_m.max(off);
-        if !(off <= OFF_MAX) {
+        if off.is_nan() || off > OFF_MAX {
             return Err(format!("{off} m off the path: {:?}", state.path));
         }
         self.poses.rotate_left(1);
@@ -248,7 +248,7 @@ impl<'a> Judge<'a> {
         let dt = self.dt_s;
         let arm = model.arm.ok_or("no arm")?;
         let apart = arm.forward(&state.joints).distance_to(&state.pose);
-        if !(apart <= OFF_MAX) {
+        if apart.is_nan() || apart > OFF_MAX {
             return Err(format!("joints are {apart} m off the pose"));
         }
         for joint in 0..limits.joints {
