@@ -373,6 +373,20 @@ fn a_motion_that_begins_elsewhere_by_its_parameter_is_refused() {
 }
 
 #[test]
+fn who_commands_an_arm_is_told_while_it_does() {
+    let mut bench = Bench::new();
+    let holder = |bench: &Bench| bench.engine.tables().devices[0].holder;
+    let id = bench.load(line_net());
+    assert_eq!(holder(&bench), 0, "a net that is ready commands nothing");
+    bench.start(id);
+    bench.steps(10);
+    assert_eq!(holder(&bench), id);
+    bench.ask(|ticket| Order::Abort { ticket, id });
+    bench.steps(2);
+    assert_eq!(holder(&bench), 0);
+}
+
+#[test]
 fn abort_frees_the_arm_at_once_but_start_waits_for_rest() {
     let mut bench = Bench::new();
     let (first, second) = (bench.load(line_net()), bench.load(line_net()));

@@ -46,9 +46,14 @@ impl Engine {
         } else {
             DeviceState::Offline
         };
+        let engagement = self.devices.get(index).and_then(|device| device.engagement);
+        let holder = engagement.and_then(|engagement| self.tables.commands.get(engagement.row));
+        let holder = holder.map_or(0, |row| row.id);
         let Some(entry) = self.tables.devices.get_mut(index) else {
             return;
         };
+        self.tables_changed |= entry.holder != holder;
+        entry.holder = holder;
         entry.attached = u32::from(board.is_some());
         let driver = board.map_or(entry.incarnation, |(incarnation, _)| incarnation);
         entry.incarnation = board.map_or(0, |(incarnation, _)| incarnation);
