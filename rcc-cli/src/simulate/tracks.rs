@@ -27,6 +27,8 @@ pub struct Tracks {
     dt_s: f64,
 }
 
+/// Limits are shown when a value comes nearer to them than this, %.
+const SHOWN: f64 = 40.0;
 /// Quantities of joints in the order of their panels.
 const RATES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
 
@@ -212,7 +214,17 @@ impl Track {
             };
             self.stretches.iter().map(stretch).collect()
         };
-        self.joints_panel(&format!("{name} [% of the limit]"), curve)
+        let mut panel = self.joints_panel(&format!("{name} [% of the limit]"), curve);
+        let values = panel
+            .curves
+            .iter()
+            .flat_map(|curve| curve.stretches.iter().flatten());
+        let most = values.fold(0.0, |most: f64, (_, value)| most.max(value.abs()));
+        if most < SHOWN {
+            // Far from the limits: as large as can be seen.
+            panel.limits.clear();
+        }
+        panel
     }
 
     fn joints_panel(&self, title: &str, curve: impl Fn(usize) -> Vec<Vec<(f64, f64)>>) -> Panel {

@@ -1,0 +1,73 @@
+//! The pictures of docs/motions.md are what `rcc-cli plot` makes now; `RCC_BLESS=1` makes them anew.
+//! Virtual time; no cell is there. Run by the threads of the test harness.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The commands of a page that make a picture: `rcc-cli plot … -o docs/pictures/…`.
+fn commands() -> Vec<Vec<String>> {
+    let mut commands = Vec::new();
+    for page in ["docs/motions.md"] {
+        let text = fs::read_to_string(repository().join(page)).expect(page);
+        let lines = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("$ rcc-cli plot "));
+        let words = lines.map(|line| line.split_whitespace().map(str::to_owned).collect());
+        commands.extend(words.filter(|words: &Vec<String>| {
+            words.iter().any(|word| word.starts_with("docs/pictures/"))
+        }));
+    }
+    commands
+}
+
+#[test]
+fn the_pictures_of_the_pages_are_what_plot_makes_now() {
+    let bless = std::env::var_os("RCC_BLESS").is_some();
+    let folder = std::env::temp_dir().join(format!("rcc-plots-{}", std::process::id()));
+    fs::create_dir_all(&folder).expect("a folder");
+    let commands = commands();
+    assert!(commands.len() >= 2, "{commands:?}");
+    let mut changed = Vec::new();
+    for words in commands {
+        let picture = words
+            .iter()
+            .find(|word| word.starts_with("docs/pictures/"))
+            .expect("one of them");
+        let kept = repository().join(picture);
+        let made = folder.join(Path::new(picture).file_name().expect("a name"));
+        let target = if bless { &kept } else { &made };
+        let target = target.display().to_string();
+        let words: Vec<&str> = words
+            .iter()
+            .map(|word| {
+                if word == picture {
+                    target.as_str()
+                } else {
+                    word
+                }
+            })
+            .collect();
+        let output = Command::new(env!("CARGO_BIN_EXE_rcc-cli"))
+            .arg("plot")
+            .args(&words)
+            .current_dir(repository())
+            .env("RCC_CONFIGS", repository().join("configs"))
+            .output()
+            .expect("rcc-cli runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{words:?}: {said}");
+        if !bless && fs::read(&made).ok() != fs::read(&kept).ok() {
+            changed.push(picture.clone());
+        }
+    }
+    fs::remove_dir_all(&folder).expect("removed");
+    assert!(
+        changed.is_empty(),
+        "look at them and make them anew with RCC_BLESS=1: {changed:?}"
+    );
+}
