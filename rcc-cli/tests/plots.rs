@@ -9,20 +9,14 @@ fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The commands of a page that make a picture: `rcc-cli plot … -o docs/pictures/…`.
+/// The commands of the page that make a picture: `rcc-cli plot … -o docs/pictures/…`.
 fn commands() -> Vec<Vec<String>> {
-    let mut commands = Vec::new();
-    for page in ["docs/motions.md"] {
-        let text = fs::read_to_string(repository().join(page)).expect(page);
-        let lines = text
-            .lines()
-            .filter_map(|line| line.strip_prefix("$ rcc-cli plot "));
-        let words = lines.map(|line| line.split_whitespace().map(str::to_owned).collect());
-        commands.extend(words.filter(|words: &Vec<String>| {
-            words.iter().any(|word| word.starts_with("docs/pictures/"))
-        }));
-    }
-    commands
+    let text = fs::read_to_string(repository().join("docs/motions.md")).expect("the page");
+    let lines = text.lines();
+    let commands = lines.filter_map(|line| line.strip_prefix("$ rcc-cli plot "));
+    let words = commands.map(|line| line.split_whitespace().map(str::to_owned).collect());
+    let makes = |words: &Vec<String>| words.iter().any(|word| word.starts_with("docs/pictures/"));
+    words.filter(makes).collect()
 }
 
 #[test]
