@@ -47,6 +47,7 @@ pub fn cell() -> DeviceTable {
         base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         channels: [BOOLS as u32, 0, REALS as u32, 0],
+        ..DeviceModel::NONE
     };
     DeviceTable {
         fingerprint: 0,

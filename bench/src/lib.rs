@@ -2,7 +2,7 @@
 //! as straight-line Rust. Run by `cargo bench -p rcc-bench` and by the programs in `examples/`; nothing here is real-time.
 //!
 //! `cargo bench -p rcc-bench --features straight-line` measures against straight-line code in the same run;
-//! `bench/hal` and `bench/wakeup` measure against LinuxCNC HAL and cyclictest.
+//! `bench/hal`, `bench/wakeup` and `bench/kinematics/compare` measure against LinuxCNC HAL, cyclictest and other kinematics.
 
 pub use rcc_engine::catalogue;
 
@@ -10,5 +10,6 @@ pub mod executor;
 pub mod graph;
 pub mod instance;
 pub mod measure;
+pub mod motion;
 pub mod net;
 pub mod straight;

@@ -20,6 +20,11 @@ impl<'a> Subject<'a> {
     pub fn timing_itself(run: impl FnMut(usize) -> Duration + 'a) -> Subject<'a> {
         Subject(Box::new(run))
     }
+
+    /// Runs so many cycles and says how long they took.
+    pub fn run(&mut self, cycles: usize) -> Duration {
+        (self.0)(cycles)
+    }
 }
 
 /// How long one cycle of a subject takes, ns: the median of its rounds, and the fastest and slowest round.

@@ -281,10 +281,11 @@ fn a_plot_shows_path_and_joints_against_their_limits_and_is_the_same_each_time()
 fn a_net_that_would_break_a_limit_is_drawn_and_told_but_not_simulated() {
     let folder = Folder::new();
     let text = fs::read_to_string(net("line.yaml")).expect("a net");
-    let hasty = text
-        .replace("0.15 m/s\n", "3 m/s\n")
-        .replace("0.5 m/s^2", "50 m/s^2")
-        .replace(" 5 m/s^3", " 5000 m/s^3");
+    // The motion knows nothing of what the net does to its joints: the last one turns as well, too fast.
+    let hasty = text.replace("position: ik.joints", "position: turned.out")
+        + "  turn: {type: Multiply, inputs: {a: move.distance, b: 50 rad/m}}
+  turned: {type: SetElement, inputs: {in: ik.joints, index: 6, value: turn.out}}
+";
     fs::write(folder.file("hasty.yaml"), hasty).expect("written");
     let (file, svg) = (folder.file("hasty.yaml"), folder.file("hasty.svg"));
     let words = plot(1, &[&file, "-o", &svg]);
@@ -326,7 +327,80 @@ fn check_rehearses_from_where_the_simulators_begin() {
     let output = check(&folder.file("beyond.yaml"));
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(3), "{words}");
-    assert!(words.contains("RCC3023"), "{words}");
+    assert!(
+        words.contains("RCC3014") && words.contains("leg 1") && words.contains("% of its way"),
+        "{words}"
+    );
+    let fast = text.replace("0.15 m/s\n", "3 m/s\n");
+    fs::write(folder.file("fast.yaml"), fast).expect("written");
+    let output = check(&folder.file("fast.yaml"));
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{words}");
+    for part in [
+        "RCC3014",
+        "rad/s",
+        "its limit is",
+        "of the speed is possible",
+    ] {
+        assert!(words.contains(part), "{part}: {words}");
+    }
+}
+
+#[test]
+fn a_soft_arm_presses_with_its_stiffness_times_the_depth_and_what_is_on_top() {
+    let folder = Folder::new();
+    let (cell, net) = (
+        nets().join("../cells/impedance.yaml").display().to_string(),
+        nets().join("../impedance/press.yaml").display().to_string(),
+    );
+    let csv = folder.file("press.csv");
+    let press = |net: &str, cell: &str| -> f64 {
+        let run = report(
+            0,
+            &[net, "--config", cell, "--cancel-at", "3s", "--csv", &csv],
+        );
+        assert_eq!(run["reason"], "canceled");
+        let text = folder.read("press.csv");
+        let last = text.lines().last().expect("rows").split(',').nth(1);
+        last.and_then(|cell| cell.parse().ok()).expect("a number")
+    };
+    // The tool's spring and the table's, one behind the other.
+    let expected = (500.0 * 0.02 + 5.0) * 30_000.0 / 30_500.0;
+    assert!((press(&net, &cell) - expected).abs() < 1e-6);
+    // In joint impedance the springs are those of the joints, and this net is refused there.
+    let text = fs::read_to_string(&cell).expect("a cell");
+    let robots = nets().join("../robots/").display().to_string();
+    let text = text
+        .replace("../robots/", &robots)
+        .replace("=cartesian-", "=joint-");
+    let joint = folder.file("joint.yaml");
+    fs::write(&joint, text).expect("written");
+    let springs = |stiffness: &str| {
+        let words = fs::read_to_string(&net).expect("a net");
+        let (head, rest) = words
+            .split_once("    type: CartesianImpedanceCommand")
+            .expect("it");
+        let (_, rest) = rest.split_once("  over:").expect("its end");
+        let command = format!(
+            "    type: JointImpedanceCommand\n    parameters: {{device: lwr}}\n    inputs: {{position: ik.joints, stiffness: {stiffness}}}\n"
+        );
+        let file = folder.file("springs.yaml");
+        fs::write(&file, format!("{head}{command}  over:{rest}")).expect("written");
+        press(&file, &joint)
+    };
+    // Twice as stiff joints give nearly twice the force, the table's share aside.
+    let (soft, stiff) = (
+        springs("[200, 200, 200, 200, 200, 200, 200]"),
+        springs("[400, 400, 400, 400, 400, 400, 400]"),
+    );
+    let alone = |force: f64| force / (0.02 - force / 30_000.0);
+    assert!(
+        (alone(stiff) / alone(soft) - 2.0).abs() < 1e-6,
+        "{soft} {stiff}"
+    );
+    let output = simulate(&[&net, "--config", &joint]);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(words.contains("joint impedance control"), "{words}");
 }
 
 #[test]

@@ -383,5 +383,5 @@ fn every_command_of_the_page_runs_and_prints_what_it_shows() {
         assert!(shown.is_empty() || out == shown, "{command}: {out}");
         commands += 1;
     }
-    assert_eq!(commands, 2);
+    assert_eq!(commands, 3);
 }

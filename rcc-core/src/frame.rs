@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::guard::JointLimits;
+use crate::impedance::{Impedance, ImpedanceLimits};
 use crate::kinematics::Arm;
 use crate::message::{ANALOG_MAX, JOINTS_MAX, Joints, Measurement};
 use crate::path::{MotionBuilder, MotionFault, Motions};
@@ -31,6 +32,29 @@ pub struct DeviceModel {
     pub workspace: Option<Workspace>,
     /// Number of digital inputs, digital outputs, analog inputs, analog outputs.
     pub channels: [u32; 4],
+    /// What impedance set-points may be, `None` = the arm is commanded in position only.
+    pub impedance: Option<ImpedanceLimits>,
+}
+
+impl DeviceModel {
+    /// Plain I/O without channels.
+    pub const NONE: DeviceModel = DeviceModel {
+        joints: 0,
+        arm: None,
+        limits: JointLimits {
+            lower: [0.0; JOINTS_MAX],
+            upper: [0.0; JOINTS_MAX],
+            velocity_max: [0.0; JOINTS_MAX],
+            acceleration_max: [0.0; JOINTS_MAX],
+            jerk_max: [0.0; JOINTS_MAX],
+            joints: 0,
+        },
+        first_tolerance_rad: 0.0,
+        base: Pose::IDENTITY,
+        workspace: None,
+        channels: [0; 4],
+        impedance: None,
+    };
 }
 
 /// A device's newest measurement, latched at the beginning of the cycle.
@@ -49,6 +73,8 @@ pub struct DeviceOutput {
     pub has_position: bool,
     /// Joint set-point, rad.
     pub position: Joints,
+    /// How softly it is held; it counts with `position`.
+    pub impedance: Impedance,
     /// Bit i: value of digital output i.
     pub digital: u64,
     /// Bit i: digital output i is commanded.
@@ -62,6 +88,7 @@ impl DeviceOutput {
     pub const NONE: DeviceOutput = DeviceOutput {
         has_position: false,
         position: [0.0; JOINTS_MAX],
+        impedance: Impedance::NONE,
         digital: 0,
         digital_commanded: 0,
         analog: [NULL_REAL; ANALOG_MAX],
@@ -331,6 +358,8 @@ pub struct Preparation<'a> {
     pub reals: &'a mut [f64],
     /// The initial arena of `Int`.
     pub ints: &'a [i64],
+    /// The initial arena of `Bool`.
+    pub bools: &'a [u8],
     /// Kinematics and limits, by device index.
     pub models: &'a [DeviceModel],
     /// The hold set-point of each device, `None` if it is not known now.
@@ -354,6 +383,11 @@ impl Preparation<'_> {
         if let Some(place) = tail.first_chunk_mut() {
             *place = values;
         }
+    }
+
+    /// Reads a `Bool`.
+    pub fn bool(&self, slot: u32) -> u8 {
+        self.bools.get(slot as usize).copied().unwrap_or(NULL_BOOL)
     }
 
     /// Reads an `Int`.

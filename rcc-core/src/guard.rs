@@ -1,9 +1,12 @@
-//! The last check of a commanded joint position, each cycle, before it leaves for the robot.
+//! The last check of a set-point of an arm, each cycle, before it leaves for the robot.
 //! Pure arithmetic over the last two set-points and logical time; run by the real-time thread and by the drivers.
 
 use core::fmt;
 
+use crate::impedance::{AXES, Impedance, ImpedanceLimits, Strategy};
 use crate::message::JOINTS_MAX;
+
+mod impedance;
 
 /// A limit may be exceeded by this part of itself: set-points that use a limit fully are rounded.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
@@ -48,16 +51,31 @@ pub enum ViolationKind {
     Acceleration,
     /// Not where the device is: the first set-point is away from the hold position, or a step is no motion at all.
     Jump,
+    /// A stiffness out of its range.
+    Stiffness,
+    /// A stiffness that changes too fast.
+    StiffnessRate,
+    /// A damping ratio out of its range.
+    Damping,
+    /// Too large a force or torque on top.
+    Added,
+    /// For another control strategy than the controller runs; value and limit are their numbers.
+    Strategy,
 }
 
 impl ViolationKind {
     /// All kinds, in order of their numbers from 1.
-    pub const ALL: [ViolationKind; 5] = [
+    pub const ALL: [ViolationKind; 10] = [
         ViolationKind::NotFinite,
         ViolationKind::Range,
         ViolationKind::Velocity,
         ViolationKind::Acceleration,
         ViolationKind::Jump,
+        ViolationKind::Stiffness,
+        ViolationKind::StiffnessRate,
+        ViolationKind::Damping,
+        ViolationKind::Added,
+        ViolationKind::Strategy,
     ];
 
     /// The number that crosses processes; 0 means no violation.
@@ -73,12 +91,18 @@ impl ViolationKind {
     }
 }
 
+/// The name of an axis that stands in the place of a joint, counted from 0; `None`: it is a joint.
+#[must_use]
+pub fn axis(joint: usize) -> Option<&'static str> {
+    AXES.get(joint.checked_sub(JOINTS_MAX)?).copied()
+}
+
 /// A refused set-point: which joint, what was asked, what is allowed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Violation {
     /// The rule.
     pub kind: ViolationKind,
-    /// The joint, counted from 0 (people see it counted from 1).
+    /// The joint, counted from 0 (people see it counted from 1); from [`JOINTS_MAX`] on an axis of the task frame.
     pub joint: u8,
     /// What was asked for, in [`Violation::unit`], with its sign.
     pub value: f64,
@@ -90,7 +114,15 @@ impl Violation {
     /// The unit of `value` and `limit`.
     #[must_use]
     pub fn unit(&self) -> &'static str {
+        let along = (JOINTS_MAX..JOINTS_MAX + 3).contains(&usize::from(self.joint));
         match self.kind {
+            ViolationKind::Stiffness if along => "N/m",
+            ViolationKind::Stiffness => "N·m/rad",
+            ViolationKind::StiffnessRate if along => "N/m/s",
+            ViolationKind::StiffnessRate => "N·m/rad/s",
+            ViolationKind::Added if along => "N",
+            ViolationKind::Added => "N·m",
+            ViolationKind::Damping | ViolationKind::Strategy => "",
             ViolationKind::NotFinite | ViolationKind::Range | ViolationKind::Jump => "rad",
             ViolationKind::Velocity => "rad/s",
             ViolationKind::Acceleration => "rad/s²",
@@ -100,33 +132,47 @@ impl Violation {
 
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (joint, value, limit, unit) = (
-            u16::from(self.joint) + 1,
-            self.value,
-            self.limit,
-            self.unit(),
-        );
-        match self.kind {
-            ViolationKind::NotFinite => write!(
+        let (value, limit, unit) = (self.value, self.limit, self.unit());
+        if self.kind == ViolationKind::Strategy {
+            let (asked, runs) = (Strategy::words(value as u64), Strategy::words(limit as u64));
+            return write!(
                 f,
-                "joint {joint}: the set-point {value} is not a finite number of {unit}"
-            ),
+                "the set-point is for {asked}, the controller runs {runs}"
+            );
+        }
+        match axis(usize::from(self.joint)) {
+            Some(axis) => write!(f, "axis {axis}: ")?,
+            None => write!(f, "joint {}: ", u16::from(self.joint) + 1)?,
+        }
+        match self.kind {
+            ViolationKind::NotFinite => {
+                write!(f, "the set-point {value} is not a finite number of {unit}")
+            }
             ViolationKind::Range => write!(
                 f,
-                "joint {joint}: position {value} {unit} is beyond the limit {limit} {unit}"
+                "position {value} {unit} is beyond the limit {limit} {unit}"
             ),
-            ViolationKind::Velocity => write!(
+            ViolationKind::Velocity => write!(f, "velocity {value} {unit} exceeds {limit} {unit}"),
+            ViolationKind::Acceleration => {
+                write!(f, "acceleration {value} {unit} exceeds {limit} {unit}")
+            }
+            ViolationKind::Jump => write!(f, "jump of {value} {unit}, allowed are {limit} {unit}"),
+            ViolationKind::Stiffness => write!(
                 f,
-                "joint {joint}: velocity {value} {unit} exceeds {limit} {unit}"
+                "stiffness {value} {unit} is beyond the limit {limit} {unit}"
             ),
-            ViolationKind::Acceleration => write!(
+            ViolationKind::StiffnessRate => write!(
                 f,
-                "joint {joint}: acceleration {value} {unit} exceeds {limit} {unit}"
+                "the stiffness changes with {value} {unit}, allowed are {limit} {unit}"
             ),
-            ViolationKind::Jump => write!(
-                f,
-                "joint {joint}: jump of {value} {unit}, allowed are {limit} {unit}"
-            ),
+            ViolationKind::Damping => {
+                write!(f, "damping ratio {value} is beyond the limit {limit}")
+            }
+            ViolationKind::Added => {
+                write!(f, "{value} {unit} on top exceed {limit} {unit}")
+            }
+            // Said above.
+            ViolationKind::Strategy => Ok(()),
         }
     }
 }
@@ -158,6 +204,9 @@ pub struct Guard {
     limits: JointLimits,
     first_tolerance: f64,
     history: Option<History>,
+    /// `None`: the arm is commanded in position only.
+    impedance: Option<ImpedanceLimits>,
+    last_impedance: Option<Impedance>,
 }
 
 impl Guard {
@@ -169,7 +218,15 @@ impl Guard {
             limits,
             first_tolerance,
             history: None,
+            impedance: None,
+            last_impedance: None,
         }
+    }
+
+    /// What the robot's configuration allows of impedance set-points; `None`: there are none.
+    #[must_use]
+    pub fn with_impedance(self, impedance: Option<ImpedanceLimits>) -> Self {
+        Self { impedance, ..self }
     }
 
     /// The first set-point of a device that becomes commanded: it must match `hold`, where the driver holds the device
@@ -191,6 +248,7 @@ impl Guard {
             *kept = asked;
         }
         self.history = Some(history);
+        self.last_impedance = None;
         Ok(())
     }
 

@@ -8,6 +8,7 @@ mod branch;
 mod ortho;
 mod srs;
 mod turns;
+mod velocity;
 
 pub use arm::{Arm, ArmJacobian, NoJoints, PARAMETERS, Singularity, SingularityKind};
 pub use arm_angles::ArmAngles;

@@ -24,6 +24,7 @@ pub mod filter;
 pub mod frame;
 pub mod guard;
 pub mod histogram;
+pub mod impedance;
 pub mod kinematics;
 pub mod linear;
 pub mod message;

@@ -5,6 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::impedance::Impedance;
 use crate::timing::LateCycle;
 
 /// Most joints of a device.
@@ -22,7 +23,7 @@ pub const COMMANDS_MAX: usize = 64;
 /// Widest value a monitor can carry.
 pub const MONITOR_WIDTH_MAX: usize = 16;
 /// Marks a record of this layout; change it with the layout.
-pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v003");
+pub const MAGIC: u64 = u64::from_le_bytes(*b"rcc-v004");
 
 /// A joint vector; elements past the device's joints are 0.
 pub type Joints = [f64; JOINTS_MAX];
@@ -95,6 +96,8 @@ pub struct Measurement {
     pub reason: u32,
     /// Number of joints, 0 for plain I/O.
     pub joints: u32,
+    /// [`crate::impedance::Strategy`] that the device runs, as a number.
+    pub strategy: u64,
     /// Measured position, rad.
     pub position: Joints,
     /// The set-point that the driver sends: what a net commands, as it is played, or where it holds when no net does, rad.
@@ -145,6 +148,8 @@ pub struct SetPoint {
     pub has_position: u64,
     /// Joint set-point, rad.
     pub position: Joints,
+    /// How softly it is held; it counts with `position`.
+    pub impedance: Impedance,
     /// Bit i: value of digital output i.
     pub digital: u64,
     /// Bit i: digital output i is commanded.
@@ -160,6 +165,7 @@ impl SetPoint {
         owner: 0,
         has_position: 0,
         position: [0.0; JOINTS_MAX],
+        impedance: Impedance::NONE,
         digital: 0,
         digital_commanded: 0,
         analog: [f64::NAN; ANALOG_MAX],

@@ -8,7 +8,7 @@ mod legs;
 pub mod record;
 
 pub use fault::{MotionFault, Quantity};
-pub use legs::{ArcOrientation, LEGS_MAX, Leg, Limits, PathRequest, Relative, Segment};
+pub use legs::{ArcOrientation, LEGS_MAX, Leg, Limits, Pace, PathRequest, Relative, Segment};
 
 use crate::axis::{AxisState, Phases, stop_and_go};
 use crate::frame::PrepareFault;
@@ -74,9 +74,9 @@ pub struct MotionState {
     pub path: PathState,
     /// The leg that the motion is in, from 0; a blend belongs to the leg that it leaves.
     pub leg: u32,
-    /// Set-point of the flange, in the arm's base; null for a motion that gives joints only.
+    /// Set-point of the flange, in the arm's base.
     pub pose: Pose,
-    /// Set-point of the joints, rad; null for a motion that gives poses only.
+    /// Set-point of the joints, rad.
     pub joints: Joints,
     /// Part of the whole path that is behind it, 0 to 1; never falls.
     pub progress: f64,

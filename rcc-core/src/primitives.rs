@@ -28,6 +28,7 @@ mod bit_or;
 mod bit_xor;
 mod blink;
 mod cancel;
+mod cartesian_impedance_command;
 mod ceiling;
 mod circular_motion;
 mod compose;
@@ -80,6 +81,7 @@ mod invert;
 mod is_null;
 mod jacobian;
 mod joint_goal;
+mod joint_impedance_command;
 mod joint_motion;
 mod joint_position_command;
 mod joint_state;
@@ -229,6 +231,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &bit_xor::ENTRY,
     &blink::ENTRY,
     &cancel::ENTRY,
+    &cartesian_impedance_command::ENTRY,
     &ceiling::ENTRY,
     &circular_motion::ENTRY,
     &compose::ENTRY,
@@ -281,6 +284,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &is_null::ENTRY,
     &jacobian::ENTRY,
     &joint_goal::ENTRY,
+    &joint_impedance_command::ENTRY,
     &joint_motion::ENTRY,
     &joint_position_command::ENTRY,
     &joint_state::ENTRY,

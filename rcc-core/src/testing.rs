@@ -9,6 +9,7 @@ use bytemuck::Zeroable;
 
 use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use crate::guard::JointLimits;
+use crate::impedance::ImpedanceLimits;
 use crate::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use crate::message::{JOINTS_MAX, Joints, Measurement};
 use crate::path::{Drive, MotionBuilder, MotionState, Motions, PathRequest, PathState};
@@ -54,6 +55,18 @@ impl Motions for Endless {
     }
 }
 
+/// What FRI takes of an LWR 4+, and 30 N, 30 N·m on top.
+pub const IMPEDANCE: ImpedanceLimits = ImpedanceLimits {
+    translation: [0.01, 5000.0],
+    rotation: [0.01, 300.0],
+    joint: [0.01, 2000.0],
+    damping: [0.1, 1.0],
+    rate: 2.0,
+    force: 30.0,
+    torque: 30.0,
+    joint_torque: 30.0,
+};
+
 /// The LWR 4+ of the golden data; limits as in the data sheet.
 pub fn lwr() -> DeviceModel {
     let mut limits = JointLimits {
@@ -85,6 +98,7 @@ pub fn lwr() -> DeviceModel {
         base: crate::pose::Pose::IDENTITY,
         workspace: None,
         channels: [4, 4, 2, 2],
+        impedance: Some(IMPEDANCE),
     }
 }
 
@@ -301,6 +315,7 @@ impl Bench {
         let mut preparation = Preparation {
             reals: &mut self.reals,
             ints: &self.ints,
+            bools: &self.bools,
             models: &[self.model],
             holds: &[self.hold],
             motions: &mut self.motions,

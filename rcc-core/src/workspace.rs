@@ -1,6 +1,8 @@
-//! Where an arm may be: a box in its base frame, for the flange or a point that is fixed to it.
+//! Where an arm may be: a box in its base frame, for the flange or a point that is fixed to it, and not next to a singular
+//! position.
 //! Plain data and arithmetic; what a net would do is held against it before the net starts.
 
+use crate::kinematics::Singularity;
 use crate::pose::Pose;
 
 /// A box whose edges are parallel to the axes of the arm's base, bounds included.
@@ -12,6 +14,8 @@ pub struct Workspace {
     pub upper: [f64; 3],
     /// What must stay inside, in the frame of the flange, m; the origin is the flange itself.
     pub point: [f64; 3],
+    /// An arm does not come nearer to a singular position than this, as [`Singularity::distance`] measures it; 0 = it may.
+    pub singularity_min: f64,
 }
 
 /// Where a point is outside.
@@ -27,6 +31,8 @@ pub struct Outside {
 
 /// Rounding, m: a pose that was made for the bound itself is inside.
 const ROUNDING_M: f64 = 1e-9;
+/// Rounding of a distance to a singular position.
+const ROUNDING_SINE: f64 = 1e-12;
 
 impl Workspace {
     /// Without any bound, for the flange.
@@ -34,6 +40,7 @@ impl Workspace {
         lower: [f64::NEG_INFINITY; 3],
         upper: [f64::INFINITY; 3],
         point: [0.0; 3],
+        singularity_min: 0.0,
     };
 
     /// The point in the base when the flange is there.
@@ -42,6 +49,14 @@ impl Workspace {
         let [x, y, z] = flange.rotate(self.point);
         let [a, b, c] = flange.position;
         [a + x, b + y, c + z]
+    }
+
+    /// Whether an arm that was so far from a singular position (`before`, NaN = not known) comes too near to one. Who is too
+    /// near may go away from it: an arm that rests there can be moved.
+    #[must_use]
+    pub fn comes_too_near(&self, now: &Singularity, before: f64) -> bool {
+        let nearer = before.is_nan() || now.distance < before - ROUNDING_SINE;
+        now.distance < self.singularity_min && nearer
     }
 
     /// The first bound that the point is beyond, if the flange is there; a pose that is not finite is beyond.
@@ -67,11 +82,13 @@ impl Workspace {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kinematics::SingularityKind;
 
     const BOX: Workspace = Workspace {
         lower: [0.2, -0.5, f64::NEG_INFINITY],
         upper: [0.8, 0.5, 1.0],
         point: [0.0, 0.0, 0.1],
+        singularity_min: 0.0,
     };
 
     #[test]
@@ -86,6 +103,24 @@ mod tests {
         assert!((above.value - 1.1).abs() < 1e-12);
         let left = BOX.outside(&at(0.3, -0.6, 0.0)).unwrap();
         assert_eq!((left.axis, left.value, left.limit), (1, -0.6, -0.5));
+    }
+
+    #[test]
+    fn an_arm_may_go_away_from_a_singular_position_but_not_nearer() {
+        let space = Workspace {
+            singularity_min: 0.1,
+            ..BOX
+        };
+        let at = |distance| Singularity {
+            kind: SingularityKind::Elbow,
+            distance,
+        };
+        assert!(!space.comes_too_near(&at(0.1), 0.2), "the bound itself");
+        assert!(space.comes_too_near(&at(0.09), 0.11));
+        assert!(space.comes_too_near(&at(0.09), f64::NAN));
+        assert!(!space.comes_too_near(&at(0.05), 0.04), "away from it");
+        assert!(!space.comes_too_near(&at(0.05), 0.05), "at rest");
+        assert!(!BOX.comes_too_near(&at(0.0), 0.1), "without a bound");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_core::impedance::{Impedance, Strategy};
 use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use thiserror::Error;
@@ -49,6 +50,8 @@ impl Inputs {
 pub struct Outputs {
     /// Joint set-points, rad; they count while the device is commandable.
     pub position: Joints,
+    /// For the strategy that the device runs, see [`Exchange::strategy`]: how softly the joints are held.
+    pub impedance: Impedance,
     /// Bit i: value of digital output i.
     pub digital: u64,
     /// Bit i: digital output i has a value; without one the device keeps what it has, or 0 if the wire needs a number.
@@ -61,6 +64,7 @@ impl Outputs {
     /// Says nothing.
     pub const NONE: Outputs = Outputs {
         position: [0.0; JOINTS_MAX],
+        impedance: Impedance::NONE,
         digital: 0,
         digital_set: 0,
         analog: [f64::NAN; ANALOG_MAX],
@@ -74,6 +78,8 @@ pub struct Exchange {
     pub commandable: bool,
     /// A net may begin to command it; otherwise `reason` says why not. What runs already goes on while commandable.
     pub startable: bool,
+    /// What the device makes of set-points; a net for another strategy does not begin.
+    pub strategy: Strategy,
     /// Where the device holds itself while it is not commandable, rad.
     pub mirror: Joints,
     /// Periods of the device since the last exchange, at least 1.

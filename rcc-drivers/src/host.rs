@@ -19,6 +19,7 @@ use crate::driver::{Driver, Inputs, LinkError};
 
 mod answer;
 pub mod blend;
+pub mod compliance;
 pub mod detour;
 pub mod diagnosis;
 pub mod diary;

@@ -1,10 +1,10 @@
 //! The program `io-sim` on real sockets: a Modbus client reads back what it wrote, and sees inputs set by hand.
 //! Runs in the test harness; ports are chosen by the system.
 
-use rcc_drivers::sim::lines::ask;
+use rcc_drivers::sim::lines::Client;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
-use std::net::{SocketAddr, TcpStream};
+use std::net::SocketAddr;
 use std::process::{Child, Command, Stdio};
 use tokio_modbus::ExceptionCode;
 use tokio_modbus::client::{Reader, Writer, tcp};
@@ -13,7 +13,7 @@ use tokio_modbus::client::{Reader, Writer, tcp};
 struct Simulator {
     child: Child,
     modbus: SocketAddr,
-    control: BufReader<TcpStream>,
+    control: Client,
 }
 
 impl Simulator {
@@ -35,7 +35,7 @@ impl Simulator {
                 .parse()
                 .unwrap()
         };
-        let control = BufReader::new(TcpStream::connect(address("control=")).unwrap());
+        let control = Client::connect(address("control=")).unwrap();
         Self {
             modbus: address("modbus="),
             child,
@@ -44,7 +44,7 @@ impl Simulator {
     }
 
     fn ask(&mut self, request: &str) -> Value {
-        serde_json::from_str(&ask(&mut self.control, request).unwrap()).unwrap()
+        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
     }
 }
 

@@ -2,11 +2,11 @@
 //! Runs in the test harness; ports are chosen by the system.
 
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState, flags};
-use rcc_drivers::sim::lines::ask;
+use rcc_drivers::sim::lines::Client;
 use rcc_drivers::sim::lwr::trace::TraceRecord;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
-use std::net::{TcpStream, UdpSocket};
+use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -14,7 +14,7 @@ use std::time::Duration;
 /// A running simulator; killed if the test ends before it does.
 struct Simulator {
     child: Child,
-    control: BufReader<TcpStream>,
+    control: Client,
 }
 
 impl Simulator {
@@ -41,12 +41,12 @@ impl Simulator {
             .rsplit_once("control=")
             .expect("a line with the addresses")
             .1;
-        let control = BufReader::new(TcpStream::connect(control).unwrap());
+        let control = Client::connect(control).unwrap();
         Self { child, control }
     }
 
     fn ask(&mut self, request: &str) -> Value {
-        serde_json::from_str(&ask(&mut self.control, request).unwrap()).unwrap()
+        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
     }
 }
 

@@ -2,7 +2,7 @@
 //! Runs in the test harness; ports are chosen by the system.
 
 use std::io::{BufRead, BufReader};
-use std::net::{SocketAddr, TcpStream};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use rcc_core::unit::Unit;
 use rcc_drivers::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABLE};
-use rcc_drivers::sim::lines::ask;
+use rcc_drivers::sim::lines::Client;
 use serde_json::{Value, json};
 
 /// Exchanges, or attempts at one, in which something must have happened.
@@ -23,7 +23,7 @@ const PATIENCE: usize = 3000;
 struct Simulator {
     child: Child,
     modbus: SocketAddr,
-    control: BufReader<TcpStream>,
+    control: Client,
 }
 
 impl Simulator {
@@ -50,14 +50,14 @@ impl Simulator {
                 .unwrap()
         };
         Self {
-            control: BufReader::new(TcpStream::connect(address("control=")).unwrap()),
+            control: Client::connect(address("control=")).unwrap(),
             modbus: address("modbus="),
             child,
         }
     }
 
     fn ask(&mut self, request: &str) -> Value {
-        serde_json::from_str(&ask(&mut self.control, request).unwrap()).unwrap()
+        serde_json::from_str(&self.control.ask(request).unwrap()).unwrap()
     }
 
     fn state(&mut self) -> Value {

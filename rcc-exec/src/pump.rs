@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use rcc_core::guard::{Violation, ViolationKind};
+use rcc_core::guard::{Violation, ViolationKind, axis};
 use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, FaultRecord, MonitorRecord,
 };
@@ -259,29 +259,42 @@ impl Pump {
 
     fn fault(&self, fault: &FaultRecord) -> Fault {
         let kind = ViolationKind::from_number(fault.violation);
-        let unit = kind.map(|kind| {
-            let (joint, value, limit) = (0, fault.value, fault.limit);
-            let violation = Violation {
+        let index = fault.joint.saturating_sub(1);
+        let joint = (fault.joint != 0 && axis(index as usize).is_none()).then_some(fault.joint);
+        let violation = kind.map(|kind| {
+            let (value, limit) = (fault.value, fault.limit);
+            let joint = u8::try_from(index).unwrap_or(u8::MAX);
+            Violation {
                 kind,
                 joint,
                 value,
                 limit,
-            };
-            violation.unit().to_owned()
+            }
         });
+        let unit = violation.map(|violation| violation.unit().to_owned());
         let rule = kind.map(|kind| match kind {
             ViolationKind::NotFinite => "set-point is no number",
             ViolationKind::Range => "position",
             ViolationKind::Velocity => "velocity",
             ViolationKind::Acceleration => "acceleration",
             ViolationKind::Jump => "distance from where the device is held",
+            ViolationKind::Stiffness => "stiffness",
+            ViolationKind::StiffnessRate => "rate of the stiffness",
+            ViolationKind::Damping => "damping ratio",
+            ViolationKind::Added => "torque on top",
+            ViolationKind::Strategy => "control strategy",
         });
+        // Of what is no joint, the rule says everything.
+        let rule = match (violation, rule) {
+            (Some(violation), Some(_)) if joint.is_none() => Some(violation.to_string()),
+            (_, rule) => rule.map(str::to_owned),
+        };
         let number = |value: f64| value.is_finite().then_some(value);
         Fault {
             code: FaultCode::from_number(fault.code).name().to_owned(),
             device: (fault.device != u32::MAX).then(|| self.device(fault.device).to_owned()),
-            joint: (fault.joint != 0).then_some(fault.joint),
-            rule: rule.map(str::to_owned),
+            joint,
+            rule,
             value: kind.and(number(fault.value)),
             limit: kind.and(number(fault.limit)),
             unit,

@@ -11,6 +11,7 @@ pub mod error;
 pub mod executor;
 mod handover;
 mod head;
+mod impedance;
 pub mod manual;
 mod rehearsal;
 pub mod routes;

@@ -39,6 +39,12 @@ primitives:
     )
 }
 
+/// Further primitives of [`motion`]: the last joint turns by 50 rad for each metre, too fast for it.
+pub const TURNED_AS_WELL: &str = "  \
+  turn: {type: Multiply, inputs: {a: move.distance, b: 50 rad/m}}
+  turned: {type: SetElement, inputs: {in: ik.joints, index: 6, value: turn.out}}
+";
+
 /// A line that cannot be cancelled.
 pub fn stubborn_line(name: &str, y: f64, speed: f64) -> String {
     line(name, y, speed)

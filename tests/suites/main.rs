@@ -12,6 +12,7 @@ mod endurance;
 mod events;
 mod examples;
 mod handover;
+mod impedance;
 mod incidents;
 mod life;
 mod plans;

@@ -6,8 +6,8 @@ use std::process::Command;
 
 use rcc_bench::measure::Effort;
 
-/// See the module.
-pub fn section(effort: &Effort) -> Result<String, Box<dyn Error>> {
+/// See the module. `console` is how the page is made.
+pub fn section(title: &str, console: &str, effort: &Effort) -> Result<String, Box<dyn Error>> {
     let cpu = fs::read_to_string("/proc/cpuinfo")?;
     let value = |name: &str| {
         let line = cpu.lines().find(|line| line.starts_with(name))?;
@@ -25,12 +25,10 @@ pub fn section(effort: &Effort) -> Result<String, Box<dyn Error>> {
         fs::read_to_string("/sys/kernel/realtime").is_ok_and(|text| text.trim() == "1");
     let load = fs::read_to_string("/proc/loadavg")?;
     Ok(format!(
-        "# Performance\n\n\
+        "# {title}\n\n\
          Made by a program; do not edit:\n\n\
          ```console\n\
-         $ bench/hal --json target/hal.json; bench/wakeup --json target/wakeup.json      # as root, where installed\n\
-         $ cargo build --release -p rcc-bench --features straight-line --example performance\n\
-         $ chrt -f 10 taskset -c 1 target/release/examples/performance --hal target/hal.json --wakeup target/wakeup.json\n\
+         {console}\
          ```\n\n\
          {date}, commit {commit}, {compiler}; {model}, {cores} cores{vm}, Linux {kernel}{rt}; load average when it began: {load}; \
          this program {policy}.\n\n\

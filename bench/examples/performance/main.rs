@@ -17,6 +17,12 @@ use std::time::Duration;
 
 use rcc_bench::measure::Effort;
 
+/// How the page is made.
+const CONSOLE: &str = "\
+$ bench/hal --json target/hal.json; bench/wakeup --json target/wakeup.json      # as root, where installed\n\
+$ cargo build --release -p rcc-bench --features straight-line --example performance\n\
+$ chrt -f 10 taskset -c 1 target/release/examples/performance --hal target/hal.json --wakeup target/wakeup.json\n";
+
 /// What was asked for.
 struct Arguments {
     effort: Effort,
@@ -28,7 +34,7 @@ struct Arguments {
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
     // In this order: what a long run does to the machine must not reach the shortest times.
-    let machine = machine::section(&arguments.effort)?;
+    let machine = machine::section("Performance", CONSOLE, &arguments.effort)?;
     let graphs = graphs::section(arguments.effort)?;
     let executor = executor::section(arguments.effort)?;
     let primitives = primitives::section(arguments.effort)?;

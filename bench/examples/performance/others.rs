@@ -48,7 +48,8 @@ pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<
     Ok(format!(
         "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Elsewhere\n\n\
          `cargo run --release -p rcc-bench --example nets` measures loading by size, fragments that are not active, reading \
-         values and the predecessor's nets, and writes them into `docs/performance-nets.md`.{}{}\n",
+         values and the predecessor's nets, and writes them into `docs/performance-nets.md`. [performance-motion.md](performance-motion.md) \
+         has kinematics, motions and other programs of kinematics.{}{}\n",
         hal_text(hal.as_deref()),
         wakeup_text(wakeup.as_deref()),
         if hal.is_none() {

@@ -107,6 +107,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         period_ns: MS,
         commandable: false,
         startable: true,
+        strategy: 0,
         mirror: HOLD,
     };
     player.tick(&tick);

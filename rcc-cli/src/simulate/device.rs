@@ -4,9 +4,11 @@
 use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, SimulatorConfig};
 use rcc_core::guard::Guard;
+use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
 use rcc_core::kinematics::Arm as Kinematics;
 use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
+use rcc_core::vector::{self, Vector};
 use rcc_motion::RestLimits;
 
 use super::arm::Arm;
@@ -32,6 +34,9 @@ pub struct Device {
     arm: Option<Arm>,
     kinematics: Option<Kinematics>,
     wall: Option<Wall>,
+    limits: Option<ImpedanceLimits>,
+    /// How softly the arm is held now.
+    impedance: Impedance,
     measurement: Measurement,
     wires: Vec<Wire>,
     digital: u64,
@@ -54,6 +59,7 @@ impl Device {
         measurement.magic = MAGIC;
         measurement.quality_permille = 1000;
         measurement.joints = config.model().joints;
+        measurement.strategy = strategy(&arguments) as u64;
         let digital_inputs = config.channels_of(ChannelKind::DigitalInput).count();
         measurement.digital_known = ones(digital_inputs);
         measurement.period_ns = period_ns;
@@ -77,6 +83,8 @@ impl Device {
             arm: arm(config, &arguments, period_ns),
             kinematics: config.model().arm,
             wall: Wall::of(&arguments),
+            limits: config.model().impedance,
+            impedance: Impedance::NONE,
             measurement,
             wires: wires(config, &arguments),
             digital: 0,
@@ -95,6 +103,7 @@ impl Device {
             outputs = *arm.outputs();
         }
         self.drive(&outputs);
+        self.soften(&outputs);
         self.feed_back();
         let m = &mut self.measurement;
         m.sequence += 1;
@@ -119,9 +128,33 @@ impl Device {
         let m = &mut self.measurement;
         if let (Some(arm), Some(wall)) = (&self.kinematics, &mut self.wall) {
             let flange = arm.forward(&m.position);
-            let [fx, fy, fz] = wall.force(flange.position, m.period_ns as f64 / 1e9);
+            let [fx, fy, fz] = match springs(arm, &m.position, &self.impedance, wall.normal()) {
+                None => wall.force(flange.position, m.period_ns as f64 / 1e9),
+                Some(Yielding { compliance, shift }) => {
+                    let unpressed = vector::add(flange.position, shift);
+                    wall.force_of_springs(unpressed, compliance)
+                }
+            };
             m.wrench = [fx, fy, fz, 0.0, 0.0, 0.0];
         }
+    }
+
+    /// The springs of the net that is followed; without one those that were, and nothing on top.
+    fn soften(&mut self, outputs: &SetPoint) {
+        let strategy = self.measurement.strategy;
+        let asked = &outputs.impedance;
+        if outputs.has_position == 1 && asked.strategy == strategy {
+            self.impedance = *asked;
+            return;
+        }
+        if let (Some(known), Some(limits), true) = (
+            Strategy::from_number(strategy),
+            self.limits,
+            self.impedance.strategy != strategy,
+        ) {
+            self.impedance = limits.held(known, self.measurement.joints as usize);
+        }
+        self.impedance.added = Impedance::NONE.added;
     }
 
     /// What its driver would tell now.
@@ -180,6 +213,56 @@ impl Device {
                 self.set_analog(wire.to, value * wire.scale + wire.offset);
             }
         }
+    }
+}
+
+/// How a flange on springs gives way.
+struct Yielding {
+    /// Along a direction, m/N.
+    compliance: f64,
+    /// By what is pressed with on top, m, base axes.
+    shift: Vector,
+}
+
+/// The springs of an arm at `joints` as the flange has them, along `normal`; `None` in position control.
+fn springs(
+    arm: &Kinematics,
+    joints: &Joints,
+    impedance: &Impedance,
+    normal: Vector,
+) -> Option<Yielding> {
+    // How the flange moves with each spring.
+    let columns: Vec<Vector> = match Strategy::from_number(impedance.strategy)? {
+        Strategy::Position => return None,
+        Strategy::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        Strategy::JointImpedance => {
+            let jacobian = arm.jacobian(joints);
+            let column = |joint: usize| [0, 1, 2].map(|row| jacobian[row][joint]);
+            (0..arm.joints()).map(column).collect()
+        }
+    };
+    let mut yielding = Yielding {
+        compliance: 0.0,
+        shift: [0.0; 3],
+    };
+    for (element, column) in columns.into_iter().enumerate() {
+        let k = impedance.stiffness[element];
+        yielding.compliance += vector::dot(normal, column).powi(2) / k;
+        let moved = vector::scale(column, impedance.added[element] / k);
+        yielding.shift = vector::add(yielding.shift, moved);
+    }
+    Some(yielding)
+}
+
+/// The control strategy that a simulator's arguments choose.
+fn strategy(arguments: &[&str]) -> Strategy {
+    let chosen = arguments
+        .iter()
+        .find_map(|argument| argument.strip_prefix("--strategy="));
+    match chosen {
+        Some("cartesian-impedance") => Strategy::CartesianImpedance,
+        Some("joint-impedance") => Strategy::JointImpedance,
+        _ => Strategy::Position,
     }
 }
 

@@ -1,5 +1,5 @@
-//! An elastic wall that an arm's flange meets in virtual time, as `lwr-sim --wall=` has it. The arm is stiff: it feels the
-//! wall and does not give way. The caller's thread.
+//! An elastic wall that an arm's flange meets in virtual time, as `lwr-sim --wall=` has it. In position control the arm
+//! feels it and does not give way, in impedance control two springs share the way at once. The caller's thread.
 
 use rcc_core::vector::{self, Vector};
 
@@ -38,6 +38,21 @@ impl Wall {
         })
     }
 
+    /// To the free side, length 1.
+    #[must_use]
+    pub fn normal(&self) -> Vector {
+        self.normal
+    }
+
+    /// The force on a flange that hangs on springs: unpressed it would be at `position` (m), and along the normal it gives
+    /// way by `compliance` (m/N, 0 or more). At rest, without damping; N, base axes.
+    #[must_use]
+    pub fn force_of_springs(&self, position: Vector, compliance: f64) -> Vector {
+        let depth = vector::dot(self.normal, vector::subtract(self.point, position));
+        let push = self.stiffness * depth.max(0.0) / (1.0 + self.stiffness * compliance);
+        vector::scale(self.normal, push)
+    }
+
     /// The force on a flange that is at `position` (m) now, one period (s) after the last call; N, base axes.
     pub fn force(&mut self, position: Vector, period_s: f64) -> Vector {
         let last = self.last.replace(position).unwrap_or(position);
@@ -65,6 +80,15 @@ mod tests {
         assert!((z - 10.0).abs() < 1e-9, "{z}");
         // Drawn out quickly it does not pull.
         assert_eq!(wall.force([0.1, 0.0, 0.299], 1e-3), [0.0; 3]);
+    }
+
+    #[test]
+    fn springs_share_the_way_into_it() {
+        let wall = Wall::of(&["--wall=0,0,0.3,0,0,1,1500,50"]).expect("a wall");
+        // 500 N/m and 1500 N/m one behind the other: 375 N/m.
+        let [_, _, z] = wall.force_of_springs([0.1, 0.0, 0.28], 1.0 / 500.0);
+        assert!((z - 7.5).abs() < 1e-12, "{z}");
+        assert_eq!(wall.force_of_springs([0.1, 0.0, 0.31], 0.002), [0.0; 3]);
     }
 
     #[test]

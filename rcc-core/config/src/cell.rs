@@ -216,6 +216,7 @@ impl CellConfig {
                         .into_iter()
                         .flatten(),
                 );
+                hash.reals([space.singularity_min]);
             }
             if let Some(robot) = &device.robot {
                 hash.robot(robot);
@@ -274,6 +275,10 @@ impl Fnv {
                 joint.acceleration_rad_s2,
                 joint.jerk_rad_s3,
             ]);
+        }
+        if let Some(limits) = &robot.impedance {
+            self.text("impedance");
+            self.reals(limits.to_slots());
         }
     }
 

@@ -116,6 +116,7 @@ impl DeviceConfig {
             workspace: self.workspace,
             // At most DIGITAL_MAX = 64 of a kind.
             channels: CHANNEL_KINDS.map(|kind| self.channels_of(kind).count() as u32),
+            impedance: self.robot.as_ref().and_then(|robot| robot.impedance),
         }
     }
 

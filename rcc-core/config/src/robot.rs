@@ -2,6 +2,7 @@
 //! Read once at start-up by every process that works with the cell; never by the real-time thread.
 
 use rcc_core::guard::JointLimits;
+use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::Arm;
 use rcc_core::message::JOINTS_MAX;
 
@@ -18,6 +19,8 @@ pub struct RobotConfig {
     pub arm: Arm,
     /// One row a joint, from the base to the flange; never empty, at most [`JOINTS_MAX`].
     pub joints: Vec<JointConfig>,
+    /// What impedance set-points may be; `None` = its controller has position control only.
+    pub impedance: Option<ImpedanceLimits>,
     /// The file it was read from, as the cell's file names it.
     pub source: String,
 }

@@ -1,4 +1,4 @@
-//! Where an arm may be: `workspace: {box: {x: [0.2 m, 0.8 m], z: [50 mm, 1 m]}, point: [0 m, 0 m, 0.15 m]}`.
+//! Where an arm may be: `workspace: {box: {x: [0.2 m, 0.8 m], z: [50 mm, 1 m]}, point: [0 m, 0 m, 0.15 m], singularity: 0.05}`.
 //! Read at start-up with the cell's file.
 
 use rcc_core::unit::Unit;
@@ -8,11 +8,11 @@ use crate::codes;
 use crate::reader::{Fields, Reader, Wanted, error};
 use crate::yaml::Entry;
 
-const KEYS: [&str; 2] = ["box", "point"];
+const KEYS: [&str; 3] = ["box", "point", "singularity"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Reads the key `workspace` of a device; an axis that is left out has no bounds, and without `point` it is the flange
-/// that stays inside.
+/// that stays inside. Without a box there is no bound but the distance to singular positions.
 pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Option<Workspace>> {
     let Some(Entry { key, value }) = device.entry("workspace") else {
         return Some(None);
@@ -24,6 +24,16 @@ pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Option<Wo
         let point = point(reader, node);
         sound = point.is_some();
         space.point = point.unwrap_or_default();
+    }
+    if let Some(node) = fields.get("singularity") {
+        let wanted = Wanted {
+            most: 1.0,
+            ..Wanted::positive(Unit::ONE)
+        };
+        space.singularity_min = reader.quantity(node, "singularity", wanted)?;
+        if fields.get("box").is_none() {
+            return sound.then_some(Some(space));
+        }
     }
     let node = reader.need(&fields, "box")?;
     let place = fields.place_of("box");

@@ -360,7 +360,15 @@ fn a_workspace_bounds_the_axes_that_it_names() {
     assert_eq!((space.lower[2], space.upper[2]), (-0.005, 1.0));
     assert_eq!(space.point, [0.0, 0.0, 0.15]);
     assert_ne!(cell.fingerprint(), none.fingerprint());
+    let away = with(", workspace: {singularity: 0.05}").expect("valid");
+    let only = away.models()[0].workspace.expect("a workspace");
+    assert_eq!((only.singularity_min, space.singularity_min), (0.05, 0.0));
+    assert_eq!(only.lower, [f64::NEG_INFINITY; 3]);
+    let less = with(", workspace: {singularity: 0.04}").expect("valid");
+    assert_ne!(away.fingerprint(), less.fingerprint());
     for (bad, count) in [
+        (", workspace: {singularity: 0}", 1),
+        (", workspace: {singularity: 1.5}", 1),
         (", workspace: {}", 1),
         (", workspace: {box: {}}", 1),
         (", workspace: {box: {x: [1 m, 0 m], y: [0, 1 m]}}", 2),

@@ -4,6 +4,15 @@
 #[path = "../examples/round_trip/trip.rs"]
 mod trip;
 
+use std::f64::consts::{PI, TAU};
+
+use rcc_config::RobotConfig;
+use rcc_core::message::Joints;
+use rcc_core::pose::Pose;
+use rs_opw_kinematics::kinematic_traits::{self as opw, Kinematics};
+use rs_opw_kinematics::kinematics_impl::OPWKinematics;
+use rs_opw_kinematics::parameters::opw_kinematics::Parameters;
+
 /// Fewer than the example does: this is a debug build.
 const POSITIONS: usize = 2_000;
 
@@ -66,4 +75,92 @@ fn the_upright_kr_is_as_high_as_its_lengths() {
         );
         assert_eq!(robot.arm.status(&upright), Some(0b010), "{file}");
     }
+}
+
+/// rs-opw-kinematics has its own closed form and its own numbers of these arms.
+#[test]
+fn six_axis_arms_agree_with_an_independent_program_in_pose_and_in_every_solution() {
+    let theirs = [
+        ("kr10_r1420.yaml", Parameters::kuka_kr10_r1420()),
+        ("kr150_r3100_2.yaml", Parameters::kuka_kr150_r3100_2()),
+        ("kr6_r700_sixx.yaml", Parameters::kuka_kr6_r700_sixx()),
+        ("kr6_r900_2.yaml", Parameters::kuka_kr6_r900_2()),
+    ];
+    let robots = trip::robots();
+    for (file, parameters) in theirs {
+        let (_, robot) = robots.iter().find(|(name, _)| name == file).unwrap();
+        let other = OPWKinematics::new(parameters);
+        let compared = (0..POSITIONS as u64).filter(|seed| agrees(robot, &other, *seed));
+        let compared = compared.count();
+        assert!(
+            compared > POSITIONS * 9 / 10,
+            "{file}: only {compared} positions are not singular"
+        );
+    }
+}
+
+/// Whether one random position was compared, which it is not if one of its solutions is nearly singular: there programs
+/// differ in how joints share a turn.
+fn agrees(robot: &RobotConfig, other: &OPWKinematics, seed: u64) -> bool {
+    let arm = robot.arm;
+    let joints = random_joints(seed);
+    let [q1, q2, q3, q4, q5, q6, ..] = joints;
+    let (pose, expected) = (
+        arm.forward(&joints),
+        other.forward(&[q1, q2, q3, q4, q5, q6]),
+    );
+    let turned = expected.rotation.to_array();
+    let expected_pose = Pose {
+        position: expected.translation.to_array(),
+        orientation: turned,
+    };
+    let apart = (
+        pose.distance_to(&expected_pose),
+        pose.angle_to(&expected_pose),
+    );
+    assert!(apart.0 < 1e-12 && apart.1 < 1e-12, "{joints:?}: {apart:?}");
+
+    let ours: Vec<Joints> = arm
+        .all_branches(&pose, 0.0, &joints)
+        .into_iter()
+        .flatten()
+        .collect();
+    if ours
+        .iter()
+        .any(|found| arm.singularity(found).distance < 1e-3)
+    {
+        return false;
+    }
+    let theirs: Vec<opw::Joints> = other.inverse(&expected);
+    let same = |a: &Joints, b: &opw::Joints| {
+        let turns = a
+            .iter()
+            .zip(b)
+            .map(|(a, b)| (a - b + PI).rem_euclid(TAU) - PI);
+        turns.into_iter().all(|turn| turn.abs() < 1e-9)
+    };
+    for found in &ours {
+        assert!(
+            theirs.iter().any(|other| same(found, other)),
+            "{joints:?}: {found:?} is not in {theirs:?}"
+        );
+    }
+    assert_eq!(ours.len(), theirs.len(), "{joints:?}: {ours:?} {theirs:?}");
+    true
+}
+
+/// Anywhere within half a turn.
+fn random_joints(seed: u64) -> Joints {
+    let mut state = seed;
+    let mut random = || {
+        // Knuth, TAOCP 2, 3.3.4, table 1, line 26.
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0) * PI
+    };
+    random();
+    let mut joints = [0.0; 8];
+    joints[..6].fill_with(random);
+    joints
 }

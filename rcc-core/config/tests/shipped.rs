@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, OnRelease, Protocol, auto_ports, free_port};
 use rcc_core::frame::joints_from;
+use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
@@ -46,6 +47,7 @@ fn the_cells_are_read_without_a_fault() {
     for (name, cell, devices) in [
         ("cells/demo.yaml", "demo", &["lwr", "io"][..]),
         ("cells/lwr.yaml", "lwr", &["lwr"]),
+        ("cells/impedance.yaml", "impedance", &["lwr"]),
     ] {
         let config = load(name);
         assert_eq!(config.name, cell);
@@ -131,6 +133,22 @@ fn the_lwr_is_the_one_of_the_golden_data() {
     let acceleration = [1200.0, 1200.0, 1600.0, 1600.0, 2500.0, 4400.0, 4400.0];
     assert_eq!(column(|joint| joint.acceleration_rad_s2), acceleration);
     assert!(robot.joints.iter().all(|joint| joint.jerk_rad_s3 > 0.0));
+}
+
+#[test]
+fn the_lwr_takes_what_fri_takes_of_impedance_set_points() {
+    let limits = load("cells/lwr.yaml").models()[0].impedance.unwrap();
+    let expected = ImpedanceLimits {
+        translation: [0.01, 5000.0],
+        rotation: [0.01, 300.0],
+        joint: [0.01, 2000.0],
+        damping: [0.1, 1.0],
+        rate: 2.0,
+        force: 50.0,
+        torque: 10.0,
+        joint_torque: 15.0,
+    };
+    assert_eq!(limits, expected);
 }
 
 #[test]

@@ -90,6 +90,7 @@ pub fn models() -> Vec<DeviceModel> {
             ANALOG_MAX as u32,
             ANALOG_MAX as u32,
         ],
+        ..DeviceModel::NONE
     };
     vec![model; DEVICES_MAX]
 }

@@ -137,7 +137,8 @@ impl Engine {
             image.executor = config.incarnation;
             image.period_ns = config.period_ns;
             image.set_points = [SetPoint::NONE; SET_POINTS];
-            let guard = Guard::new(model.limits, model.first_tolerance_rad);
+            let guard =
+                Guard::new(model.limits, model.first_tolerance_rad).with_impedance(model.impedance);
             Device {
                 kept: (guard.clone(), None),
                 guard,
@@ -307,6 +308,7 @@ impl Engine {
                     owner: device.engagement.map_or(0, |engagement| engagement.number),
                     has_position: u64::from(device.output.has_position),
                     position: device.output.position,
+                    impedance: device.output.impedance,
                     digital: device.output.digital,
                     digital_commanded: device.output.digital_commanded,
                     analog: device.output.analog,

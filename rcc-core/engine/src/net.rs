@@ -578,6 +578,7 @@ fn prepare(
             let mut preparation = Preparation {
                 reals: &mut data.reals,
                 ints: &data.ints,
+                bools: &data.bools,
                 models,
                 holds,
                 motions: &mut motions,

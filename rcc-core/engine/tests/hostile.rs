@@ -166,6 +166,9 @@ fn random_measurement(chance: &mut Chance, honest: &Measurement) -> Measurement 
     if credible & 0xf00 == 0 {
         measurement.state = (chance.next() % 6) as u32;
     }
+    if credible & 0x1f_0000 != 0 {
+        measurement.strategy = honest.strategy;
+    }
     if credible & 0x7000 != 0 {
         measurement.hold = honest.hold;
     } else if credible & 0x8000 != 0 {

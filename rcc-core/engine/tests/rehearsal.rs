@@ -3,8 +3,10 @@
 mod common;
 
 use common::{Bench, HOLD, drift_net, input_net, line_net, model, motion_net, output_net};
-use rcc_core::frame::{DeviceInput, DeviceModel};
+use rcc_core::frame::{DeviceInput, DeviceModel, PrepareFault};
+use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::{CommandState, EndReason};
+use rcc_core::path::MotionFault;
 use rcc_core::workspace::Workspace;
 use rcc_engine::net::Net;
 use rcc_engine::queue::Order;
@@ -46,6 +48,21 @@ fn line(metres: f64, limits: [f64; 3]) -> PlanData {
 
 const SLOW: [f64; 3] = [0.2, 1.0, 10.0];
 
+/// What the motion is built for: an arm that is a hundred times as fast. Whatever a net does to joints behind a motion, only
+/// the rehearsal knows.
+fn faster() -> DeviceModel {
+    let mut faster = model();
+    let limits = &mut faster.limits;
+    for values in [
+        &mut limits.velocity_max,
+        &mut limits.acceleration_max,
+        &mut limits.jerk_max,
+    ] {
+        *values = values.map(|value| 100.0 * value);
+    }
+    faster
+}
+
 #[test]
 fn a_line_that_keeps_its_limits_is_told_with_what_it_needs_of_them() {
     let models = [model()];
@@ -85,7 +102,7 @@ fn a_rehearsed_net_is_as_it_was() {
 fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not() {
     let models = [model()];
     let fast = [3.0, 20.0, 400.0];
-    let foreseen = rehearsed(&mut build(line(0.3, fast), &models), &models).unwrap_err();
+    let foreseen = rehearsed(&mut build(line(0.3, fast), &[faster()]), &models).unwrap_err();
     assert!(
         matches!(
             foreseen.rule,
@@ -107,7 +124,7 @@ fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not
         fast[1] * part.powi(2),
         fast[2] * part.powi(3),
     ];
-    let told = rehearsed(&mut build(line(0.3, slower), &models), &models);
+    let told = rehearsed(&mut build(line(0.3, slower), &[faster()]), &models);
     assert_eq!(told.unwrap().unwrap().end, RehearsalEnd::Finished);
 }
 
@@ -149,19 +166,72 @@ fn a_flange_that_leaves_the_workspace_is_told_with_the_axis_and_the_bound() {
 }
 
 #[test]
-fn a_path_that_cannot_be_reached_is_told_before_the_arm_is_let_go_of() {
-    let models = [model()];
-    let mut plan = line(3.0, [0.2, 0.5, 5.0]);
-    plan.reals[LIMITS] = 0.2;
-    let foreseen = rehearsed(&mut build(plan, &models), &models).unwrap_err();
+fn an_arm_that_comes_too_near_to_a_singular_position_is_told_with_its_kind() {
+    let mut bounded = model();
+    let arm = bounded.arm.unwrap();
+    let at = |space: Workspace| DeviceModel {
+        workspace: Some(space),
+        ..bounded
+    };
+    let told = rehearsed(&mut build(line(0.1, SLOW), &[bounded]), &[bounded]);
+    let nearest = told.unwrap().unwrap().singularity;
+    let rests = arm.singularity(&HOLD).distance;
     assert!(
-        matches!(foreseen.rule, Rule::LetsGo | Rule::Velocity),
+        nearest < rests - 0.01,
+        "the line goes nearer: {nearest} {rests}"
+    );
+    let mut space = Workspace::ANYWHERE;
+    space.singularity_min = (nearest + rests) / 2.0;
+    let models = [at(space)];
+    let foreseen = rehearsed(&mut build(line(0.1, SLOW), &models), &models).unwrap_err();
+    assert_eq!(foreseen.rule, Rule::Singularity);
+    assert!(
+        SingularityKind::from_number(foreseen.joint).is_some(),
         "{foreseen:?}"
     );
+    assert_eq!(foreseen.limit, space.singularity_min);
+    assert!(foreseen.value < foreseen.limit && foreseen.value > foreseen.limit - 1e-3);
+    let place = foreseen.place.expect("a motion is under way");
+    assert!(place.fraction > 0.0 && place.fraction < 1.0, "{place:?}");
+    space.singularity_min = nearest - 1e-6;
+    bounded.workspace = Some(space);
+    let models = [bounded];
+    assert!(rehearsed(&mut build(line(0.1, SLOW), &models), &models).is_ok());
+}
+
+#[test]
+fn a_net_that_lets_go_of_its_arm_on_the_way_is_told_where() {
+    let mut narrow = model();
+    narrow.limits.lower[0] = HOLD[0] - 0.05;
+    narrow.limits.upper[0] = HOLD[0] + 0.05;
+    let models = [narrow];
+    let foreseen = rehearsed(&mut build(line(0.1, SLOW), &[model()]), &models).unwrap_err();
+    assert_eq!(foreseen.rule, Rule::LetsGo, "{foreseen:?}");
     let place = foreseen.place.expect("a motion is under way");
     assert!(
-        place.distance_m > 0.1 && place.distance_m < 1.5,
+        place.distance_m > 0.005 && place.distance_m < 0.1,
         "{place:?}"
+    );
+}
+
+#[test]
+fn a_line_that_the_joints_cannot_follow_is_refused_with_joint_and_place() {
+    let refused = |metres: f64| {
+        let plan = line(metres, SLOW);
+        let built = Net::build(plan, &[model()], 5, &[Some(HOLD)], DT_S);
+        match built.map(|_| ()) {
+            Err(Refusal::Prepare(PrepareFault::Motion { fault, .. })) => fault,
+            other => panic!("{other:?}"),
+        }
+    };
+    let fault = refused(3.0);
+    assert!(
+        matches!(
+            fault,
+            MotionFault::Unreachable { fraction } | MotionFault::JointRange { fraction, .. }
+                if fraction > 0.03 && fraction < 0.5
+        ),
+        "{fault:?}"
     );
 }
 

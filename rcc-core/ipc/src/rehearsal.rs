@@ -57,9 +57,11 @@ pub struct Foreseen {
     pub rule: Rule,
     /// Device index.
     pub device: u32,
-    /// Joint, counted from 1; of [`Rule::Workspace`] the axis: 1, 2, 3 = x, y, z; else 0.
+    /// Joint, counted from 1; of [`Rule::Workspace`] the axis: 1, 2, 3 = x, y, z; of [`Rule::Singularity`] its
+    /// kind as [`rcc_core::kinematics::SingularityKind::number`] counts; else 0.
     pub joint: u32,
-    /// What it would be: rad, rad/s, rad/s², rad/s³; of the workspace m.
+    /// What it would be: rad, rad/s, rad/s², rad/s³; of the workspace m; the distance to a singular position
+    /// is a sine.
     pub value: f64,
     /// What is allowed.
     pub limit: f64,
@@ -100,6 +102,8 @@ pub enum Rule {
     Jerk,
     /// The workspace of the device.
     Workspace,
+    /// How near to a singular position the workspace of the device lets it come.
+    Singularity,
     /// An arm is not let go of while it moves: a set-point that becomes null, mostly of a pose that cannot be reached.
     LetsGo,
     /// No fault of the net itself, [`rcc_core::message::FaultCode`] as a number in `value`.

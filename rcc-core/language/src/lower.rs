@@ -334,7 +334,11 @@ impl<'a> Lowering<'a> {
 
     /// A number is the default of every element of a value that has several.
     fn default(&mut self, value: Default, ty: Type) -> Slot {
-        if let (Default::Real(value), Type::Vector3 | Type::Twist | Type::Wrench) = (value, ty) {
+        let several = matches!(
+            ty,
+            Type::Vector3 | Type::Twist | Type::Wrench | Type::Reals(_)
+        );
+        if let (Default::Real(value), true) = (value, several) {
             let stored = Stored::Reals(vec![value; ty.width() as usize]);
             return self.arena.constant(&stored);
         }

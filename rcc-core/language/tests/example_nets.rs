@@ -417,3 +417,36 @@ fn new_goal_ends_at_the_second_goal_within_half_of_the_robot_s_limits() {
         assert!((now - goal).abs() < 1e-12, "{now} {goal}");
     }
 }
+
+#[test]
+fn the_seam_is_followed_aside_within_the_bound_while_the_line_goes_on() {
+    let cell = demo();
+    let mut bench = bench("seam", &cell);
+    let (mut last, mut fastest) = (0.0, 0.0_f64);
+    let mut widest = 0.0_f64;
+    while !bench.terminated {
+        let wish = match bench.cycle {
+            0..1000 => 0.004,
+            1000..1800 => 0.015,
+            _ => f64::NAN,
+        };
+        bench.set_real("beside.value", wish);
+        bench.step();
+        assert!(bench.cycle < CYCLES_MAX, "it does not end");
+        let (path, seam) = (bench.values("move.pose"), bench.values("seam.pose_out"));
+        let offset = bench.value("seam.offset");
+        assert!((seam[0] - path[0] - offset).abs() < 1e-12 && seam[1] == path[1]);
+        let limited = bench.value("seam.limited");
+        assert_eq!(limited == 1.0, wish > 0.01, "beyond the bound is said");
+        fastest = fastest.max((offset - last).abs() / 1e-3);
+        widest = widest.max(offset);
+        last = offset;
+        if bench.cycle == 900 {
+            assert!((offset - 0.004).abs() < 1e-12, "{offset}");
+        }
+    }
+    assert!((widest - 0.01).abs() < 1e-12, "{widest}");
+    assert_eq!(last, widest, "a null wish leaves the offset where it is");
+    assert!(fastest <= 0.02 * (1.0 + 1e-9), "{fastest}");
+    assert!((bench.value("move.pose") - 0.538).abs() < 1e-3);
+}

@@ -7,7 +7,6 @@
 
 pub mod geometry;
 pub mod goal;
-mod line;
 mod motion;
 mod path_clock;
 mod profile;

@@ -3,30 +3,20 @@
 
 use rcc_core::axis::{AxisState, Phases};
 use rcc_core::frame::{DeviceModel, PrepareFault, arm_at_rest};
-use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::message::Joints;
 use rcc_core::path::{
-    Drive, LEGS_MAX, Limits, MotionBuilder, MotionFault, MotionState, Motions, PathRequest, Segment,
+    Drive, LEGS_MAX, Limits, MotionBuilder, MotionFault, MotionState, Motions, PathRequest,
+    PathState,
 };
-use rcc_core::types::NULL_REAL;
 
 use crate::goal;
-use crate::line::Line;
-use crate::path_clock::{CLOCK_WORDS, PathBounds, PathClock};
-use crate::track::{Place, Section, Track, Traveller, build};
-
-/// What a motion follows.
-#[derive(Debug, Clone)]
-enum Path {
-    /// One line, of which poses are given.
-    Line(Line),
-    /// Anything else, with joints.
-    Track(Box<Track>),
-}
+use crate::path_clock::{CLOCK_WORDS, PathClock};
+use crate::track::{Section, Track, Traveller, build};
 
 /// A motion along a path.
 #[derive(Debug, Clone)]
 pub struct Motion {
-    path: Path,
+    track: Box<Track>,
     /// Parts from rest to rest, in order; at least one.
     sections: Box<[Section]>,
     section: usize,
@@ -44,11 +34,21 @@ impl Motion {
     }
 
     fn step(&mut self, drive: Drive) -> MotionState {
-        let Some(Section { begin, bounds }) = self.sections.get(self.section) else {
+        let Some(section) = self.sections.get(self.section) else {
             return self.state(Default::default());
         };
+        let Section { begin, bounds, .. } = section;
+        if section.rolls {
+            self.clock.roll(bounds, drive);
+        }
         let mut path = self.clock.step(bounds, drive);
-        path.s += begin;
+        let next = self.sections.get(self.section + 1);
+        let end = next.map_or(self.length, |next| next.begin);
+        if section.rolls && path.s >= section.length {
+            path = rest(path, section.length);
+        }
+        // The sum may be one rounding beyond where the next section begins.
+        path.s = (path.s + begin).min(end);
         if path.done && !path.stopping && self.section + 1 < self.sections.len() {
             // At rest between two sections: the next one begins with the next cycle.
             (self.section, self.clock) = (self.section + 1, PathClock::new());
@@ -57,17 +57,8 @@ impl Motion {
         self.state(path)
     }
 
-    fn state(&self, path: rcc_core::path::PathState) -> MotionState {
-        let place = match &self.path {
-            Path::Line(line) => Place {
-                pose: line.at(path.s),
-                joints: [NULL_REAL; JOINTS_MAX],
-                leg: 0,
-                distance: path.s * line.metres_per_s(),
-                metres_per_s: line.metres_per_s(),
-            },
-            Path::Track(track) => track.at(path.s),
-        };
+    fn state(&self, path: PathState) -> MotionState {
+        let place = self.track.at(path.s);
         let progress = if self.length > 0.0 {
             path.s / self.length
         } else {
@@ -81,8 +72,21 @@ impl Motion {
             progress: progress.min(1.0),
             distance: place.distance,
             speed: path.velocity * place.metres_per_s,
-            acceleration: path.acceleration * place.metres_per_s,
+            acceleration: path.acceleration * place.metres_per_s
+                + path.velocity * path.velocity * place.rise,
         }
+    }
+}
+
+/// At the end of a law the path rests, whatever its clock still does.
+fn rest(path: PathState, end: f64) -> PathState {
+    PathState {
+        s: end,
+        velocity: 0.0,
+        acceleration: 0.0,
+        jerk: 0.0,
+        done: true,
+        ..path
     }
 }
 
@@ -179,51 +183,22 @@ impl<'a> Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Flange line of which only poses are asked for.
-    fn line(&self, request: &PathRequest<'_>) -> Result<Motion, Fault> {
-        let leg = request.legs.first().ok_or((0, MotionFault::NoMotion))?;
-        let Segment::Line { to } = leg.segment else {
-            return Err((0, MotionFault::NoMotion).into());
-        };
-        let start = match request.from {
-            Some(pose) => pose,
-            None => {
-                let (arm, hold) = arm_at_rest(self.models, self.holds, request.device)?;
-                arm.forward(&hold)
-            }
-        };
-        let (line, limits) = Line::new(start, to, leg).map_err(|fault| (0, fault))?;
-        let bounds = PathBounds::of_limits(&limits, self.dt_s);
-        let bounds = bounds.map_err(|_| (0, MotionFault::Limits { limits }))?;
-        let section = Section { begin: 0.0, bounds };
-        Ok(Motion {
-            path: Path::Line(line),
-            sections: [section].into(),
-            section: 0,
-            clock: PathClock::new(),
-            length: limits.length,
-        })
-    }
-
-    /// Any path, with joints.
-    fn track(&self, request: &PathRequest<'_>) -> Result<Motion, Fault> {
+    fn motion(&self, request: &PathRequest<'_>) -> Result<Motion, Fault> {
         let count = request.legs.len();
         if count == 0 || count > LEGS_MAX {
             let count = u32::try_from(count).unwrap_or(u32::MAX);
             return Err((0, MotionFault::Legs { count }).into());
         }
-        let (arm, joints) = arm_at_rest(self.models, self.holds, request.device)?;
+        let (arm, hold) = arm_at_rest(self.models, self.holds, request.device)?;
         let model = self.models.get(request.device as usize);
-        let traveller = Traveller {
-            model: model.ok_or((0, MotionFault::NoMotion))?,
-            arm,
-            joints,
-            pose: arm.forward(&joints),
-        };
-        let (track, sections) = build(traveller, request.legs, self.dt_s)?;
+        let model = model.ok_or((0, MotionFault::NoMotion))?;
+        let traveller = Traveller::starting(model, arm, hold, request.from);
+        let traveller = traveller.map_err(|fault| (0, fault))?;
+        let (track, sections) = build(traveller, (request.legs, request.pace), self.dt_s)?;
+        let last = sections.last();
         Ok(Motion {
-            length: track.length(),
-            path: Path::Track(Box::new(track)),
+            length: last.map_or(0.0, |section| section.begin + section.length),
+            track: Box::new(track),
             sections,
             section: 0,
             clock: PathClock::new(),
@@ -258,12 +233,7 @@ impl MotionBuilder for Builder<'_> {
             leg,
             fault,
         };
-        let built = if request.joints {
-            self.track(request)
-        } else {
-            self.line(request)
-        };
-        let motion = built.map_err(|error| match error {
+        let motion = self.motion(request).map_err(|error| match error {
             Fault::Arm(error) => error,
             Fault::Leg(leg, error) => fault(leg, error),
         })?;

@@ -120,6 +120,14 @@ impl PathClock {
         *self = Self::default();
     }
 
+    /// For a path that rests at its beginning whatever its clock does: a clock that has not begun does so at the speed that
+    /// it may have, instead of speeding up from none. Nothing if it has begun.
+    pub fn roll(&mut self, bounds: &PathBounds, drive: Drive) {
+        if let (Demand::None, Demand::Run(speed)) = (self.demand, Demand::of(drive)) {
+            self.last.velocity = speed * bounds.least_velocity();
+        }
+    }
+
     /// The state of this cycle: s = 0 at rest in the first step, one cycle further in each one after it.
     ///
     /// `bounds` are the same in every step. A `stop` cannot be taken back; a pause can, and so can any speed: it scales
@@ -290,6 +298,21 @@ pub fn duration_s(bounds: &PathBounds) -> f64 {
         }
     }
     sum_s
+}
+
+/// How long it takes a clock that rolls ([`PathClock::roll`]) to pass `end` at full speed, s; infinite if it does not.
+pub(crate) fn rolling_s(bounds: &PathBounds, end: f64) -> f64 {
+    let mut clock = PathClock::new();
+    clock.roll(bounds, Drive::RUN);
+    let mut time_s = 0.0;
+    // A clock rests at the end of its bounds at the latest.
+    while clock.step(bounds, Drive::RUN).s < end {
+        time_s += bounds.dt_s();
+        if clock.last.done {
+            return f64::INFINITY;
+        }
+    }
+    time_s
 }
 
 /// How long the fastest stop from `velocity` and `acceleration` takes under the acceleration and jerk of `limits`, s.

@@ -1,9 +1,11 @@
 //! A path that a net asked for, built: its curve, the joints along it, and how fast it may be gone along.
 //! Built off the real-time thread; asked by it where flange and joints are at s, without a heap and in bounded steps.
 
+use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, Configuration};
 use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::path::MotionFault;
 use rcc_core::pose::Pose;
 use rcc_core::types::NULL_REAL;
 use rcc_core::vector;
@@ -11,10 +13,14 @@ use rcc_core::vector;
 use crate::geometry::chain::{Chain, Piece, Where};
 use crate::geometry::jet::{Jet, Scalar};
 use crate::path_clock::PathBounds;
+use law::Law;
 
 pub(crate) mod bounds;
 mod build;
 mod draft;
+mod fastest;
+mod law;
+mod look;
 mod sampling;
 mod walk;
 
@@ -32,10 +38,35 @@ struct Guide {
     joints: Box<[Joints]>,
 }
 
+impl<'a> Traveller<'a> {
+    /// An arm that is held at `hold`; or that is at `from` with the joints that are near `hold`, on its branch and with its
+    /// arm angle.
+    ///
+    /// # Errors
+    /// The arm cannot be at `from` that way.
+    pub(crate) fn starting(
+        model: &'a DeviceModel,
+        arm: Arm,
+        hold: Joints,
+        from: Option<Pose>,
+    ) -> Result<Self, MotionFault> {
+        let there =
+            |pose| arm.inverse_within(&pose, arm.configuration(&hold), &hold, &model.limits);
+        let joints = from.map_or(Ok(hold), there);
+        let joints = joints.map_err(|error| walk::no_joints(error, 0.0))?;
+        Ok(Self {
+            model,
+            arm,
+            joints,
+            pose: from.unwrap_or_else(|| arm.forward(&joints)),
+        })
+    }
+}
+
 /// A piece with what the cycle needs to know of it.
 #[derive(Debug, Clone)]
 struct Part {
-    /// `None` for a piece of joints, and for one of which only poses are asked for.
+    /// `None` for a piece of joints.
     guide: Option<Guide>,
     /// Way of the flange before it, m.
     begin_m: f64,
@@ -46,10 +77,24 @@ struct Part {
 /// From rest to rest.
 #[derive(Debug, Clone)]
 pub(crate) struct Section {
-    /// s of the path where it begins.
+    /// What the clocks have counted where it begins.
     pub(crate) begin: f64,
+    /// What its clock counts from its beginning to its end.
+    pub(crate) length: f64,
+    /// A law rests at both ends by itself: the clock passes them.
+    pub(crate) rolls: bool,
     /// What its clock keeps.
     pub(crate) bounds: PathBounds,
+}
+
+/// What a clock counts in a section: s of the chain, or the time of a law.
+#[derive(Debug, Clone)]
+struct Stretch {
+    /// What the clocks have counted where it begins.
+    begin: f64,
+    /// s of the chain where it begins.
+    begin_s: f64,
+    law: Option<Law>,
 }
 
 /// Where a motion is.
@@ -57,14 +102,16 @@ pub(crate) struct Section {
 pub(crate) struct Place {
     /// Flange in the arm's base.
     pub(crate) pose: Pose,
-    /// rad; null if only poses are asked for.
+    /// rad; null if the flange cannot be brought there, which was looked at when the motion was built.
     pub(crate) joints: Joints,
     /// The leg that it is on.
     pub(crate) leg: u32,
     /// Way of the flange since the start, m.
     pub(crate) distance: f64,
-    /// Metres of the flange per unit of s.
+    /// Metres of the flange per unit of what the clock counts.
     pub(crate) metres_per_s: f64,
+    /// How that changes by what the clock counts, where a law accelerates.
+    pub(crate) rise: f64,
 }
 
 /// A path.
@@ -75,16 +122,30 @@ pub(crate) struct Track {
     parts: Box<[Part]>,
     /// The leg of each link of the chain.
     legs: Box<[u32]>,
+    /// None where all clocks count s of the chain.
+    stretches: Box<[Stretch]>,
 }
 
 impl Track {
-    /// Its length in s.
-    pub(crate) fn length(&self) -> f64 {
-        self.chain.length()
+    /// s of the chain with its first two derivatives, where the clocks have counted `x`.
+    fn s_at(&self, x: f64) -> [f64; 3] {
+        let number = self.stretches.partition_point(|stretch| stretch.begin <= x);
+        let Some(stretch) = self.stretches.get(number.saturating_sub(1)) else {
+            return [x, 1.0, 0.0];
+        };
+        let way = x - stretch.begin;
+        match &stretch.law {
+            None => [stretch.begin_s + way, 1.0, 0.0],
+            Some(law) => {
+                let Jet([_, slope, bend, _]) = law.at(Jet::variable(way));
+                [law.place(way), slope, bend]
+            }
+        }
     }
 
-    /// Where the motion is at s.
-    pub(crate) fn at(&self, s: f64) -> Place {
+    /// Where the motion is, where the clocks have counted `x`.
+    pub(crate) fn at(&self, x: f64) -> Place {
+        let [s, slope, bend] = self.s_at(x);
         let number = self.chain.number(s);
         let nowhere = Place {
             pose: Pose::NULL,
@@ -92,6 +153,7 @@ impl Track {
             leg: 0,
             distance: 0.0,
             metres_per_s: 0.0,
+            rise: 0.0,
         };
         let pieces = self.chain.pieces().get(number);
         let (Some(piece), Some(part)) = (pieces, self.parts.get(number)) else {
@@ -99,12 +161,14 @@ impl Track {
         };
         let (pose, joints) = self.pose_and_joints(piece, part, s);
         let fraction = part_of(s - piece.begin, piece.length());
+        let metres_per_s = self.metres_per_s(piece, s);
         Place {
             pose,
             joints,
             leg: self.legs.get(piece.link).copied().unwrap_or(0),
             distance: part.begin_m + part.way_m * fraction,
-            metres_per_s: self.metres_per_s(piece, s),
+            metres_per_s: metres_per_s * slope,
+            rise: metres_per_s * bend,
         }
     }
 
@@ -173,4 +237,6 @@ fn joint_bounds(limits: &JointLimits, scale: f64) -> [[f64; 3]; JOINTS_MAX] {
 }
 
 #[cfg(test)]
-mod tests;
+mod six_axis;
+#[cfg(test)]
+pub(crate) mod tests;

@@ -3,9 +3,12 @@
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rcc_core::axis::{AxisState, usable};
+use rcc_core::frame::DeviceModel;
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::path::{
-    Drive, Leg, Limits, MotionBuilder, Motions, PathLimits, PathRequest, Segment,
+    Drive, Leg, Limits, MotionBuilder, Motions, Pace, PathLimits, PathRequest, Segment,
 };
 use rcc_core::pose::Pose;
 use rcc_motion::goal::{Found, plan_to};
@@ -16,14 +19,39 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 const DT: f64 = 1e-3;
 const LINE: PathLimits = PathLimits {
-    length: 0.5,
+    length: 0.2,
     velocity: 0.25,
     acceleration: 1.0,
     jerk: 10.0,
 };
 
-/// Three lines of 0.5 m.
+/// The LWR 4+.
+const ARM: Arm = Arm::Srs(SrsArm {
+    shoulder_height: 0.3105,
+    upper_arm: 0.4,
+    forearm: 0.39,
+    wrist_to_flange: 0.078,
+    signs: [1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0],
+});
+
+/// Three lines of 0.2 m.
 fn lines() -> MotionSet {
+    let model = DeviceModel {
+        joints: 7,
+        arm: Some(ARM),
+        limits: JointLimits {
+            lower: [-2.9; JOINTS_MAX],
+            upper: [2.9; JOINTS_MAX],
+            velocity_max: [2.0; JOINTS_MAX],
+            acceleration_max: [20.0; JOINTS_MAX],
+            jerk_max: [200.0; JOINTS_MAX],
+            joints: 7,
+        },
+        first_tolerance_rad: 1e-3,
+        ..DeviceModel::NONE
+    };
+    let hold = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+    let start = ARM.forward(&hold);
     let limits = Limits {
         velocity: LINE.velocity,
         acceleration: LINE.acceleration,
@@ -31,17 +59,21 @@ fn lines() -> MotionSet {
     };
     let request = PathRequest {
         device: 0,
-        from: Some(Pose::from_xyz_rpy([0.0; 3], [0.0; 3])),
+        from: None,
         legs: &[Leg {
             line: limits,
             turn: limits,
             ..Leg::new(Segment::Line {
-                to: Pose::from_xyz_rpy([LINE.length, 0.0, 0.0], [0.0, 0.1, 0.0]),
+                to: start.compose(&Pose::from_xyz_rpy(
+                    [LINE.length, 0.0, 0.0],
+                    [0.0, 0.1, 0.0],
+                )),
             })
         }],
-        joints: false,
+        pace: Pace::Even,
     };
-    let mut builder = Builder::new(&[], &[], DT, 3);
+    let (models, holds) = ([model], [Some(hold)]);
+    let mut builder = Builder::new(&models, &holds, DT, 3);
     (0..3).for_each(|index| builder.path(index, &request).unwrap());
     builder.finish().unwrap()
 }

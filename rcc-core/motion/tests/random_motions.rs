@@ -3,18 +3,14 @@
 
 mod motions;
 
-use motions::{Kind, Outcome, Worst, case, robots};
+use motions::{KINDS, Kind, Outcome, Worst, case, compared, robots};
 
 /// Motions of each kind and robot.
 const EACH: u64 = 100;
 
-/// The kinds that keep every promise. Splines, alone or in a sequence, exceed limits of joints between the places at which
-/// their bounds are computed; the example shows each of them.
-const KEPT: [Kind; 4] = [Kind::Poses, Kind::Line, Kind::Circle, Kind::PointToPoint];
-
 #[test]
 fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_told() {
-    for kind in KEPT {
+    for kind in KINDS {
         let (mut ran, mut refused, mut broken) = (0, 0, 0);
         let mut worst = Worst::default();
         for robot in robots() {
@@ -38,5 +34,27 @@ fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_t
             "{kind:?}: {ran} ran, {refused} were refused"
         );
         assert!(broken == 0, "{kind:?}: {broken} broken");
+    }
+}
+
+#[test]
+fn time_optimal_motions_are_never_later_at_their_end_and_most_are_sooner() {
+    for kind in [Kind::Spline, Kind::Sequence] {
+        let (mut sooner, mut ran) = (0, 0);
+        for robot in robots() {
+            for seed in 0..20 {
+                let Some(([even_s, fastest_s], _)) = compared(kind, &robot, seed) else {
+                    continue;
+                };
+                assert!(
+                    fastest_s <= even_s + 2e-3,
+                    "{kind:?} of {}, seed {seed}: {fastest_s} s, evenly {even_s} s",
+                    robot.name
+                );
+                ran += 1;
+                sooner += usize::from(fastest_s < 0.98 * even_s);
+            }
+        }
+        assert!(2 * sooner > ran && ran > 20, "{kind:?}: {sooner} of {ran}");
     }
 }

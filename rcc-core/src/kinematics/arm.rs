@@ -41,6 +41,22 @@ pub enum SingularityKind {
     ArmAngle,
 }
 
+impl SingularityKind {
+    /// The kind as a number from 1, in the order of declaration.
+    #[must_use]
+    pub fn number(self) -> u32 {
+        self as u32 + 1
+    }
+
+    /// The contrary of [`SingularityKind::number`].
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        [Self::Elbow, Self::Wrist, Self::Shoulder, Self::ArmAngle]
+            .into_iter()
+            .find(|kind| kind.number() == number)
+    }
+}
+
 impl fmt::Display for SingularityKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

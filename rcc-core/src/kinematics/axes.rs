@@ -70,41 +70,57 @@ pub(super) fn length(x: f64, y: f64) -> f64 {
     libm::sqrt(x * x + y * y)
 }
 
-/// Azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the polar
-/// angle; the azimuth of a vector along z is `hint`.
-pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> (f64, f64) {
-    let level = length(x, y);
-    if level < ALIGNED_SINE
-        && let Some(along) = beside_hint(x, y, hint, HINT_ERROR)
-    {
-        return (hint, libm::atan2(along, z));
-    }
-    (
-        libm::atan2(sign * y, sign * x),
-        sign * libm::atan2(level, z),
-    )
+/// A direction as two angles, with the sine and cosine of each: nobody has to ask for them again.
+pub(super) struct Direction {
+    pub azimuth: f64,
+    pub polar: f64,
+    pub turn: (f64, f64),
+    pub tilt: (f64, f64),
 }
 
-/// How far (x, y) is in the direction of `hint` (rad), which may be backwards; `None` if it is more than `tolerance` beside
-/// that direction. A hint that is null makes it null.
+/// Azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the polar
+/// angle; the azimuth of a vector along z is `hint`.
+pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> Direction {
+    let level = length(x, y);
+    if level < ALIGNED_SINE
+        && let Some((along, turn)) = beside_hint(x, y, hint, HINT_ERROR)
+    {
+        return Direction {
+            azimuth: hint,
+            polar: libm::atan2(along, z),
+            turn,
+            tilt: (along, z),
+        };
+    }
+    let (sin, cos) = (sign * y, sign * x);
+    Direction {
+        azimuth: libm::atan2(sin, cos),
+        polar: sign * libm::atan2(level, z),
+        turn: (sin / level, cos / level),
+        tilt: (sign * level, z),
+    }
+}
+
+/// How far (x, y) is in the direction of `hint` (rad), which may be backwards, and the sine and cosine of `hint`; `None` if it
+/// is more than `tolerance` beside that direction. A hint that is null makes them null.
 #[cold]
-pub(super) fn beside_hint(x: f64, y: f64, hint: f64, tolerance: f64) -> Option<f64> {
+pub(super) fn beside_hint(x: f64, y: f64, hint: f64, tolerance: f64) -> Option<(f64, (f64, f64))> {
     let (sin, cos) = libm::sincos(hint);
     let beside = y * cos - x * sin;
     let along = x * cos + y * sin;
-    (beside.is_nan() || beside.abs() <= tolerance).then_some(along)
+    (beside.is_nan() || beside.abs() <= tolerance).then_some((along, (sin, cos)))
 }
 
 /// The three angles of Rz·Ry·Rz = `rest` with the given sign of the second; the first is `hint` where the second is 0 or π.
 pub(super) fn wrist(rest: &Matrix3<f64>, sign: f64, hint: f64) -> (f64, f64, f64) {
-    let (first, second) = azimuth_polar(rest.m13, rest.m23, rest.m33, sign, hint);
+    let axis = azimuth_polar(rest.m13, rest.m23, rest.m33, sign, hint);
     // From the residual, not from W31 and W32, which vanish with the second angle.
-    let (sin, cos) = libm::sincos(first);
+    let (sin, cos) = axis.turn;
     let third = libm::atan2(
         cos * rest.m21 - sin * rest.m11,
         cos * rest.m22 - sin * rest.m12,
     );
-    (first, second, third)
+    (axis.azimuth, axis.polar, third)
 }
 
 pub(super) fn matrix(&[[a, b, c], [d, e, f], [g, h, i]]: &[[f64; 3]; 3]) -> Matrix3<f64> {

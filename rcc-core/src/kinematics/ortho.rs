@@ -220,11 +220,11 @@ impl OrthoParallelArm {
         }
         let z = wrist.z - self.shoulder_height;
         if from_axis < ON_AXIS_M
-            && let Some(forward) = beside_hint(cx, cy, hint, HINT_ERROR_M)
+            && let Some((forward, turn1)) = beside_hint(cx, cy, hint, HINT_ERROR_M)
         {
             return Ok(Plane {
                 theta1: hint,
-                turn1: libm::sincos(hint),
+                turn1,
                 x: forward - self.shoulder_offset,
                 z,
             });

@@ -152,18 +152,19 @@ impl SrsArm {
 
         // Shimizu 2008, with the branch signs of Faria 2018: the shoulder points the upper arm at the elbow …
         let e = elbow.upper_arm;
-        let (q1, q2) = azimuth_polar(e.x, e.y, e.z, gc2, hint1);
+        let aim = azimuth_polar(e.x, e.y, e.z, gc2, hint1);
         // … and turns it until the forearm lies in the arm plane.
-        let shoulder = turned_y(&rz(libm::sincos(q1)), libm::sincos(q2));
+        let shoulder = turned_y(&rz(aim.turn), aim.tilt);
         let inward = shoulder.tr_mul(&elbow.inward);
-        let q3 = libm::atan2(gc4 * inward.y, gc4 * inward.x);
+        let (sin3, cos3) = (gc4 * inward.y, gc4 * inward.x);
 
         // What is left of the rotation is the wrist's: W = Rz(q5)·Ry(q6)·Rz(q7).
-        let upper_arm = turned_z(&shoulder, libm::sincos(q3));
+        let upper_arm = turned_z(&shoulder, (sin3, cos3));
         let forearm = turned_y(&upper_arm, (elbow.sin4, elbow.cos4));
         let (q5, q6, q7) = wrist(&forearm.tr_mul(&rotation), gc6, hint5);
 
-        let joints = self.canonical(&[q1, q2, q3, elbow.q4, q5, q6, q7]);
+        let q3 = libm::atan2(sin3, cos3);
+        let joints = self.canonical(&[aim.azimuth, aim.polar, q3, elbow.q4, q5, q6, q7]);
         if joints.iter().all(|q| q.is_finite()) {
             Ok(joints)
         } else {

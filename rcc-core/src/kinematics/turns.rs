@@ -1,7 +1,7 @@
 //! Whole turns of joints: which of q + 2π·n is meant, and whether it is within the limits of the robot.
 //! Pure arithmetic; used by the loader and by the real-time thread.
 
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 use core::fmt;
 
 use crate::guard::JointLimits;
@@ -44,7 +44,12 @@ impl core::error::Error for OutOfLimits {}
 pub fn nearest_turns(joints: &Joints, hint: &Joints) -> Joints {
     let mut turned = *joints;
     for (joint, near) in turned.iter_mut().zip(hint) {
-        let turns = libm::rint((near - *joint) * (1.0 / TAU));
+        let away = near - *joint;
+        // Most of the time; rounding is dear where the processor has no instruction for it.
+        if away.abs() <= PI {
+            continue;
+        }
+        let turns = libm::rint(away * (1.0 / TAU));
         if turns.abs() <= TURNS_MAX {
             *joint += turns * TAU;
         }

@@ -3,8 +3,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PathLimits;
-
 /// What a limit is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Quantity {
@@ -21,11 +19,8 @@ pub enum Quantity {
 pub enum MotionFault {
     /// It turns by 180°: both ways are equally short.
     AmbiguousRotation,
-    /// Speed, acceleration and jerk are useless together.
-    Limits {
-        /// The limits as computed for the path.
-        limits: PathLimits,
-    },
+    /// Speed, acceleration and jerk are useless together: they leave nothing for a bend of the path.
+    Limits,
     /// There is no such motion in the plan.
     NoMotion,
     /// A pose, joint or angle is null or not finite, or joints are missing.

@@ -142,10 +142,22 @@ impl<'a> Leg<'a> {
 pub struct PathRequest<'a> {
     /// Index of the arm.
     pub device: u32,
-    /// Flange at the start, in the arm's base; `None`: at the arm's hold set-point.
+    /// Flange at the start, in the arm's base, with joints near the hold set-point, on its branch and with its arm angle;
+    /// `None`: at the arm's hold set-point.
     pub from: Option<Pose>,
     /// In order; at least one.
     pub legs: &'a [Leg<'a>],
-    /// Joints are asked for as well as poses, and all limits of the joints are kept.
-    pub joints: bool,
+    /// How the speed along the path is chosen.
+    pub pace: Pace,
+}
+
+/// How the speed along a path is chosen, within all limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Pace {
+    /// Velocity limits for its parts, one acceleration and one jerk for all of it.
+    #[default]
+    Even,
+    /// The law of motion that is soonest at the end. Limits of the flange bind it, too, but a speed that is given is no
+    /// promise.
+    Fastest,
 }

@@ -1,8 +1,8 @@
 //! What all motions along a path have in common: inputs, outputs and what a cycle does.
 //! The real-time thread.
 
-use crate::frame::Frame;
-use crate::path::Drive;
+use crate::frame::{Frame, Preparation};
+use crate::path::{Drive, Pace};
 use crate::primitive::{Literal, Parameter, ParameterKind, Port, PortType, UnitRule};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -30,7 +30,7 @@ pub(super) const INPUTS: &[Port] = &[
 /// What null at the inputs means.
 pub(super) const NULL: &str = "a null `stop` counts as true: who cannot say that the motion may go on, stops it; a null `pause` or `speed` is a pause";
 
-/// `joints`, `pose`, `done`, `progress`, `distance`, `speed`, `leg`.
+/// `joints`, `pose`, `done`, `progress`, `distance`, `speed`, `acceleration`, `leg`.
 pub(super) const OUTPUTS: &[Port] = &[
     Port::new(
         "joints",
@@ -65,6 +65,12 @@ pub(super) const OUTPUTS: &[Port] = &[
         "speed of the flange along the path",
     )
     .diagnostic(),
+    Port::real(
+        "acceleration",
+        UnitRule::Is(Unit::METRE_PER_SECOND2),
+        "acceleration of the flange along the path; below 0 while it brakes",
+    )
+    .diagnostic(),
     Port::int(
         "leg",
         "the leg that it is on, from 0; a rounding belongs to the leg before it",
@@ -73,7 +79,7 @@ pub(super) const OUTPUTS: &[Port] = &[
 ];
 
 /// Operands of inputs and outputs.
-pub(super) const PORTS: usize = 10;
+pub(super) const PORTS: usize = 11;
 
 /// Part of velocity, acceleration and jerk of the joints.
 pub(super) const SCALE: Parameter = Parameter::real(
@@ -84,6 +90,21 @@ pub(super) const SCALE: Parameter = Parameter::real(
 .default(Literal::Real(1.0))
 .above(0.0)
 .at_most(1.0);
+
+/// Whether the fastest law is looked for.
+pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
+    "time_optimal",
+    "looks for the speed at every place with which the end is reached soonest within all limits; a given velocity is a limit then, no promise",
+)
+.default(Literal::Bool(false));
+
+/// What `time_optimal` says.
+pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> Pace {
+    match preparation.bool(slot) {
+        1 => Pace::Fastest,
+        _ => Pace::Even,
+    }
+}
 
 /// `velocity`, `acceleration`, `jerk` and the same of the orientation: what the flange must keep. Null: what the joints allow.
 pub(super) const FLANGE: [Parameter; 6] = [
@@ -140,7 +161,8 @@ pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, widt
         done,
         progress,
         distance,
-        along,
+        speed_along,
+        acceleration,
         leg,
     ] = ports;
     let drive = Drive {
@@ -153,7 +175,7 @@ pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, widt
         frame.set_joints(joints, width, None);
         frame.set_reals(pose, [NULL_REAL; 7]);
         frame.set_bool(done, NULL_BOOL);
-        for real in [progress, distance, along] {
+        for real in [progress, distance, speed_along, acceleration] {
             frame.set_real(real, NULL_REAL);
         }
         frame.set_int(leg, NULL_INT);
@@ -165,6 +187,7 @@ pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, widt
     frame.set_bool(done, u8::from(state.path.done));
     frame.set_real(progress, state.progress);
     frame.set_real(distance, state.distance);
-    frame.set_real(along, state.speed);
+    frame.set_real(speed_along, state.speed);
+    frame.set_real(acceleration, state.acceleration);
     frame.set_int(leg, i64::from(state.leg));
 }

@@ -55,6 +55,7 @@ pub const ENTRY: Entry = Entry::new(
             along::FLANGE[4],
             along::FLANGE[5],
             along::SCALE,
+            along::TIME_OPTIMAL,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -78,6 +79,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         wa,
         wj,
         scale,
+        fastest,
         motion,
         _width,
     ] = operands
@@ -107,12 +109,12 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        joints: true,
+        pace: along::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 14]) {
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
     if let (Some(ports), Some([motion, width])) = (ports, rest) {
         along::step(frame, *ports, *motion, *width);

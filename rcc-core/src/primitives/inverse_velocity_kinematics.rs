@@ -1,9 +1,6 @@
 //! `InverseVelocityKinematics`: the smallest joint velocities that move the flange of an arm as wanted.
 
-use nalgebra::{Matrix6, SMatrix, Vector6};
-
 use crate::frame::Frame;
-use crate::message::{JOINTS_MAX, Joints};
 use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
 use crate::types::Type;
 use crate::unit::Unit;
@@ -33,15 +30,8 @@ parameters: &[Parameter::arm(), Parameter::real("damping", UnitRule::Is(Unit::ON
 fn step(frame: &mut Frame<'_>, [joints, twist, velocity, device, damping, width]: [u32; 6]) {
     let damping = frame.real(damping);
     let there = frame.arm_at(device, joints, width);
-    let twist: Option<[f64; 6]> = frame.composite(twist);
-    let rates = there.zip(twist).and_then(|((arm, joints), twist)| {
-        let jacobian = SMatrix::<f64, 6, JOINTS_MAX>::from_row_iterator(
-            arm.jacobian(&joints).into_iter().flatten(),
-        );
-        let damped = jacobian * jacobian.transpose() + Matrix6::identity() * (damping * damping);
-        let multipliers = damped.cholesky()?.solve(&Vector6::from(twist));
-        Some((jacobian.transpose() * multipliers).into())
-    });
-    let finite = rates.filter(|rates: &Joints| rates.iter().all(|rate| rate.is_finite()));
-    frame.set_joints(velocity, width, finite.as_ref());
+    let rates = there
+        .zip(frame.composite(twist))
+        .and_then(|((arm, joints), twist)| arm.joint_velocities(&joints, &twist, damping));
+    frame.set_joints(velocity, width, rates.as_ref());
 }

@@ -4,7 +4,7 @@
 //!
 //! Cost of seven joints, measured on a loaded virtual machine with two cores: 0.6 µs in a cycle in which nothing changed; 13 µs
 //! (median), 29 µs (99 of 100) in one in which all goals did. No loop without a constant bound: each joint is planned once a
-//! cycle at most, from two tries of the closed forms (`cargo run --release -p rcc-motion --example replan`).
+//! cycle at most, from two tries of the closed forms (`docs/performance-motion.md`).
 
 use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};

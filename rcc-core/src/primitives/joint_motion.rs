@@ -4,7 +4,7 @@
 
 use crate::frame::{Preparation, PrepareFault};
 use crate::message::JOINTS_MAX;
-use crate::path::{Leg, PathRequest, Segment};
+use crate::path::{Leg, Pace, PathRequest, Segment};
 use crate::pose::Pose;
 use crate::primitive::{
     Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
@@ -110,7 +110,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        joints: true,
+        pace: Pace::Even,
     };
     preparation.motions.path(motion, &request)
 }

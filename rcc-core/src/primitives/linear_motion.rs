@@ -1,107 +1,64 @@
-//! `LinearMotion`: a straight Cartesian line, jerk-limited, that can be stopped on the path.
+//! `LinearMotion`: a straight line of the flange and the shortest turn, jerk-limited, that can be stopped on the path.
 //!
-//! Position is interpolated linearly, orientation by slerp, both by one path parameter s, which one clock drives from
-//! rest to rest. A motion without `from` starts at the arm's hold set-point of the moment the command becomes ready;
-//! START verifies that it is still there.
+//! Without `from` it starts at the arm's hold set-point of the moment the command becomes ready; START verifies that it is
+//! still there. Joints are given as well, by the arm angle and the branch of the hold set-point.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{Drive, Leg, Limits, PathRequest, Segment};
+use crate::path::{Leg, Limits, PathRequest, Segment};
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec,
-    UnitRule, each,
+    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
+    each,
 };
-use crate::types::{NULL_BOOL, NULL_REAL, Type};
-use crate::unit::Unit;
+use crate::types::Type;
+
+use super::along::{self, PORTS};
 
 const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed);
+
+/// A line may be hardly longer than nothing, and all turn: its speed would say nothing about that.
+const TURN: [Parameter; 3] = [
+    Parameter {
+        doc: "largest angular speed",
+        ..along::FLANGE[3].default(Literal::Real(1.0))
+    },
+    Parameter {
+        doc: "largest angular acceleration",
+        ..along::FLANGE[4].default(Literal::Real(4.0))
+    },
+    Parameter {
+        doc: "largest angular jerk",
+        ..along::FLANGE[5].default(Literal::Real(40.0))
+    },
+];
 
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "LinearMotion",
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
-        null: "a null `stop` counts as true: who cannot say that the motion may go on, stops it",
+        null: along::NULL,
         null_rule: NullRule::Known,
-        inputs: &[Port::bool(
-            "stop",
-            "brings the motion to rest on the path; once true, it stays stopped",
-        )
-        .default(Literal::Bool(false))],
-        outputs: &[
-            Port::typed(
-                "pose",
-                Type::Pose,
-                "set-point of the flange in the arm's base",
-            ),
-            Port::bool("done", "at rest: at the end, or on the path after a stop"),
-            Port::real(
-                "distance",
-                UnitRule::Is(Unit::METRE),
-                "way along the line since the start",
-            )
-            .diagnostic(),
-            Port::real(
-                "speed",
-                UnitRule::Is(Unit::METRE_PER_SECOND),
-                "speed along the line",
-            )
-            .diagnostic(),
-            Port::real(
-                "acceleration",
-                UnitRule::Is(Unit::METRE_PER_SECOND2),
-                "acceleration along the line",
-            )
-            .diagnostic(),
-        ],
+        formula: "line of the flange and turn about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with arm angle and branch of the start",
+        inputs: along::INPUTS,
+        outputs: along::OUTPUTS,
         parameters: &[
             Parameter::arm(),
-            Parameter::new("to", POSE, "pose at the end, flange in the arm's base"),
+            Parameter::new("to", POSE, "flange at the end, in the arm's base"),
             Parameter::new(
                 "from",
                 POSE,
-                "pose at the start; without it the arm's hold set-point",
+                "flange at the start, with joints near where the arm is held; START is refused elsewhere; without it the arm's hold set-point",
             )
             .default(Literal::Null),
-            Parameter::real(
-                "velocity",
-                UnitRule::Is(Unit::METRE_PER_SECOND),
-                "largest speed along the line",
-            )
-            .above(0.0),
-            Parameter::real(
-                "acceleration",
-                UnitRule::Is(Unit::METRE_PER_SECOND2),
-                "largest acceleration along the line",
-            )
-            .above(0.0),
-            Parameter::real(
-                "jerk",
-                UnitRule::Is(Unit::METRE_PER_SECOND3),
-                "largest jerk along the line",
-            )
-            .above(0.0),
-            Parameter::real(
-                "angular_velocity",
-                UnitRule::Is(Unit::RADIAN_PER_SECOND),
-                "largest angular speed",
-            )
-            .default(Literal::Real(1.0))
-            .above(0.0),
-            Parameter::real(
-                "angular_acceleration",
-                UnitRule::Is(Unit::RADIAN_PER_SECOND2),
-                "largest angular acceleration",
-            )
-            .default(Literal::Real(4.0))
-            .above(0.0),
-            Parameter::real(
-                "angular_jerk",
-                UnitRule::Is(Unit::RADIAN_PER_SECOND3),
-                "largest angular jerk",
-            )
-            .default(Literal::Real(40.0))
-            .above(0.0),
+            along::FLANGE[0],
+            along::FLANGE[1],
+            along::FLANGE[2],
+            TURN[0],
+            TURN[1],
+            TURN[2],
+            along::SCALE,
+            along::TIME_OPTIMAL,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -111,74 +68,51 @@ pub const ENTRY: Entry = Entry::new(
 .prepared_by(prepare);
 
 fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[.., device, to, from, v, a, j, w, wa, wj, motion] = operands else {
+    let &[
+        ..,
+        device,
+        to,
+        from,
+        v,
+        a,
+        j,
+        w,
+        wa,
+        wj,
+        scale,
+        fastest,
+        motion,
+        _width,
+    ] = operands
+    else {
         return Ok(());
+    };
+    let number = |slot: u32| {
+        let [value] = preparation.reals(slot);
+        value
     };
     let from = Pose::from_slots(preparation.reals(from));
     let to = Pose::from_slots(preparation.reals(to));
-    let [velocity, acceleration, jerk, w, wa, wj] = [v, a, j, w, wa, wj].map(|slot| {
-        let [value] = preparation.reals(slot);
-        value
-    });
     let leg = Leg {
-        line: Limits {
-            velocity,
-            acceleration,
-            jerk,
-        },
-        turn: Limits {
-            velocity: w,
-            acceleration: wa,
-            jerk: wj,
-        },
+        line: Limits::of([v, a, j].map(number)),
+        turn: Limits::of([w, wa, wj].map(number)),
+        scale: number(scale),
         ..Leg::new(Segment::Line { to })
     };
     let request = PathRequest {
         device,
         from: from.is_finite().then_some(from),
         legs: &[leg],
-        joints: false,
+        pace: along::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; 16]) {
-    let [
-        stop,
-        pose,
-        done,
-        distance,
-        speed,
-        acceleration,
-        _device,
-        _to,
-        _from,
-        _,
-        _,
-        _,
-        _,
-        _,
-        _,
-        motion,
-    ] = operands;
-    let drive = Drive {
-        stop: frame.bool(stop) != 0,
-        ..Drive::RUN
-    };
-    let Some(state) = frame.motions.step(motion as usize, drive) else {
-        frame.motion_failed = true;
-        frame.set_reals(pose, [NULL_REAL; 7]);
-        frame.set_bool(done, NULL_BOOL);
-        frame.set_reals(distance, [NULL_REAL]);
-        frame.set_reals(speed, [NULL_REAL]);
-        frame.set_reals(acceleration, [NULL_REAL]);
-        return;
-    };
-    frame.set_pose(pose, state.pose);
-    frame.set_bool(done, u8::from(state.path.done));
-    frame.set_real(distance, state.distance);
-    frame.set_real(speed, state.speed);
-    frame.set_real(acceleration, state.acceleration);
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 13]) {
+    let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
+    if let (Some(ports), Some([motion, width])) = (ports, rest) {
+        along::step(frame, *ports, *motion, *width);
+    }
 }
 
 #[cfg(test)]

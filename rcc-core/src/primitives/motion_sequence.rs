@@ -29,6 +29,7 @@ pub const ENTRY: Entry = Entry::new(
                 "legs in order, up to 128 with all points of splines: `- {ptp: {joints: [...]}}`, `- {lin: {xyz: ..., rpy: ...}, blend: 20 mm, velocity: 0.2 m/s}`, `- {circ: {via: {xyz: ...}, to: {...}}}`, `- {spline: [{...}, {...}]}`",
             ),
             along::SCALE,
+            along::TIME_OPTIMAL,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -47,7 +48,7 @@ pub(super) fn too_many(motion: u32, count: u32) -> PrepareFault {
 }
 
 fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), PrepareFault> {
-    let &[.., device, path, scale, motion, _width, count] = operands else {
+    let &[.., device, path, scale, fastest, motion, _width, count] = operands else {
         return Ok(());
     };
     let [scale] = preparation.reals(scale);
@@ -80,12 +81,12 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: legs.get(..used).unwrap_or(&[]),
-        joints: true,
+        pace: along::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 6]) {
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 7]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
     if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
         along::step(frame, *ports, *motion, *width);

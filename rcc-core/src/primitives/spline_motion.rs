@@ -34,6 +34,7 @@ pub const ENTRY: Entry = Entry::new(
             along::FLANGE[4],
             along::FLANGE[5],
             along::SCALE,
+            along::TIME_OPTIMAL,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -54,6 +55,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         wa,
         wj,
         scale,
+        fastest,
         motion,
         _width,
         count,
@@ -84,12 +86,12 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        joints: true,
+        pace: along::pace(preparation, fastest),
     };
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 12]) {
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 13]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
     if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
         along::step(frame, *ports, *motion, *width);

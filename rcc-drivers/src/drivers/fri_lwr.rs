@@ -1,4 +1,5 @@
-//! The driver `fri-lwr`: a KUKA LWR 4+ over FRI 1.0 on UDP, in joint position control, with KRL booleans and reals as I/O.
+//! The driver `fri-lwr`: a KUKA LWR 4+ over FRI 1.0 on UDP, in joint position, Cartesian impedance or joint impedance
+//! control, with KRL booleans and reals as I/O.
 //! Run by the host's thread; [`dialog::Dialog`] is the pure part, this file is the socket around it.
 //!
 //! The controller sends first, on its own clock, and is answered at the address that it sent from.
@@ -19,6 +20,7 @@ use crate::host::reason::Reason;
 
 pub mod counters;
 pub mod dialog;
+pub mod strategy;
 
 use counters::Counters;
 use dialog::{Dialog, Script};
@@ -35,6 +37,8 @@ pub const STRATEGY: u32 = 103;
 pub const ENTERING: u32 = 104;
 /// The socket does not work.
 pub const SOCKET: u32 = 105;
+/// The controller's Cartesian pose is none.
+pub const POSE: u32 = 106;
 
 /// What the numbers mean.
 pub const REASONS: &[Reason] = &[
@@ -52,10 +56,15 @@ pub const REASONS: &[Reason] = &[
     ),
     (
         STRATEGY,
-        "the controller is not in position control: set $STIFFNESS.STRATEGY to 10",
+        "the controller runs a control strategy that this device has not: set $STIFFNESS.STRATEGY to 10 (position), or to 20 \
+         or 30 (Cartesian or joint impedance), which need `impedance:` in the robot's file",
     ),
     (ENTERING, "command mode has just begun"),
     (SOCKET, "the network socket failed; see the driver's log"),
+    (
+        POSE,
+        "the controller's commanded Cartesian pose is no pose: check $TOOL and $BASE in its KRL program",
+    ),
 ];
 
 /// After this silence another controller, or the same one restarted, may come.

@@ -8,6 +8,7 @@
 use std::time::{Duration, Instant};
 
 use rcc_config::{ChannelConfig, DeviceConfig, RobotConfig};
+use rcc_core::impedance::Strategy;
 use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use rcc_core::unit::Unit;
@@ -91,6 +92,7 @@ impl Driver for IdealArm {
         let ticks = self.schedule();
         *inputs = self.inputs();
         Ok(Exchange {
+            strategy: Strategy::Position,
             commandable: !self.released,
             startable: !self.released,
             mirror: self.position,

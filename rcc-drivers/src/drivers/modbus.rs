@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use nix::poll::{PollFd, ppoll};
 use nix::sys::time::TimeSpec;
 use rcc_config::DeviceConfig;
+use rcc_core::impedance::Strategy;
 use rcc_core::message::JOINTS_MAX;
 
 use crate::driver::{Diagnosis, Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
@@ -213,6 +214,7 @@ impl Modbus {
         let counts = self.connections.iter().map(|one| one.server.counts());
         let quality = self.connections.iter().map(Connection::quality).min();
         Some(Exchange {
+            strategy: Strategy::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],

@@ -12,6 +12,7 @@ use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_core::impedance::Strategy;
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::primitive::ChannelKind;
 
@@ -116,6 +117,7 @@ impl Driver for LineIo {
         };
         *inputs = read;
         Ok(Exchange {
+            strategy: Strategy::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],

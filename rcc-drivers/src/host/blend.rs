@@ -29,7 +29,9 @@ impl Blend {
     /// From where the arm is to where the net wants it; both rad.
     #[must_use]
     pub fn new(hold: &Joints, first: &Joints, limits: &ArmLimits) -> Self {
-        let ArmLimits { joints, jerk_max } = limits;
+        let ArmLimits {
+            joints, jerk_max, ..
+        } = limits;
         let (mut offset, mut duration_s) = ([0.0; JOINTS_MAX], 0.0_f64);
         for (joint, place) in offset.iter_mut().enumerate().take(joints.joints) {
             let way = hold[joint] - first[joint];

@@ -3,6 +3,7 @@
 
 use rcc_config::DeviceConfig;
 use rcc_core::guard::JointLimits;
+use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_motion::RestLimits;
 
@@ -13,6 +14,8 @@ pub struct ArmLimits {
     pub joints: JointLimits,
     /// Largest |jerk|, rad/s³.
     pub jerk_max: Joints,
+    /// What impedance set-points may be; `None`: the arm is commanded in position only.
+    pub impedance: Option<ImpedanceLimits>,
 }
 
 impl ArmLimits {
@@ -27,6 +30,7 @@ impl ArmLimits {
         Self {
             joints: device.model().limits,
             jerk_max,
+            impedance: device.model().impedance,
         }
     }
 

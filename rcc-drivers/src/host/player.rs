@@ -4,6 +4,7 @@
 //! The pointer counts the executor's cycles: logical time, one period each, whatever either wall clock did.
 
 use rcc_core::guard::{Guard, Violation};
+use rcc_core::impedance::Impedance;
 use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
 use rcc_motion::Rest;
 
@@ -47,6 +48,8 @@ pub struct Tick {
     pub commandable: bool,
     /// A net may begin.
     pub startable: bool,
+    /// [`rcc_core::impedance::Strategy`] that the device runs, as a number.
+    pub strategy: u64,
     /// Where the device holds itself while not commandable, rad.
     pub mirror: Joints,
 }
@@ -142,6 +145,8 @@ pub struct Player {
     terminating: bool,
     commandable: bool,
     startable: bool,
+    /// The device's.
+    strategy: u64,
     sent: Sent,
     /// `sent` is where the device is or was sent: not before its first exchange, nor after it was lost.
     placed: bool,
@@ -170,7 +175,8 @@ impl Player {
     #[must_use]
     pub fn new(settings: PlayerSettings) -> Self {
         Self {
-            guard: Guard::new(settings.limits.joints, settings.first_tolerance_rad),
+            guard: Guard::new(settings.limits.joints, settings.first_tolerance_rad)
+                .with_impedance(settings.limits.impedance),
             settings,
             leads: false,
             track: Track::default(),
@@ -182,6 +188,7 @@ impl Player {
             terminating: false,
             commandable: false,
             startable: false,
+            strategy: 0,
             sent: Sent::default(),
             placed: false,
             period_s: 1e-3,
@@ -241,6 +248,7 @@ impl Player {
     /// The first half of an exchange: what the device said. Afterwards [`Player::state`] knows of it.
     pub fn arrive(&mut self, tick: &Tick) {
         self.startable = tick.startable;
+        self.strategy = tick.strategy;
         self.period_s = tick.period_s();
         if !tick.commandable {
             return self.follow_the_device(tick);
@@ -303,6 +311,13 @@ impl Player {
     #[must_use]
     pub fn outputs(&self) -> &SetPoint {
         &self.outputs
+    }
+
+    /// What the followed net commands besides the position, and its owner; `None`: no net is followed.
+    #[must_use]
+    pub fn impedance(&self) -> Option<(u64, &Impedance)> {
+        let follows = matches!(self.phase, Phase::Following);
+        follows.then_some((self.outputs.owner, &self.outputs.impedance))
     }
 
     /// As told to the executor, for a device that is reached.

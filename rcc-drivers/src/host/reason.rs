@@ -27,6 +27,7 @@ reasons! {
     TERMINATING = 12, "the driver has been asked to stop";
     ALREADY_COMMANDED = 13, "a net commanded the device already when the driver came";
     ANALOG_RANGE = 14, "an analog output was commanded outside of its range and is released";
+    STRATEGY = 15, "the net commands another control strategy than the device runs";
 }
 
 /// What a number means, among the host's and `drivers`.

@@ -5,6 +5,7 @@ use bytemuck::Zeroable;
 use rcc_config::DeviceConfig;
 use rcc_core::message::{CommandImage, DeviceState, MAGIC, Measurement, SET_POINTS};
 
+use super::compliance::Compliance;
 use super::limits::ArmLimits;
 use super::player::{Player, PlayerSettings, Tick};
 use super::reason;
@@ -19,6 +20,7 @@ const SILENT_PERIODS: u64 = 5;
 pub struct Station {
     player: Player,
     release: Release,
+    compliance: Compliance,
     measurement: Measurement,
     /// CLOCK_MONOTONIC of the last exchange, or of the beginning.
     heard_ns: u64,
@@ -41,6 +43,7 @@ impl Station {
             command_timeout_ns: device.command_timeout_ns,
         };
         let release = Release::new(device);
+        let limits = settings.limits;
         Self {
             player: Player::new(settings),
             measurement: Measurement {
@@ -53,6 +56,7 @@ impl Station {
                 ..Measurement::zeroed()
             },
             release,
+            compliance: Compliance::new(limits.impedance, limits.joints.joints),
             heard_ns: now_ns,
             offline_after_ns: device.command_timeout_ns,
             command_timeout_ns: device.command_timeout_ns,
@@ -100,8 +104,15 @@ impl Station {
     /// The second half: what it is told.
     pub fn answer(&mut self, exchange: &Exchange) -> Outputs {
         self.player.play(&tick(exchange));
+        let dt_s = exchange.ticks.max(1) as f64 * exchange.period_ns as f64 * 1e-9;
+        if !exchange.commandable {
+            self.compliance.reset(exchange.strategy);
+        }
+        let commanded = self.player.impedance();
+        let impedance = self.compliance.next(exchange.strategy, commanded, dt_s);
         let outputs = Outputs {
             position: *self.player.position(),
+            impedance,
             ..*self.release.apply(self.player.outputs())
         };
         self.released = self.terminating;
@@ -174,6 +185,7 @@ impl Station {
             periods,
             period_ns: exchange.period_ns,
             quality_permille: exchange.quality_permille,
+            strategy: exchange.strategy as u64,
             position: inputs.position,
             torque: inputs.torque,
             external_torque: inputs.external_torque,
@@ -225,6 +237,7 @@ fn tick(exchange: &Exchange) -> Tick {
         period_ns: exchange.period_ns,
         commandable: exchange.commandable,
         startable: exchange.startable,
+        strategy: exchange.strategy as u64,
         mirror: exchange.mirror,
     }
 }

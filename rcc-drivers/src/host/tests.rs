@@ -5,6 +5,7 @@ use std::thread;
 use std::time::Instant;
 
 use rcc_config::OnRelease;
+use rcc_core::impedance::Strategy;
 use rcc_core::message::DeviceState;
 use rcc_core::message::{JOINTS_MAX, SetPoint};
 use rcc_core::primitive::ChannelKind;
@@ -31,6 +32,7 @@ impl Driver for Device {
             return Err(LinkError::Lost { reason: 100 });
         }
         Ok(Exchange {
+            strategy: Strategy::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],

@@ -3,12 +3,16 @@
 
 use rcc_process::signals::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 /// Longest line that is read, in bytes.
 const LINE_MAX: u64 = 64 * 1024;
+
+/// Longest time for an answer.
+const ANSWER_MAX: Duration = Duration::from_secs(30);
 
 /// What follows a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -88,17 +92,47 @@ fn answer_lines(stream: TcpStream, answer: &Answer) -> io::Result<()> {
     }
 }
 
-/// Says the same to a client that is served in [`serve`]: one request, one answer.
-///
-/// # Errors
-/// The server is gone or hangs up.
-pub fn ask(stream: &mut BufReader<TcpStream>, request: &str) -> io::Result<String> {
-    stream
-        .get_mut()
-        .write_all(format!("{request}\n").as_bytes())?;
-    let mut reply = String::new();
-    if stream.read_line(&mut reply)? == 0 {
-        return Err(io::ErrorKind::UnexpectedEof.into());
+/// A client of a control port: one request, one answer.
+#[derive(Debug)]
+pub struct Client {
+    stream: BufReader<TcpStream>,
+}
+
+impl Client {
+    /// Connects; from now on the server has [`ANSWER_MAX`] for each answer.
+    ///
+    /// # Errors
+    /// Nobody listens there.
+    pub fn connect(address: impl ToSocketAddrs) -> io::Result<Self> {
+        let stream = TcpStream::connect(address)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(ANSWER_MAX))?;
+        stream.set_write_timeout(Some(ANSWER_MAX))?;
+        Ok(Self {
+            stream: BufReader::new(stream),
+        })
     }
-    Ok(reply)
+
+    /// The answer to a request, with its line's end.
+    ///
+    /// # Errors
+    /// The server is gone, hangs up or does not answer in time; which request it was is in the text.
+    pub fn ask(&mut self, request: &str) -> io::Result<String> {
+        let stream = self.stream.get_ref();
+        let ends = (stream.local_addr().ok(), stream.peer_addr().ok());
+        let mut reply = String::new();
+        // one write: two of them would wait for each other's acknowledgement
+        self.stream
+            .get_mut()
+            .write_all(format!("{request}\n").as_bytes())
+            .and_then(|()| self.stream.read_line(&mut reply))
+            .and_then(|size| match size {
+                0 => Err(io::ErrorKind::UnexpectedEof.into()),
+                _ => Ok(reply),
+            })
+            .map_err(|error| {
+                let text = format!("no answer to {request} ({ends:?}): {error}");
+                io::Error::new(error.kind(), text)
+            })
+    }
 }

@@ -5,6 +5,7 @@ pub mod arm;
 pub mod brake;
 pub mod control;
 pub mod fault;
+pub mod impedance;
 pub mod krc;
 mod measurement;
 pub mod model;

@@ -220,7 +220,7 @@ mod tests {
         }
         let motion = views.iter().find(|view| view.name == "LinearMotion");
         assert!(motion.is_some_and(|view| {
-            view.inputs.len() == 1 && view.outputs.len() == 5 && view.parameters[3].unit == "m/s"
+            view.inputs.len() == 3 && view.outputs.len() == 8 && view.parameters[3].unit == "m/s"
         }));
     }
 }

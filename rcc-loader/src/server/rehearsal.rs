@@ -1,6 +1,7 @@
 //! Words for rehearsals: what a net did when it was run through virtual time, or which limit it would break, where on its
 //! path, and what helps. Pure; used by the server's threads.
 
+use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
 use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed, Rule};
 
@@ -92,6 +93,14 @@ impl Namer<'_> {
                     self.device_name(device)
                 )
             }
+            Rule::Singularity => {
+                let kind = SingularityKind::from_number(joint).map(|kind| kind.to_string());
+                format!(
+                    "{} comes too near to a singular position ({}): {value:.4}, its `workspace:` allows {limit:.4}",
+                    self.device_name(device),
+                    kind.unwrap_or_default()
+                )
+            }
             Rule::LetsGo => format!(
                 "{} has no set-point any more while it moves",
                 self.device_name(device)
@@ -165,6 +174,8 @@ fn help(foreseen: &Foreseen) -> String {
         Rule::Position => "begin with another branch or arm angle, or divide the motion and turn the joint back in between"
             .to_owned(),
         Rule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
+        Rule::Singularity => "begin with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
+            .to_owned(),
         Rule::LetsGo | Rule::NotFinite => {
             "a pose on the path cannot be reached, or only with a joint beyond its limits (`reason` and `joint` of \
              InverseKinematics say which: monitor them and `rcc-cli simulate`): choose another start, goal or arm angle"

@@ -3,7 +3,8 @@
 
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
-use rcc_core::guard::ViolationKind;
+use rcc_core::guard::{ViolationKind, axis};
+use rcc_core::impedance::Strategy;
 use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
 use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
@@ -13,6 +14,7 @@ use rcc_ipc::control::{InputFault, Refusal};
 use super::api::FaultView;
 use super::codes::{self, Code};
 use super::error::ApiError;
+use super::impedance;
 
 /// What names numbers: the configuration, the nets, and the reasons that drivers give.
 pub struct Namer<'a> {
@@ -128,7 +130,12 @@ impl Namer<'_> {
                 value,
                 limit,
                 violation,
-            } => first_set_point(&net, &self.violation(device, joint, value, limit, violation)),
+            } => first_set_point(
+                &net,
+                &self.violation(device, joint, value, limit, violation),
+                ViolationKind::from_number(violation),
+                value,
+            ),
             Refusal::SwitchTooLarge { max } => (
                 codes::NAMED_TWICE,
                 format!("a hand-over stops at most {max} commands and starts at most {max}"),
@@ -338,12 +345,21 @@ impl Namer<'_> {
 
     /// A broken rule of the guard in words.
     fn violation(&self, device: u32, joint: u32, value: f64, limit: f64, kind: u32) -> String {
-        let what = format!(
-            "{} joint {}",
-            self.device_name(device),
-            self.joint_name(device, joint)
-        );
-        match ViolationKind::from_number(kind) {
+        let name = self.device_name(device);
+        let what = format!("{name} joint {}", self.joint_name(device, joint));
+        let kind = ViolationKind::from_number(kind);
+        match kind {
+            Some(ViolationKind::Strategy) => format!(
+                "{name} runs {}, its set-points are for {}",
+                Strategy::words(limit as u64),
+                Strategy::words(value as u64)
+            ),
+            Some(
+                kind @ (ViolationKind::Stiffness
+                | ViolationKind::StiffnessRate
+                | ViolationKind::Damping
+                | ViolationKind::Added),
+            ) => format!("{name} {}", impedance::rule(kind, joint, value, limit)),
             Some(ViolationKind::NotFinite) => {
                 format!("{what}: the set-point is not a finite number")
             }
@@ -378,7 +394,10 @@ impl Namer<'_> {
             return None;
         }
         let device = (fault.device != u32::MAX).then(|| self.device_name(fault.device));
-        let joint = (fault.joint != 0).then(|| self.joint_name(fault.device, fault.joint));
+        let joint = (fault.joint != 0).then(|| match axis(fault.joint as usize - 1) {
+            Some(axis) => format!("axis {axis}"),
+            None => self.joint_name(fault.device, fault.joint),
+        });
         let words = match (code, &device) {
             (FaultCode::DeviceLost, Some(device)) => {
                 format!("device {device} was lost in cycle {}", fault.cycle)
@@ -422,15 +441,31 @@ pub fn unknown(name: &str) -> ApiError {
     )
 }
 
-fn first_set_point(net: &str, violation: &str) -> (Code, String, String) {
-    let help = "begin where the device is held (a motion without `from` does, wherever that is at START), or bring the device \
-                to where the net begins; there is deliberately no flag to skip this check";
+fn first_set_point(
+    net: &str,
+    violation: &str,
+    kind: Option<ViolationKind>,
+    value: f64,
+) -> (Code, String, String) {
+    let help = match kind {
+        Some(ViolationKind::Strategy) => impedance::switch(Strategy::from_number(value as u64)),
+        Some(
+            ViolationKind::Stiffness
+            | ViolationKind::StiffnessRate
+            | ViolationKind::Damping
+            | ViolationKind::Added,
+        ) => "stay within `impedance:` of the robot's file; nothing is clamped in silence",
+        _ => BEGIN_THERE,
+    };
     (
         codes::FIRST_SET_POINT,
         format!("{net} cannot start: {violation}"),
         help.to_owned(),
     )
 }
+
+const BEGIN_THERE: &str = "begin where the device is held (a motion without `from` does, wherever that is at START), or bring the device \
+                to where the net begins; there is deliberately no flag to skip this check";
 
 /// Why a leg of a motion cannot be gone along, and what helps.
 fn motion(leg: u32, fault: MotionFault) -> (String, String) {
@@ -441,11 +476,8 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
             "it turns by 180°, and both ways are equally short".to_owned(),
             "divide it into two motions, or change the orientation a little".to_owned(),
         ),
-        MotionFault::Limits { limits } => (
-            format!(
-                "it cannot be planned: length {} with velocity {}, acceleration {}, jerk {}",
-                limits.length, limits.velocity, limits.acceleration, limits.jerk
-            ),
+        MotionFault::Limits => (
+            "its limits leave nothing for a bend of the path".to_owned(),
             "choose limits of usual proportions, e.g. 0.25 m/s, 1 m/s^2, 10 m/s^3".to_owned(),
         ),
         MotionFault::NoMotion => (

@@ -378,10 +378,12 @@ fn joints(bits: u64) -> String {
 
 fn control(facts: &LinkFacts) -> Option<Finding> {
     match wire(facts)?["control"].as_str()? {
-        "position" => Some(Finding::ok("the controller is in position control")),
+        known @ ("position" | "cartesian impedance" | "joint impedance") => {
+            Some(Finding::ok(format!("the controller is in {known} control")))
+        }
         other => Some(Finding::fail(
             format!("the controller is in another control strategy ({other})"),
-            "set $STIFFNESS.STRATEGY = 10 in the KRL program, before friStart",
+            "set $STIFFNESS.STRATEGY = 10 (position), 20 or 30 (impedance) in the KRL program, before friStart",
         )),
     }
 }

@@ -1,6 +1,7 @@
 //! Reads the file of a robot.
 //! Run at start-up by whoever reads the cell's file.
 
+use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::unit::Unit;
 
@@ -10,7 +11,7 @@ use crate::diagnostic::Span;
 use crate::reader::{Fields, JOINT_NAME, Reader, Wanted, error};
 use crate::yaml::{Entry, Node, Value};
 
-const KEYS: [&str; 3] = ["robot", "kinematics", "joints"];
+const KEYS: [&str; 4] = ["robot", "kinematics", "joints", "impedance"];
 /// All that kinematics of any type say; what belongs to which is said below.
 const KINEMATICS_KEYS: [&str; 10] = [
     "type",
@@ -32,6 +33,18 @@ const SRS_KEYS: [&str; 6] = [
     "wrist_to_flange",
     "signs",
 ];
+const IMPEDANCE_KEYS: [&str; 8] = [
+    "translation",
+    "rotation",
+    "joint",
+    "damping",
+    "rate",
+    "force",
+    "torque",
+    "joint_torque",
+];
+/// In parts of the greatest stiffness a second, if the file says nothing: all of it in half a second.
+const IMPEDANCE_RATE: f64 = 2.0;
 const JOINT_KEYS: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
 const AT_LEAST_0: Wanted = Wanted {
@@ -65,10 +78,16 @@ pub(crate) fn robot(reader: &mut Reader, root: &Node, source: &str) -> Option<Ro
     let joints = reader.need(&fields, "joints");
     let place = fields.place_of("joints");
     let joints = joints.and_then(|node| self::joints(reader, node, place, arm.as_ref()));
+    let place = fields.place_of("impedance");
+    let impedance = match fields.get("impedance") {
+        Some(node) => Some(self::impedance(reader, node, place)?),
+        None => None,
+    };
     Some(RobotConfig {
         name: name?.to_owned(),
         arm: arm?,
         joints: joints?,
+        impedance,
         source: source.to_owned(),
     })
 }
@@ -162,6 +181,47 @@ fn zeros<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
         *place = reader.quantity(node, "zeros", ONE_TURN)?;
     }
     Some(zeros)
+}
+
+fn impedance(reader: &mut Reader, node: &Node, place: Span) -> Option<ImpedanceLimits> {
+    let fields = reader.fields(node, place, "the impedance", &IMPEDANCE_KEYS)?;
+    let mut range = |key, unit| {
+        let node = reader.need(&fields, key)?;
+        positive_bounds(reader, node, key, unit)
+    };
+    let per_radian = Unit::NEWTON_METRE.per(Unit::RADIAN);
+    let translation = range("translation", Unit::NEWTON.per(Unit::METRE));
+    let rotation = range("rotation", per_radian);
+    let joint = range("joint", per_radian);
+    let damping = range("damping", Unit::ONE);
+    let mut most = |key, unit| {
+        let node = reader.need(&fields, key)?;
+        reader.quantity(node, key, Wanted::positive(unit))
+    };
+    let force = most("force", Unit::NEWTON);
+    let torque = most("torque", Unit::NEWTON_METRE);
+    let joint_torque = most("joint_torque", Unit::NEWTON_METRE);
+    let rate = match fields.get("rate") {
+        Some(node) => reader.quantity(node, "rate", Wanted::positive(Unit::HERTZ)),
+        None => Some(IMPEDANCE_RATE),
+    };
+    Some(ImpedanceLimits {
+        translation: translation?,
+        rotation: rotation?,
+        joint: joint?,
+        damping: damping?,
+        rate: rate?,
+        force: force?,
+        torque: torque?,
+        joint_torque: joint_torque?,
+    })
+}
+
+/// Two bounds that are greater than 0: a spring without stiffness or damping holds nothing.
+fn positive_bounds(reader: &mut Reader, node: &Node, key: &str, unit: Unit) -> Option<[f64; 2]> {
+    let [least, _] = reader.array(node, key)?;
+    reader.quantity(least, key, Wanted::positive(unit))?;
+    reader.bounds(node, key, unit)
 }
 
 fn joints(

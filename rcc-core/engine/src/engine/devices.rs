@@ -3,6 +3,7 @@
 
 use rcc_core::frame::DeviceOutput;
 use rcc_core::guard::{Violation, ViolationKind};
+use rcc_core::impedance::AXES;
 use rcc_core::message::{DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC, Measurement};
 
 use rcc_ipc::BoardReader;
@@ -158,9 +159,14 @@ impl Engine {
             if state != DeviceState::Ready {
                 return Err(fault_at(FaultCode::DeviceLost, index, cycle));
             }
+            let strategy = input.measurement.strategy;
             let first = device
                 .guard
-                .first(&output.position, &input.measurement.hold);
+                .first(&output.position, &input.measurement.hold)
+                .and_then(|()| {
+                    let guard = &mut device.guard;
+                    guard.check_impedance(&output.impedance, strategy, self.dt_s)
+                });
             first.map_err(|violation| fault_of(FaultCode::Jump, index, cycle, violation))?;
             let number = self.next_engagement;
             self.next_engagement += 1;
@@ -185,7 +191,12 @@ impl Engine {
         }
         engagement.followed |= state == DeviceState::Commanded
             && input.measurement.played_ns >= engagement.follows_from_ns;
+        let strategy = input.measurement.strategy;
         let next = device.guard.check(&output.position, self.dt_s);
+        let next = next.and_then(|()| {
+            let guard = &mut device.guard;
+            guard.check_impedance(&output.impedance, strategy, self.dt_s)
+        });
         next.map_err(|violation| fault_of(FaultCode::Limit, index, cycle, violation))
     }
 
@@ -254,6 +265,7 @@ pub(super) fn merge(all: &mut DeviceOutput, one: &DeviceOutput) {
     if one.has_position {
         all.has_position = true;
         all.position = one.position;
+        all.impedance = one.impedance;
     }
     all.digital |= one.digital & one.digital_commanded;
     all.digital_commanded |= one.digital_commanded;
@@ -280,9 +292,14 @@ fn fault_of(code: FaultCode, device: usize, cycle: u64, violation: Violation) ->
         (FaultCode::Jump, _) => FaultCode::Limit,
         (code, _) => code,
     };
-    debug_assert!(usize::from(violation.joint) < JOINTS_MAX);
+    debug_assert!(usize::from(violation.joint) < JOINTS_MAX + AXES.len());
+    let joint = match violation.kind {
+        // A matter of the whole device.
+        ViolationKind::Strategy => 0,
+        _ => u32::from(violation.joint) + 1,
+    };
     FaultRecord {
-        joint: u32::from(violation.joint) + 1,
+        joint,
         violation: violation.kind.number(),
         value: violation.value,
         limit: violation.limit,

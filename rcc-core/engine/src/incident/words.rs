@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
+use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, PARAMETERS};
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
 use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region, Run};
@@ -324,6 +325,11 @@ pub fn of_models(models: &[DeviceModel]) -> Vec<u64> {
         out.push(u64::from(model.workspace.is_some()));
         let groups = [space.lower, space.upper, space.point];
         out.extend(groups.into_iter().flatten().map(f64::to_bits));
+        out.push(space.singularity_min.to_bits());
+        out.push(u64::from(model.impedance.is_some()));
+        if let Some(limits) = &model.impedance {
+            out.extend(limits.to_slots().map(f64::to_bits));
+        }
     }
     out
 }
@@ -368,6 +374,15 @@ fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
         lower: corner()?,
         upper: corner()?,
         point: corner()?,
+        singularity_min: f64::from_bits(words.some::<1>("a workspace")?[0]),
+    };
+    let [has_impedance] = words.some("impedance limits")?;
+    let impedance = match has_impedance {
+        0 => None,
+        _ => {
+            let slots = words.some::<{ ImpedanceLimits::SLOTS }>("impedance limits")?;
+            Some(ImpedanceLimits::from_slots(slots.map(f64::from_bits)))
+        }
     };
     Ok(DeviceModel {
         joints,
@@ -384,5 +399,6 @@ fn model(words: &mut Words<'_>) -> Result<DeviceModel, Damaged> {
         base,
         workspace: (has_space != 0).then_some(space),
         channels: channels.map(|count| count as u32),
+        impedance,
     })
 }

@@ -23,7 +23,9 @@ pub struct Watch {
     /// The last three set-points, newest first; `None` while nobody commands the arm.
     history: Option<[Joints; 3]>,
     peaks: [Peak; 3],
+    /// The smallest distance, and that of the last set-point; NaN = not known.
     singularity: f64,
+    distance: f64,
 }
 
 /// A rule that a set-point breaks.
@@ -62,6 +64,7 @@ impl Watch {
             history: None,
             peaks: NO_PEAKS,
             singularity: f64::NAN,
+            distance: f64::NAN,
         }
     }
 
@@ -76,7 +79,7 @@ impl Watch {
             return self.engage(output, first);
         };
         if !output.has_position {
-            self.history = None;
+            (self.history, self.distance) = (None, f64::NAN);
             self.hold = history[0];
             let broken = self
                 .is_moving(&history, dt_s)
@@ -107,6 +110,8 @@ impl Watch {
             .take(self.model.limits.joints)
             .all(|(asked, hold)| (asked - hold).abs() <= tolerance);
         self.history = Some([output.position; 3]);
+        // Where it rests it may be.
+        self.distance = self.distance_at(&output.position);
         let broken = self.check(&output.position, &[output.position; 3], 1.0);
         Seen {
             moves: false,
@@ -213,10 +218,25 @@ impl Watch {
     /// Where the flange would be, and how near to a singularity.
     fn check_place(&mut self, asked: &Joints) -> Option<Broken> {
         let arm = self.model.arm?;
-        self.singularity = self.singularity.min(arm.singularity(asked).distance);
-        let outside = self.model.workspace?.outside(&arm.forward(asked))?;
-        let axis = u32::from(outside.axis) + 1;
-        Some(self.broken(Rule::Workspace, axis, outside.value, outside.limit))
+        let near = arm.singularity(asked);
+        let before = self.distance;
+        self.singularity = self.singularity.min(near.distance);
+        self.distance = near.distance;
+        let space = self.model.workspace?;
+        if let Some(outside) = space.outside(&arm.forward(asked)) {
+            let axis = u32::from(outside.axis) + 1;
+            return Some(self.broken(Rule::Workspace, axis, outside.value, outside.limit));
+        }
+        let limit = space.singularity_min;
+        let kind = near.kind.number();
+        space
+            .comes_too_near(&near, before)
+            .then(|| self.broken(Rule::Singularity, kind, near.distance, limit))
+    }
+
+    fn distance_at(&self, joints: &Joints) -> f64 {
+        let near = self.model.arm.map(|arm| arm.singularity(joints));
+        near.map_or(f64::NAN, |near| near.distance)
     }
 }
 

@@ -45,6 +45,7 @@ pub fn model() -> DeviceModel {
         base: rcc_core::pose::Pose::IDENTITY,
         workspace: None,
         channels: [4; 4],
+        ..DeviceModel::NONE
     }
 }
 
@@ -477,21 +478,28 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     let limits = plan.reals(&[0.2, 1.0, 10.0, 1.0, 4.0, 40.0]);
     let joints = plan.reals(&[f64::NAN; 7]);
     let ik = plan.reals(&[f64::NAN; 10]);
-    plan.data.ints.extend([NULL_INT; 2]);
+    plan.data.ints.extend([NULL_INT; 3]);
+    let pause = plan.bool(0);
+    let [progress, all] = [f64::NAN, 1.0].map(|value| plan.reals(&[value]));
+    let given = plan.reals(&[f64::NAN; 7]);
     plan.add("Cancel", &[requested]);
-    let outputs = [requested, pose, done, distance, speed, acceleration];
-    let parameters = [
-        0,
-        to,
-        from,
-        limits,
-        limits + 1,
-        limits + 2,
-        limits + 3,
-        limits + 4,
-        limits + 5,
+    let inputs = [requested, pause, all];
+    let outputs = [
+        given,
+        pose,
+        done,
+        progress,
+        distance,
+        speed,
+        acceleration,
+        2,
     ];
-    plan.add("LinearMotion", &[&outputs[..], &parameters, &[0]].concat());
+    let six: [u32; 6] = std::array::from_fn(|place| limits + place as u32);
+    let parameters = [&[0, to, from][..], &six, &[all, pause]].concat();
+    plan.add(
+        "LinearMotion",
+        &[&inputs[..], &outputs, &parameters, &[0, 7]].concat(),
+    );
     plan.add("InverseKinematics", &[pose, joints, 0, 1, 0, ik, 7]);
     plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("Termination", &[done]);

@@ -152,7 +152,8 @@ impl Maker<'_> {
         }
         let mut operands = Vec::new();
         let mut device = 0;
-        for operand in entry.spec.operands(kernel_of) {
+        for (place, operand) in entry.spec.operands(kernel_of).enumerate() {
+            let of_motion = entry.spec.role == Role::Motion && place >= entry.spec.inputs.len();
             operands.push(match operand {
                 Operand::Slot {
                     store,
@@ -162,7 +163,7 @@ impl Maker<'_> {
                     let wide = sizes.width(wide);
                     match written {
                         true => self.fresh(store, wide),
-                        false if entry.spec.role == Role::Motion => self.of_motion(store, wide),
+                        false if of_motion => self.of_motion(store, wide),
                         false => self.source(store, wide),
                     }
                 }
@@ -262,7 +263,7 @@ impl Maker<'_> {
             }
             (Store::Real, _) => {
                 let random = &mut *self.random;
-                grow(&mut self.data.reals, width, || random.real(0.5, 3.0))
+                grow(&mut self.data.reals, width, || random.real(0.15, 0.3))
             }
             _ => self.source(store, width),
         }

@@ -256,7 +256,7 @@ kinds! {
     }
     /// A driver refused a set-point.
     Refused = "refused", "driver", Error {
-        /// Joint from 1.
+        /// Joint from 1; 0: no joint, see the words.
         joint: u32,
         /// What was asked for.
         value: Option<f64>,

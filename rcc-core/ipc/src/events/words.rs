@@ -315,6 +315,8 @@ impl Fault {
                 format!(" joint {joint}: {rule} {value:.6} {unit}, allowed {limit:.6} {unit}")
             }
             (Some(joint), Some(rule), ..) => format!(" joint {joint}: {rule}"),
+            // Of what is no joint, the rule says everything.
+            (None, Some(rule), ..) => format!(": {rule}"),
             _ => String::new(),
         };
         let advice = match self.code.as_str() {

@@ -85,6 +85,7 @@ impl Bench {
                 let mut preparation = Preparation {
                     reals: &mut reals,
                     ints: &net.plan.ints,
+                    bools: &net.plan.bools,
                     models: &models,
                     holds: &holds,
                     motions: &mut motions,
@@ -179,6 +180,13 @@ impl Bench {
                 Store::Int => self.ints[to] = if null { i64::MIN } else { other.ints[from] },
             }
         }
+    }
+
+    /// Sets the first element of a port of numbers.
+    #[allow(dead_code)]
+    pub fn set_real(&mut self, name: &str, value: f64) {
+        let (_, slot, _) = self.slot(name);
+        self.reals[slot] = value;
     }
 
     /// The first element of a port.

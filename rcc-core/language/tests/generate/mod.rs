@@ -164,6 +164,9 @@ fn bounded(parameter: &Parameter, chance: &mut Chance) -> f64 {
 fn path(name: &str) -> Option<&'static str> {
     Some(match name {
         "JointMotion" => "{device: lwr, to: [0.4, 0.6, -0.1, -1.5, 0.2, 0.9, 0.3]}",
+        "LinearMotion" => {
+            "{device: lwr, from: {xyz: [-0.5, -0.05, 0.39], rpy: [-3.1, 0, 2.8]}, to: {xyz: [-0.5, -0.1, 0.42], rpy: [-3.1, 0, 2.8]}, velocity: 0.1}"
+        }
         "CircularMotion" => {
             "{device: lwr, via: [-0.5, -0.05, 0.39], to: {xyz: [-0.5, -0.1, 0.42], rpy: [-3.1, 0, 2.8]}, velocity: 0.1}"
         }

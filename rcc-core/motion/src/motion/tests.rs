@@ -1,7 +1,8 @@
-use rcc_core::path::{Leg, Limits};
+use rcc_core::path::{Leg, Limits, Pace, Quantity, Segment};
 use rcc_core::pose::Pose;
 
 use super::*;
+use crate::track::tests::{START, lwr};
 
 const LINE: Limits = Limits {
     velocity: 0.2,
@@ -16,23 +17,29 @@ const TURN: Limits = Limits {
 const DT: f64 = 1e-3;
 
 fn from() -> Pose {
-    Pose::from_xyz_rpy([0.5, -0.1, 0.4], [3.0, 0.2, -0.3])
+    lwr().arm.unwrap().forward(&START)
 }
 
-fn line(to: Pose) -> Result<MotionSet, PrepareFault> {
-    let mut builder = Builder::new(&[], &[], DT, 1);
+/// A line of the arm that is held at [`START`].
+fn line_from(from: Option<Pose>, to: Pose) -> Result<MotionSet, PrepareFault> {
+    let (models, holds) = ([lwr()], [Some(START)]);
+    let mut builder = Builder::new(&models, &holds, DT, 1);
     let request = PathRequest {
         device: 0,
-        from: Some(from()),
+        from,
         legs: &[Leg {
             line: LINE,
             turn: TURN,
             ..Leg::new(Segment::Line { to })
         }],
-        joints: false,
+        pace: Pace::Even,
     };
     builder.path(0, &request)?;
     builder.finish()
+}
+
+fn line(to: Pose) -> Result<MotionSet, PrepareFault> {
+    line_from(None, to)
 }
 
 fn step(motions: &mut MotionSet, stop: bool) -> MotionState {
@@ -41,7 +48,7 @@ fn step(motions: &mut MotionSet, stop: bool) -> MotionState {
 
 #[test]
 fn a_line_begins_at_its_start_and_is_straight() {
-    let to = Pose::from_xyz_rpy([0.4, 0.1, 0.5], [3.0, 0.0, 0.0]);
+    let to = from().compose(&Pose::from_xyz_rpy([0.1, -0.15, 0.1], [0.2, 0.0, 0.1]));
     let mut motions = line(to).unwrap();
     assert!(step(&mut motions, false).pose.distance_to(&from()) < 1e-12);
     let whole = from().distance_to(&to);
@@ -61,6 +68,98 @@ fn a_line_to_where_it_begins_is_done_at_once() {
     let mut motions = line(from()).unwrap();
     let state = step(&mut motions, false);
     assert!(state.path.done && state.pose.distance_to(&from()) < 1e-12);
+}
+
+#[test]
+fn a_line_from_elsewhere_begins_there_with_the_joints_near_the_hold() {
+    let arm = lwr().arm.unwrap();
+    let elsewhere = from().compose(&Pose::from_xyz_rpy([0.0, 0.1, 0.0], [0.0, 0.2, 0.0]));
+    let mut motions = line_from(Some(elsewhere), from()).unwrap();
+    let first = step(&mut motions, false);
+    assert!(first.pose.distance_to(&elsewhere) < 1e-12 && first.distance == 0.0);
+    assert!(arm.forward(&first.joints).distance_to(&elsewhere) < 1e-9);
+    let [hold, there] = [START, first.joints].map(|joints| arm.configuration(&joints));
+    assert_eq!(there.branch, hold.branch);
+    assert!((there.arm_angle - hold.arm_angle).abs() < 1e-9);
+    // It goes to the hold pose, and so to the joints of the hold.
+    let last = (0..10_000).map(|_| step(&mut motions, false));
+    let last = last.into_iter().find(|state| state.path.done).unwrap();
+    for (joint, hold) in last.joints.iter().zip(START).take(7) {
+        assert!((joint - hold).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_line_from_where_the_arm_cannot_be_is_refused_there() {
+    let away = Pose::from_xyz_rpy([2.0, 0.0, 0.4], [3.0, 0.0, 0.0]);
+    let refused = line_from(Some(away), from()).unwrap_err();
+    let fault = MotionFault::Unreachable { fraction: 0.0 };
+    let (motion, leg) = (0, 0);
+    assert_eq!(refused, PrepareFault::Motion { motion, leg, fault });
+}
+
+#[test]
+fn a_speed_is_kept_on_a_line_or_refused_with_one_that_is_possible() {
+    let to = from().compose(&Pose::from_xyz_rpy([0.1, -0.1, 0.0], [0.0; 3]));
+    let at = |velocity| {
+        let (models, holds) = ([lwr()], [Some(START)]);
+        let mut builder = Builder::new(&models, &holds, DT, 1);
+        let leg = Leg {
+            line: Limits::of([velocity, f64::NAN, f64::NAN]),
+            ..Leg::new(Segment::Line { to })
+        };
+        let request = PathRequest {
+            device: 0,
+            from: None,
+            legs: &[leg],
+            pace: Pace::Even,
+        };
+        builder
+            .path(0, &request)
+            .map(|()| builder.finish().unwrap())
+    };
+    let fault = at(9.0).unwrap_err();
+    let PrepareFault::Motion {
+        fault:
+            MotionFault::TooFast {
+                quantity: Quantity::Joint(_),
+                possible,
+                value,
+                limit,
+                ..
+            },
+        ..
+    } = fault
+    else {
+        panic!("{fault:?}")
+    };
+    assert!(possible > 0.0 && possible < 1.0 && value > limit);
+    at(9.0 * possible * 0.999).unwrap();
+    let mut slow = at(0.05).unwrap();
+    let speeds = (0..4000).map(|_| step(&mut slow, false).speed);
+    assert!((speeds.fold(0.0, f64::max) - 0.05).abs() < 1e-9);
+}
+
+#[test]
+fn a_turn_on_the_spot_with_a_speed_for_lines_is_as_fast_as_the_joints_allow() {
+    let (models, holds) = ([lwr()], [Some(START)]);
+    let mut builder = Builder::new(&models, &holds, DT, 1);
+    let to = from().compose(&Pose::from_xyz_rpy([0.0; 3], [0.3, 0.0, 0.0]));
+    let leg = Leg {
+        line: Limits::of([0.1, f64::NAN, f64::NAN]),
+        ..Leg::new(Segment::Line { to })
+    };
+    let request = PathRequest {
+        device: 0,
+        from: None,
+        legs: &[leg],
+        pace: Pace::Even,
+    };
+    builder.path(0, &request).unwrap();
+    let mut motions = builder.finish().unwrap();
+    let ends = (0..2000).map(|_| step(&mut motions, false));
+    let end = ends.into_iter().find(|state| state.path.done).unwrap();
+    assert!(end.pose.angle_to(&to) < 1e-9);
 }
 
 #[test]
@@ -95,7 +194,7 @@ fn turning_by_half_a_turn_is_refused() {
 
 #[test]
 fn motions_go_on_from_their_words() {
-    let to = Pose::from_xyz_rpy([0.4, 0.1, 0.5], [3.0, 0.0, 0.0]);
+    let to = from().compose(&Pose::from_xyz_rpy([0.1, -0.15, 0.1], [0.2, 0.0, 0.1]));
     let mut motions = line(to).unwrap();
     let fresh = motions.clone();
     for cycle in 0..900 {
@@ -108,4 +207,17 @@ fn motions_go_on_from_their_words() {
         assert_eq!(step(&mut copy, stop).path, step(&mut motions, stop).path);
     }
     assert_eq!(motions.restore(&[0; 3]), None, "of other motions");
+}
+
+#[test]
+fn a_line_is_never_too_short_for_the_speed_that_is_given() {
+    for decade in -100..-10 {
+        let way = 10.0_f64.powf(f64::from(decade) / 10.0);
+        let to = from().compose(&Pose::from_xyz_rpy([0.0, way, way], [0.0; 3]));
+        let built = line(to);
+        assert!(built.is_ok(), "{way} m: {built:?}");
+        let turn = Pose::from_xyz_rpy([way, 0.0, 0.0], [0.0, way, 0.0]);
+        let built = line(from().compose(&turn));
+        assert!(built.is_ok(), "{way} m: {built:?}");
+    }
 }

@@ -167,6 +167,12 @@ impl PathBounds {
         })
     }
 
+    /// The least of the limits of ds/dt, per second.
+    pub(super) fn least_velocity(&self) -> f64 {
+        let velocities = self.pieces.iter().map(|piece| piece.velocity);
+        velocities.fold(f64::INFINITY, f64::min)
+    }
+
     pub(super) fn agility(&self) -> Agility {
         self.agility
     }

@@ -28,16 +28,44 @@ fn quantity(number: usize) -> Quantity {
 /// Added to every derivative, as part of it.
 pub(crate) const MARGIN: f64 = 0.005;
 
-/// Parts of the greatest acceleration that are tried: bends cost speed where the path's own acceleration is high.
-const TRIALS: [f64; 12] = [
-    0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
+/// What of the limits is for what.
+pub(crate) struct Shares {
+    /// Parts of the greatest acceleration that are tried: bends cost speed where the path's own acceleration is high.
+    trials: &'static [f64],
+    /// Of the jerk limit, at most so much is used by a bend that is passed at full speed …
+    for_bends: f64,
+    /// … and so much by changing the speed in a bend; the rest is for changing the acceleration.
+    for_speed: f64,
+    /// The clock does not rest at the end but passes it: behind the last part there is the way of a stop.
+    run_out: bool,
+}
+
+/// Of a path whose clock makes all that is accelerated along it.
+pub(crate) const EVEN: Shares = Shares {
+    trials: &[
+        1.0, 0.98, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04, 0.01,
+    ],
+    for_bends: 0.4,
+    for_speed: 0.3,
+    run_out: false,
+};
+
+/// Of a law that accelerates by itself with a part of the limits: its clock only changes the speed of it, and stops, with
+/// what is left.
+pub(crate) const LAWS: [(f64, Shares); 3] = [
+    (0.55, law(&[0.38])),
+    (0.7, law(&[0.25])),
+    (0.82, law(&[0.15])),
 ];
 
-/// Of the jerk limit, at most so much is used by a bend that is passed at full speed …
-const FOR_BENDS: f64 = 0.4;
-
-/// … and so much by changing the speed in a bend; the rest is for changing the acceleration.
-const FOR_SPEED: f64 = 0.3;
+const fn law(trials: &'static [f64]) -> Shares {
+    Shares {
+        trials,
+        for_bends: 0.65,
+        for_speed: 0.2,
+        run_out: true,
+    }
+}
 
 /// |y'|, |y''|, |y'''| of every quantity at one place.
 pub(crate) type Sample = [[f64; 3]; QUANTITIES];
@@ -109,14 +137,15 @@ pub(crate) fn widen(samples: &[Sample]) -> Vec<Sample> {
 }
 
 /// The greatest speed at which the path may speed up by `acceleration`, and what limits it.
-fn speed(sample: &Sample, bounds: &Bounds, acceleration: f64) -> (f64, usize, u8) {
+fn speed(sample: &Sample, bounds: &Bounds, acceleration: f64, shares: &Shares) -> (f64, usize, u8) {
     let mut lowest = (f64::INFINITY, 0, 1);
     for (number, ([first, second, third], [v, a, j])) in sample.iter().zip(bounds).enumerate() {
         let left = (a - first * acceleration).max(0.0);
         let by = [
             v / first,
             libm::sqrt(left / second),
-            libm::cbrt(FOR_BENDS * j / third).min(FOR_SPEED * j / (3.0 * second * acceleration)),
+            libm::cbrt(shares.for_bends * j / third)
+                .min(shares.for_speed * j / (3.0 * second * acceleration)),
         ];
         for (order, speed) in (1u8..).zip(by) {
             if speed < lowest.0 {
@@ -136,7 +165,12 @@ fn least(a: f64, b: f64) -> f64 {
 ///
 /// # Errors
 /// A part whose given speed is too fast for joints or bends.
-pub(crate) fn allowed(parts: &[Part], ends: &[f64], dt_s: f64) -> Result<PathBounds, Refused> {
+pub(crate) fn allowed(
+    parts: &[Part],
+    ends: &[f64],
+    dt_s: f64,
+    shares: &Shares,
+) -> Result<PathBounds, Refused> {
     let mut greatest = f64::INFINITY;
     for part in parts {
         for ([first, ..], [_, a, _]) in part.samples.iter().flat_map(|s| s.iter().zip(&part.bounds))
@@ -146,8 +180,8 @@ pub(crate) fn allowed(parts: &[Part], ends: &[f64], dt_s: f64) -> Result<PathBou
     }
     let mut best: Option<(f64, PathBounds)> = None;
     let mut refused = Refused::Clock;
-    for trial in TRIALS {
-        let tried = trial_of(parts, ends, trial * greatest, dt_s);
+    for trial in shares.trials {
+        let tried = trial_of((parts, ends), trial * greatest, dt_s, shares);
         match tried {
             Ok(bounds) => {
                 let time = duration_s(&bounds);
@@ -163,14 +197,14 @@ pub(crate) fn allowed(parts: &[Part], ends: &[f64], dt_s: f64) -> Result<PathBou
 
 /// Limits with one acceleration.
 fn trial_of(
-    parts: &[Part],
-    ends: &[f64],
+    (parts, ends): (&[Part], &[f64]),
     acceleration: f64,
     dt_s: f64,
+    shares: &Shares,
 ) -> Result<PathBounds, Refused> {
     let (mut pieces, mut jerk) = (Vec::new(), f64::INFINITY);
     for ((number, part), end) in parts.iter().enumerate().zip(ends) {
-        let v = velocity(number, part, acceleration).map_err(Refused::TooFast)?;
+        let v = velocity(number, part, acceleration, shares).map_err(Refused::TooFast)?;
         for sample in &part.samples {
             for ([first, second, third], [_, _, j]) in sample.iter().zip(&part.bounds) {
                 let rest = j - third * v * v * v - 3.0 * second * v * acceleration;
@@ -182,15 +216,26 @@ fn trial_of(
             velocity: v,
         });
     }
+    if let Some(last) = pieces.last_mut().filter(|_| shares.run_out) {
+        // The longest way of a stop, and a cycle more.
+        let v = last.velocity;
+        let build_up = (acceleration / jerk).max(libm::sqrt(v / jerk));
+        last.end_s += v * (v / (2.0 * acceleration) + 1.5 * build_up + 2.0 * dt_s);
+    }
     PathBounds::new(&pieces, acceleration, jerk, dt_s).map_err(|_| Refused::Clock)
 }
 
-fn velocity(number: usize, part: &Part, acceleration: f64) -> Result<f64, TooFast> {
+fn velocity(
+    number: usize,
+    part: &Part,
+    acceleration: f64,
+    shares: &Shares,
+) -> Result<f64, TooFast> {
     let (mut lowest, mut place) = ((f64::INFINITY, 0, 1), 0);
     // What the flange is given, without what joints and bends say.
     let mut given = f64::INFINITY;
     for (at, sample) in part.samples.iter().enumerate() {
-        let here = speed(sample, &part.bounds, acceleration);
+        let here = speed(sample, &part.bounds, acceleration, shares);
         if here.0 < lowest.0 {
             (lowest, place) = (here, at);
         }
@@ -207,7 +252,7 @@ fn velocity(number: usize, part: &Part, acceleration: f64) -> Result<f64, TooFas
     let (value, limit) = match order {
         1 => (first * given, v),
         2 => (second * given * given, a),
-        _ => (third * given * given * given, FOR_BENDS * j),
+        _ => (third * given * given * given, shares.for_bends * j),
     };
     Err(TooFast {
         part: number,

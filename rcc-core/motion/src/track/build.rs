@@ -1,25 +1,22 @@
 //! From legs to a track: shapes, the joints along them, roundings, and the limits of every piece.
 //! Run when a command is made ready; allocates.
 
+use core::ops::Range;
+
 use rcc_core::frame::DeviceModel;
 use rcc_core::kinematics::Arm;
-use rcc_core::message::{JOINTS_MAX, Joints};
-use rcc_core::path::{Leg, MotionFault};
+use rcc_core::message::Joints;
+use rcc_core::path::{Leg, MotionFault, Pace};
 use rcc_core::pose::Pose;
-use rcc_core::vector;
 
-use super::bounds::{self, Bounds, Refused, Sample, TooFast, allowed, widen};
+use super::bounds::{self, Bounds, EVEN, Refused, TooFast, allowed};
 use super::draft::{Draft, drafts};
-use super::sampling::derivatives;
-use super::walk::Follower;
-use super::{Guide, Part, STEPS, Section, Track};
+use super::fastest::fastest;
+use super::look::{Look, look};
+use super::{Guide, Part, Section, Stretch, Track};
 use crate::geometry::NOTHING;
-use crate::geometry::chain::{Chain, Link, Piece, Shape, Where};
-use crate::geometry::jet::{Jet, Scalar};
-use crate::path_clock::{PathBounds, PathPiece};
-
-/// Most steps in which one piece is looked at.
-const STEPS_MAX: usize = 2048;
+use crate::geometry::chain::{Chain, Link, Piece, Where};
+use crate::path_clock::{PathBounds, PathPiece, duration_s};
 
 /// Parts of a piece that may have velocity limits of their own.
 const SPLIT: usize = 4;
@@ -46,7 +43,7 @@ pub(crate) type Fault = (u32, MotionFault);
 /// Legs that are no path, that the arm cannot follow, or not as fast as given.
 pub(crate) fn build(
     traveller: Traveller<'_>,
-    legs: &[Leg<'_>],
+    (legs, pace): (&[Leg<'_>], Pace),
     dt_s: f64,
 ) -> Result<(Track, Box<[Section]>), Fault> {
     let drafts = drafts(traveller, legs)?;
@@ -62,215 +59,230 @@ pub(crate) fn build(
         let jets = draft.jets(traveller, shape, s);
         jets.map_err(|fault| (draft.leg, fault))
     })?;
-    let mut seen = Vec::new();
-    let mut joints = traveller.joints;
-    for piece in chain.pieces() {
-        let piece = look(traveller, piece, &drafts, &mut joints)?;
-        seen.push(piece);
-    }
-    let sections = sections(&chain, &seen, &drafts, dt_s)?;
+    let mut road = Road {
+        traveller,
+        chain: &chain,
+        drafts: &drafts,
+        seen: Vec::new(),
+        dt_s,
+    };
+    road.look()?;
+    let (sections, stretches) = road.sections(pace)?;
     let mut begin_m = 0.0;
-    let parts = seen.into_iter().map(|seen| {
+    let parts = road.seen.into_iter().map(|seen| {
         let part = Part {
             guide: seen.guide,
             begin_m,
-            way_m: seen.way_m,
+            way_m: seen.look.way_m,
         };
-        begin_m += seen.way_m;
+        begin_m += seen.look.way_m;
         part
     });
     let track = Track {
         arm: traveller.arm,
         parts: parts.collect(),
         legs: drafts.iter().map(|draft| draft.leg).collect(),
+        stretches,
         chain,
     };
     Ok((track, sections))
 }
 
 /// What was seen along a piece.
-struct Seen {
+pub(super) struct Seen {
+    pub(super) look: Look,
+    pub(super) bounds: Bounds,
     guide: Option<Guide>,
-    samples: Vec<Sample>,
-    bounds: Bounds,
     given: bool,
-    way_m: f64,
 }
 
-/// Steps for a piece.
-fn steps(piece: &Piece) -> usize {
-    match &piece.shape {
-        Shape::Spline(spline) => (spline.points().len() * STEPS / 4).clamp(STEPS, STEPS_MAX),
-        _ => STEPS,
-    }
+/// A chain with all that was seen along it.
+pub(super) struct Road<'a> {
+    traveller: Traveller<'a>,
+    pub(super) chain: &'a Chain,
+    drafts: &'a [Draft],
+    /// Of each piece.
+    pub(super) seen: Vec<Seen>,
+    pub(super) dt_s: f64,
 }
 
-/// Looks at a piece; `joints` are those before it, and become those behind it.
-fn look(
-    traveller: Traveller<'_>,
-    piece: &Piece,
-    drafts: &[Draft],
-    joints: &mut Joints,
-) -> Result<Seen, Fault> {
-    let draft = drafts.get(piece.link).ok_or((0, MotionFault::NoMotion))?;
-    let next = drafts.get(piece.link + 1).filter(|_| piece.blend);
-    let mut seen = Seen {
-        guide: None,
-        samples: Vec::new(),
-        bounds: next.map_or(draft.bounds, |next| tighter(&draft.bounds, &next.bounds)),
-        given: draft.given && !piece.blend,
-        way_m: 0.0,
-    };
-    let steps = steps(piece);
-    let step = piece.length() / steps as f64;
-    let places = (0..=steps).map(|number| piece.begin + step * number as f64);
-    let mut samples: Vec<Sample> = Vec::with_capacity(steps + 1);
-    if let Where::Joints(_) = piece.at(piece.begin) {
-        let mut last: Option<Pose> = None;
-        for s in places {
-            let Where::Joints(jets) = piece.at(Jet::variable(s)) else {
-                continue;
-            };
-            *joints = jets.map(Scalar::value);
-            let pose = traveller.arm.forward(joints);
-            seen.way_m += last.map_or(0.0, |last| last.distance_to(&pose));
-            last = Some(pose);
-            samples.push(sample([[0.0; 3]; 2], &jets));
+/// Sections, and the same by what their clocks count.
+type Sections = (Box<[Section]>, Box<[Stretch]>);
+
+impl<'a> Road<'a> {
+    /// Looks at all pieces.
+    fn look(&mut self) -> Result<(), Fault> {
+        let mut joints = self.traveller.joints;
+        for piece in self.chain.pieces() {
+            let none = (0, MotionFault::NoMotion);
+            let draft = self.drafts.get(piece.link).ok_or(none)?;
+            let next = self.drafts.get(piece.link + 1).filter(|_| piece.blend);
+            let mut look = look(self.traveller, piece, draft, &joints)?;
+            joints = look.joints.last().copied().unwrap_or(joints);
+            let on_flange = matches!(piece.at(piece.begin), Where::Flange(_));
+            let configuration = draft.configuration.filter(|_| on_flange);
+            self.seen.push(Seen {
+                guide: configuration.map(|configuration| Guide {
+                    configuration,
+                    joints: core::mem::take(&mut look.joints).into(),
+                }),
+                bounds: next.map_or(draft.bounds, |next| tighter(&draft.bounds, &next.bounds)),
+                given: draft.given && !piece.blend,
+                look,
+            });
         }
-        seen.samples = widen(&samples);
-        return Ok(seen);
+        Ok(())
     }
-    let configuration = draft
-        .configuration
-        .ok_or((draft.leg, MotionFault::NoMotion))?;
-    let follower = Follower {
-        arm: traveller.arm,
-        model: traveller.model,
-        configuration,
-    };
-    let fault = |fault: MotionFault| (draft.leg, fault.at(|fraction| piece.of_shape(fraction)));
-    let span = (piece.begin, piece.end);
-    let walked = follower
-        .walk(|s| piece.at(s), span, joints, steps)
-        .map_err(fault)?;
-    if piece.length() > NOTHING {
-        for (s, jets) in places.zip(derivatives(&walked, step)) {
-            let Where::Flange(place) = piece.at(Jet::variable(s)) else {
-                continue;
-            };
-            let rates = place.rates();
-            let lengths = [rates.linear, rates.angular].map(|rates| rates.map(vector::norm));
-            samples.push(sample(lengths, &jets));
+
+    /// The pieces from rest to rest that are any way at all.
+    fn stretches(&self) -> Vec<Range<usize>> {
+        let (mut all, mut first) = (Vec::new(), 0);
+        let pieces = self.chain.pieces();
+        for (number, piece) in pieces.iter().enumerate() {
+            if piece.rest || number + 1 == pieces.len() {
+                let range = first..number + 1;
+                if range.clone().any(|number| self.is_way(number)) {
+                    all.push(range);
+                }
+                first = number + 1;
+            }
         }
+        all
     }
-    let mut speeds = samples.iter().map(|[[speed, ..], ..]| speed);
-    let sum: f64 = speeds.clone().sum();
-    let ends: f64 = speeds.clone().take(1).chain(speeds.next_back()).sum();
-    // Exact where the speed is the same everywhere.
-    let way_m = (sum - ends / 2.0) * step;
-    seen.way_m = piece
-        .shape
-        .constant_speed()
-        .map_or(way_m, |speed| speed * piece.length());
-    *joints = walked.last().copied().unwrap_or(*joints);
-    seen.samples = widen(&samples);
-    seen.guide = Some(Guide {
-        configuration,
-        joints: walked.into(),
-    });
-    Ok(seen)
+
+    /// There is a way along this piece.
+    pub(super) fn is_way(&self, number: usize) -> bool {
+        let piece = self.chain.pieces().get(number);
+        let seen = self.seen.get(number);
+        piece.is_some_and(|piece| piece.length() > NOTHING)
+            && seen.is_some_and(|seen| !seen.look.wide.is_empty())
+    }
+
+    /// Limits for each part of the path from rest to rest.
+    fn sections(&self, pace: Pace) -> Result<Sections, Fault> {
+        let (mut sections, mut stretches) = (Vec::new(), Vec::new());
+        let mut begin = 0.0;
+        for range in self.stretches() {
+            let begin_s = self.chain.pieces().get(range.start);
+            let begin_s = begin_s.map_or(0.0, |piece| piece.begin);
+            let mut gather = Gather::default();
+            for number in range.clone() {
+                gather.add(self, number, begin_s);
+            }
+            let bounds = gather.even(self.dt_s)?;
+            let by_law = match pace {
+                Pace::Even => None,
+                Pace::Fastest => fastest(self, range.clone(), duration_s(&bounds)),
+            };
+            let (bounds, law) = match by_law {
+                Some((law, bounds)) => (bounds, Some(law)),
+                None => (bounds, None),
+            };
+            let length = law.as_ref().map_or(bounds.length(), |law| law.duration());
+            sections.push(Section {
+                begin,
+                length,
+                rolls: law.is_some(),
+                bounds,
+            });
+            stretches.push(Stretch {
+                begin,
+                begin_s,
+                law,
+            });
+            begin += length;
+        }
+        if sections.is_empty() {
+            sections.push(self.nowhere()?);
+        }
+        if stretches.iter().all(|stretch| stretch.law.is_none()) {
+            stretches.clear();
+        }
+        Ok((sections.into(), stretches.into()))
+    }
+
+    /// The section of a path that goes nowhere.
+    fn nowhere(&self) -> Result<Section, Fault> {
+        let piece = PathPiece {
+            end_s: 0.0,
+            velocity: 1.0,
+        };
+        let bounds = PathBounds::new(&[piece], 1.0, 1.0, self.dt_s);
+        Ok(Section {
+            begin: 0.0,
+            length: 0.0,
+            rolls: false,
+            bounds: bounds.map_err(|_| (0, MotionFault::NotFinite))?,
+        })
+    }
 }
 
-fn sample([line, turn]: [[f64; 3]; 2], jets: &[Jet; JOINTS_MAX]) -> Sample {
-    let mut sample = [[0.0; 3]; bounds::QUANTITIES];
-    (sample[0], sample[1]) = (line, turn);
-    for (place, jet) in sample.iter_mut().skip(2).zip(jets) {
-        *place = [1, 2, 3].map(|order| jet.derivative(order).abs());
+/// What is gathered for the limits of a part from rest to rest.
+#[derive(Default)]
+struct Gather<'a> {
+    parts: Vec<bounds::Part>,
+    ends: Vec<f64>,
+    /// Where each part is: on what piece, of which leg, from where to where of it.
+    owners: Vec<(&'a Piece, u32, [f64; 2])>,
+}
+
+impl<'a> Gather<'a> {
+    /// Adds a piece; `begin` is where the part from rest to rest begins.
+    fn add(&mut self, road: &Road<'a>, number: usize, begin: f64) {
+        let (Some(piece), Some(seen)) = (road.chain.pieces().get(number), road.seen.get(number))
+        else {
+            return;
+        };
+        if !road.is_way(number) {
+            return;
+        }
+        let leg = road.drafts.get(piece.link).map_or(0, |draft| draft.leg);
+        let split = if seen.given { 1 } else { SPLIT };
+        let steps = seen.look.wide.len() - 1;
+        for part in 0..split {
+            let (from, to) = (steps * part / split, steps * (part + 1) / split);
+            self.parts.push(bounds::Part {
+                samples: seen.look.wide.get(from..=to).unwrap_or(&[]).to_vec(),
+                bounds: seen.bounds,
+                given: seen.given,
+            });
+            let end = if part + 1 == split {
+                piece.end
+            } else {
+                piece.begin + piece.length() * to as f64 / steps as f64
+            };
+            self.ends.push(end - begin);
+            let place = [from, to].map(|step| step as f64 / steps as f64);
+            self.owners.push((piece, leg, place));
+        }
     }
-    sample
+
+    fn even(&self, dt_s: f64) -> Result<PathBounds, Fault> {
+        let leg = self.owners.last().map_or(0, |(_, leg, _)| *leg);
+        allowed(&self.parts, &self.ends, dt_s, &EVEN).map_err(|refused| match refused {
+            Refused::TooFast(fast) => self.too_fast(fast),
+            Refused::Clock => (leg, MotionFault::Limits),
+        })
+    }
+
+    fn too_fast(&self, fast: TooFast) -> Fault {
+        let Some((piece, leg, [from, to])) = self.owners.get(fast.part) else {
+            return (0, MotionFault::NoMotion);
+        };
+        let fault = MotionFault::TooFast {
+            fraction: piece.of_shape(from + (to - from) * fast.fraction),
+            quantity: fast.quantity,
+            order: fast.order,
+            value: fast.value,
+            limit: fast.limit,
+            possible: fast.possible,
+        };
+        (*leg, fault)
+    }
 }
 
 fn tighter(a: &Bounds, b: &Bounds) -> Bounds {
     core::array::from_fn(|quantity| {
         core::array::from_fn(|order| a[quantity][order].min(b[quantity][order]))
     })
-}
-
-/// Limits for each part of the path from rest to rest.
-fn sections(
-    chain: &Chain,
-    seen: &[Seen],
-    drafts: &[Draft],
-    dt_s: f64,
-) -> Result<Box<[Section]>, Fault> {
-    let mut sections = Vec::new();
-    let mut begin = 0.0;
-    let (mut parts, mut ends, mut owners) = (Vec::new(), Vec::new(), Vec::new());
-    for (number, (piece, seen)) in chain.pieces().iter().zip(seen).enumerate() {
-        let leg = drafts.get(piece.link).map_or(0, |draft| draft.leg);
-        if piece.length() > NOTHING && !seen.samples.is_empty() {
-            let split = if seen.given { 1 } else { SPLIT };
-            let steps = seen.samples.len() - 1;
-            for part in 0..split {
-                let (from, to) = (steps * part / split, steps * (part + 1) / split);
-                parts.push(bounds::Part {
-                    samples: seen.samples.get(from..=to).unwrap_or(&[]).to_vec(),
-                    bounds: seen.bounds,
-                    given: seen.given,
-                });
-                let end = if part + 1 == split {
-                    piece.end
-                } else {
-                    piece.begin + piece.length() * to as f64 / steps as f64
-                };
-                ends.push(end - begin);
-                owners.push((
-                    piece,
-                    leg,
-                    [from, to].map(|step| step as f64 / steps as f64),
-                ));
-            }
-        }
-        if !piece.rest && number + 1 < seen_len(chain) {
-            continue;
-        }
-        if !parts.is_empty() {
-            let bounds = allowed(&parts, &ends, dt_s).map_err(|refused| match refused {
-                Refused::TooFast(fast) => too_fast(fast, &owners),
-                Refused::Clock => (leg, MotionFault::NotFinite),
-            })?;
-            sections.push(Section { begin, bounds });
-        }
-        begin = piece.end;
-        (parts, ends, owners) = (Vec::new(), Vec::new(), Vec::new());
-    }
-    if sections.is_empty() {
-        let nowhere = PathPiece {
-            end_s: 0.0,
-            velocity: 1.0,
-        };
-        let bounds = PathBounds::new(&[nowhere], 1.0, 1.0, dt_s);
-        let bounds = bounds.map_err(|_| (0, MotionFault::NotFinite))?;
-        sections.push(Section { begin: 0.0, bounds });
-    }
-    Ok(sections.into())
-}
-
-fn seen_len(chain: &Chain) -> usize {
-    chain.pieces().len()
-}
-
-fn too_fast(fast: TooFast, owners: &[(&Piece, u32, [f64; 2])]) -> Fault {
-    let Some((piece, leg, [from, to])) = owners.get(fast.part) else {
-        return (0, MotionFault::NoMotion);
-    };
-    let fault = MotionFault::TooFast {
-        fraction: piece.of_shape(from + (to - from) * fast.fraction),
-        quantity: fast.quantity,
-        order: fast.order,
-        value: fast.value,
-        limit: fast.limit,
-        possible: fast.possible,
-    };
-    (*leg, fault)
 }

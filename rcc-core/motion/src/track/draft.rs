@@ -240,7 +240,11 @@ impl Walk<'_> {
             *place = joint;
         }
         self.drafts.push(Draft {
-            given: configuration.is_some() && leg.line.velocity.is_finite(),
+            given: configuration.is_some()
+                && leg.line.velocity.is_finite()
+                // A turn on the spot has the speed that is given for turns.
+                && (leg.turn.velocity.is_finite()
+                    || shape.constant_speed().is_none_or(|speed| speed > NOTHING)),
             shape,
             leg: number,
             configuration,

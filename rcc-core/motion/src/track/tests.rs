@@ -5,7 +5,7 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::{
-    ArcOrientation, Drive, Leg, Limits, MotionBuilder, MotionFault, MotionState, Motions,
+    ArcOrientation, Drive, Leg, Limits, MotionBuilder, MotionFault, MotionState, Motions, Pace,
     PathRequest, Quantity, Relative, Segment,
 };
 use rcc_core::pose::Pose;
@@ -16,7 +16,7 @@ use crate::{Builder, MotionSet};
 const DT: f64 = 1e-3;
 
 /// The LWR 4+, with limits as in its robot file.
-fn lwr() -> DeviceModel {
+pub(crate) fn lwr() -> DeviceModel {
     let degrees = |values: [f64; 7]| {
         let mut all = [0.0; JOINTS_MAX];
         for (place, value) in all.iter_mut().zip(values) {
@@ -47,11 +47,12 @@ fn lwr() -> DeviceModel {
         workspace: None,
         base: Pose::IDENTITY,
         channels: [0; 4],
+        ..DeviceModel::NONE
     }
 }
 
 /// Elbow up, flange down, in front of the arm.
-const START: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
+pub(crate) const START: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
 fn start() -> Pose {
     lwr().arm.unwrap().forward(&START)
@@ -64,7 +65,7 @@ fn motion(legs: &[Leg<'_>]) -> Result<MotionSet, (u32, MotionFault)> {
         device: 0,
         from: None,
         legs,
-        joints: true,
+        pace: Pace::Even,
     };
     match builder.path(0, &request) {
         Ok(()) => Ok(builder.finish().unwrap()),

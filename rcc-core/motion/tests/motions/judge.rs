@@ -1,9 +1,16 @@
 //! Judges the set-points of one motion: on its path, forward only, within the limits, finite, done once.
 
+use std::f64::consts::TAU;
+
+use rcc_core::rotation::{self, Quaternion};
+
 use super::*;
 
 /// More than this off the path is off the path, m or rad.
 const OFF_MAX: f64 = 1e-9;
+
+/// Poses that a third difference takes.
+const WINDOW: usize = 4;
 
 /// How close a motion came to what it must keep.
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,35 +38,64 @@ impl Worst {
 pub enum Geometry {
     /// From pose to pose.
     Line(Pose, Pose),
-    /// Through three points.
-    Circle([[f64; 3]; 3]),
+    /// From a pose through a point to a pose.
+    Circle(Pose, [f64; 3], Pose, ArcOrientation),
     /// From joints to joints.
     Joints(Joints, Joints),
     /// As it is when nobody disturbs it.
     Reference(Box<Reference>),
 }
 
+/// Position and orientation, the orientation near that of the place before.
+type Values = [f64; 7];
+
 /// Places of an undisturbed, slow run, by s: one list for each part from rest to rest, where the path may have a corner.
-pub struct Reference(Vec<Vec<(f64, [f64; 3])>>);
+pub struct Reference(Vec<Vec<(f64, Values)>>);
+
+/// How closely a reference looks.
+#[derive(Debug, Clone, Copy)]
+pub struct Closely {
+    /// Part of the speed, in cycles of 1 ms.
+    pub speed: f64,
+    /// Least step in s.
+    pub step: f64,
+}
+
+impl Closely {
+    /// As many places in longer cycles.
+    pub fn in_cycles_of(self, dt_s: f64) -> Self {
+        Self {
+            speed: self.speed * 1e-3 / dt_s,
+            ..self
+        }
+    }
+}
 
 impl Reference {
     /// Runs a motion; `None` if it does not end.
-    pub fn run(mut motion: MotionSet) -> Option<Self> {
+    pub fn run(mut motion: MotionSet, closely: Closely) -> Option<Self> {
         let drive = Drive {
-            speed: 0.25,
+            speed: closely.speed,
             ..Drive::RUN
         };
-        let mut parts: Vec<Vec<(f64, [f64; 3])>> = vec![Vec::new()];
-        for _ in 0..8 * CYCLES_MAX {
+        let mut parts: Vec<Vec<(f64, Values)>> = vec![Vec::new()];
+        let mut orientation = [0.0, 0.0, 0.0, 1.0];
+        for _ in 0..200 * CYCLES_MAX {
             let state = motion.step(0, drive)?;
-            let here = (state.path.s, state.pose.position);
+            orientation = nearest(state.pose.orientation, orientation);
+            let ([x, y, z], [a, b, c, d]) = (state.pose.position, orientation);
+            let here = (state.path.s, [x, y, z, a, b, c, d]);
             let places = parts.last_mut()?;
             let rests = state.path.velocity == 0.0 && !places.is_empty();
             if rests {
                 // A place nearer than this would make the polynomial one of rounding.
-                places.retain(|(s, _)| here.0 - s > 1e-6);
+                places.retain(|(s, _)| here.0 - s > closely.step / 20.0);
             }
-            if rests || places.last().is_none_or(|(last, _)| here.0 - last > 2e-5) {
+            if rests
+                || places
+                    .last()
+                    .is_none_or(|(last, _)| here.0 - last > closely.step)
+            {
                 places.push(here);
             }
             if state.path.done {
@@ -72,27 +108,44 @@ impl Reference {
         None
     }
 
-    /// How far a place is off the curve at s: of the polynomial through the six nearest places.
-    fn off(&self, s: f64, place: [f64; 3]) -> f64 {
-        let begun = |part: &Vec<(f64, [f64; 3])>| part.first().is_none_or(|(at, _)| *at <= s);
+    /// How far a pose is off the curve at s: of the polynomial through the six nearest places.
+    fn off(&self, s: f64, pose: &Pose) -> f64 {
+        let begun = |part: &Vec<(f64, Values)>| part.first().is_none_or(|(at, _)| *at <= s);
         let part = self.0.partition_point(begun).saturating_sub(1);
         let places = &self.0[part];
         let first = places.partition_point(|(at, _)| *at < s).saturating_sub(3);
         let near = &places[first.min(places.len().saturating_sub(6))..];
         let near = &near[..near.len().min(6)];
-        let mut want = [0.0; 3];
+        let mut want = [0.0; 7];
         for (index, (at, place)) in near.iter().enumerate() {
             let others = near.iter().enumerate().filter(|(other, _)| *other != index);
             let weight: f64 = others.map(|(_, (x, _))| (s - x) / (at - x)).product();
-            want = add(want, scale(*place, weight));
+            for (want, place) in want.iter_mut().zip(place) {
+                *want += weight * place;
+            }
         }
-        norm(subtract(want, place))
+        let [x, y, z, a, b, c, d] = want;
+        let off = norm(subtract([x, y, z], pose.position));
+        off.max(turned([a, b, c, d], pose.orientation))
     }
 
     fn length(&self) -> f64 {
         let last = self.0.last().and_then(|part| part.last());
         last.map_or(0.0, |(s, _)| *s)
     }
+}
+
+/// The quaternion of the same orientation that is nearer.
+fn nearest(orientation: Quaternion, to: Quaternion) -> Quaternion {
+    let product: f64 = orientation.iter().zip(to).map(|(a, b)| a * b).sum();
+    orientation.map(|x| if product < 0.0 { -x } else { x })
+}
+
+/// The angle between orientations that are nearly the same, rad.
+fn turned(a: Quaternion, b: Quaternion) -> f64 {
+    let b = nearest(b, a);
+    let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+    2.0 * squares.sqrt()
 }
 
 impl Geometry {
@@ -108,13 +161,12 @@ impl Geometry {
                 let since = subtract(place, from.position);
                 let fraction = (dot(since, way) / (length * length)).clamp(0.0, 1.0);
                 let off = norm(subtract(since, scale(way, fraction)));
-                let turned = from.slerp(to, fraction);
-                // The angle between nearly equal orientations is known to the root of an f64's rounding.
-                let turned = turned.map_or(f64::INFINITY, |turned| turned.angle_to(&state.pose));
-                if turned < 1e-7 { off } else { turned }
+                let want = from.slerp(to, fraction).unwrap_or(Pose::NULL);
+                off.max(turned(want.orientation, state.pose.orientation))
             }
-            Geometry::Circle([a, b, c]) => {
-                let (u, v) = (subtract(*b, *a), subtract(*c, *a));
+            Geometry::Circle(from, via, to, orientation) => {
+                let (a, c) = (from.position, to.position);
+                let (u, v) = (subtract(*via, a), subtract(c, a));
                 let normal = cross(u, v);
                 let twice = 2.0 * dot(normal, normal);
                 let to_centre = scale(
@@ -124,10 +176,32 @@ impl Geometry {
                     ),
                     1.0 / twice,
                 );
-                let since = subtract(place, add(*a, to_centre));
+                let axis = scale(normal, 1.0 / norm(normal));
+                let out = scale(to_centre, -1.0);
+                let around = |place| {
+                    let since = subtract(place, add(a, to_centre));
+                    let angle = dot(cross(out, since), axis).atan2(dot(out, since));
+                    (since, angle)
+                };
+                let (since, angle) = around(place);
                 let radial = norm(since) - norm(to_centre);
-                let axial = dot(since, normal) / norm(normal);
-                radial.hypot(axial)
+                let axial = dot(since, axis);
+                let whole = around(c).1.rem_euclid(TAU);
+                // What rounding puts before the start is the start.
+                let angle = if angle < -1e-6 { angle + TAU } else { angle };
+                let want = match orientation {
+                    ArcOrientation::Even => from.slerp(to, angle / whole).unwrap_or(Pose::NULL),
+                    ArcOrientation::Constant => *from,
+                    ArcOrientation::Path => Pose {
+                        orientation: rotation::product(
+                            rotation::exp(scale(axis, angle)),
+                            from.orientation,
+                        ),
+                        ..*from
+                    },
+                };
+                let turned = turned(want.orientation, state.pose.orientation);
+                radial.hypot(axial).max(turned)
             }
             Geometry::Joints(from, to) => {
                 let (mut off, mut way) = (0.0_f64, 0.0);
@@ -146,37 +220,48 @@ impl Geometry {
                 }
                 off
             }
-            Geometry::Reference(reference) => reference.off(state.path.s, place),
+            Geometry::Reference(reference) => reference.off(state.path.s, &state.pose),
         }
     }
 }
 
 /// The judge of one motion.
 pub struct Judge<'a> {
-    /// The arm whose joints are judged, or none.
-    model: Option<&'a DeviceModel>,
+    /// The arm whose joints are judged.
+    model: &'a DeviceModel,
     scale: f64,
     line: Limits,
     turn: Limits,
     dt_s: f64,
+    /// The legs which limits of the flange do not bind.
+    unbound: Vec<bool>,
+    /// Cycles for which they have bound it.
+    bound: usize,
     geometry: Geometry,
-    joints: [Joints; 4],
-    poses: [Pose; 4],
+    joints: [Joints; WINDOW],
+    poses: [Pose; WINDOW],
     s: f64,
     worst: Worst,
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(model: Option<&'a DeviceModel>, lot: &Lot, geometry: Geometry) -> Self {
+    pub fn new(
+        model: &'a DeviceModel,
+        (lot, legs): (&Lot, &[Leg<'_>]),
+        geometry: Geometry,
+    ) -> Self {
+        let of_joints = |leg: &Leg<'_>| matches!(leg.segment, Segment::Joints { .. });
         Self {
             model,
             scale: lot.scale,
             line: lot.line,
             turn: lot.turn,
             dt_s: lot.dt_s,
+            unbound: legs.iter().map(of_joints).collect(),
+            bound: WINDOW,
             geometry,
-            joints: [lot.start; 4],
-            poses: [lot.from; 4],
+            joints: [lot.start; WINDOW],
+            poses: [lot.from; WINDOW],
             s: 0.0,
             worst: Worst::default(),
         }
@@ -201,11 +286,17 @@ impl<'a> Judge<'a> {
         self.poses[3] = state.pose;
         self.joints.rotate_left(1);
         self.joints[3] = state.joints;
-        self.flange()?;
-        match self.model {
-            Some(model) => self.joints(model, state),
-            None => Ok(()),
+        let leg = state.leg as usize;
+        // A leg's rounding into the next one belongs to it.
+        let unbound = self.unbound.get(leg..).unwrap_or(&[]);
+        self.bound = match unbound.iter().take(2).any(|unbound| *unbound) {
+            true => 0,
+            false => self.bound + 1,
+        };
+        if self.bound >= WINDOW && self.line.velocity.is_finite() {
+            self.flange()?;
         }
+        self.joints(self.model, state)
     }
 
     fn part(&mut self, order: usize, value: f64, limit: f64) -> Result<(), String> {
@@ -219,27 +310,29 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// The flange's own limits, as far as it has any.
+    /// The flange's own limits: of its way, and of its turning.
     fn flange(&mut self) -> Result<(), String> {
-        if !self.line.velocity.is_finite() || matches!(self.geometry, Geometry::Joints(..)) {
-            return Ok(());
-        }
-        let [a, b, c, d] = self.poses.map(|pose| pose.position);
-        let (first, second) = (subtract(d, c), subtract(subtract(d, c), subtract(c, b)));
-        let before = subtract(subtract(c, b), subtract(b, a));
-        let third = subtract(second, before);
+        let pairs = [[0, 1], [1, 2], [2, 3]].map(|pair| pair.map(|at| self.poses[at]));
         let dt = self.dt_s;
-        let turned = self.poses[3].angle_to(&self.poses[2]) / dt;
-        let Limits {
-            velocity,
-            acceleration,
-            jerk,
-        } = self.line;
-        // Not in legs of joints, which limits of the flange do not bind in acceleration.
-        self.part(0, norm(first) / dt, velocity)?;
-        self.part(1, norm(second) / (dt * dt), acceleration)?;
-        self.part(2, norm(third) / (dt * dt * dt), jerk)?;
-        self.part(0, turned, self.turn.velocity)
+        let lines = pairs.map(|[a, b]| scale(subtract(b.position, a.position), 1.0 / dt));
+        let turns = pairs.map(|[a, b]| {
+            let to = nearest(b.orientation, a.orientation);
+            scale(rotation::error(a.orientation, to), 1.0 / dt)
+        });
+        for (what, rates, limits) in [("line", lines, self.line), ("turn", turns, self.turn)] {
+            let [a, b, c] = rates;
+            let (before, now) = (subtract(b, a), subtract(c, b));
+            let orders = [
+                (norm(c), limits.velocity),
+                (norm(now) / dt, limits.acceleration),
+                (norm(subtract(now, before)) / (dt * dt), limits.jerk),
+            ];
+            for (order, (value, limit)) in orders.into_iter().enumerate() {
+                let judged = self.part(order, value, limit);
+                judged.map_err(|fault| format!("{what}: {fault}"))?;
+            }
+        }
+        Ok(())
     }
 
     /// Range, velocity, acceleration and jerk of every joint, and that they agree with the pose.
@@ -283,7 +376,7 @@ impl<'a> Judge<'a> {
         }
         let arrived = match &self.geometry {
             Geometry::Line(_, to) => state.pose.distance_to(to) <= OFF_MAX,
-            Geometry::Circle([_, _, to]) => norm(subtract(*to, state.pose.position)) <= OFF_MAX,
+            Geometry::Circle(_, _, to, _) => to.distance_to(&state.pose) <= OFF_MAX,
             Geometry::Joints(_, to) => {
                 let pairs = state.joints.iter().zip(to);
                 let mut apart = pairs.map(|(q, to)| (q - to).abs());

@@ -1,13 +1,15 @@
 //! Random motions of each kind and robot under random drives, judged from outside: by differences of the set-points, cycle
 //! by cycle, and by geometry that is computed here. Used by the test `random_motions` and by the example of that name,
 //! which counts higher.
+#![allow(dead_code)] // Each of those who use it uses a part of it.
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::{
-    ArcOrientation, Drive, Leg, Limits, MotionBuilder, MotionState, Motions, PathRequest, Segment,
+    ArcOrientation, Drive, Leg, Limits, MotionBuilder, MotionState, Motions, Pace, PathRequest,
+    Segment,
 };
 use rcc_core::pose::Pose;
 use rcc_core::vector::{add, cross, dot, norm, scale, subtract};
@@ -17,17 +19,27 @@ mod judge;
 mod random;
 
 pub use judge::Worst;
-use judge::{Geometry, Judge, Reference};
+use judge::{Closely, Geometry, Judge, Reference};
 use random::Random;
 
 /// Most cycles of a motion; the slowest ones take a tenth of it.
 const CYCLES_MAX: usize = 400_000;
 
+/// How closely the references look, one after the other.
+const CLOSELY: [Closely; 2] = [
+    Closely {
+        speed: 0.25,
+        step: 2e-5,
+    },
+    Closely {
+        speed: 0.01,
+        step: 1e-6,
+    },
+];
+
 /// A kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A line of which only poses are asked for.
-    Poses,
     /// A line.
     Line,
     /// An arc.
@@ -38,17 +50,18 @@ pub enum Kind {
     PointToPoint,
     /// Some of all of them, rounded or not.
     Sequence,
+    /// The same, as fast as can be.
+    Fastest,
 }
 
 /// All of them.
-#[allow(dead_code)] // The test has its own choice.
 pub const KINDS: [Kind; 6] = [
-    Kind::Poses,
     Kind::Line,
     Kind::Circle,
     Kind::Spline,
     Kind::PointToPoint,
     Kind::Sequence,
+    Kind::Fastest,
 ];
 
 /// An arm, where it begins, and what it is called.
@@ -92,6 +105,7 @@ fn robot<const N: usize>(
             workspace: None,
             base: Pose::IDENTITY,
             channels: [0; 4],
+            ..DeviceModel::NONE
         },
         home: column(home),
     }
@@ -189,45 +203,86 @@ struct Lot {
 #[must_use]
 pub fn case(kind: Kind, robot: &Robot, seed: u64) -> Outcome {
     let mut random = Random::new(seed ^ (kind as u64) << 60);
-    let Some(lot) = draw(kind, robot, &mut random) else {
+    let Some(lot) = draw(robot, &mut random) else {
         return Outcome::Refused;
     };
     let legs = legs(kind, &lot, &mut random);
-    let build = |dt_s| -> Option<MotionSet> {
-        let (models, holds) = ([robot.model], [Some(lot.start)]);
-        let mut builder = Builder::new(&models, &holds, dt_s, 1);
-        let request = PathRequest {
-            device: 0,
-            from: None,
-            legs: &legs,
-            joints: kind != Kind::Poses,
-        };
-        builder.path(0, &request).ok()?;
-        builder.finish().ok()
+    let pace = match kind {
+        Kind::Fastest => Pace::Fastest,
+        _ => Pace::Even,
     };
-    let Some(motion) = build(lot.dt_s) else {
+    let Some(motion) = build(robot, (&lot, &legs), pace) else {
         return Outcome::Refused;
     };
+    let judge = |geometry| Judge::new(&robot.model, (&lot, &legs), geometry);
     let geometry = match (kind, &legs[0].segment) {
-        (Kind::Poses | Kind::Line, Segment::Line { to }) => Geometry::Line(lot.from, *to),
-        (Kind::Circle, Segment::Circle { via, to, .. }) => {
-            Geometry::Circle([lot.from.position, *via, to.position])
-        }
+        (Kind::Line, Segment::Line { to }) => Geometry::Line(lot.from, *to),
+        (
+            Kind::Circle,
+            Segment::Circle {
+                via,
+                to,
+                orientation,
+                ..
+            },
+        ) => Geometry::Circle(lot.from, *via, *to, *orientation),
         (Kind::PointToPoint, Segment::Joints { to }) => Geometry::Joints(lot.start, *to),
         _ => {
-            let Some(reference) = build(1e-3).and_then(Reference::run) else {
-                return Outcome::Broken("the reference never ended".into());
-            };
-            Geometry::Reference(Box::new(reference))
+            let mut outcome = Outcome::Refused;
+            // A curve so sharp that the polynomial of the first reference is off it needs a closer one.
+            for closely in CLOSELY {
+                let reference = Reference::run(motion.clone(), closely.in_cycles_of(lot.dt_s));
+                let Some(reference) = reference else {
+                    return Outcome::Broken("the reference never ended".into());
+                };
+                let judge = judge(Geometry::Reference(Box::new(reference)));
+                outcome = run(motion.clone(), judge, &mut random.clone());
+                if !matches!(outcome, Outcome::Broken(_)) {
+                    break;
+                }
+            }
+            return outcome;
         }
     };
-    let model = (kind != Kind::Poses).then_some(&robot.model);
-    let judge = Judge::new(model, &lot, geometry);
-    run(motion, judge, &mut random)
+    run(motion, judge(geometry), &mut random)
+}
+
+/// How long the motion of this seed takes evenly and as fast as can be, s, and how long each took to build; `None` if it
+/// cannot be built.
+#[must_use]
+pub fn compared(kind: Kind, robot: &Robot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
+    let mut random = Random::new(seed ^ (kind as u64) << 60);
+    let mut lot = draw(robot, &mut random)?;
+    (lot.line, lot.turn, lot.dt_s) = (Limits::NONE, Limits::NONE, 1e-3);
+    let legs = legs(kind, &lot, &mut random);
+    let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
+    for (index, pace) in [Pace::Even, Pace::Fastest].into_iter().enumerate() {
+        let begin = std::time::Instant::now();
+        let mut motion = build(robot, (&lot, &legs), pace)?;
+        built_s[index] = begin.elapsed().as_secs_f64();
+        while !motion.step(0, Drive::RUN)?.path.done {
+            times_s[index] += lot.dt_s;
+        }
+    }
+    Some((times_s, built_s))
+}
+
+/// Builds the motion of legs.
+fn build(robot: &Robot, (lot, legs): (&Lot, &[Leg<'_>]), pace: Pace) -> Option<MotionSet> {
+    let (models, holds) = ([robot.model], [Some(lot.start)]);
+    let mut builder = Builder::new(&models, &holds, lot.dt_s, 1);
+    let request = PathRequest {
+        device: 0,
+        from: None,
+        legs,
+        pace,
+    };
+    builder.path(0, &request).ok()?;
+    builder.finish().ok()
 }
 
 /// Where it begins and what it goes to; `None` if that is no place to begin from.
-fn draw(kind: Kind, robot: &Robot, random: &mut Random) -> Option<Lot> {
+fn draw(robot: &Robot, random: &mut Random) -> Option<Lot> {
     let arm = robot.model.arm?;
     let limits = &robot.model.limits;
     let mut near = |home: &Joints, by: f64| {
@@ -257,7 +312,7 @@ fn draw(kind: Kind, robot: &Robot, random: &mut Random) -> Option<Lot> {
         from.compose(&Pose::from_xyz_rpy(way, turn))
     });
     let poses = poses.collect();
-    let given = kind == Kind::Poses || random.even() < 0.3;
+    let given = random.even() < 0.3;
     let mut of = |low: f64, high: f64| {
         let velocity = random.log_even(low, high);
         let acceleration = velocity * random.log_even(2.0, 20.0);
@@ -306,14 +361,14 @@ fn legs<'a>(kind: Kind, lot: &'a Lot, random: &mut Random) -> Vec<Leg<'a>> {
     ][random.below(3)];
     let through = 2 + random.below(4);
     match kind {
-        Kind::Poses | Kind::Line => vec![leg(Segment::Line { to: lot.poses[0] }, 0.0)],
+        Kind::Line => vec![leg(Segment::Line { to: lot.poses[0] }, 0.0)],
         Kind::Circle => vec![leg(circle(0, orientation), 0.0)],
         Kind::Spline => {
             let through = &lot.poses[..through];
             vec![leg(Segment::Spline { through }, 0.0)]
         }
         Kind::PointToPoint => vec![leg(Segment::Joints { to: lot.joints[0] }, 0.0)],
-        Kind::Sequence => (0..2 + random.below(4))
+        Kind::Sequence | Kind::Fastest => (0..2 + random.below(4))
             .map(|index| {
                 let segment = match random.below(6) {
                     0 => circle(2 * index, ArcOrientation::Even),

@@ -3,6 +3,7 @@
 use rcc_core::path::Drive;
 
 /// A source of random numbers.
+#[derive(Debug, Clone)]
 pub struct Random(u64);
 
 impl Random {

@@ -74,7 +74,9 @@ pub fn play<S: Subject>(bench: &mut Bench<S>, motion: &Motion, owner: u64, cycle
 /// Most exchanges from the end of the commands to rest: what the delay still holds, the time-out if the board must grow
 /// old first, and the longest way to rest that the limits allow.
 pub fn rest_bound<S: Subject>(bench: &Bench<S>) -> usize {
-    let ArmLimits { joints, jerk_max } = ArmLimits::of(&bench.device);
+    let ArmLimits {
+        joints, jerk_max, ..
+    } = ArmLimits::of(&bench.device);
     let slowest = (0..joints.joints).map(|joint| {
         let (v, a) = (joints.velocity_max[joint], joints.acceleration_max[joint]);
         // Full acceleration outwards is first taken back; then the way to rest at full deceleration.

@@ -5,16 +5,18 @@
 //! controller's own position: it refuses to begin otherwise.
 
 use rcc_config::{ChannelConfig, DeviceConfig};
+use rcc_core::impedance::Strategy;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
-use super::{DRIVES_OFF, ENTERING, MONITORING, QUALITY, STRATEGY};
+use super::strategy::Strategies;
+use super::{DRIVES_OFF, ENTERING, MONITORING, POSE, QUALITY, STRATEGY};
 use crate::driver::{
     DriverError, Exchange, Inputs, Outputs, channel_error, channels, to_raw, to_si,
 };
 use crate::fri_lwr::wire::{
     CMD_SIZE, CommandDatagram, ControlStrategy, JOINTS, KrlBlock, MeasurementDatagram, Quality,
-    SessionState, flags,
+    SessionState,
 };
 
 /// Cycles of command state in which we still mirror.
@@ -55,6 +57,7 @@ struct Krl {
 pub struct Dialog {
     script: Script,
     quality_min: Quality,
+    strategies: Strategies,
     /// By kind: digital in, digital out, analog in, analog out.
     channels: [Vec<Krl>; 4],
     measured: MeasurementDatagram,
@@ -92,6 +95,7 @@ impl Dialog {
         Ok(Self {
             script,
             quality_min,
+            strategies: Strategies::of(device),
             channels: [
                 of(ChannelKind::DigitalInput)?,
                 of(ChannelKind::DigitalOutput)?,
@@ -149,12 +153,17 @@ impl Dialog {
         }
         self.from_the_past = 0;
         self.last_sequence = Some(measured.send_sequence);
-        self.commanding = if measured.state == SessionState::Command {
-            self.commanding.saturating_add(1)
-        } else {
-            0
+        // In another strategy, command state begins anew.
+        let goes_on = measured.control == self.measured.control;
+        self.commanding = match measured.state {
+            SessionState::Command if goes_on => self.commanding.saturating_add(1),
+            SessionState::Command => 1,
+            _ => 0,
         };
         self.measured = measured;
+        if self.commanding <= ENTRY_CYCLES {
+            self.strategies.mirror(&measured, &held(&measured));
+        }
         true
     }
 
@@ -221,6 +230,7 @@ impl Dialog {
         Exchange {
             commandable,
             startable: commandable && reason == 0,
+            strategy: self.strategy().unwrap_or(Strategy::Position),
             mirror: self.mirror(),
             ticks: std::mem::take(&mut self.ticks).max(1),
             period_ns: if known {
@@ -239,7 +249,8 @@ impl Dialog {
     pub fn answer(&mut self, outputs: &Outputs) -> [u8; CMD_SIZE] {
         self.own_sequence = self.own_sequence.wrapping_add(1);
         let finite = outputs.position.iter().all(|q| q.is_finite());
-        let position = if self.is_commandable() && finite {
+        let follows = self.is_commandable() && finite;
+        let position = if follows {
             outputs.position
         } else {
             self.mirror()
@@ -248,15 +259,17 @@ impl Dialog {
         for (place, value) in joint_position.iter_mut().zip(position) {
             *place = value as f32;
         }
-        CommandDatagram {
+        let mut answer = CommandDatagram {
             send_sequence: self.own_sequence,
             reflected_sequence: self.last_sequence.unwrap_or(0),
             krl: self.krl(outputs),
-            flags: flags::JOINT_POSITION,
             joint_position,
             ..CommandDatagram::default()
-        }
-        .encode()
+        };
+        let strategy = self.strategy().unwrap_or(Strategy::Position);
+        let told = (&outputs.impedance, follows.then_some(&position));
+        self.strategies.fill(&mut answer, strategy, told);
+        answer.encode()
     }
 
     fn krl(&self, outputs: &Outputs) -> KrlBlock {
@@ -287,9 +300,21 @@ impl Dialog {
     }
 
     fn is_commandable(&self) -> bool {
-        self.commanding > ENTRY_CYCLES
-            && self.has_power()
-            && self.measured.control == ControlStrategy::Position
+        self.commanding > ENTRY_CYCLES && self.has_power() && self.in_a_strategy() == 0
+    }
+
+    /// The control strategy that the controller runs, if the arm can be commanded in it.
+    fn strategy(&self) -> Option<Strategy> {
+        self.strategies.runs(&self.measured)
+    }
+
+    /// 0, or why the arm cannot be commanded in the controller's strategy.
+    fn in_a_strategy(&self) -> u32 {
+        match self.strategy() {
+            None => STRATEGY,
+            Some(Strategy::CartesianImpedance) if !self.strategies.knows_the_tool() => POSE,
+            Some(_) => 0,
+        }
     }
 
     fn has_power(&self) -> bool {
@@ -300,7 +325,7 @@ impl Dialog {
         let measured = &self.measured;
         match () {
             () if !self.has_power() => DRIVES_OFF,
-            () if measured.control != ControlStrategy::Position => STRATEGY,
+            () if self.in_a_strategy() != 0 => self.in_a_strategy(),
             () if measured.quality < self.quality_min => QUALITY,
             () if measured.state != SessionState::Command => MONITORING,
             () if self.commanding <= ENTRY_CYCLES => ENTERING,

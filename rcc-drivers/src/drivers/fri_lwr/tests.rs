@@ -1,5 +1,7 @@
 //! The driver against the simulated controller: in virtual time without a socket, and over one.
 
+mod impedance;
+
 use bytemuck::Zeroable;
 use rcc_core::message::{
     CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
@@ -405,7 +407,7 @@ fn drives_strategy_and_quality_say_why_nothing_may_begin() {
         (MeasurementDatagram { error: 1, ..good }, DRIVES_OFF),
         (
             MeasurementDatagram {
-                control: ControlStrategy::JointImpedance,
+                control: ControlStrategy::Other,
                 ..good
             },
             STRATEGY,

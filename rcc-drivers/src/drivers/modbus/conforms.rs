@@ -1,8 +1,7 @@
 //! The driver against the conformance suite: the simulated I/O station, which runs in threads of the test.
 //! Test code only.
 
-use std::io::{BufRead, BufReader, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::SocketAddr;
 use std::sync::mpsc;
 
 use rcc_config::{DeviceConfig, OnRelease};
@@ -19,18 +18,17 @@ use crate::driver::Inputs;
 use crate::host::reason::Reason;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
+use crate::sim::lines::Client;
 
 /// The station; coil 0 is wired to discrete input 0, holding register 0 to input register 0.
 struct Station {
     address: SocketAddr,
-    control: BufReader<TcpStream>,
+    control: Client,
 }
 
 impl Station {
     fn say(&mut self, line: &str) -> Value {
-        writeln!(self.control.get_mut(), "{line}").expect("loopback");
-        let mut answer = String::new();
-        self.control.read_line(&mut answer).expect("an answer");
+        let answer = self.control.ask(line).expect("an answer");
         serde_json::from_str(&answer).expect("JSON")
     }
 }
@@ -92,10 +90,10 @@ impl Subject for Station {
             let rest = line.split(name).nth(1).expect("its address");
             rest.split(' ').next().expect("its address").to_owned()
         };
-        let control = TcpStream::connect(place("control=")).expect("loopback");
+        let control = Client::connect(place("control=")).expect("loopback");
         Self {
             address: place("modbus=").parse().expect("an address"),
-            control: BufReader::new(control),
+            control,
         }
     }
 

@@ -1,7 +1,6 @@
 //! The driver against the simulated I/O station, which runs in a thread of the test.
 
-use std::io::{BufRead, BufReader, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener};
 use std::sync::mpsc;
 
 use rcc_config::OnRelease;
@@ -11,6 +10,7 @@ use super::*;
 use crate::conformance::{self, Peer, Row};
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
+use crate::sim::lines::Client;
 
 fn rows() -> [Row<'static>; 6] {
     let safe = Some(OnRelease::Safe(0.0));
@@ -48,7 +48,7 @@ fn device(server: SocketAddr) -> DeviceConfig {
 /// The station; it comes into being when it is first to be present, and is then frozen or not.
 struct Station {
     address: SocketAddr,
-    control: Option<BufReader<TcpStream>>,
+    control: Option<Client>,
     frozen: bool,
 }
 
@@ -82,15 +82,12 @@ impl Station {
         });
         let line = told.recv().expect("the station starts");
         let control = line.split("control=").nth(1).expect("its address");
-        let stream = TcpStream::connect(control).expect("loopback");
-        self.control = Some(BufReader::new(stream));
+        self.control = Some(Client::connect(control).expect("loopback"));
     }
 
     fn say(&mut self, line: &str) {
         let control = self.control.as_mut().expect("it runs");
-        writeln!(control.get_mut(), "{line}").expect("loopback");
-        let mut answer = String::new();
-        control.read_line(&mut answer).expect("an answer");
+        let answer = control.ask(line).expect("an answer");
         assert!(answer.contains("ok"), "{answer}");
     }
 }

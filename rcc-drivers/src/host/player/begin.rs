@@ -1,6 +1,8 @@
 //! Who begins to command the joints, and whether that may be followed.
 //! Pure; run by the host's thread after each exchange.
 
+use rcc_core::guard::ViolationKind;
+
 use super::super::blend::Blend;
 use super::super::detour::Detour;
 use super::super::pace::Pace;
@@ -53,12 +55,21 @@ impl Player {
         let checked = self
             .guard
             .first(&entry.position, &hold)
-            .and_then(|()| self.guard.first(&hold, &hold));
+            .and_then(|()| self.guard.first(&hold, &hold))
+            .and_then(|()| {
+                let dt_s = self.track.period_ns() as f64 * 1e-9;
+                self.guard
+                    .check_impedance(&entry.impedance, self.strategy, dt_s)
+            });
         if let Err(violation) = checked {
+            let why = match violation.kind {
+                ViolationKind::Strategy => reason::STRATEGY,
+                _ => reason::FIRST_SET_POINT,
+            };
             self.counts.violations += 1;
             self.violation = Some(violation);
             self.phase = Phase::Holding;
-            return self.refuse(entry.owner, reason::FIRST_SET_POINT);
+            return self.refuse(entry.owner, why);
         }
         self.blend = Blend::new(&hold, &entry.position, &self.settings.limits);
         self.pace = Pace::EVEN;

@@ -37,6 +37,7 @@ impl Player {
         blend.advance(tick.dt_s());
         let mut detour = self.detour;
         detour.advance(tick.dt_s(), &self.room(newest));
+        let old = self.entry;
         let position = if newest > self.entry {
             let regular = self.is_regular(newest, tick);
             let entry = *self.track.commanded(newest).ok_or(End::Lost)?;
@@ -60,6 +61,8 @@ impl Player {
         };
         let checked = self.guard.check(&position, tick.dt_s());
         checked.map_err(End::Violated)?;
+        let outputs = self.outputs;
+        self.check_impedance(old, &outputs).map_err(End::Violated)?;
         (self.blend, self.detour) = (blend, detour);
         Ok(position)
     }

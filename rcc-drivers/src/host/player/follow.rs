@@ -87,9 +87,18 @@ impl Player {
         self.guard
             .check(&position, tick.dt_s())
             .map_err(End::Violated)?;
+        self.check_impedance(old, &outputs).map_err(End::Violated)?;
         self.blend = blend;
         self.outputs = outputs;
         Ok(position)
+    }
+
+    /// What is commanded besides the position, since the set-point `old`; by logical time, however the pointer moves.
+    pub(super) fn check_impedance(&mut self, old: u64, entry: &SetPoint) -> Result<(), Violation> {
+        let cycles = self.entry.saturating_sub(old).max(1);
+        let dt_s = (cycles * self.track.period_ns()) as f64 * 1e-9;
+        self.guard
+            .check_impedance(&entry.impedance, self.strategy, dt_s)
     }
 
     /// At rest, waiting costs nothing: until all of the delay lies ahead again.
@@ -156,6 +165,7 @@ impl Player {
                 one.position == other.position
                     && one.digital == other.digital
                     && one.digital_commanded == other.digital_commanded
+                    && one.impedance == other.impedance
                     && bits(&one.analog) == bits(&other.analog)
             }
             _ => false,

@@ -67,6 +67,19 @@ impl Arm {
         }
     }
 
+    /// After a step in which the velocity has changed by `acceleration` (rad/s²): extremes, and whether the arm rests with a
+    /// set-point that `stands`, slower than `slow` (rad/s).
+    pub(super) fn note(&mut self, acceleration: Joints, stands: bool, slow: f64) {
+        self.acceleration = acceleration;
+        self.rests = stands;
+        for joint in 0..JOINTS {
+            self.velocity_max[joint] = self.velocity_max[joint].max(self.velocity[joint].abs());
+            self.acceleration_max[joint] =
+                self.acceleration_max[joint].max(self.acceleration[joint].abs());
+            self.rests &= self.velocity[joint].abs() < slow;
+        }
+    }
+
     /// The set-point stood still in the last step and every joint has arrived.
     pub fn is_at_rest(&self) -> bool {
         self.rests

@@ -210,6 +210,7 @@ impl Krc {
         Snapshot {
             tick: self.tick,
             time_s: self.time_s,
+            strategy: self.settings.strategy,
             fri_state: if self.command_state {
                 "command"
             } else {

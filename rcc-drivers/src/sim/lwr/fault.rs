@@ -75,9 +75,9 @@ pub enum Fault {
         /// Index of the joint.
         joint: usize,
     },
-    /// Command flags that the position strategy does not take, or that have changed in command state.
+    /// Command flags that the strategy does not take, or that have changed in command state.
     #[error(
-        "the command flags are {have:#06x}, position strategy takes {want:#06x}; flags may change in monitor state only"
+        "the command flags are {have:#06x}, the strategy takes {want:#06x}; flags may change in monitor state only"
     )]
     Flags {
         /// Expected.
@@ -91,10 +91,43 @@ pub enum Fault {
     /// The drives were switched off while commanding.
     #[error("the drives were switched off")]
     DrivesOff,
+    /// A stiffness, damping, force or torque that KRL would not take.
+    #[error("{what} {} was commanded to {value}, the range is {least} to {greatest}", element + 1)]
+    Impedance {
+        /// What it is.
+        what: &'static str,
+        /// Index of the axis (x y z rx ry rz) or joint.
+        element: usize,
+        /// Commanded.
+        value: f64,
+        /// Allowed.
+        least: f64,
+        /// Allowed.
+        greatest: f64,
+    },
+    /// The commanded pose is none, or another one than that of the commanded joint positions.
+    #[error(
+        "the commanded pose is {distance} m and {angle} rad away from that of the commanded joint positions (allowed 0.001 m, \
+         0.01 rad)"
+    )]
+    Pose {
+        /// m.
+        distance: f64,
+        /// rad.
+        angle: f64,
+    },
+    /// A force or torque on top where command state begins.
+    #[error(
+        "at the entry {value} N or N·m were commanded on top (allowed 1): cmd.addJntTrq not properly initialized"
+    )]
+    Added {
+        /// The largest.
+        value: f64,
+    },
 }
 
 impl Fault {
-    /// What the KRL program reports in `$FRI_TO_INT[2]`: 1 to 10 in the order above, 0 is no fault.
+    /// What the KRL program reports in `$FRI_TO_INT[2]`: 1 to 13 in the order above, 0 is no fault.
     pub fn code(&self) -> i32 {
         match self {
             Self::Lost { .. } => 1,
@@ -107,6 +140,9 @@ impl Fault {
             Self::Flags { .. } => 8,
             Self::EmergencyStop => 9,
             Self::DrivesOff => 10,
+            Self::Impedance { .. } => 11,
+            Self::Pose { .. } => 12,
+            Self::Added { .. } => 13,
         }
     }
 
@@ -144,7 +180,7 @@ pub enum Waiting {
     /// The quality is below OK.
     #[error("the quality is {0:?}, at least Ok is needed")]
     Quality(Quality),
-    /// The command's flags are not those of the position strategy.
+    /// The command's flags are not those of the strategy.
     #[error("the command flags are {have:#06x}, {want:#06x} is needed")]
     Flags {
         /// Expected.

@@ -3,7 +3,7 @@
 //!
 //! A cycle: a measurement datagram goes out, [`Krc::receive`] takes what comes back, [`Krc::tick`] judges it, lets
 //! the KRL program decide, moves the arm, and builds the next datagram. A bad datagram is counted and never answered:
-//! a real controller is mute as well. The position strategy is the only one.
+//! a real controller is mute as well.
 //!
 //! What the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention), otherwise 0;
 //! `$FRI_TO_INT[2]` is the number of the fault that is not acknowledged ([`Fault::code`]), 0 without one.
@@ -11,19 +11,25 @@
 use super::arm::Arm;
 use super::brake::Brake;
 use super::fault::{Fault, Waiting};
-use super::model::{Geometry, geometry};
+use super::impedance::{Springs, deflection};
+use super::model::{Geometry, geometry, geometry_of};
 use super::network::Network;
 use super::quality::QualityMeter;
-use super::settings::{Settings, Wire};
+use super::settings::{Settings, Strategy, Wire};
 use super::statistics::{Counts, FAULTS_KEPT, FaultRecord};
 use super::stream::Stream;
 use super::surroundings::Surroundings;
 use super::trace::TraceRecord;
 use super::{JOINTS, Joints};
-use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError, flags};
+use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError};
 
 /// Cycles in which the KRL program says that it ends.
 const FAREWELL_CYCLES: u32 = 20;
+
+/// Largest force or torque on top at the entry, N or N·m: beyond 1 N·m others have seen a real controller refuse.
+const ADDED_AT_ENTRY: f64 = 1.0;
+/// Largest difference of the commanded pose to that of the commanded joint positions, m and rad. Ours.
+const POSE_TOLERANCE: (f64, f64) = (1e-3, 0.01);
 
 /// What the set-point does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +54,8 @@ pub struct Krc {
     pub(super) counts: Counts,
     pub(super) quality: QualityMeter,
     pub(super) arm: Arm,
+    /// Commanded in the strategies of impedance control; those of `$STIFFNESS` while nothing is commanded.
+    pub(super) springs: Springs,
     pub(super) surroundings: Surroundings,
     pub(super) geometry: Geometry,
     pub(super) wrench: [f64; 6],
@@ -89,6 +97,7 @@ impl Krc {
             counts: Counts::default(),
             quality: QualityMeter::new(settings.quality, period_s),
             arm: Arm::new(start, settings.bandwidth_rad_s),
+            springs: Springs::usual(settings.strategy),
             surroundings: Surroundings {
                 wall: settings.wall,
                 injected: [0.0; 6],
@@ -163,7 +172,14 @@ impl Krc {
         let from = self.desired;
         let periods = self.move_set_point(command.as_ref(), periods_max);
         let step_s = periods as f64 * self.settings.period_s;
-        self.arm.follow(&from, &self.desired, step_s);
+        match self.settings.strategy {
+            Strategy::Position => self.arm.follow(&from, &self.desired, step_s),
+            strategy => {
+                let law = (strategy, &self.springs);
+                let goal = (&from, &self.desired);
+                self.arm.give_way(goal, step_s, law, &self.surroundings);
+            }
+        }
         self.geometry = geometry(&self.arm.position);
         self.wrench = self.surroundings.wrench(&self.geometry, &self.arm.velocity);
         self.at_rest_for_s = if self.is_at_rest() {
@@ -323,9 +339,10 @@ impl Krc {
         periods_max: u64,
     ) -> Result<u64, Fault> {
         self.missed_in_a_row = 0;
-        if command.flags != flags::JOINT_POSITION {
+        let strategy = self.settings.strategy;
+        if command.flags != strategy.flags() {
             return Err(Fault::Flags {
-                want: flags::JOINT_POSITION,
+                want: strategy.flags(),
                 have: command.flags,
             });
         }
@@ -340,13 +357,42 @@ impl Krc {
                 tolerance,
             });
         }
-        self.mirror_checked = true;
         let target = command.joint_position.map(f64::from);
+        let springs = self.springs_of(command, &target)?;
+        self.mirror_checked = true;
         let periods = stream.accept(&target, periods_max, &self.settings)?;
+        self.springs = springs;
         self.desired = target;
         self.last_stream = stream;
         self.motion = Motion::Follow(stream);
         Ok(periods)
+    }
+
+    /// The springs of a command in the strategies of impedance control, and whether its pose fits its joint positions.
+    fn springs_of(&self, command: &CommandDatagram, target: &Joints) -> Result<Springs, Fault> {
+        let strategy = self.settings.strategy;
+        if strategy == Strategy::Position {
+            return Ok(self.springs);
+        }
+        let springs = Springs::of(command, strategy)?;
+        let value = springs
+            .added
+            .iter()
+            .fold(0.0_f64, |most, value| most.max(value.abs()));
+        if !self.mirror_checked && value > ADDED_AT_ENTRY {
+            return Err(Fault::Added { value });
+        }
+        if strategy == Strategy::CartesianImpedance {
+            let commanded = geometry_of(&command.cartesian_position);
+            let [x, y, z, rx, ry, rz] = deflection(&geometry(target), &commanded);
+            let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let (distance, angle) = (length([x, y, z]), length([rx, ry, rz]));
+            let (most, turn) = POSE_TOLERANCE;
+            if !(distance <= most && angle <= turn) {
+                return Err(Fault::Pose { distance, angle });
+            }
+        }
+        Ok(springs)
     }
 
     /// Goes on with the last velocity, or stops after too many missed answers.
@@ -408,6 +454,7 @@ impl Krc {
     /// Monitor state; a moving set-point is brought to rest.
     pub(super) fn stop(&mut self) {
         self.command_state = false;
+        self.springs = Springs::usual(self.settings.strategy);
         if let Motion::Follow(stream) = self.motion {
             let brake = Brake::new(
                 self.desired,

@@ -4,6 +4,7 @@
 use super::krc::Krc;
 use super::model::geometry;
 use super::quality::WINDOW;
+use super::settings::Strategy;
 use super::surroundings::wire_wrench;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{ControlStrategy, MeasurementDatagram, SessionState};
@@ -37,7 +38,11 @@ impl Krc {
             miss_rate: 1.0 - answered,
             miss_count: self.counts.missed as u32,
             power: if self.drives_on() { 0x7f } else { 0 },
-            control: ControlStrategy::Position,
+            control: match self.settings.strategy {
+                Strategy::Position => ControlStrategy::Position,
+                Strategy::CartesianImpedance => ControlStrategy::CartesianImpedance,
+                Strategy::JointImpedance => ControlStrategy::JointImpedance,
+            },
             error: self.fault.map_or(0, |fault| fault.drive_bits()),
             warning: 0,
             temperature: [30.0; JOINTS],

@@ -50,6 +50,16 @@ pub fn geometry(q: &Joints) -> Geometry {
     }
 }
 
+/// A pose as FRI sends it, without a Jacobian.
+pub fn geometry_of(pose: &[f32; 12]) -> Geometry {
+    let value = |row: usize, column: usize| f64::from(pose[4 * row + column]);
+    Geometry {
+        rotation: std::array::from_fn(|row| std::array::from_fn(|column| value(row, column))),
+        position: std::array::from_fn(|row| value(row, 3)),
+        jacobian: [[0.0; JOINTS]; 6],
+    }
+}
+
 impl Geometry {
     /// 3×4 row-major `[R|p]` as FRI sends poses.
     pub fn pose(&self) -> [f32; 12] {

@@ -1,7 +1,7 @@
 //! The command line of `lwr-sim`. Every threshold that KUKA does not publish is ours, and says so.
 //! Read once, by the main thread.
 
-use super::settings::{Acknowledge, Limits, QualityRules, Script, Settings, Wire};
+use super::settings::{Acknowledge, Limits, QualityRules, Script, Settings, Strategy, Wire};
 use super::surroundings::{Wall, WallError};
 use super::{JOINTS, Joints};
 use clap::Parser;
@@ -29,6 +29,10 @@ pub struct Options {
     /// 1 and 10 ask for it, 0 and 2 end it; with auto it begins as soon as its conditions hold
     #[arg(long, value_enum, default_value = "first-app")]
     pub krl: Script,
+    /// Control strategy that the KRL program has chosen, `$STIFFNESS.STRATEGY` 10, 20 or 30: in impedance the arm gives
+    /// way; only clients that also command joint positions are followed
+    #[arg(long, value_enum, default_value = "position")]
+    pub strategy: Strategy,
     /// Who acknowledges a fault: the KRL program once the arm has rested for 0.5 s and the PC mirrors, or the
     /// control port (the 0.5 s are ours)
     #[arg(long, value_enum, default_value = "auto")]
@@ -216,6 +220,7 @@ impl Options {
             period_s: self.period_ms * 1e-3,
             start: self.start.0,
             script: self.krl,
+            strategy: self.strategy,
             acknowledge: self.ack,
             limits: self.limits()?,
             safety_limits: self.safety_limits,

@@ -4,7 +4,7 @@
 use super::fault::{Fault, Waiting};
 use super::krc::Krc;
 use super::settings::{Acknowledge, Script};
-use crate::fri_lwr::wire::{CommandDatagram, Quality, flags};
+use crate::fri_lwr::wire::{CommandDatagram, Quality};
 
 impl Krc {
     /// One pass of the program: what the PC asks for, what ends, what may begin.
@@ -64,10 +64,12 @@ impl Krc {
             None => Some(Waiting::Answer),
             _ if quality < Quality::Ok => Some(Waiting::Quality(quality)),
             Some(command) if !self.wants_command => Some(Waiting::Request(command.krl.integers[0])),
-            Some(command) if command.flags != flags::JOINT_POSITION => Some(Waiting::Flags {
-                want: flags::JOINT_POSITION,
-                have: command.flags,
-            }),
+            Some(command) if command.flags != self.settings.strategy.flags() => {
+                Some(Waiting::Flags {
+                    want: self.settings.strategy.flags(),
+                    have: command.flags,
+                })
+            }
             Some(command) => self
                 .not_mirrored(command)
                 .map(|(joint, value)| Waiting::Mirror {

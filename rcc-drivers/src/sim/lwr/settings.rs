@@ -17,6 +17,18 @@ pub enum Script {
     Auto,
 }
 
+/// The control strategy that the KRL program has chosen before it opened the interface, `$STIFFNESS.STRATEGY`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Strategy {
+    /// 10: the joints are where they are commanded to.
+    Position,
+    /// 20: the flange hangs on springs at the commanded pose.
+    CartesianImpedance,
+    /// 30: each joint hangs on a spring at its commanded position.
+    JointImpedance,
+}
+
 /// Who acknowledges a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Acknowledge {
@@ -93,6 +105,8 @@ pub struct Settings {
     pub start: Joints,
     /// KRL program.
     pub script: Script,
+    /// Control strategy.
+    pub strategy: Strategy,
     /// Who acknowledges.
     pub acknowledge: Acknowledge,
     /// For how long the arm must rest before the KRL program acknowledges, s. Ours.
@@ -133,6 +147,7 @@ impl Default for Settings {
             period_s: 0.001,
             start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
             script: Script::FirstApp,
+            strategy: Strategy::Position,
             acknowledge: Acknowledge::Auto,
             acknowledge_after_s: 0.5,
             limits: Limits::default(),

@@ -3,6 +3,7 @@
 
 use super::Joints;
 use super::network::NetworkCounts;
+use super::settings::Strategy;
 use super::surroundings::Wall;
 use serde::Serialize;
 
@@ -77,6 +78,8 @@ pub struct Snapshot {
     pub tick: u64,
     /// Controller's time since the start, s.
     pub time_s: f64,
+    /// Control strategy.
+    pub strategy: Strategy,
     /// `monitor` or `command`.
     pub fri_state: &'static str,
     /// `unacceptable`, `bad`, `ok` or `perfect`.

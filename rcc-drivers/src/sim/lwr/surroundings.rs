@@ -4,7 +4,7 @@
 use super::Joints;
 use super::model::Geometry;
 
-/// A plane that pushes back. The arm is stiff (position control): it feels the wall and does not give way.
+/// A plane that pushes back. In position control the arm feels it and does not give way; in impedance control it does.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {

@@ -3,6 +3,7 @@
 
 mod entry;
 mod exchange;
+mod impedance;
 mod stops;
 
 use super::control::Command;

@@ -259,9 +259,14 @@ fn drives_tell_their_errors_and_their_want_of_power() {
 #[test]
 fn another_control_strategy_names_the_variable() {
     assert_fails(
-        &running(json!({"control": "joint impedance"})),
+        &running(json!({"control": "other"})),
         "control",
-        &["joint impedance", "$STIFFNESS.STRATEGY = 10"],
+        &["other", "$STIFFNESS.STRATEGY = 10"],
+    );
+    let soft = LinkReport::of(&running(json!({"control": "joint impedance"})));
+    assert!(
+        soft.human()
+            .contains("the controller is in joint impedance control")
     );
 }
 

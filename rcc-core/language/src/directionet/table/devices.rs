@@ -62,11 +62,11 @@ pub(super) const ROWS: &[Row] = &[
         .to(Last, None(Reason::Later))
         .note("impedance, control strategy and tool come with the robot's modes"),
     Row::new("KUKA::LWR::CartImpParameters", A, "inAddTorque:Wrench inDamping:Wrench inStiffness:Wrench", "", "Robot:string=")
-        .to(Last, None(Reason::Later))
-        .note("impedance, control strategy and tool come with the robot's modes"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("write it anew: `CartesianImpedanceCommand` commands position and springs together"),
     Row::new("KUKA::LWR::ControlStrategy", A, "inStrategy:int", "outCompleted:bool outError:int", "Robot:string=")
-        .to(Last, None(Reason::Later))
-        .note("impedance, control strategy and tool come with the robot's modes"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("the controller's program chooses it before command mode; START refuses a net for another one"),
     Row::new("KUKA::LWR::FMonitor", M, "", "outTcpFx:double outTcpFy:double outTcpFz:double outTcpTx:double outTcpTy:double outTcpTz:double", "Robot:string=")
         .to(Last, Net("{f=ForceTorque(device=parent.Robot),outTcpFx=f.fx,outTcpFy=f.fy,outTcpFz=f.fz,outTcpTx=f.tx,outTcpTy=f.ty,outTcpTz=f.tz}")),
     Row::new("KUKA::LWR::FTMonitor", M, "", "outMsrJ1:double outMsrJ2:double outMsrJ3:double outMsrJ4:double outMsrJ5:double outMsrJ6:double outMsrJ7:double outEstJ1:double outEstJ2:double outEstJ3:double outEstJ4:double outEstJ5:double outEstJ6:double outEstJ7:double outTcpFx:double outTcpFy:double outTcpFz:double outTcpTx:double outTcpTy:double outTcpTz:double", "Robot:string=")
@@ -75,8 +75,8 @@ pub(super) const ROWS: &[Row] = &[
         .to(Last, Net("{i=InverseKinematicsNear(device=parent.Robot,pose=parent.inFrame,arm_angle=ArmAngle(device=parent.Robot,joints=List(j1=Else(link=parent.inNullspaceJ1,otherwise=parent.inHintJ1).x,j2=Else(link=parent.inNullspaceJ2,otherwise=parent.inHintJ2).x,j3=Else(link=parent.inNullspaceJ3,otherwise=parent.inHintJ3).x,j4=Else(link=parent.inNullspaceJ4,otherwise=parent.inHintJ4).x,j5=Else(link=parent.inNullspaceJ5,otherwise=parent.inHintJ5).x,j6=Else(link=parent.inNullspaceJ6,otherwise=parent.inHintJ6).x,j7=Else(link=parent.inNullspaceJ7,otherwise=parent.inHintJ7).x).x).angle,hint=List(j1=parent.inHintJ1,j2=parent.inHintJ2,j3=parent.inHintJ3,j4=parent.inHintJ4,j5=parent.inHintJ5,j6=parent.inHintJ6,j7=parent.inHintJ7).x),outJ1=At(of=i.joints,index='0').x,outJ2=At(of=i.joints,index='1').x,outJ3=At(of=i.joints,index='2').x,outJ4=At(of=i.joints,index='3').x,outJ5=At(of=i.joints,index='4').x,outJ6=At(of=i.joints,index='5').x,outJ7=At(of=i.joints,index='6').x}"))
         .note("the arm angle is kept exactly, whatever `Strategy` says"),
     Row::new("KUKA::LWR::JointImpParameters", A, "inAddTorque:double inDamping:double inStiffness:double", "", "Robot:string= Axis:int=0")
-        .to(Last, None(Reason::Later))
-        .note("impedance, control strategy and tool come with the robot's modes"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("write it anew: `JointImpedanceCommand` commands position and springs together"),
     Row::new("KUKA::LWR::Kin", A, "inJ1*:double inJ2*:double inJ3*:double inJ4*:double inJ5*:double inJ6*:double inJ7*:double", "outAlpha:double outFrame:Frame", "Robot:string=")
         .to(Last, Net("{outFrame=ForwardKinematics(device=parent.Robot,joints=List(j1=parent.inJ1,j2=parent.inJ2,j3=parent.inJ3,j4=parent.inJ4,j5=parent.inJ5,j6=parent.inJ6,j7=parent.inJ7).x).pose,outAlpha=ArmAngle(device=parent.Robot,joints=List(j1=parent.inJ1,j2=parent.inJ2,j3=parent.inJ3,j4=parent.inJ4,j5=parent.inJ5,j6=parent.inJ6,j7=parent.inJ7).x).angle}")),
     Row::new("KUKA::LWR::TMonitor", M, "", "outEst:double outMsr:double", "Robot:string= Axis:int=0")

@@ -22,6 +22,7 @@ pub(super) fn limits() -> ArmLimits {
             joints: 7,
         },
         jerk_max: [J_MAX; JOINTS_MAX],
+        impedance: None,
     }
 }
 
@@ -74,6 +75,7 @@ impl Bench {
                 period_ns: MS,
                 commandable: true,
                 startable: true,
+                strategy: 0,
                 mirror: [0.0; JOINTS_MAX],
             },
         };

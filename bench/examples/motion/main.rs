@@ -1,0 +1,123 @@
+//! Measures motion and writes docs/performance-motion.md: `cargo run --release -p rcc-bench --example motion -- [--kinematics
+//! FILE] [--rounds N] [--output FILE]`. The file is what `bench/kinematics/compare --json` wrote. One thread.
+
+#[path = "../performance/machine.rs"]
+mod machine;
+mod others;
+#[path = "../performance/table.rs"]
+mod table;
+
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rcc_bench::measure::{Effort, alternate};
+use rcc_bench::motion::{groups, replan};
+
+use crate::table::{spread, table, verdict};
+
+/// How the page is made.
+const CONSOLE: &str = "\
+$ bench/kinematics/compare --json target/kinematics.json      # as root, where the others are installed\n\
+$ cargo build --release -p rcc-bench --example motion\n\
+$ chrt -f 10 taskset -c 1 target/release/examples/motion --kinematics target/kinematics.json\n";
+
+/// What was asked for.
+struct Arguments {
+    effort: Effort,
+    kinematics: Option<PathBuf>,
+    output: PathBuf,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = arguments()?;
+    let machine = machine::section("Performance of motion", CONSOLE, &arguments.effort)?;
+    let cycles = cycles(arguments.effort);
+    let replan = replanning();
+    let others = others::section(arguments.kinematics.as_deref())?;
+    fs::write(
+        &arguments.output,
+        [machine, cycles, replan, others].join("\n"),
+    )?;
+    eprintln!("motion: wrote {}", arguments.output.display());
+    Ok(())
+}
+
+fn arguments() -> Result<Arguments, Box<dyn Error>> {
+    let mut arguments = Arguments {
+        effort: Effort {
+            rounds: 9,
+            stretches: 15,
+            stretch: Duration::from_millis(1),
+        },
+        kinematics: None,
+        output: Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/performance-motion.md"),
+    };
+    let mut given = std::env::args().skip(1);
+    while let Some(name) = given.next() {
+        let value = given
+            .next()
+            .ok_or_else(|| format!("{name} needs a value"))?;
+        match name.as_str() {
+            "--rounds" => arguments.effort.rounds = value.parse::<usize>()?.max(5),
+            "--kinematics" => arguments.kinematics = Some(value.into()),
+            "--output" => arguments.output = value.into(),
+            _ => return Err(format!("{name} is unknown: --rounds, --kinematics, --output").into()),
+        }
+    }
+    Ok(arguments)
+}
+
+/// All subjects in turns, a table for each group.
+fn cycles(effort: Effort) -> String {
+    eprintln!("motion: kinematics, path clock, motions, nets");
+    let (mut heads, mut subjects) = (Vec::new(), Vec::new());
+    for group in groups() {
+        let names = group.subjects.iter();
+        heads.push((
+            group.name,
+            names
+                .map(|it| (it.name.clone(), it.goal_ns))
+                .collect::<Vec<_>>(),
+        ));
+        subjects.extend(group.subjects.into_iter().map(|it| it.subject));
+    }
+    let mut figures = alternate(&mut subjects, effort).into_iter();
+    let mut text = String::from(
+        "## In a cycle\n\n\
+         ns a call, from the functions themselves up to a whole cycle of a net. Goals are held against the fastest round, which is what \
+         the code costs: what else runs on the machine only adds. Kinematics are asked at 256 random positions \
+         one after the other.\n",
+    );
+    for (group, names) in heads {
+        let rows = names.into_iter().zip(&mut figures);
+        let rows = rows.map(|((name, goal), figure)| {
+            let goal = goal.map_or(String::new(), |goal| verdict(figure.low, goal));
+            vec![name, spread(figure, 1.0), goal]
+        });
+        text += &format!(
+            "\n{}",
+            table(&[group, "ns", "goal"], &rows.collect::<Vec<_>>())
+        );
+    }
+    text
+}
+
+fn replanning() -> String {
+    eprintln!("motion: planning anew");
+    let rows = replan::measure().into_iter().map(|spread| {
+        let times = spread.ns.map(|ns| ns.to_string());
+        [spread.name.to_owned()].into_iter().chain(times).collect()
+    });
+    format!(
+        "## New goals while an arm moves\n\n\
+         Seven joints of an LWR 4+, each planned with its limits of velocity, acceleration and jerk (`JointGoal`): ns that so many of \
+         200,000 cases did not exceed, the time to read the clock included. The last column and most of the one before are the \
+         machine's interruptions, not the code's: it has no loop without a constant bound.\n\n{}",
+        table(
+            &["seven joints", "50 %", "99 %", "99.9 %", "all"],
+            &rows.collect::<Vec<_>>()
+        )
+    )
+}

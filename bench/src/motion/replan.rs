@@ -1,0 +1,101 @@
+//! What it costs to plan the way of seven joints anew, from any state to any goal: not a mean, but how the times of many
+//! cases are spread. See the parent module.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use rcc_core::axis::{AXIS_WORDS, AxisState, Follower};
+use rcc_core::path::Limits;
+use rcc_motion::goal::plan;
+
+use super::random;
+
+const ROUNDS: usize = 200_000;
+const PERIOD_S: f64 = 1e-3;
+
+/// How long something took in many cases, ns.
+pub struct Spread {
+    /// What.
+    pub name: &'static str,
+    /// The times that 50, 99, 99.9 and 100 % of the cases did not exceed, ns.
+    pub ns: [u64; 4],
+}
+
+fn spread(name: &'static str, mut times_ns: Vec<u64>) -> Spread {
+    times_ns.sort_unstable();
+    let at = |share: f64| times_ns[((times_ns.len() - 1) as f64 * share) as usize];
+    Spread {
+        name,
+        ns: [0.5, 0.99, 0.999, 1.0].map(at),
+    }
+}
+
+fn timed(work: impl FnOnce()) -> u64 {
+    let begun = Instant::now();
+    work();
+    begun.elapsed().as_nanos() as u64
+}
+
+/// An LWR 4+: 110 to 204 deg/s, 1200 to 4400 deg/s², ten times that per s³.
+fn limits() -> [Limits; 7] {
+    [1.92, 1.92, 2.23, 2.23, 3.56, 3.21, 3.21].map(|velocity: f64| Limits {
+        velocity,
+        acceleration: 11.0 * velocity,
+        jerk: 110.0 * velocity,
+    })
+}
+
+fn state(seed: &mut u64, limits: &Limits) -> AxisState {
+    AxisState {
+        position: random(seed),
+        velocity: 0.8 * limits.velocity * random(seed),
+        acceleration: 0.8 * limits.acceleration * random(seed),
+    }
+}
+
+/// Measures, for seconds.
+#[must_use]
+pub fn measure() -> Vec<Spread> {
+    let (mut seed, limits) = (7, limits());
+    let mut random_states = Vec::with_capacity(ROUNDS);
+    for _ in 0..ROUNDS {
+        let tasks = limits.map(|limits| (state(&mut seed, &limits), random(&mut seed), limits));
+        random_states.push(timed(|| {
+            for (from, goal, limits) in &tasks {
+                black_box(plan(black_box(from), *goal, limits));
+            }
+        }));
+    }
+    let (same, new) = follow(&mut seed, &limits);
+    vec![
+        spread("planning alone, random states and goals", random_states),
+        spread("a cycle on the way to goals as they were", same),
+        spread("a cycle with seven new goals", new),
+    ]
+}
+
+/// Cycles of seven joints on their way, with new goals every 20 cycles: those without and those with new ones.
+fn follow(seed: &mut u64, limits: &[Limits; 7]) -> (Vec<u64>, Vec<u64>) {
+    let mut joints = limits.map(|_| Follower::at_rest(0.0));
+    let mut words = joints.map(|joint| joint.words());
+    let (mut same, mut other) = (Vec::new(), Vec::new());
+    let mut goals = [0.5; 7];
+    for cycle in 0..ROUNDS {
+        let new = cycle % 20 == 0;
+        if new {
+            goals = goals.map(|_| random(seed));
+        }
+        let step = |words: &mut [[f64; AXIS_WORDS]; 7], joints: &mut [Follower; 7]| {
+            for (((words, joint), goal), limits) in
+                words.iter_mut().zip(joints).zip(goals).zip(limits)
+            {
+                *joint = Follower::from_words(words);
+                black_box(joint.step(Some(goal), limits, PERIOD_S, plan));
+                *words = joint.words();
+            }
+        };
+        let ns = timed(|| step(&mut words, &mut joints));
+        if new { &mut other } else { &mut same }.push(ns);
+    }
+    (same, other)
+}

@@ -1,0 +1,186 @@
+//! Impedance set-points in virtual time: what leaves for the device, and what the guard refuses, when, and with which words.
+
+mod common;
+
+use common::{Bench, HOLD, Plan, drift_net, model};
+use rcc_core::frame::DeviceModel;
+use rcc_core::guard::{ViolationKind, axis};
+use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
+use rcc_core::message::{CommandState, EndReason, FaultCode};
+use rcc_ipc::control::{Answer, PlanData, Refusal};
+
+const CARTESIAN: u64 = Strategy::CartesianImpedance as u64;
+
+const LIMITS: ImpedanceLimits = ImpedanceLimits {
+    translation: [0.01, 5000.0],
+    rotation: [0.01, 300.0],
+    joint: [0.01, 2000.0],
+    damping: [0.1, 1.0],
+    rate: 2.0,
+    force: 50.0,
+    torque: 10.0,
+    joint_torque: 15.0,
+};
+
+/// An arm in Cartesian impedance.
+fn bench() -> Bench {
+    let mut bench = Bench::with(DeviceModel {
+        impedance: Some(LIMITS),
+        ..model()
+    });
+    bench.driver.measurement.strategy = CARTESIAN;
+    bench
+}
+
+/// Holds the arm; along z it is `from` (N/m) soft, and that changes by `rate` (N/m/s). Its wrench is `fz` along z.
+fn soft_net(from: f64, rate: f64, fz: f64) -> PlanData {
+    let mut plan = Plan::new();
+    let no = plan.bool(0);
+    let [from, rate, time, way] =
+        [from, rate, f64::NAN, f64::NAN].map(|value| plan.reals(&[value]));
+    let joints = plan.reals(&HOLD[..7]);
+    let stiffness = plan.reals(&[1000.0, 1000.0, f64::NAN]);
+    let about = plan.reals(&[100.0; 3]);
+    let ratio = plan.reals(&[0.7; 3]);
+    let wrench = plan.reals(&[0.0, 0.0, fz, 0.0, 0.0, 0.0]);
+    plan.add("Time", &[time]);
+    plan.add("Multiply", &[time, rate, way]);
+    plan.add("Add", &[from, way, stiffness + 2]);
+    let inputs = [joints, stiffness, about, ratio, ratio, wrench, 0, 7];
+    plan.add("CartesianImpedanceCommand", &inputs);
+    plan.add("Termination", &[no]);
+    plan.data
+}
+
+fn refused(answer: Answer) -> (u32, f64, f64, ViolationKind) {
+    match answer {
+        Answer::Refused(Refusal::FirstSetPoint {
+            device: 0,
+            joint,
+            value,
+            limit,
+            violation,
+        }) => {
+            let kind = ViolationKind::from_number(violation).expect("a rule");
+            (joint, value, limit, kind)
+        }
+        answer => panic!("not refused: {answer:?}"),
+    }
+}
+
+#[test]
+fn springs_and_wrench_leave_with_the_position() {
+    let mut bench = bench();
+    let id = bench.load(soft_net(500.0, 1000.0, -5.0));
+    assert!(matches!(bench.start(id), Answer::Done { .. }));
+    bench.steps(100);
+    let told = bench.told();
+    assert_eq!((told.has_position, told.impedance.strategy), (1, CARTESIAN));
+    assert_eq!(told.impedance.added[2], -5.0);
+    // 1000 N/m/s for 100 ms.
+    assert!(
+        (told.impedance.stiffness[2] - 600.0).abs() < 1e-6,
+        "{told:?}"
+    );
+    assert_eq!(bench.state(id), CommandState::Running);
+}
+
+#[test]
+fn a_net_for_another_strategy_is_refused_and_nothing_leaves() {
+    let mut soft = bench();
+    let id = soft.load(drift_net(HOLD[0], 0.0));
+    let (joint, value, limit, kind) = refused(soft.start(id));
+    assert_eq!((joint, kind), (0, ViolationKind::Strategy));
+    assert_eq!((value, limit), (0.0, 1.0));
+    assert_eq!(soft.state(id), CommandState::Ready);
+    assert_eq!(soft.told().has_position, 0);
+    let mut stiff = bench();
+    stiff.driver.measurement.strategy = 0;
+    let id = stiff.load(soft_net(500.0, 0.0, 0.0));
+    let (_, value, limit, kind) = refused(stiff.start(id));
+    assert_eq!((value, limit, kind), (1.0, 0.0, ViolationKind::Strategy));
+    assert_eq!(stiff.told().has_position, 0);
+    // Switched by hand, the same net starts.
+    stiff.driver.measurement.strategy = CARTESIAN;
+    assert!(matches!(stiff.start(id), Answer::Done { .. }));
+}
+
+#[test]
+fn a_controller_that_changes_its_strategy_ends_the_net() {
+    let mut bench = bench();
+    let id = bench.load(soft_net(500.0, 0.0, 0.0));
+    bench.start(id);
+    bench.steps(20);
+    bench.driver.measurement.strategy = 2;
+    assert_eq!(bench.until_terminated(id, 2), EndReason::Fault);
+    let fault = bench.entry(id).fault;
+    assert_eq!(fault.code, FaultCode::Limit as u32);
+    assert_eq!(fault.violation, ViolationKind::Strategy.number());
+    assert_eq!((bench.told().has_position, fault.joint), (0, 0));
+}
+
+#[test]
+fn what_is_out_of_range_is_refused_with_its_axis() {
+    for (from, fz, kind, limit) in [
+        (5001.0, 0.0, ViolationKind::Stiffness, 5000.0),
+        (0.0, 0.0, ViolationKind::Stiffness, 0.01),
+        (500.0, -50.5, ViolationKind::Added, -50.0),
+    ] {
+        let mut bench = bench();
+        let id = bench.load(soft_net(from, 0.0, fz));
+        let (joint, value, allowed, broken) = refused(bench.start(id));
+        assert_eq!((broken, allowed), (kind, limit));
+        assert_eq!(value, if fz == 0.0 { from } else { fz });
+        assert_eq!(axis(joint as usize - 1), Some("z"));
+    }
+}
+
+#[test]
+fn a_stiffness_that_changes_faster_than_its_rate_ends_the_net() {
+    // Twice a second all of 5000 N/m.
+    for (rate, ends) in [(9_990.0, false), (10_010.0, true), (-10_010.0, true)] {
+        let mut bench = bench();
+        let id = bench.load(soft_net(1000.0, rate, 0.0));
+        assert!(matches!(bench.start(id), Answer::Done { .. }));
+        bench.steps(10);
+        assert_eq!(bench.state(id) == CommandState::Terminated, ends, "{rate}");
+        let fault = bench.entry(id).fault;
+        if ends {
+            assert_eq!(fault.violation, ViolationKind::StiffnessRate.number());
+            assert!((fault.value - rate).abs() < 1e-3, "{fault:?}");
+            assert_eq!(axis(fault.joint as usize - 1), Some("z"));
+        }
+    }
+}
+
+#[test]
+fn a_hand_over_continues_the_stiffness_too() {
+    let mut bench = bench();
+    let old = bench.load(soft_net(500.0, 0.0, 0.0));
+    bench.start(old);
+    bench.steps(20);
+    let jumps = bench.load(soft_net(600.0, 0.0, 0.0));
+    let Answer::RefusedFor { refusal, .. } = bench.switch(&[old], &[jumps]) else {
+        panic!("not refused")
+    };
+    let Refusal::Continuation { violation, .. } = refusal else {
+        panic!("{refusal:?}")
+    };
+    assert_eq!(violation, ViolationKind::StiffnessRate.number());
+    assert_eq!(bench.state(old), CommandState::Running);
+    let goes_on = bench.load(soft_net(505.0, 0.0, 0.0));
+    let handed = bench.switch(&[old], &[goes_on]);
+    assert!(matches!(handed, Answer::Done { .. }), "{handed:?}");
+    assert_eq!(bench.told().impedance.stiffness[2], 505.0);
+}
+
+#[test]
+fn a_null_wrench_lets_the_arm_go() {
+    let mut bench = bench();
+    let id = bench.load(soft_net(500.0, 0.0, f64::NAN));
+    bench.start(id);
+    bench.steps(5);
+    assert_eq!(bench.state(id), CommandState::Running);
+    let told = bench.told();
+    assert_eq!((told.has_position, told.impedance), (0, Impedance::NONE));
+}

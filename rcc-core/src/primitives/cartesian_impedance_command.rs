@@ -1,0 +1,162 @@
+//! `CartesianImpedanceCommand`: the set-point of an arm whose tool hangs on springs; a unique resource.
+//!
+//! The executor's guard and then the driver check each set-point: ranges, the rate of the stiffness, the wrench, and that
+//! the controller runs this strategy. Null sends no command, and the driver brings the arm to rest.
+
+use crate::frame::Frame;
+use crate::impedance::{Impedance, Strategy};
+use crate::message::JOINTS_MAX;
+use crate::primitive::{
+    Entry, Kernel, Literal, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+};
+use crate::types::Type;
+use crate::unit::Unit;
+
+const fn axes(name: &'static str, unit: Unit, doc: &'static str) -> Port {
+    Port::new(name, PortType::Is(Type::Vector3), UnitRule::Is(unit), doc)
+}
+
+/// The row of the catalogue.
+pub const ENTRY: Entry = Entry::new(
+    Spec {
+        name: "CartesianImpedanceCommand",
+        summary: "Commands an arm that runs Cartesian impedance control, which belongs to this net alone: the tool is held at \
+                  the pose of `position` by springs along and about the axes of the task frame, and presses with `wrench` on \
+                  top.",
+        null: "a null element of any input sends no command: the driver brings the arm to rest and takes the wrench away",
+        formula: "t = J^T (K (x_set - x) + D + F) (Schreiber, Stemmer, Bischoff, The Fast Research Interface for the KUKA \
+                  Lightweight Robot, ICRA 2010 workshop)",
+        inputs: &[
+            Port::new(
+                "position",
+                PortType::Joints,
+                UnitRule::Is(Unit::RADIAN),
+                "joint set-point, A1 first: its pose is where the springs pull to",
+            ),
+            axes(
+                "stiffness",
+                Unit::NEWTON.per(Unit::METRE),
+                "along x, y, z of the task frame",
+            ),
+            axes(
+                "rotational_stiffness",
+                Unit::NEWTON_METRE.per(Unit::RADIAN),
+                "about x, y, z of the task frame",
+            ),
+            axes("damping", Unit::ONE, "damping ratio along x, y, z").default(Literal::Real(0.7)),
+            axes(
+                "rotational_damping",
+                Unit::ONE,
+                "damping ratio about x, y, z",
+            )
+            .default(Literal::Real(0.7)),
+            Port::typed(
+                "wrench",
+                Type::Wrench,
+                "what the tool presses with on top, axes of the task frame; left out: nothing",
+            )
+            .default(Literal::Real(0.0)),
+        ],
+        parameters: &[Parameter::arm()],
+        role: Role::CommandsArm,
+        ..Spec::PLAIN
+    },
+    &[Kernel::new(|frame, operands| each(frame, operands, step))],
+);
+
+fn step(
+    frame: &mut Frame<'_>,
+    [
+        position,
+        along,
+        about,
+        damping,
+        turning,
+        wrench,
+        device,
+        width,
+    ]: [u32; 8],
+) {
+    let command = frame.joints(position, width);
+    let stiffness = (frame.composite(along), frame.composite(about));
+    let ratio = (frame.composite(damping), frame.composite(turning));
+    let (Some(position), (Some(along), Some(about)), (Some(damping), Some(turning)), Some(wrench)) =
+        (command, stiffness, ratio, frame.composite(wrench))
+    else {
+        return;
+    };
+    if let Some(output) = frame.output(device) {
+        output.has_position = true;
+        output.position = position;
+        output.impedance = Impedance {
+            strategy: Strategy::CartesianImpedance as u64,
+            stiffness: six(along, about),
+            damping: six(damping, turning),
+            added: {
+                let [fx, fy, fz, tx, ty, tz] = wrench;
+                six([fx, fy, fz], [tx, ty, tz])
+            },
+        };
+    }
+}
+
+/// Elements along the axes, then about them.
+fn six([x, y, z]: [f64; 3], [rx, ry, rz]: [f64; 3]) -> [f64; JOINTS_MAX] {
+    [x, y, z, rx, ry, rz, 0.0, 0.0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Bench;
+
+    const INPUTS: [(&str, usize); 6] = [
+        ("position", 7),
+        ("stiffness", 3),
+        ("rotational_stiffness", 3),
+        ("damping", 3),
+        ("rotational_damping", 3),
+        ("wrench", 6),
+    ];
+
+    fn bench() -> Bench {
+        let mut bench = Bench::new("CartesianImpedanceCommand");
+        bench
+            .set_reals("position", &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
+            .set_reals("stiffness", &[100.0, 200.0, 300.0])
+            .set_reals("rotational_stiffness", &[10.0, 20.0, 30.0])
+            .set_reals("damping", &[0.4, 0.5, 0.6])
+            .set_reals("rotational_damping", &[0.7, 0.8, 0.9])
+            .set_reals("wrench", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        bench
+    }
+
+    #[test]
+    fn passes_position_springs_and_wrench_on() {
+        let mut bench = bench();
+        bench.step();
+        assert!(bench.output.has_position);
+        assert_eq!(bench.output.position[6], 0.7);
+        let expected = Impedance {
+            strategy: 1,
+            stiffness: [100.0, 200.0, 300.0, 10.0, 20.0, 30.0, 0.0, 0.0],
+            damping: [0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.0, 0.0],
+            added: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0],
+        };
+        assert_eq!(bench.output.impedance, expected);
+    }
+
+    #[test]
+    fn any_null_element_of_any_input_sends_no_command() {
+        for (input, width) in INPUTS {
+            for element in 0..width {
+                let mut bench = bench();
+                let mut values = [0.5; 7];
+                values[element] = f64::NAN;
+                bench.set_reals(input, &values[..width]).step();
+                assert!(!bench.output.has_position, "{input} {element}");
+                assert_eq!(bench.output.impedance, Impedance::NONE);
+            }
+        }
+    }
+}

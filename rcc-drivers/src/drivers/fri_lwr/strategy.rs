@@ -1,0 +1,186 @@
+//! The part of an answer that depends on the control strategy: command flags, Cartesian pose, stiffness, damping, forces.
+//! Pure; run by the host's thread.
+//!
+//! The flags may change in monitor state only, so that they follow from the strategy that the controller runs, and every
+//! field that they name is filled in from the first answer on. In Cartesian impedance control the pose is commanded, and
+//! the joint positions beside it for the arm's redundancy, which a KRC takes from software 5.6 on.
+
+use rcc_config::DeviceConfig;
+use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
+use rcc_core::kinematics::Arm;
+use rcc_core::message::Joints;
+use rcc_core::pose::Pose;
+
+use crate::fri_lwr::wire::{CommandDatagram, ControlStrategy, JOINTS, MeasurementDatagram, flags};
+
+/// Flags of Cartesian impedance control.
+pub const CARTESIAN_FLAGS: u32 = flags::JOINT_POSITION
+    | flags::CARTESIAN_POSITION
+    | flags::TCP_WRENCH
+    | flags::CARTESIAN_STIFFNESS
+    | flags::CARTESIAN_DAMPING;
+/// Flags of joint impedance control.
+pub const JOINT_FLAGS: u32 =
+    flags::JOINT_POSITION | flags::JOINT_TORQUE | flags::JOINT_STIFFNESS | flags::JOINT_DAMPING;
+/// How far the columns of a rotation may be from orthonormal: binary32, and a controller's own rounding.
+const ORTHONORMAL: f64 = 1e-3;
+
+/// What the arm can do besides position control, and where its tool is.
+#[derive(Clone, Debug)]
+pub struct Strategies {
+    arm: Option<Arm>,
+    limits: Option<ImpedanceLimits>,
+    /// The tool as the controller knows it, in the flange; `None`: its Cartesian pose has made no sense.
+    tool: Option<Pose>,
+    /// Where the controller holds the tool, as on the wire.
+    mirror: [f32; 12],
+}
+
+impl Strategies {
+    /// Of the device's robot.
+    pub fn of(device: &DeviceConfig) -> Self {
+        let model = device.model();
+        Self {
+            arm: model.arm,
+            limits: model.impedance,
+            tool: None,
+            mirror: [0.0; 12],
+        }
+    }
+
+    /// What this controller runs, if the arm can be commanded in it.
+    pub fn runs(&self, measured: &MeasurementDatagram) -> Option<Strategy> {
+        let soft = self.limits.is_some();
+        match measured.control {
+            ControlStrategy::Position => Some(Strategy::Position),
+            ControlStrategy::CartesianImpedance if soft => Some(Strategy::CartesianImpedance),
+            ControlStrategy::JointImpedance if soft => Some(Strategy::JointImpedance),
+            _ => None,
+        }
+    }
+
+    /// The controller's Cartesian pose is one.
+    pub fn knows_the_tool(&self) -> bool {
+        self.tool.is_some()
+    }
+
+    /// Takes over where the controller holds the tool, and at which joint positions.
+    pub fn mirror(&mut self, measured: &MeasurementDatagram, held: &Joints) {
+        let pose = held_pose(measured);
+        self.tool = pose.and_then(|pose| {
+            let flange = self.arm?.forward(held);
+            Some(flange.inverse().compose(&pose))
+        });
+        self.mirror = match pose {
+            Some(pose) if !is_unmoved(&measured.commanded_pose_offset) => wire_pose(&pose),
+            _ => measured.commanded_pose,
+        };
+    }
+
+    /// Fills an answer in for this strategy; `position` are the joint set-points (rad) if the controller follows.
+    pub fn fill(
+        &self,
+        answer: &mut CommandDatagram,
+        strategy: Strategy,
+        (impedance, position): (&Impedance, Option<&Joints>),
+    ) {
+        // Whoever commands nothing holds the arm as it was.
+        let held = self.limits.map(|limits| limits.held(strategy, JOINTS));
+        let told = match held {
+            Some(held) if impedance.strategy != strategy as u64 => held,
+            _ => *impedance,
+        };
+        let added = match position {
+            Some(_) => told.added,
+            None => Impedance::NONE.added,
+        };
+        match strategy {
+            Strategy::Position => answer.flags = flags::JOINT_POSITION,
+            Strategy::JointImpedance => {
+                answer.flags = JOINT_FLAGS;
+                answer.joint_stiffness = seven(&told.stiffness);
+                answer.joint_damping = seven(&told.damping);
+                answer.additional_joint_torque = seven(&added);
+            }
+            Strategy::CartesianImpedance => {
+                answer.flags = CARTESIAN_FLAGS;
+                answer.cartesian_stiffness = six(&told.stiffness);
+                answer.cartesian_damping = six(&told.damping);
+                answer.additional_tcp_wrench = six(&added);
+                answer.cartesian_position = self.pose(position);
+            }
+        }
+    }
+
+    fn pose(&self, position: Option<&Joints>) -> [f32; 12] {
+        let (Some(position), Some(arm), Some(tool)) = (position, self.arm, self.tool) else {
+            return self.mirror;
+        };
+        wire_pose(&arm.forward(position).compose(&tool))
+    }
+}
+
+/// Where the controller holds the tool: its own pose and what has been added to it. `None` if that is no pose.
+fn held_pose(measured: &MeasurementDatagram) -> Option<Pose> {
+    let own = pose(&measured.commanded_pose)?;
+    let added = measured.commanded_pose_offset;
+    if is_unmoved(&added) {
+        return Some(own);
+    }
+    let added = pose(&added)?;
+    let turned = Pose {
+        position: [0.0; 3],
+        orientation: added.orientation,
+    };
+    let turned = turned.compose(&Pose {
+        position: [0.0; 3],
+        orientation: own.orientation,
+    });
+    let mut position = own.position;
+    for (place, added) in position.iter_mut().zip(added.position) {
+        *place += added;
+    }
+    Some(Pose {
+        position,
+        orientation: turned.orientation,
+    })
+}
+
+/// An offset that adds nothing; a controller that adds nothing may also leave it zero.
+fn is_unmoved(offset: &[f32; 12]) -> bool {
+    const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    *offset == IDENTITY || *offset == [0.0; 12]
+}
+
+/// 3×4 row-major `[R|p]`, p in m; `None` if R is no rotation.
+fn pose(wire: &[f32; 12]) -> Option<Pose> {
+    let value = |row: usize, column: usize| f64::from(wire[4 * row + column]);
+    let rotation: [[f64; 3]; 3] =
+        std::array::from_fn(|row| std::array::from_fn(|column| value(row, column)));
+    let position = std::array::from_fn(|row| value(row, 3));
+    let dot = |a: usize, b: usize| (0..3).map(|i| rotation[i][a] * rotation[i][b]).sum::<f64>();
+    let is_orthonormal = (0..3)
+        .all(|a| (0..3).all(|b| (dot(a, b) - f64::from(u8::from(a == b))).abs() <= ORTHONORMAL));
+    let [[a, b, c], [d, e, f], [g, h, i]] = rotation;
+    let right_handed = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0.0;
+    let pose = Pose::from_rotation_matrix(position, &rotation);
+    (is_orthonormal && right_handed && pose.is_finite()).then_some(pose)
+}
+
+fn wire_pose(pose: &Pose) -> [f32; 12] {
+    let rotation = pose.rotation_matrix();
+    std::array::from_fn(|place| match (place / 4, place % 4) {
+        (row, 3) => pose.position[row] as f32,
+        (row, column) => rotation[row][column] as f32,
+    })
+}
+
+/// Our x y z rx ry rz as KUKA's x y z A B C: the turns about z, y, x.
+fn six(values: &Joints) -> [f32; 6] {
+    let [x, y, z, rx, ry, rz, ..] = values.map(|value| value as f32);
+    [x, y, z, rz, ry, rx]
+}
+
+fn seven(values: &Joints) -> [f32; JOINTS] {
+    std::array::from_fn(|joint| values[joint] as f32)
+}

@@ -1,0 +1,331 @@
+//! The arm on springs: what it does in the strategies of impedance control, between what pulls it to the set-point and
+//! what pushes it away from there. Pure; the clock thread runs it.
+//!
+//! The laws are those of Schreiber, Stemmer, Bischoff (ICRA 2010 workshop): `F = K (x_set − x) + D (ẋ_set − ẋ) + F_added`
+//! at the flange in axes of the base, or the same in each joint. Each axis and each joint moves one mass of its own (ours:
+//! 5 kg, 0.2 kg m², 0.5 kg m²), so that the damping is `2 ζ √(k m)`; gravity and friction are compensated, as on the robot.
+//! At rest only the springs count: the deflection is the force over the stiffness. In Cartesian impedance the redundancy
+//! follows the joint set-point. Explicit Euler, semi-implicit, in steps of at most 0.25 ms.
+
+use super::arm::Arm;
+use super::fault::Fault;
+use super::model::{Geometry, Matrix, geometry};
+use super::settings::Strategy;
+use super::surroundings::Surroundings;
+use super::{JOINTS, Joints};
+use crate::fri_lwr::wire::{CommandDatagram, flags};
+
+/// Longest step, s.
+const STEP_S: f64 = 0.25e-3;
+/// What moves along and about an axis, and in a joint; kg, kg m², kg m².
+const MASS: [f64; 3] = [5.0, 0.2, 0.5];
+/// How fast the redundancy follows the joint set-point, 1/s.
+const REDUNDANCY_RATE: f64 = 20.0;
+/// Below this manipulability (square root of the determinant of `J Jᵀ`) the inverse of the Jacobian is damped, at zero by
+/// this much, so that no joint races through a singularity (Nakamura, Hanafusa, 1986). Ours.
+const MANIPULABILITY: f64 = 3e-3;
+const DAMPING_SQUARED: f64 = 1e-3;
+/// What KRL takes, as users' scripts give it: N/m and N·m/rad.
+const STIFFNESS: [[f64; 2]; 3] = [[0.01, 5000.0], [0.01, 300.0], [0.01, 2000.0]];
+const RATIO: [f64; 2] = [0.1, 1.0];
+/// What `$STIFFNESS` begins with.
+const USUAL: [f64; 3] = [2000.0, 200.0, 1000.0];
+const USUAL_RATIO: f64 = 0.7;
+/// Numbers of binary32 may be beyond a range by this part of it.
+const ROUNDING: f64 = 1e-6;
+/// Slower than this an axis or a joint rests, m/s or rad/s. Ours.
+const REST: f64 = 1e-4;
+
+/// An axis (six) or a joint (seven), whichever the strategy has.
+type Elements = [f64; JOINTS];
+
+/// The springs, dampers and forces that are commanded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Springs {
+    /// N/m and N·m/rad, x y z rx ry rz; or N·m/rad, a joint each.
+    pub stiffness: Elements,
+    /// Damping ratio.
+    pub damping: Elements,
+    /// N and N·m on top.
+    pub added: Elements,
+}
+
+/// Whether an element turns about an axis (1), goes along one (0), or is a joint (2).
+fn kind(strategy: Strategy, element: usize) -> usize {
+    match strategy {
+        Strategy::JointImpedance => 2,
+        _ => usize::from(element >= 3),
+    }
+}
+
+/// Number of elements.
+fn count(strategy: Strategy) -> usize {
+    match strategy {
+        Strategy::Position => 0,
+        Strategy::CartesianImpedance => 6,
+        Strategy::JointImpedance => JOINTS,
+    }
+}
+
+impl Springs {
+    /// Those of `$STIFFNESS`, without a force.
+    pub fn usual(strategy: Strategy) -> Self {
+        let of = |element| USUAL[kind(strategy, element)];
+        Self {
+            stiffness: std::array::from_fn(of),
+            damping: [USUAL_RATIO; JOINTS],
+            added: [0.0; JOINTS],
+        }
+    }
+
+    /// What a command has for this strategy.
+    ///
+    /// # Errors
+    /// The first element out of range.
+    pub fn of(command: &CommandDatagram, strategy: Strategy) -> Result<Self, Fault> {
+        // KUKA's x y z A B C: A turns about z, C about x.
+        let six = |values: &[f32; 6]| -> Elements {
+            let [x, y, z, a, b, c] = values.map(f64::from);
+            [x, y, z, c, b, a, 0.0]
+        };
+        let (stiffness, damping, added) = match strategy {
+            Strategy::JointImpedance => (
+                command.joint_stiffness.map(f64::from),
+                command.joint_damping.map(f64::from),
+                command.additional_joint_torque.map(f64::from),
+            ),
+            _ => (
+                six(&command.cartesian_stiffness),
+                six(&command.cartesian_damping),
+                six(&command.additional_tcp_wrench),
+            ),
+        };
+        for element in 0..count(strategy) {
+            let rows = [
+                (
+                    "stiffness",
+                    stiffness[element],
+                    STIFFNESS[kind(strategy, element)],
+                ),
+                ("damping", damping[element], RATIO),
+                (
+                    "added force or torque",
+                    added[element],
+                    [-f64::MAX, f64::MAX],
+                ),
+            ];
+            for (what, value, [least, greatest]) in rows {
+                let room = 1.0 + ROUNDING;
+                if !(value >= least / room && value <= greatest.min(f64::MAX / 2.0) * room) {
+                    return Err(Fault::Impedance {
+                        what,
+                        element,
+                        value,
+                        least,
+                        greatest,
+                    });
+                }
+            }
+        }
+        Ok(Self {
+            stiffness,
+            damping,
+            added,
+        })
+    }
+
+    /// The force or torque of an element, `deflection` and `rate` towards the set-point.
+    fn force(&self, strategy: Strategy, element: usize, deflection: f64, rate: f64) -> f64 {
+        let (k, mass) = (self.stiffness[element], MASS[kind(strategy, element)]);
+        let damping = 2.0 * self.damping[element] * (k * mass).sqrt();
+        k * deflection + damping * rate + self.added[element]
+    }
+}
+
+impl Strategy {
+    /// The command flags that it takes.
+    pub fn flags(self) -> u32 {
+        match self {
+            Strategy::Position => flags::JOINT_POSITION,
+            Strategy::CartesianImpedance => {
+                flags::JOINT_POSITION
+                    | flags::CARTESIAN_POSITION
+                    | flags::TCP_WRENCH
+                    | flags::CARTESIAN_STIFFNESS
+                    | flags::CARTESIAN_DAMPING
+            }
+            Strategy::JointImpedance => {
+                flags::JOINT_POSITION
+                    | flags::JOINT_TORQUE
+                    | flags::JOINT_STIFFNESS
+                    | flags::JOINT_DAMPING
+            }
+        }
+    }
+}
+
+impl Arm {
+    /// Follows a set-point that moves evenly `from` → `to` (rad) in `step_s` seconds, on springs.
+    pub fn give_way(
+        &mut self,
+        (from, to): (&Joints, &Joints),
+        step_s: f64,
+        (strategy, springs): (Strategy, &Springs),
+        surroundings: &Surroundings,
+    ) {
+        let steps = (step_s / STEP_S).ceil().max(1.0);
+        let dt_s = step_s / steps;
+        let rate: Joints = std::array::from_fn(|joint| (to[joint] - from[joint]) / step_s);
+        let before = self.velocity;
+        for step in 1..=steps as u64 {
+            let time_s = step as f64 * dt_s;
+            let goal = std::array::from_fn(|joint| from[joint] + rate[joint] * time_s);
+            match strategy {
+                Strategy::CartesianImpedance => {
+                    self.step_axes(&goal, &rate, dt_s, springs, surroundings)
+                }
+                _ => self.step_joints(&goal, &rate, dt_s, springs, surroundings),
+            }
+        }
+        let moved: Joints =
+            std::array::from_fn(|joint| (self.velocity[joint] - before[joint]) / step_s);
+        self.note(moved, rate.iter().all(|rate| *rate == 0.0), REST);
+    }
+
+    fn step_joints(
+        &mut self,
+        goal: &Joints,
+        rate: &Joints,
+        dt_s: f64,
+        springs: &Springs,
+        surroundings: &Surroundings,
+    ) {
+        let here = geometry(&self.position);
+        let outside = here.joint_torque(&surroundings.wrench(&here, &self.velocity));
+        for joint in 0..JOINTS {
+            let (off, slow) = (
+                goal[joint] - self.position[joint],
+                rate[joint] - self.velocity[joint],
+            );
+            let torque = springs.force(Strategy::JointImpedance, joint, off, slow) + outside[joint];
+            self.velocity[joint] += torque / MASS[2] * dt_s;
+            self.position[joint] += self.velocity[joint] * dt_s;
+        }
+    }
+
+    fn step_axes(
+        &mut self,
+        goal: &Joints,
+        rate: &Joints,
+        dt_s: f64,
+        springs: &Springs,
+        surroundings: &Surroundings,
+    ) {
+        let (here, there) = (geometry(&self.position), geometry(goal));
+        let outside = surroundings.wrench(&here, &self.velocity);
+        let off = deflection(&here, &there);
+        let (has, wants) = (twist(&here, &self.velocity), twist(&there, rate));
+        let wanted: [f64; 6] = std::array::from_fn(|axis| {
+            let (strategy, slow) = (Strategy::CartesianImpedance, wants[axis] - has[axis]);
+            let force = springs.force(strategy, axis, off[axis], slow) + outside[axis];
+            has[axis] + force / MASS[kind(strategy, axis)] * dt_s
+        });
+        // What the pose does not say, the joint set-point does.
+        let aside: Joints = std::array::from_fn(|joint| {
+            rate[joint] + REDUNDANCY_RATE * (goal[joint] - self.position[joint])
+        });
+        let of_aside = twist(&here, &aside);
+        let rest = std::array::from_fn(|axis| wanted[axis] - of_aside[axis]);
+        let through = here.joint_torque(&solved(&here, rest));
+        for joint in 0..JOINTS {
+            self.velocity[joint] = through[joint] + aside[joint];
+            self.position[joint] += self.velocity[joint] * dt_s;
+        }
+    }
+}
+
+/// Velocity and angular velocity of the flange, base axes.
+fn twist(geometry: &Geometry, velocity: &Joints) -> [f64; 6] {
+    std::array::from_fn(|row| {
+        let pairs = geometry.jacobian[row].iter().zip(velocity);
+        pairs.map(|(j, v)| j * v).sum()
+    })
+}
+
+/// The way from here to there and the rotation vector, base axes.
+pub(super) fn deflection(here: &Geometry, there: &Geometry) -> [f64; 6] {
+    let turn = rotation_vector(&here.rotation, &there.rotation);
+    std::array::from_fn(|axis| match axis {
+        0..3 => there.position[axis] - here.position[axis],
+        _ => turn[axis - 3],
+    })
+}
+
+/// Axis times angle of `to fromᵀ`; the angle is less than π.
+fn rotation_vector(from: &Matrix, to: &Matrix) -> [f64; 3] {
+    let element =
+        |row: usize, column: usize| -> f64 { (0..3).map(|i| to[row][i] * from[column][i]).sum() };
+    let trace = element(0, 0) + element(1, 1) + element(2, 2);
+    let twice_sine = [
+        element(2, 1) - element(1, 2),
+        element(0, 2) - element(2, 0),
+        element(1, 0) - element(0, 1),
+    ];
+    let sine = 0.5 * twice_sine.iter().map(|s| s * s).sum::<f64>().sqrt();
+    let angle = sine.atan2(0.5 * (trace - 1.0));
+    let factor = if sine > 1e-9 { 0.5 * angle / sine } else { 0.5 };
+    twice_sine.map(|s| s * factor)
+}
+
+/// `y` of `J Jᵀ y = x`, so that `Jᵀ y` is the least joint velocity for the twist `x`; damped near singularities.
+fn solved(geometry: &Geometry, x: [f64; 6]) -> [f64; 6] {
+    let (exact, determinant) = eliminated(geometry, x, 0.0);
+    let part = determinant.max(0.0).sqrt() / MANIPULABILITY;
+    if part >= 1.0 {
+        return exact;
+    }
+    let (damped, _) = eliminated(geometry, x, DAMPING_SQUARED * (1.0 - part).powi(2));
+    damped
+}
+
+/// `y` of `(J Jᵀ + λ² I) y = x` and the determinant: Gauss with pivots.
+fn eliminated(geometry: &Geometry, x: [f64; 6], damping_squared: f64) -> ([f64; 6], f64) {
+    let jacobian = &geometry.jacobian;
+    let mut rows: [[f64; 7]; 6] = std::array::from_fn(|row| {
+        std::array::from_fn(|column| match column {
+            6 => x[row],
+            _ => {
+                let pairs = jacobian[row].iter().zip(&jacobian[column]);
+                let product: f64 = pairs.map(|(a, b)| a * b).sum();
+                product + if row == column { damping_squared } else { 0.0 }
+            }
+        })
+    });
+    let mut determinant = 1.0;
+    for pivot in 0..6 {
+        let size = |row: &usize| rows[*row][pivot].abs();
+        let largest = (pivot..6).max_by(|a, b| size(a).total_cmp(&size(b)));
+        let largest = largest.unwrap_or(pivot);
+        rows.swap(pivot, largest);
+        determinant *= if largest == pivot { 1.0 } else { -1.0 } * rows[pivot][pivot];
+        let (above, below) = rows.split_at_mut(pivot + 1);
+        let top = above[pivot];
+        for row in below {
+            let factor = row[pivot] / top[pivot];
+            for (value, from) in row.iter_mut().zip(top).skip(pivot) {
+                *value -= factor * from;
+            }
+        }
+    }
+    let mut y = [0.0; 6];
+    for row in (0..6).rev() {
+        let known: f64 = (row + 1..6)
+            .map(|column| rows[row][column] * y[column])
+            .sum();
+        y[row] = (rows[row][6] - known) / rows[row][row];
+    }
+    (y, determinant)
+}
+
+#[cfg(test)]
+mod tests;

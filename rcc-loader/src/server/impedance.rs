@@ -1,0 +1,38 @@
+//! What people are told about impedance set-points: a broken rule, and how a controller gets to another strategy.
+//! Pure; any thread.
+
+use rcc_core::guard::{Violation, ViolationKind};
+use rcc_core::impedance::Strategy;
+
+/// A broken rule with its axis or joint (from 1), value, limit and unit.
+pub(super) fn rule(kind: ViolationKind, joint: u32, value: f64, limit: f64) -> String {
+    let joint = u8::try_from(joint.saturating_sub(1)).unwrap_or(u8::MAX);
+    let violation = Violation {
+        kind,
+        joint,
+        value,
+        limit,
+    };
+    violation.to_string()
+}
+
+/// What brings a controller to the strategy that a net commands.
+pub(super) fn switch(wanted: Option<Strategy>) -> &'static str {
+    match wanted {
+        Some(Strategy::CartesianImpedance) => {
+            "switch the controller to Cartesian impedance control before its program begins command mode (KUKA LWR: \
+             $STIFFNESS.STRATEGY = 20; lwr-sim: --strategy=cartesian-impedance), or command the arm with the primitive for \
+             what it runs"
+        }
+        Some(Strategy::JointImpedance) => {
+            "switch the controller to joint impedance control before its program begins command mode (KUKA LWR: \
+             $STIFFNESS.STRATEGY = 30; lwr-sim: --strategy=joint-impedance), or command the arm with the primitive for what \
+             it runs"
+        }
+        _ => {
+            "switch the controller to position control before its program begins command mode (KUKA LWR: \
+             $STIFFNESS.STRATEGY = 10; lwr-sim: --strategy=position), or command the arm with CartesianImpedanceCommand or \
+             JointImpedanceCommand, as it runs"
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Impedance control through every process: a net presses on a simulated table with a spring of its own.
+//! Each test has a cell of its own.
+
+use rcc_ipc::Role;
+use rcc_tests::simulator::Simulator;
+use rcc_tests::{TestCell, await_some, repository};
+
+/// The table of `configs/cells/impedance.yaml`, and the springs and the way of `configs/impedance/press.yaml`.
+const TABLE: f64 = 30_000.0;
+const SPRING: f64 = 500.0;
+const DEPTH: f64 = 0.02;
+const ON_TOP: f64 = 5.0;
+/// What binary32 on the wire and the arm's last movements leave, N.
+const CLOSE: f64 = 0.02;
+
+/// What is judged here is forces: a machine that stalls may not end command mode meanwhile.
+fn cell() -> TestCell {
+    TestCell::start(&repository().join("configs/cells/impedance.yaml"), |text| {
+        text.replace("--bridge=40", "--bridge=400")
+            .replace("--quality=0.5,0.3,0.1", "--quality=0.2,0.1,0.05")
+            .replace("stale_after: 50 ms", "stale_after: 500 ms")
+            .replace("command_timeout: 50 ms", "command_timeout: 500 ms")
+    })
+}
+
+fn press() -> String {
+    let path = repository().join("configs/impedance/press.yaml");
+    std::fs::read_to_string(path).expect("the example")
+}
+
+/// What the table pushes with when the spring pulls the tool so deep into it and `added` presses on top: at rest both
+/// springs carry the same force.
+fn force(added: f64) -> f64 {
+    (SPRING * DEPTH + added) * TABLE / (TABLE + SPRING)
+}
+
+/// Waits until the table pushes with this force, the arm rests, and it still does a while later.
+fn await_force(arm: &mut Simulator, wanted: f64) {
+    let mut close = || {
+        let state = arm.state();
+        let push = state["wrench"][2].as_f64()?;
+        let tick = state["tick"].as_u64()?;
+        ((push - wanted).abs() < CLOSE && state["at_rest"] == true).then_some(tick)
+    };
+    let begun = await_some(&format!("the table to push with {wanted} N"), &mut close);
+    await_some("that to last", || (close()? > begun + 200).then_some(()));
+}
+
+fn pressing() -> (TestCell, Simulator, u64) {
+    let cell = cell();
+    let mut arm = cell.simulator("fri_control");
+    cell.await_devices();
+    let id = cell.run(&press());
+    await_force(&mut arm, force(ON_TOP));
+    (cell, arm, id)
+}
+
+fn assert_no_fault(arm: &mut Simulator) {
+    let state = arm.state();
+    assert_eq!(state["faults"], serde_json::json!([]), "{state}");
+    assert_eq!(state["strategy"], "cartesian-impedance", "{state}");
+}
+
+#[test]
+fn the_force_is_the_stiffness_times_the_depth_and_the_end_takes_away_what_was_on_top() {
+    let (cell, mut arm, id) = pressing();
+    cell.done(id, "cancel");
+    cell.assert_ends(id, "canceled");
+    await_force(&mut arm, force(0.0));
+    assert_no_fault(&mut arm);
+    cell.await_device("lwr", "ready");
+    cell.stop();
+}
+
+#[test]
+fn when_the_executor_dies_what_was_on_top_is_taken_away() {
+    let (cell, mut arm, _) = pressing();
+    let dead = cell.kill(Role::Executor, "exec");
+    await_force(&mut arm, force(0.0));
+    assert_no_fault(&mut arm);
+    cell.await_successor(Role::Executor, "exec", dead);
+    cell.stop();
+}
+
+#[test]
+fn null_in_the_wrench_releases_the_arm() {
+    let cell = cell();
+    let mut arm = cell.simulator("fri_control");
+    cell.await_devices();
+    // A null wrench is a null set-point.
+    let text = press()
+        .replace(
+            "      wrench: [0, 0, -5, 0, 0, 0]  # N, N·m\n",
+            "      wrench: push.out\n",
+        )
+        .replace(
+            "  over: ",
+            "  lost: {type: Input, parameters: {initial: false}}
+  some: {type: MakeWrench, inputs: {force: [0, 0, -5], torque: [0, 0, 0]}}
+  push: {type: NullIf, inputs: {in: some.out, condition: lost.value}}
+  over: ",
+        );
+    let id = cell.run(&text);
+    await_force(&mut arm, force(ON_TOP));
+    let set = cell.rest(
+        "PUT",
+        &format!("/commands/{id}/inputs"),
+        r#"{"lost": true}"#,
+    );
+    assert_eq!(set.status, 200, "{set:?}");
+    await_force(&mut arm, force(0.0));
+    assert_no_fault(&mut arm);
+    // The net itself goes on: nobody but its set-point is null.
+    assert_eq!(cell.state(id)["state"], "running");
+    cell.done(id, "cancel");
+    cell.assert_ends(id, "canceled");
+    cell.stop();
+}
+
+#[test]
+fn a_net_for_another_strategy_is_refused_in_words_and_nothing_moves() {
+    let cell = TestCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    cell.await_devices();
+    let id = cell.load(&press());
+    await_some("the net to be ready", || {
+        (cell.state(id)["state"] == "ready").then_some(())
+    });
+    let reply = cell.operate(id, "start");
+    let words = reply.body.to_string();
+    assert_eq!(reply.status, 409, "{words}");
+    for part in [
+        "runs position control",
+        "set-points are for Cartesian impedance control",
+        "$STIFFNESS.STRATEGY = 20",
+    ] {
+        assert!(words.contains(part), "{part}: {words}");
+    }
+    assert_eq!(cell.state(id)["state"], "ready");
+    arm.assert_still(200);
+    cell.stop();
+}
+
+#[test]
+fn a_stiffness_beyond_the_robots_is_refused_with_its_axis() {
+    let cell = cell();
+    cell.await_devices();
+    let id = cell.load(&press().replace("[2000, 2000, 500]", "[2000, 2000, 5001]"));
+    await_some("the net to be ready", || {
+        (cell.state(id)["state"] == "ready").then_some(())
+    });
+    let words = cell.operate(id, "start").body.to_string();
+    assert!(
+        words.contains("lwr axis z: stiffness 5001 N/m is beyond the limit 5000 N/m"),
+        "{words}"
+    );
+    cell.stop();
+}
