@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use bytemuck::Zeroable;
-use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement};
+use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
 use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
@@ -14,7 +14,7 @@ use rcc_engine::record::{Recorder, RecorderConfig, RecorderHelper};
 use rcc_exec::rt::{self, Boards};
 use rcc_ipc::control::{Answer, PlanData, Refusal, STATUS, TABLES, TIMING};
 use rcc_ipc::{
-    BoardError, BoardReader, BoardWriter, Cell, CellError, Role, Session, SessionError,
+    BoardError, BoardWriter, Cell, CellError, CommandReader, Role, Session, SessionError,
     monotonic_ns,
 };
 use rcc_language::devices::DeviceTable;
@@ -48,7 +48,7 @@ pub enum ExecutorError {
 struct Driver {
     measurement: Measurement,
     board: BoardWriter<Measurement>,
-    commands: BoardReader<CommandImage>,
+    commands: CommandReader,
 }
 
 impl Driver {
@@ -57,7 +57,9 @@ impl Driver {
         let measurement = &mut self.measurement;
         measurement.sequence += 1;
         measurement.stamp_ns = now_ns;
-        let newest = image.at(image.sequence).filter(|_| image.magic == MAGIC);
+        let newest = image
+            .at(image.head.sequence)
+            .filter(|_| image.head.magic == MAGIC);
         if let Some(newest) = newest.filter(|newest| newest.has_position == 1) {
             measurement.state = DeviceState::Commanded as u32;
             measurement.position = newest.position;
@@ -127,7 +129,7 @@ impl Executor {
         let commands = devices
             .devices
             .iter()
-            .map(|device| session.create_board(&format!("command.{}", device.name)));
+            .map(|device| session.create_commands(&format!("command.{}", device.name)));
         let boards = Boards {
             status: session.create_board(STATUS)?,
             tables: session.create_board(TABLES)?,
@@ -178,7 +180,7 @@ impl Executor {
             measurement.position = self.hold;
             measurement.digital_known = u64::MAX;
             let reader = Box::new(self._session.open_board(board.service())?);
-            let commands = self._session.open_board(commands.service())?;
+            let commands = self._session.open_commands(commands.service())?;
             self.drivers.push(Driver {
                 measurement,
                 board,

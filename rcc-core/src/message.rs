@@ -14,8 +14,8 @@ pub const JOINTS_MAX: usize = 8;
 pub const DIGITAL_MAX: usize = 64;
 /// Most analog channels of a device, each way.
 pub const ANALOG_MAX: usize = 16;
-/// Set-points that a command board remembers.
-pub const SET_POINTS: usize = 16;
+/// Set-points that a device's driver finds from the executor: what it may sleep through.
+pub const SET_POINTS: usize = 128;
 /// Most devices of a cell.
 pub const DEVICES_MAX: usize = 16;
 /// Most commands that exist at a time.
@@ -172,15 +172,15 @@ impl SetPoint {
     };
 }
 
-/// Executor → driver: the last set-points of a device.
+/// Executor → driver: whose set-points these are, and how far they go.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub struct CommandImage {
+pub struct CommandHead {
     /// [`MAGIC`].
     pub magic: u64,
     /// Incarnation of the executor.
     pub executor: u64,
-    /// Evaluated cycles so far; the newest set-point is `set_points[sequence % SET_POINTS]`.
+    /// Evaluated cycles so far: the number of the newest set-point.
     pub sequence: u64,
     /// CLOCK_MONOTONIC at which the newest was written.
     pub stamp_ns: u64,
@@ -188,18 +188,55 @@ pub struct CommandImage {
     pub period_ns: u64,
     /// Sequence of the measurement that the newest set-point was computed from, 0 = none.
     pub seen: u64,
-    /// Ring of the last cycles.
+}
+
+/// Executor → driver: the last set-points of a device. Each process has its own; what crosses is the head and one
+/// set-point a cycle.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct CommandImage {
+    /// Whose they are.
+    pub head: CommandHead,
+    /// Ring of the last cycles; the newest is `set_points[sequence % SET_POINTS]`.
     pub set_points: [SetPoint; SET_POINTS],
 }
 
 impl CommandImage {
-    /// The set-point of cycle `sequence` if the ring still has it.
+    /// The set-point of cycle `sequence`, if the ring has it; cycles count from 1.
     pub fn at(&self, sequence: u64) -> Option<&SetPoint> {
-        let age = self.sequence.checked_sub(sequence)?;
-        if age >= SET_POINTS as u64 {
-            return None;
+        let age = self.head.sequence.checked_sub(sequence)?;
+        let place = (sequence % SET_POINTS as u64) as usize;
+        let point = self.set_points.get(place)?;
+        let is_it = Some(point.logical_ns) == sequence.checked_mul(self.head.period_ns);
+        (sequence > 0 && age < SET_POINTS as u64 && is_it).then_some(point)
+    }
+
+    /// Of an executor that has written nothing yet.
+    pub const fn new(executor: u64, period_ns: u64) -> CommandImage {
+        CommandImage {
+            head: CommandHead {
+                magic: MAGIC,
+                executor,
+                sequence: 0,
+                stamp_ns: 0,
+                period_ns,
+                seen: 0,
+            },
+            set_points: [SetPoint::NONE; SET_POINTS],
         }
-        self.set_points.get((sequence % SET_POINTS as u64) as usize)
+    }
+
+    /// Makes `point` that of cycle `sequence`, and the newest; its logical time follows from that.
+    pub fn push(&mut self, sequence: u64, stamp_ns: u64, point: SetPoint) {
+        (self.head.sequence, self.head.stamp_ns) = (sequence, stamp_ns);
+        let place = (sequence % SET_POINTS as u64) as usize;
+        if let Some(place) = self.set_points.get_mut(place) {
+            let logical_ns = sequence.wrapping_mul(self.head.period_ns);
+            *place = SetPoint {
+                logical_ns,
+                ..point
+            };
+        }
     }
 }
 

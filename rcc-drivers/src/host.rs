@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use rcc_config::{CellConfig, DeviceConfig};
-use rcc_core::message::{CommandImage, Measurement};
+use rcc_core::message::Measurement;
 use rcc_ipc::control::MEASUREMENT;
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{
-    AnnounceError, Announced, Announcement, BoardError, BoardReader, BoardWriter, Cell, Role,
+    AnnounceError, Announced, Announcement, BoardError, BoardWriter, Cell, CommandReader, Role,
     Session, SessionError, monotonic_ns,
 };
 use thiserror::Error;
@@ -72,7 +72,7 @@ pub struct Host {
     station: Station,
     board: BoardWriter<Measurement>,
     watch: Watch,
-    commands: Option<BoardReader<CommandImage>>,
+    commands: Option<CommandReader>,
     /// When to answer, if the executor's clock follows this device.
     answer: Option<Answer>,
     wait: Duration,
@@ -186,8 +186,8 @@ impl Host {
     }
 
     fn observe(&mut self) {
-        let image = self.commands.as_ref().map(BoardReader::read);
-        self.station.observe(monotonic_ns(), image.as_ref());
+        let image = self.commands.as_mut().map(CommandReader::read);
+        self.station.observe(monotonic_ns(), image);
     }
 
     /// Where the executor's clock follows the device: tells the executor at once what was measured, and waits a while
@@ -199,13 +199,11 @@ impl Host {
         let measurement = self.station.measurement();
         self.board.write(measurement);
         let sequence = measurement.sequence;
-        let image = answer.wait(arrived_ns, period_ns, |now_ns| {
-            let image = board.read();
-            let look = Look::of(&image, sequence, now_ns, period_ns);
-            (image, look)
+        let is_here = answer.wait(arrived_ns, period_ns, |now_ns| {
+            Look::of(&board.head(), sequence, now_ns, period_ns)
         });
-        if let Some(image) = image {
-            self.station.observe(monotonic_ns(), Some(&image));
+        if is_here {
+            self.observe();
         }
     }
 

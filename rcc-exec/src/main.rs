@@ -224,7 +224,7 @@ fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardEr
     let commands = config
         .devices
         .iter()
-        .map(|device| session.create_board(&command_board(&device.name)));
+        .map(|device| session.create_commands(&command_board(&device.name)));
     Ok(Boards {
         status: session.create_board(STATUS)?,
         tables: session.create_board(TABLES)?,

@@ -5,10 +5,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use rcc_core::message::{CommandImage, CycleStatus, Tables};
+use rcc_core::message::{CycleStatus, Tables};
 use rcc_core::timing::Timing;
-use rcc_ipc::BoardWriter;
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
+use rcc_ipc::{BoardWriter, CommandWriter};
 
 use rcc_engine::engine::Engine;
 
@@ -27,7 +27,7 @@ pub struct Boards {
     /// Histograms and what primitives cost.
     pub timing: BoardWriter<Timing>,
     /// Commands, by device.
-    pub commands: Vec<BoardWriter<CommandImage>>,
+    pub commands: Vec<CommandWriter>,
 }
 
 /// Runs cycles until `stop` is set and no net is active any more.

@@ -5,12 +5,13 @@ use std::fs::File;
 use std::ops::Deref;
 use std::path::Path;
 use std::process::{Child, ExitStatus};
+use std::sync::mpsc::{RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
 use crate::place::{LIMIT, Place, await_some};
-use crate::processes::{ends_with_test, signal};
+use crate::processes::{ends_with_test, of_folder, signal};
 use crate::programs::repository;
 
 /// A running cell.
@@ -18,7 +19,11 @@ use crate::programs::repository;
 pub struct TestCell {
     place: Option<Place>,
     up: Child,
+    _life: Life,
 }
+
+/// Longer than any test has taken on a busy machine.
+const LIFE_MAX: Duration = Duration::from_secs(300);
 
 /// The place leaves the cell only together with it.
 const HERE: &str = "the place is here until the end";
@@ -43,6 +48,7 @@ impl TestCell {
     pub fn in_place(place: Place) -> TestCell {
         let up = start_up(&place);
         let mut cell = TestCell {
+            _life: Life::begin(place.folder()),
             place: Some(place),
             up,
         };
@@ -52,7 +58,7 @@ impl TestCell {
 
     /// Waits until every device is ready.
     pub fn await_ready(&mut self) {
-        let Self { place, up } = self;
+        let Self { place, up, .. } = self;
         let place = place.as_ref().expect(HERE);
         await_some("the cell to be ready", || {
             if let Some(status) = up.try_wait().expect("the child can be asked") {
@@ -78,7 +84,7 @@ impl TestCell {
 
     /// Waits until `rcc-cli up` has ended.
     pub fn await_end_of_up(&mut self) -> ExitStatus {
-        let Self { place, up } = self;
+        let Self { place, up, .. } = self;
         let place = place.as_ref().expect(HERE);
         await_some("the end of rcc-cli up", || {
             up.try_wait()
@@ -154,6 +160,33 @@ impl Drop for TestCell {
         // Dead already after `stop`; otherwise the test failed, or has nothing more to say about this cell.
         let _ = self.up.kill();
         let _ = self.up.wait();
+    }
+}
+
+/// Ends a cell that outlives its test's patience: whoever waits for a line of a process then sees its end, and the test
+/// fails instead of waiting for ever.
+#[derive(Debug)]
+struct Life {
+    // The thread sees it go.
+    _over: Sender<()>,
+}
+
+impl Life {
+    fn begin(folder: &Path) -> Life {
+        let (over, is_over) = std::sync::mpsc::channel();
+        let folder = folder.to_owned();
+        std::thread::spawn(move || {
+            if is_over.recv_timeout(LIFE_MAX) != Err(RecvTimeoutError::Timeout) {
+                return;
+            }
+            eprintln!(
+                "a test waits for ever: the processes of its cell are killed after {LIFE_MAX:?}"
+            );
+            for pid in of_folder(&folder) {
+                signal(pid, Signal::SIGKILL);
+            }
+        });
+        Life { _over: over }
     }
 }
 

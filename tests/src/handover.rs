@@ -1,9 +1,11 @@
 //! Hand-overs in a living cell, counted: the arm goes from net to net in consecutive cycles while a large net is loading.
 //! Run by a test's thread.
 
+use std::cell::RefCell;
+
 use rcc_core::message::{CommandImage, Measurement};
 use rcc_ipc::control::{MEASUREMENT, command_board};
-use rcc_ipc::{BoardReader, Role, Session};
+use rcc_ipc::{BoardReader, CommandReader, Role, Session};
 use serde_json::{Value, json};
 
 use crate::place::{Place, await_some};
@@ -18,6 +20,9 @@ primitives:
   end: {type: Termination, inputs: {done: cancel.requested}}
 discard: [state.position]
 ";
+
+/// Set-points around a hand-over that are looked at.
+const AROUND: usize = 16;
 
 /// What came of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -111,11 +116,12 @@ fn is_consecutive(place: &Place, (old, new): (u64, u64), cycle: u64) -> bool {
 fn is_unbroken(arm: &Arm, cycle: u64, owner: u64) -> bool {
     let image = await_some("the set-point of that cycle", || {
         let image = arm.image();
-        (image.sequence >= cycle).then_some(image)
+        (image.head.sequence >= cycle).then_some(image)
     });
-    let points = (0..image.sequence + 1)
+    let points = (0..image.head.sequence + 1)
         .rev()
-        .map_while(|sequence| image.at(sequence));
+        .map_while(|sequence| image.at(sequence))
+        .take(AROUND);
     owner != 0
         && points
             .into_iter()
@@ -123,12 +129,12 @@ fn is_unbroken(arm: &Arm, cycle: u64, owner: u64) -> bool {
 }
 
 fn newest_owner(image: &CommandImage) -> u64 {
-    image.at(image.sequence).map_or(0, |point| point.owner)
+    image.at(image.head.sequence).map_or(0, |point| point.owner)
 }
 
 /// What the arm of the demo cell is told, and what its driver tells.
 pub struct Arm {
-    image: BoardReader<CommandImage>,
+    image: RefCell<CommandReader>,
     measurement: BoardReader<Measurement>,
     _session: Session,
 }
@@ -139,10 +145,10 @@ impl Arm {
         let session = Session::join(place.cell(), Role::Monitor, "arm").expect("a cell");
         let executor = place.announced(Role::Executor, "exec");
         let driver = place.announced(Role::Driver, "lwr");
-        let image = session.open_board(&executor.services[&command_board("lwr")]);
+        let image = session.open_commands(&executor.services[&command_board("lwr")]);
         let measurement = session.open_board(&driver.services[MEASUREMENT]);
         Arm {
-            image: image.expect("the executor's board"),
+            image: RefCell::new(image.expect("the executor's commands")),
             measurement: measurement.expect("the driver's board"),
             _session: session,
         }
@@ -150,7 +156,7 @@ impl Arm {
 
     /// The newest set-points.
     pub fn image(&self) -> CommandImage {
-        self.image.read()
+        *self.image.borrow_mut().read()
     }
 
     /// The newest measurement.

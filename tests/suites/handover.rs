@@ -202,13 +202,13 @@ fn a_moving_arm_is_handed_over_where_the_next_net_continues_and_nowhere_else() {
     // On its line, still followed, and the arm is there.
     let image = arm.image();
     let wanted = |sequence: u64| from + (sequence - cycle) as f64 * PERIOD_S * VELOCITY;
-    for point in (0..16).filter_map(|back| image.at(image.sequence - back)) {
-        let sequence = point.logical_ns / image.period_ns;
+    for point in (0..16).filter_map(|back| image.at(image.head.sequence - back)) {
+        let sequence = point.logical_ns / image.head.period_ns;
         assert!((point.position[0] - wanted(sequence)).abs() < 1e-12 && point.has_position == 1);
     }
     let measured = arm.measurement();
     assert_eq!(measured.state, DeviceState::Commanded as u32);
-    assert!((measured.position[0] - wanted(image.sequence)).abs() < 1e-3);
+    assert!((measured.position[0] - wanted(image.head.sequence)).abs() < 1e-3);
     assert_eq!(cell.state(new)["state"], CommandState::Running.name());
     control.call(&Call::Abort { id: new });
     cell.assert_ends(new, "aborted");

@@ -2,10 +2,8 @@
 //! no set-point outside of the limits. Run by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
-use bytemuck::{Zeroable, bytes_of_mut};
-use rcc_core::message::{
-    CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, SET_POINTS, SetPoint,
-};
+use bytemuck::bytes_of_mut;
+use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, SetPoint};
 use rcc_drivers::host::limits::ArmLimits;
 use rcc_drivers::host::player::{Player, PlayerSettings, Tick};
 use rcc_engine::queue::Order;
@@ -94,13 +92,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
     if leads {
         player = player.leading();
     }
-    let mut image = CommandImage {
-        magic: MAGIC,
-        executor: 7,
-        period_ns: MS,
-        set_points: [SetPoint::NONE; SET_POINTS],
-        ..CommandImage::zeroed()
-    };
+    let mut image = CommandImage::new(7, MS);
     let mut judge = Judge::new(limits.joints, 0.0);
     let mut tick = Tick {
         ticks: 1,
@@ -129,23 +121,21 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
             _ => {}
         }
         if bytes.ratio(7, 8)? {
-            image.magic = MAGIC;
+            image.head.magic = MAGIC;
         }
         for _ in 0..bytes.int_in_range(1..=20)? {
             now_ns = now_ns.saturating_add(MS);
-            image.sequence = image.sequence.wrapping_add(1);
-            image.stamp_ns = now_ns;
             match step {
                 Some(step) => asked[0] += step,
                 None => asked = *player.position(),
             }
-            image.set_points[(image.sequence % SET_POINTS as u64) as usize] = SetPoint {
-                logical_ns: image.sequence.wrapping_mul(MS),
+            let point = SetPoint {
                 owner: u64::from(step.is_some()),
                 has_position: u64::from(step.is_some()),
                 position: asked,
                 ..SetPoint::NONE
             };
+            image.push(image.head.sequence.wrapping_add(1), now_ns, point);
             player.observe(now_ns, Some(&image));
             player.tick(&tick);
             judge.follow(player.position(), tick.ticks.max(1) as f64 * 1e-3);

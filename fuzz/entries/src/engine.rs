@@ -114,7 +114,7 @@ impl Bench {
 
     fn newest(&self, device: usize) -> SetPoint {
         let image = self.engine.image(device);
-        let newest = image.and_then(|image| image.at(image.sequence));
+        let newest = image.and_then(|image| image.at(image.head.sequence));
         newest.copied().unwrap_or(SetPoint::NONE)
     }
 

@@ -4,8 +4,7 @@
 use std::sync::LazyLock;
 
 use arbitrary::{Arbitrary, Result, Unstructured};
-use bytemuck::Zeroable;
-use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, MAGIC, SET_POINTS, SetPoint};
+use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, SET_POINTS, SetPoint};
 use rcc_drivers::driver::Inputs;
 use rcc_drivers::drivers::fri_lwr::dialog::{Dialog, Script};
 use rcc_drivers::fri_lwr::wire::{
@@ -64,13 +63,7 @@ static READY: LazyLock<Bench> = LazyLock::new(|| {
         dialog: dialog.unwrap_or_else(|error| panic!("{error}")),
         station: Station::new(device, 0),
         datagram,
-        image: CommandImage {
-            magic: MAGIC,
-            executor: 1,
-            period_ns: MS,
-            set_points: [SetPoint::NONE; SET_POINTS],
-            ..CommandImage::zeroed()
-        },
+        image: CommandImage::new(1, MS),
         executor: true,
         now_ns: 1_000 * MS,
         judge: Judge::new(shipped().models[0].limits, BINARY32),
@@ -169,11 +162,11 @@ impl Bench {
         let at = bytes.int_in_range(0..=SET_POINTS - 1)?;
         let point = &mut self.image.set_points[at];
         match bytes.int_in_range(0..=9)? {
-            0 => self.image.magic = u64::arbitrary(bytes)?,
-            1 => self.image.executor = u64::arbitrary(bytes)?,
-            2 => self.image.sequence = u64::arbitrary(bytes)?,
-            3 => self.image.stamp_ns = u64::arbitrary(bytes)?,
-            4 => self.image.period_ns = u64::arbitrary(bytes)?,
+            0 => self.image.head.magic = u64::arbitrary(bytes)?,
+            1 => self.image.head.executor = u64::arbitrary(bytes)?,
+            2 => self.image.head.sequence = u64::arbitrary(bytes)?,
+            3 => self.image.head.stamp_ns = u64::arbitrary(bytes)?,
+            4 => self.image.head.period_ns = u64::arbitrary(bytes)?,
             5 => point.logical_ns = u64::arbitrary(bytes)?,
             6 => (point.owner, point.has_position) = <_>::arbitrary(bytes)?,
             7 => point.position[bytes.int_in_range(0..=7)?] = real(bytes)?,
@@ -196,19 +189,17 @@ impl Bench {
 
     fn write(&mut self) {
         let image = &mut self.image;
-        image.sequence = image.sequence.wrapping_add(1);
-        image.stamp_ns = self.now_ns;
         match self.moves {
             None => self.asked = self.station.measurement().hold,
             Some(step) => self.asked[0] += step,
         }
-        image.set_points[(image.sequence % SET_POINTS as u64) as usize] = SetPoint {
-            logical_ns: image.sequence.wrapping_mul(MS),
+        let point = SetPoint {
             owner: u64::from(self.moves.is_some()),
             has_position: u64::from(self.moves.is_some()),
             position: self.asked,
             ..SetPoint::NONE
         };
+        image.push(image.head.sequence.wrapping_add(1), self.now_ns, point);
     }
 
     fn exchange(&mut self, bytes: &[u8]) {

@@ -58,7 +58,10 @@ impl Arm {
 
     /// One cycle of the device.
     pub fn exchange(&mut self, image: &CommandImage) {
-        self.newest = image.at(image.sequence).copied().unwrap_or(SetPoint::NONE);
+        self.newest = image
+            .at(image.head.sequence)
+            .copied()
+            .unwrap_or(SetPoint::NONE);
         let before = self.positions[0];
         match self.phase {
             Phase::Following { entry } => self.follow(image, entry + 1),
@@ -186,7 +189,8 @@ impl Arm {
     }
 
     fn look_for_a_beginning(&mut self, image: &CommandImage) {
-        while self.cursor < image.sequence && matches!(self.phase, Phase::Holding | Phase::Stopping)
+        while self.cursor < image.head.sequence
+            && matches!(self.phase, Phase::Holding | Phase::Stopping)
         {
             self.cursor += 1;
             let Some(point) = image.at(self.cursor).filter(|point| commands(point)) else {
@@ -202,7 +206,7 @@ impl Arm {
         let Phase::Waiting { first } = self.phase else {
             return;
         };
-        if image.sequence - first < self.delay {
+        if image.head.sequence - first < self.delay {
             return;
         }
         let hold = self.positions[0];
@@ -215,7 +219,7 @@ impl Arm {
             }
             None => {
                 self.refused = point.map_or(0, |point| point.owner);
-                (self.phase, self.cursor) = (Phase::Holding, image.sequence);
+                (self.phase, self.cursor) = (Phase::Holding, image.head.sequence);
             }
         }
     }
@@ -228,9 +232,7 @@ fn commands(point: &SetPoint) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use bytemuck::Zeroable;
     use rcc_core::guard::JointLimits;
-    use rcc_core::message::{MAGIC, SET_POINTS};
 
     use super::*;
 
@@ -258,10 +260,7 @@ mod tests {
                 jerk_max: [2000.0; 8],
                 joints: 7,
             };
-            let mut image = CommandImage::zeroed();
-            image.magic = MAGIC;
-            image.period_ns = 1_000_000;
-            image.set_points = [SetPoint::NONE; SET_POINTS];
+            let image = CommandImage::new(1, 1_000_000);
             let arm = Arm::new(limits, Guard::new(joints, 1e-3), [0.0; 8], DELAY, 1e-3);
             Bench {
                 arm,
@@ -271,17 +270,15 @@ mod tests {
         }
 
         fn cycle(&mut self, owner: u64, joint: Option<f64>) {
-            self.image.sequence += 1;
-            let sequence = self.image.sequence;
             let mut point = SetPoint {
-                logical_ns: sequence * 1_000_000,
                 owner,
                 ..SetPoint::NONE
             };
             if let Some(joint) = joint {
                 (point.has_position, point.position[0]) = (1, joint);
             }
-            self.image.set_points[(sequence % SET_POINTS as u64) as usize] = point;
+            let next = self.image.head.sequence + 1;
+            self.image.push(next, 0, point);
             self.arm.exchange(&self.image);
             self.played.push(self.arm.position()[0]);
         }
@@ -307,7 +304,10 @@ mod tests {
         assert_eq!(bench.arm.settled_ns(), 0);
         bench.cycle(0, None);
         assert_eq!(bench.arm.state(), DeviceState::Ready);
-        assert_eq!(bench.arm.settled_ns(), bench.image.sequence * 1_000_000);
+        assert_eq!(
+            bench.arm.settled_ns(),
+            bench.image.head.sequence * 1_000_000
+        );
     }
 
     #[test]
@@ -353,7 +353,7 @@ mod tests {
         assert_eq!(bench.arm.state(), DeviceState::Commanded);
         assert_eq!(
             bench.arm.played_ns(),
-            (bench.image.sequence - DELAY) * 1_000_000
+            (bench.image.head.sequence - DELAY) * 1_000_000
         );
     }
 }

@@ -96,7 +96,7 @@ impl Device {
 
     /// One exchange at `now_ns`; `image` is what the executor wrote in its last cycle.
     pub fn exchange(&mut self, image: Option<&CommandImage>, now_ns: u64) {
-        let newest = image.and_then(|image| image.at(image.sequence));
+        let newest = image.and_then(|image| image.at(image.head.sequence));
         let mut outputs = newest.copied().unwrap_or(SetPoint::NONE);
         if let (Some(arm), Some(image)) = (&mut self.arm, image) {
             arm.exchange(image);

@@ -62,7 +62,7 @@ impl Tracks {
     pub fn take(&mut self, time_s: f64, engine: &Engine) {
         for track in &mut self.tracks {
             let image = engine.image(track.device);
-            let point = image.and_then(|image| image.at(image.sequence));
+            let point = image.and_then(|image| image.at(image.head.sequence));
             let point = point.filter(|point| point.has_position == 1);
             if let Some(point) = point {
                 if !track.commanded {

@@ -58,10 +58,10 @@ pub const PORT_NOT_DECLARED: Code = code(
 pub const REVERSED: Code = code("RCC2018", "a lower bound is not below its upper bound");
 /// Not the number of joints of the kinematics.
 pub const JOINT_COUNT: Code = code("RCC2019", "the joints do not match the kinematics");
-/// More delay than the set-points on a board.
+/// More delay than the set-points that a driver finds.
 pub const DELAY_TOO_LONG: Code = code(
     "RCC2020",
-    "the delay is longer than the set-points that a board holds",
+    "the delay is longer than the set-points that a driver finds",
 );
 /// A safe value that the output refuses.
 pub const UNSAFE_VALUE: Code = code("RCC2021", "a safe value is outside of the channel's range");

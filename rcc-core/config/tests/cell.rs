@@ -167,7 +167,7 @@ fn times_that_are_left_out_fit_the_period() {
     assert_eq!(slow.devices[0].command_timeout_ns, 300_000_000);
     let fast = cell("cell: a\nperiod: 100 us\ndevices: {b: {driver: c}}\n");
     assert_eq!(fast.period_ns, 100_000);
-    assert_eq!(fast.devices[0].delay_ns, 1_200_000);
+    assert_eq!(fast.devices[0].delay_ns, 10_000_000);
 }
 
 #[test]

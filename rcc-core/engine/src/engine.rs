@@ -16,7 +16,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
 use rcc_core::guard::Guard;
 use rcc_core::message::{
     COMMANDS_MAX, ClockStatus, CommandImage, CommandState, CycleStatus, DEVICES_MAX, DeviceState,
-    FaultCode, FaultRecord, MAGIC, Measurement, SET_POINTS, SetPoint, Tables,
+    FaultCode, FaultRecord, MAGIC, Measurement, SetPoint, Tables,
 };
 use rcc_core::plan::Resources;
 
@@ -132,11 +132,7 @@ impl Engine {
             measurement: Measurement::zeroed(),
         };
         let device = |model: &DeviceModel| {
-            let mut image: Box<CommandImage> = bytemuck::zeroed_box();
-            image.magic = MAGIC;
-            image.executor = config.incarnation;
-            image.period_ns = config.period_ns;
-            image.set_points = [SetPoint::NONE; SET_POINTS];
+            let image = CommandImage::new(config.incarnation, config.period_ns);
             let guard =
                 Guard::new(model.limits, model.first_tolerance_rad).with_impedance(model.impedance);
             Device {
@@ -144,7 +140,7 @@ impl Engine {
                 guard,
                 engagement: None,
                 output: DeviceOutput::NONE,
-                image,
+                image: Box::new(image),
             }
         };
         Engine {
@@ -292,28 +288,23 @@ impl Engine {
         let sequence = self.status.cycle;
         for (device, input) in self.devices.iter_mut().zip(&self.inputs) {
             let image = &mut *device.image;
-            image.seen = if input.present {
+            image.head.seen = if input.present {
                 input.measurement.sequence
             } else {
                 0
             };
-            image.sequence = sequence;
-            image.stamp_ns = now_ns;
-            if let Some(place) = image
-                .set_points
-                .get_mut((sequence % SET_POINTS as u64) as usize)
-            {
-                *place = SetPoint {
-                    logical_ns: sequence * self.config.period_ns,
-                    owner: device.engagement.map_or(0, |engagement| engagement.number),
-                    has_position: u64::from(device.output.has_position),
-                    position: device.output.position,
-                    impedance: device.output.impedance,
-                    digital: device.output.digital,
-                    digital_commanded: device.output.digital_commanded,
-                    analog: device.output.analog,
-                };
-            }
+            let output = &device.output;
+            let point = SetPoint {
+                logical_ns: 0,
+                owner: device.engagement.map_or(0, |engagement| engagement.number),
+                has_position: u64::from(output.has_position),
+                position: output.position,
+                impedance: output.impedance,
+                digital: output.digital,
+                digital_commanded: output.digital_commanded,
+                analog: output.analog,
+            };
+            image.push(sequence, now_ns, point);
         }
     }
 

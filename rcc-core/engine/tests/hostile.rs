@@ -31,7 +31,7 @@ const SENSELESS: [(&str, Spoil); 12] = [
 
 fn newest(bench: &Bench, device: usize) -> SetPoint {
     let image = bench.engine.image(device).expect("a device");
-    *image.at(image.sequence).expect("the newest")
+    *image.at(image.head.sequence).expect("the newest")
 }
 
 /// One cycle in which the arm's board holds `measurement`.
@@ -215,7 +215,7 @@ fn whatever_a_board_holds_no_set_point_leaves_the_limits_and_the_engine_goes_on(
             before = now;
         }
         let image = bench.engine.image(0).expect("the arm");
-        assert_eq!(image.sequence, bench.engine.status().cycle);
+        assert_eq!(image.head.sequence, bench.engine.status().cycle);
         assert_eq!(image.set_points.len(), SET_POINTS);
     }
     assert!(moved > 100, "the test tests nothing: {moved}");

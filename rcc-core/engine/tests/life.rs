@@ -25,7 +25,10 @@ fn a_command_goes_through_its_states_and_start_takes_effect_in_the_next_cycle() 
     assert_eq!(bench.state(id), CommandState::Running);
     assert_eq!(bench.entry(id).started_cycle, before + 1);
     let image = bench.engine.image(0).unwrap();
-    assert_eq!(image.at(image.sequence).unwrap().digital_commanded, 0b10);
+    assert_eq!(
+        image.at(image.head.sequence).unwrap().digital_commanded,
+        0b10
+    );
     assert!(matches!(
         bench.ask(|ticket| Order::Cancel { ticket, id }),
         Answer::Done { .. }
@@ -34,7 +37,7 @@ fn a_command_goes_through_its_states_and_start_takes_effect_in_the_next_cycle() 
     bench.step();
     let image = bench.engine.image(0).unwrap();
     assert_eq!(
-        image.at(image.sequence).unwrap().digital_commanded,
+        image.at(image.head.sequence).unwrap().digital_commanded,
         0,
         "nothing is commanded after the end"
     );
@@ -270,7 +273,7 @@ fn a_lost_driver_ends_the_net_and_its_return_moves_nothing() {
     for _ in 0..100 {
         bench.step();
         let image = bench.engine.image(0).unwrap();
-        assert_eq!(image.at(image.sequence).unwrap().has_position, 0);
+        assert_eq!(image.at(image.head.sequence).unwrap().has_position, 0);
     }
 }
 
@@ -291,7 +294,7 @@ fn a_driver_that_is_replaced_at_once_ends_its_nets_and_nothing_is_commanded_agai
     for _ in 0..100 {
         bench.step();
         let image = bench.engine.image(0).unwrap();
-        let newest = image.at(image.sequence).unwrap();
+        let newest = image.at(image.head.sequence).unwrap();
         assert_eq!((newest.has_position, newest.digital_commanded), (0, 0));
     }
     assert_eq!(bench.engine.tables().devices[0].incarnation, 2);
@@ -359,7 +362,7 @@ fn a_set_point_beyond_a_limit_ends_the_net_with_joint_value_and_limit() {
     );
     bench.step();
     let image = bench.engine.image(0).unwrap();
-    assert_eq!(image.at(image.sequence).unwrap().has_position, 0);
+    assert_eq!(image.at(image.head.sequence).unwrap().has_position, 0);
 }
 
 #[test]

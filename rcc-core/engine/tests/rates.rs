@@ -16,7 +16,7 @@ fn cycle(bench: &Bench) -> u64 {
 
 fn newest(bench: &Bench) -> SetPoint {
     let image = bench.engine.image(0).unwrap();
-    *image.at(image.sequence).unwrap()
+    *image.at(image.head.sequence).unwrap()
 }
 
 /// Steps until the next cycle is one in which `FIFTH` is not due, and the one after it neither.
@@ -243,8 +243,8 @@ fn a_line_takes_the_same_logical_time_at_every_base_period() {
         );
         let image = bench.engine.image(0).unwrap();
         assert_eq!(
-            image.at(image.sequence).unwrap().logical_ns,
-            image.sequence * period_ns
+            image.at(image.head.sequence).unwrap().logical_ns,
+            image.head.sequence * period_ns
         );
         bench.entry(id).cycles as f64 * period_ns as f64 * 1e-9
     });

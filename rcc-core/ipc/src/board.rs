@@ -8,7 +8,7 @@ use bytemuck::Pod;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::prelude::{ServiceName, ipc_threadsafe};
-use iceoryx2::service::builder::blackboard::BlackboardOpenError;
+use iceoryx2::service::builder::blackboard::{BlackboardOpenError, Creator};
 
 use crate::life::Life;
 use crate::room::{self, NoRoom};
@@ -24,7 +24,7 @@ const KEY: u32 = 0;
 /// Shared memory of a board beside its value.
 const BOARD_ROOM: u64 = 256 << 10;
 
-type Service = ipc_threadsafe::Service;
+pub(crate) type Service = ipc_threadsafe::Service;
 
 /// Why a board is not there.
 #[derive(Debug, thiserror::Error)]
@@ -140,31 +140,16 @@ impl Session {
     /// # Errors
     /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
     pub fn create_board<T: Pod>(&self, name: &str) -> Result<BoardWriter<T>, BoardError> {
-        room::require(2 * size_of::<T>() as u64 + BOARD_ROOM)?;
-        let service_name = self.service_name(name).ok_or_else(|| BoardError::BadName {
-            name: name.to_owned(),
-        })?;
-        let service = service_name.as_str().to_owned();
-        let failed = |cause| BoardError::Failed {
-            service: service.clone(),
-            cause,
-        };
-        let board = self
-            .node()
-            .service_builder(&service_name)
-            .blackboard_creator::<u32>()
-            .max_readers(READERS_MAX)
-            .max_nodes(NODES_MAX)
-            .add::<Shared<T>>(KEY, Shared(T::zeroed()))
-            .create()
-            .map_err(|error| failed(Cause::of(error)))?;
-        let writer = board
-            .writer_builder()
-            .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+        let (writer, service) =
+            self.create_blackboard(name, size_of::<T>() as u64, |blackboard| {
+                blackboard.add::<Shared<T>>(KEY, Shared(T::zeroed()))
+            })?;
         let entry = writer
             .entry::<Shared<T>>(&KEY)
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| BoardError::Failed {
+                service: service.clone(),
+                cause: Cause::of(error),
+            })?;
         Ok(BoardWriter {
             entry,
             service,
@@ -178,28 +163,7 @@ impl Session {
     /// # Errors
     /// No such board, another layout, too many readers, or what iceoryx2 says.
     pub fn open_board<T: Pod>(&self, service: &str) -> Result<BoardReader<T>, BoardError> {
-        let failed = |cause| BoardError::Failed {
-            service: service.to_owned(),
-            cause,
-        };
-        let service_name = ServiceName::new(service).map_err(|_| BoardError::BadName {
-            name: service.to_owned(),
-        })?;
-        let board = self
-            .node()
-            .service_builder(&service_name)
-            .blackboard_opener::<u32>()
-            .open()
-            .map_err(|error| match error {
-                BlackboardOpenError::DoesNotExist => BoardError::DoesNotExist {
-                    service: service.to_owned(),
-                },
-                other => failed(Cause::of(other)),
-            })?;
-        let reader = board
-            .reader_builder()
-            .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+        let reader = self.open_blackboard(service)?;
         // A board always has its key, so a refusal here is about the type.
         let entry = reader
             .entry::<Shared<T>>(&KEY)
@@ -214,5 +178,67 @@ impl Session {
             _reader: reader,
             _membership: self.membership(),
         })
+    }
+
+    /// A blackboard `name` of this session with the entries that `fill` adds, `bytes` in all, and its full name.
+    pub(crate) fn create_blackboard(
+        &self,
+        name: &str,
+        bytes: u64,
+        fill: impl FnOnce(Creator<u32, Service>) -> Creator<u32, Service>,
+    ) -> Result<(Writer<Service, u32>, String), BoardError> {
+        // Each entry is there twice.
+        room::require(2 * bytes + BOARD_ROOM)?;
+        let service_name = self.service_name(name).ok_or_else(|| BoardError::BadName {
+            name: name.to_owned(),
+        })?;
+        let service = service_name.as_str().to_owned();
+        let failed = |cause| BoardError::Failed {
+            service: service.clone(),
+            cause,
+        };
+        let blackboard = self
+            .node()
+            .service_builder(&service_name)
+            .blackboard_creator::<u32>()
+            .max_readers(READERS_MAX)
+            .max_nodes(NODES_MAX);
+        let blackboard = fill(blackboard)
+            .create()
+            .map_err(|error| failed(Cause::of(error)))?;
+        let writer = blackboard
+            .writer_builder()
+            .create()
+            .map_err(|error| failed(Cause::of(error)))?;
+        Ok((writer, service))
+    }
+
+    /// A reader of the blackboard of that full name.
+    pub(crate) fn open_blackboard(
+        &self,
+        service: &str,
+    ) -> Result<Reader<Service, u32>, BoardError> {
+        let failed = |cause| BoardError::Failed {
+            service: service.to_owned(),
+            cause,
+        };
+        let service_name = ServiceName::new(service).map_err(|_| BoardError::BadName {
+            name: service.to_owned(),
+        })?;
+        let blackboard = self
+            .node()
+            .service_builder(&service_name)
+            .blackboard_opener::<u32>()
+            .open()
+            .map_err(|error| match error {
+                BlackboardOpenError::DoesNotExist => BoardError::DoesNotExist {
+                    service: service.to_owned(),
+                },
+                other => failed(Cause::of(other)),
+            })?;
+        blackboard
+            .reader_builder()
+            .create()
+            .map_err(|error| failed(Cause::of(error)))
     }
 }

@@ -36,7 +36,7 @@ pub const READ_MAX: usize = 1024;
 /// Most elements that one [`Call::Read`] reads.
 pub const READ_ELEMENTS_MAX: usize = 1536;
 
-/// Name of the executor's board with the [`rcc_core::message::CommandImage`] of a device.
+/// Name of the executor's ring with the commands of a device.
 #[must_use]
 pub fn command_board(device: &str) -> String {
     format!("command-{device}")

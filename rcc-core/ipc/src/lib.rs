@@ -1,6 +1,6 @@
-//! What the processes of one cell share: names, boards (newest value), streams, requests, announcements and cleaning.
-//! The only package that names iceoryx2; run by every thread that is not real-time, except [`BoardWriter::write`] and
-//! [`BoardReader::read`], which the real-time threads run.
+//! What the processes of one cell share: names, boards (newest value), rings (last values), streams, requests,
+//! announcements and cleaning. The only package that names iceoryx2; run by every thread that is not real-time, except
+//! reading and writing of boards and rings, which the real-time threads do.
 //!
 //! No service has a fixed name: a process creates its own under `<role>-<label>/<incarnation>.<n>/<name>`, writes the
 //! full names into its [`Announcement`], and others open what they find there.
@@ -22,6 +22,7 @@ pub mod board;
 pub mod cell;
 pub mod clean;
 pub mod clock;
+pub mod commands;
 pub mod control;
 pub mod events;
 pub mod life;
@@ -31,6 +32,7 @@ pub mod pattern;
 mod reap;
 pub mod rehearsal;
 pub mod request;
+pub mod ring;
 pub mod room;
 pub mod seldom;
 pub mod session;
@@ -42,6 +44,7 @@ pub use announce::{AnnounceError, Announced, Announcement};
 pub use board::{BoardError, BoardReader, BoardWriter};
 pub use cell::{Cell, CellError};
 pub use clock::{monotonic_ns, sleep_until};
+pub use commands::{CommandReader, CommandWriter};
 pub use life::Life;
 pub use request::{
     AnswerError, CallError, Client, PollError, REQUEST_MAX, RESPONSE_MAX, Request, RequestError,

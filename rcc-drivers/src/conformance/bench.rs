@@ -3,11 +3,8 @@
 
 use std::time::Duration;
 
-use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease};
-use rcc_core::message::{
-    ANALOG_MAX, CommandImage, DeviceState, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
-};
+use rcc_core::message::{ANALOG_MAX, CommandImage, DeviceState, Joints, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
 
 use super::judge::Judge;
@@ -79,13 +76,7 @@ impl<S: Subject> Bench<S> {
             inputs: Inputs::NONE,
             followed: Vec::new(),
             last: Err(LinkError::Silent),
-            image: CommandImage {
-                magic: MAGIC,
-                executor: 1,
-                period_ns: MS,
-                set_points: [SetPoint::NONE; SET_POINTS],
-                ..CommandImage::zeroed()
-            },
+            image: CommandImage::new(1, MS),
             now_ns: 0,
         }
     }
@@ -245,14 +236,10 @@ impl<S: Subject> Bench<S> {
     }
 
     fn write(&mut self, executor: Executor) {
-        let Executor::Writes(mut entry) = executor else {
-            return;
-        };
-        self.image.sequence += 1;
-        self.image.stamp_ns = self.now_ns;
-        entry.logical_ns = self.image.sequence * MS;
-        let place = (self.image.sequence % SET_POINTS as u64) as usize;
-        self.image.set_points[place] = entry;
+        if let Executor::Writes(entry) = executor {
+            let next = self.image.head.sequence + 1;
+            self.image.push(next, self.now_ns, entry);
+        }
     }
 
     /// Judges what the driver has sent.

@@ -9,12 +9,10 @@ use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 use rcc_config::{CellConfig, DeviceConfig};
-use rcc_core::message::{
-    CommandImage, DeviceState, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
-};
+use rcc_core::message::{CommandImage, DeviceState, Joints, Measurement, SetPoint};
 use rcc_ipc::control::{MEASUREMENT, command_board};
 use rcc_ipc::{
-    Announced, Announcement, BoardReader, BoardWriter, Cell, Role, Session, monotonic_ns,
+    Announced, Announcement, BoardReader, Cell, CommandWriter, Role, Session, monotonic_ns,
 };
 
 use super::judge::Judge;
@@ -44,7 +42,7 @@ pub struct TestCell {
     stop: Arc<AtomicBool>,
     host: Option<JoinHandle<()>>,
     reader: Option<(Session, BoardReader<Measurement>)>,
-    writer: Option<(Session, BoardWriter<CommandImage>, Announced)>,
+    writer: Option<(Session, CommandWriter, Announced)>,
     image: CommandImage,
 }
 
@@ -113,32 +111,21 @@ impl TestCell {
     pub fn start_executor(&mut self) {
         let session = Session::join(&self.cell, Role::Executor, "main").expect("a session");
         let name = command_board(&self.device.name);
-        let board = session
-            .create_board::<CommandImage>(&name)
-            .expect("a board");
+        let board = session.create_commands(&name).expect("a board");
         let announcement = Announcement::of(&session).service(&name, board.service());
         let announced = self
             .cell
             .announce(&announcement)
             .expect("the only executor");
         self.executor = session.incarnation();
-        self.image = CommandImage {
-            magic: MAGIC,
-            executor: self.executor,
-            period_ns: CYCLE.as_nanos() as u64,
-            set_points: [SetPoint::NONE; SET_POINTS],
-            ..CommandImage::zeroed()
-        };
+        self.image = CommandImage::new(self.executor, CYCLE.as_nanos() as u64);
         self.writer = Some((session, board, announced));
     }
 
     /// One cycle of the executor.
-    pub fn write(&mut self, mut entry: SetPoint) {
-        self.image.sequence += 1;
-        self.image.stamp_ns = monotonic_ns();
-        entry.logical_ns = self.image.sequence * self.image.period_ns;
-        let place = (self.image.sequence % SET_POINTS as u64) as usize;
-        self.image.set_points[place] = entry;
+    pub fn write(&mut self, entry: SetPoint) {
+        let next = self.image.head.sequence + 1;
+        self.image.push(next, monotonic_ns(), entry);
         if let Some((_, board, _)) = &mut self.writer {
             board.write(&self.image);
         }

@@ -10,9 +10,8 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use bytemuck::Zeroable;
 use rcc_config::{CellConfig, DeviceConfig};
-use rcc_core::message::{CommandImage, MAGIC, SET_POINTS, SetPoint};
+use rcc_core::message::{CommandImage, SetPoint};
 use rcc_ipc::monotonic_ns;
 
 use super::bench::all_on;
@@ -129,13 +128,7 @@ fn listen<S: Subject>(device: &DeviceConfig) {
 fn blink<S: Subject>(device: &DeviceConfig) {
     let mut driver = S::Driver::open(device).unwrap_or_else(|error| panic!("{error}"));
     let mut station = Station::new(device, monotonic_ns());
-    let mut image = CommandImage {
-        magic: MAGIC,
-        executor: 1,
-        period_ns: 1_000_000,
-        set_points: [SetPoint::NONE; SET_POINTS],
-        ..CommandImage::zeroed()
-    };
+    let mut image = CommandImage::new(1, 1_000_000);
     let (begin, mut heard) = (Instant::now(), 0);
     while heard < EXCHANGES {
         let mut inputs = Inputs::NONE;
@@ -148,13 +141,12 @@ fn blink<S: Subject>(device: &DeviceConfig) {
         };
         heard += 1;
         let on = heard < EXCHANGES / 2;
-        image.sequence += 1;
-        image.stamp_ns = monotonic_ns();
-        image.set_points = [if on {
+        let point = if on {
             all_on(device, 1)
         } else {
             SetPoint::NONE
-        }; SET_POINTS];
+        };
+        image.push(image.head.sequence + 1, monotonic_ns(), point);
         station.observe(monotonic_ns(), Some(&image));
         let outputs: Outputs = station.exchange(monotonic_ns(), &inputs, &exchange);
         driver

@@ -1,7 +1,7 @@
 //! When a driver answers its device if the executor's clock follows it: as soon as the set-point is there that was computed
 //! from this exchange's measurement, and in any case in good time. Run by the host's thread.
 
-use rcc_core::message::{CommandImage, MAGIC};
+use rcc_core::message::{CommandHead, MAGIC};
 use rcc_ipc::{monotonic_ns, sleep_until};
 
 /// The part of the device's period after which it is answered with what there is, in thousandths: an answer has to reach
@@ -28,14 +28,14 @@ pub(super) enum Look {
 }
 
 impl Look {
-    /// Whether `image` was computed from the measurement `sequence` of a device with this period.
-    pub(super) fn of(image: &CommandImage, sequence: u64, now_ns: u64, period_ns: u64) -> Look {
-        let longest_ns = image.period_ns.max(period_ns);
-        let stale = now_ns.abs_diff(image.stamp_ns) > STALE_PERIODS.saturating_mul(longest_ns);
-        if image.magic != MAGIC || stale || image.period_ns > period_ns + period_ns / 1000 {
+    /// Whether the newest set-point was computed from the measurement `sequence` of a device with this period.
+    pub(super) fn of(head: &CommandHead, sequence: u64, now_ns: u64, period_ns: u64) -> Look {
+        let longest_ns = head.period_ns.max(period_ns);
+        let stale = now_ns.abs_diff(head.stamp_ns) > STALE_PERIODS.saturating_mul(longest_ns);
+        if head.magic != MAGIC || stale || head.period_ns > period_ns + period_ns / 1000 {
             return Look::InVain;
         }
-        if image.seen == sequence {
+        if head.seen == sequence {
             Look::Here
         } else {
             Look::NotYet
@@ -58,55 +58,52 @@ impl Answer {
         }
     }
 
-    /// Waits for what `look` brings when it says [`Look::Here`]; `None` if that takes too long.
-    pub(super) fn wait<T>(
+    /// Waits until `look` says [`Look::Here`]; false if that takes too long.
+    pub(super) fn wait(
         &mut self,
         arrived_ns: u64,
         period_ns: u64,
-        mut look: impl FnMut(u64) -> (T, Look),
-    ) -> Option<T> {
+        mut look: impl FnMut(u64) -> Look,
+    ) -> bool {
         let by_ns = arrived_ns + period_ns / 1000 * ANSWER_BY_PERMILLE;
         let mut at_ns = arrived_ns + self.expected_ns.saturating_sub(EARLY_NS);
         for _ in 0..LOOKS_MAX {
             sleep_until(at_ns.min(by_ns));
             let now_ns = monotonic_ns();
             match look(now_ns) {
-                (found, Look::Here) => {
+                Look::Here => {
                     let took_ns = now_ns.saturating_sub(arrived_ns);
                     // An eighth of what is new: one late cycle does not make all others wait.
                     self.expected_ns = self.expected_ns - self.expected_ns / 8 + took_ns / 8;
-                    return Some(found);
+                    return true;
                 }
-                (_, Look::InVain) => return None,
-                (_, Look::NotYet) if now_ns >= by_ns => return None,
-                (_, Look::NotYet) => at_ns = now_ns + STEP_NS,
+                Look::InVain => return false,
+                Look::NotYet if now_ns >= by_ns => return false,
+                Look::NotYet => at_ns = now_ns + STEP_NS,
             }
         }
-        None
+        false
     }
 }
 
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
+    use rcc_core::message::CommandImage;
 
     use super::*;
 
     const MS: u64 = 1_000_000;
 
-    fn image(seen: u64) -> CommandImage {
-        CommandImage {
-            magic: MAGIC,
-            stamp_ns: 10 * MS,
-            period_ns: MS,
-            seen,
-            ..CommandImage::zeroed()
-        }
+    fn head(seen: u64) -> CommandHead {
+        let mut head = CommandImage::new(1, MS).head;
+        (head.stamp_ns, head.seen) = (10 * MS, seen);
+        head
     }
 
     #[test]
     fn only_a_set_point_that_was_computed_from_this_exchange_is_here() {
-        let look = |seen| Look::of(&image(seen), 7, 10 * MS + 100, MS);
+        let look = |seen| Look::of(&head(seen), 7, 10 * MS + 100, MS);
         assert_eq!(
             [6, 7, 8].map(look),
             [Look::NotYet, Look::Here, Look::NotYet]
@@ -115,9 +112,9 @@ mod tests {
 
     #[test]
     fn nobody_waits_for_an_executor_that_stopped_or_is_slower_than_the_device() {
-        assert_eq!(Look::of(&image(6), 7, 14 * MS, MS), Look::InVain);
-        assert_eq!(Look::of(&image(6), 7, 10 * MS, MS / 2), Look::InVain);
-        assert_eq!(Look::of(&CommandImage::zeroed(), 7, 0, MS), Look::InVain);
+        assert_eq!(Look::of(&head(6), 7, 14 * MS, MS), Look::InVain);
+        assert_eq!(Look::of(&head(6), 7, 10 * MS, MS / 2), Look::InVain);
+        assert_eq!(Look::of(&CommandHead::zeroed(), 7, 0, MS), Look::InVain);
     }
 
     #[test]
@@ -126,11 +123,11 @@ mod tests {
         let mut looks = 0;
         let found = answer.wait(monotonic_ns(), 1_000 * MS, |_| {
             looks += 1;
-            (looks, if looks == 5 { Look::Here } else { Look::NotYet })
+            if looks == 5 { Look::Here } else { Look::NotYet }
         });
-        assert_eq!(found, Some(5));
+        assert_eq!((found, looks), (true, 5));
         let long_ago_ns = monotonic_ns() - 10 * MS;
-        let found = answer.wait(long_ago_ns, MS, |_| ((), Look::NotYet));
-        assert_eq!(found, None, "the time for this answer is over");
+        let found = answer.wait(long_ago_ns, MS, |_| Look::NotYet);
+        assert!(!found, "the time for this answer is over");
     }
 }

@@ -23,7 +23,7 @@ reasons! {
     RELEASED_MOVING = 8, "the net stopped commanding the device while it moved";
     STALE = 9, "the executor stopped writing while the device was commanded";
     EXECUTOR_CHANGED = 10, "another executor took over while the device was commanded";
-    SET_POINTS_LOST = 11, "set-points were overwritten before the driver took them";
+    SET_POINTS_LOST = 11, "the device fell behind the set-points by more than command_timeout";
     TERMINATING = 12, "the driver has been asked to stop";
     ALREADY_COMMANDED = 13, "a net commanded the device already when the driver came";
     ANALOG_RANGE = 14, "an analog output was commanded outside of its range and is released";

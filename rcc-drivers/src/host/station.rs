@@ -3,7 +3,7 @@
 
 use bytemuck::Zeroable;
 use rcc_config::DeviceConfig;
-use rcc_core::message::{CommandImage, DeviceState, MAGIC, Measurement, SET_POINTS};
+use rcc_core::message::{CommandImage, DeviceState, MAGIC, Measurement};
 
 use super::compliance::Compliance;
 use super::limits::ArmLimits;
@@ -75,7 +75,7 @@ impl Station {
         }
     }
 
-    /// Takes over what is new on the command board, `None` without executor; at least every [`SET_POINTS`] cycles.
+    /// Takes over what is new of the commands, `None` without executor; at least every [`LOOK_PERIODS`] cycles.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         self.player.observe(now_ns, image);
     }
@@ -242,5 +242,5 @@ fn tick(exchange: &Exchange) -> Tick {
     }
 }
 
-/// Longest pause between two looks at the command board, in periods of the executor: half of what it remembers.
-pub const LOOK_PERIODS: u64 = SET_POINTS as u64 / 4;
+/// Longest pause between two looks at the commands, in periods of the executor.
+pub const LOOK_PERIODS: u64 = 4;

@@ -1,10 +1,10 @@
-//! The set-points that an executor has written, kept longer than its board keeps them.
-//! Pure; run by the host's thread, which copies the board often enough to miss none.
+//! The set-points that an executor has written, without gap up to the newest.
+//! Pure; run by the host's thread, which looks often enough to miss none.
 
 use rcc_core::message::{CommandImage, MAGIC, SET_POINTS, SetPoint};
 
 /// Set-points kept: what a device may fall behind before it must stop.
-pub const TRACK_LENGTH: usize = 64;
+pub const TRACK_LENGTH: usize = SET_POINTS;
 
 /// No executor comes this far: 285 years of cycles of 1 µs. Numbers beyond it are not counted with.
 const SEQUENCE_MAX: u64 = 1 << 53;
@@ -52,18 +52,22 @@ impl Track {
     /// Copies what is new. An image that no executor has written yet is ignored, and so is one whose numbers no executor
     /// writes.
     pub fn update(&mut self, image: &CommandImage) -> News {
-        if image.magic != MAGIC
-            || !(1..=SEQUENCE_MAX).contains(&image.sequence)
-            || !(1..=PERIOD_MAX_NS).contains(&image.period_ns)
-            || image.executor == 0
+        if image.head.magic != MAGIC
+            || !(1..=SEQUENCE_MAX).contains(&image.head.sequence)
+            || !(1..=PERIOD_MAX_NS).contains(&image.head.period_ns)
+            || image.head.executor == 0
         {
             return News::None;
         }
-        let other = image.executor != self.executor;
-        if !other && image.sequence <= self.newest {
+        let other = image.head.executor != self.executor;
+        if !other && image.head.sequence <= self.newest {
             return News::None;
         }
-        let ring_oldest = image.sequence.saturating_sub(SET_POINTS as u64 - 1).max(1);
+        let ring_oldest = image
+            .head
+            .sequence
+            .saturating_sub(SET_POINTS as u64 - 1)
+            .max(1);
         let first = if other {
             ring_oldest
         } else {
@@ -72,20 +76,19 @@ impl Track {
         if other || first > self.newest + 1 {
             self.oldest = first;
         }
-        for sequence in first..=image.sequence {
-            if let (Some(place), Some(entry)) =
-                (self.entries.get_mut(index(sequence)), image.at(sequence))
-            {
-                *place = *entry;
+        for sequence in first..=image.head.sequence {
+            match (self.entries.get_mut(index(sequence)), image.at(sequence)) {
+                (Some(place), Some(entry)) => *place = *entry,
+                _ => self.oldest = sequence + 1,
             }
         }
-        self.newest = image.sequence;
+        self.newest = image.head.sequence;
         self.oldest = self
             .oldest
             .max((self.newest + 1).saturating_sub(TRACK_LENGTH as u64));
-        self.executor = image.executor;
-        self.stamp_ns = image.stamp_ns;
-        self.period_ns = image.period_ns;
+        self.executor = image.head.executor;
+        self.stamp_ns = image.head.stamp_ns;
+        self.period_ns = image.head.period_ns;
         if other { News::Other } else { News::Further }
     }
 
@@ -151,42 +154,43 @@ mod tests {
     use super::*;
 
     fn image(executor: u64, sequence: u64) -> CommandImage {
-        let mut image = CommandImage {
-            magic: MAGIC,
-            executor,
-            sequence,
-            stamp_ns: sequence,
-            period_ns: 1_000_000,
-            seen: 0,
-            set_points: [SetPoint::NONE; SET_POINTS],
-        };
-        for entry in sequence.saturating_sub(15).max(1)..=sequence {
-            image.set_points[(entry % 16) as usize].logical_ns = entry;
+        let mut image = CommandImage::new(executor, 1);
+        for entry in 1..=sequence {
+            image.push(entry, entry, SetPoint::NONE);
         }
         image
     }
 
     fn kept(track: &Track) -> Vec<u64> {
-        (0..200)
+        (0..500)
             .filter_map(|sequence| track.at(sequence).map(|entry| entry.logical_ns))
             .collect()
     }
 
     #[test]
-    fn keeps_more_than_the_board_does() {
+    fn keeps_as_many_as_a_driver_may_sleep_through() {
         let mut track = Track::default();
-        for sequence in [5, 14, 30, 40, 50, 66, 80] {
+        for sequence in [5, 14, 140, 150, 200] {
             track.update(&image(1, sequence));
         }
-        assert_eq!(kept(&track), (17..=80).collect::<Vec<_>>());
+        assert_eq!(kept(&track), (73..=200).collect::<Vec<_>>());
     }
 
     #[test]
     fn what_is_not_without_gap_before_the_newest_is_forgotten() {
         let mut track = Track::default();
         track.update(&image(1, 16));
-        assert_eq!(track.update(&image(1, 33)), News::Further);
-        assert_eq!(kept(&track), (18..=33).collect::<Vec<_>>());
+        assert_eq!(track.update(&image(1, 145)), News::Further);
+        assert_eq!(kept(&track), (18..=145).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_set_point_that_is_not_there_is_a_gap() {
+        let mut track = Track::default();
+        let mut image = image(1, 20);
+        image.set_points[12].logical_ns = 0;
+        track.update(&image);
+        assert_eq!(kept(&track), (13..=20).collect::<Vec<_>>());
     }
 
     #[test]
@@ -203,14 +207,9 @@ mod tests {
         let mut track = Track::default();
         track.update(&image(1, 20));
         let before = kept(&track);
-        let far = CommandImage {
-            sequence: u64::MAX,
-            ..image(1, 21)
-        };
-        let slow = CommandImage {
-            period_ns: u64::MAX,
-            ..image(1, 21)
-        };
+        let (mut far, mut slow) = (image(1, 21), image(1, 21));
+        far.head.sequence = u64::MAX;
+        slow.head.period_ns = u64::MAX;
         for hostile in [far, slow] {
             assert_eq!(track.update(&hostile), News::None);
         }
@@ -221,7 +220,7 @@ mod tests {
     fn a_board_that_nobody_has_written_says_nothing() {
         let mut track = Track::default();
         let mut unwritten = image(1, 3);
-        unwritten.magic = 0;
+        unwritten.head.magic = 0;
         assert_eq!(track.update(&unwritten), News::None);
         assert_eq!(kept(&track), Vec::<u64>::new());
     }

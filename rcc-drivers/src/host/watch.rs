@@ -5,22 +5,21 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use rcc_core::message::CommandImage;
 use rcc_ipc::control::command_board;
-use rcc_ipc::{Announcement, BoardReader, Role, Session};
+use rcc_ipc::{Announcement, CommandReader, Role, Session};
 
 /// How often the announcements are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// The executor's command board, or that there is none any more.
-pub type News = Option<BoardReader<CommandImage>>;
+pub type News = Option<CommandReader>;
 
 /// The helper thread; dropping it ends the thread.
 #[derive(Debug)]
 pub struct Watch {
     news: Receiver<News>,
     /// Where boards are given back to be closed; `None` once the thread is to end.
-    old: Option<Sender<BoardReader<CommandImage>>>,
+    old: Option<Sender<CommandReader>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -50,7 +49,7 @@ impl Watch {
     }
 
     /// Gives a board back that is no longer read.
-    pub fn give_back(&self, board: BoardReader<CommandImage>) {
+    pub fn give_back(&self, board: CommandReader) {
         if let Some(old) = &self.old {
             // Without its thread the board is closed here.
             drop(old.send(board));
@@ -69,12 +68,7 @@ impl Drop for Watch {
     }
 }
 
-fn watch(
-    session: &Session,
-    board: &str,
-    tell: &Sender<News>,
-    old: &Receiver<BoardReader<CommandImage>>,
-) {
+fn watch(session: &Session, board: &str, tell: &Sender<News>, old: &Receiver<CommandReader>) {
     let mut followed: Option<Announcement> = None;
     // The last complaint, so that it is made once.
     let mut complaint = String::new();
@@ -91,7 +85,7 @@ fn watch(
             executor(session).filter(|one| Some(one.incarnation) != followed_now)
             && let Some(service) = executor.services.get(board)
         {
-            match session.open_board(service) {
+            match session.open_commands(service) {
                 Ok(reader) => {
                     tracing::info!(service, "follows the executor's board");
                     complaint.clear();

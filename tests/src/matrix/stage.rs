@@ -534,8 +534,6 @@ fn start_robot(place: &Place) -> Child {
     let mut command = Command::new(program("lwr-sim"));
     command
         .args(arguments)
-        .args(["--bridge=40", "--quality=0.5,0.3,0.1"]);
-    command
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(log);

@@ -61,7 +61,7 @@ const COMMAND_TIMEOUT_NS: u64 = 50 * MS;
 const COMMAND_TIMEOUT_NS_MAX: u64 = 10_000 * MS;
 const DELAY_NS: u64 = 10 * MS;
 const DELAY_NS_MAX: u64 = 12_000 * MS;
-/// A board holds 16 set-points; the others are for an executor that is early or a driver that is late.
+/// The others are for an executor that is early or a driver that is late.
 const DELAY_PERIODS_MAX: u64 = SET_POINTS as u64 - 4;
 const FIRST_TOLERANCE_RAD: f64 = std::f64::consts::PI / 180.0 * 0.1;
 const FIRST_TOLERANCE_RAD_MAX: f64 = std::f64::consts::PI / 180.0;
@@ -452,7 +452,7 @@ impl Reading<'_> {
         let message = format!("the delay is longer than {DELAY_PERIODS_MAX} periods");
         let label = format!("at most {} ms", most as f64 / MS as f64);
         let help = format!(
-            "a board holds the last {SET_POINTS} set-points; choose a shorter delay or a longer period"
+            "a driver finds the last {SET_POINTS} set-points; choose a shorter delay or a longer period"
         );
         let fault = error(codes::DELAY_TOO_LONG, node.span, message);
         self.reader.keep(fault.label(label).help(help));

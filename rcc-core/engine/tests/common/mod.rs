@@ -64,7 +64,7 @@ impl Driver {
             return;
         }
         let image = engine.image(0).expect("device 0");
-        let newest = image.at(image.sequence).expect("the newest set-point");
+        let newest = image.at(image.head.sequence).expect("the newest set-point");
         let m = &mut self.measurement;
         m.sequence += 1;
         m.stamp_ns = now_ns;
@@ -290,7 +290,7 @@ impl Bench {
     /// What device 0 was told in the newest cycle.
     pub fn told(&self) -> SetPoint {
         let image = self.engine.image(0).expect("device 0");
-        *image.at(image.sequence).expect("the newest set-point")
+        *image.at(image.head.sequence).expect("the newest set-point")
     }
 
     pub fn entry(&self, id: u64) -> CommandEntry {

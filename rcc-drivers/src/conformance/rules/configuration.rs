@@ -11,6 +11,10 @@ use super::super::Subject;
 use super::super::wire::free_udp;
 use crate::driver::{Driver, DriverError};
 
+/// What a cell's file has if it says nothing.
+const DELAY_NS: u64 = 10_000_000;
+const COMMAND_TIMEOUT_NS: u64 = 50_000_000;
+
 fn good<S: Subject>() -> DeviceConfig {
     S::device(free_udp())
 }
@@ -195,7 +199,7 @@ pub fn refuses_a_robot_that_it_cannot_move<S: Subject>() {
     assert!(!cause.is_empty());
 }
 
-/// The arm of the demo cell.
+/// The arm of the demo cell, with the times that an arm has by itself: those of the demo are generous.
 pub fn some_robot() -> DeviceConfig {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/cells/demo.yaml");
     let cell = CellConfig::load_offline(&path).expect("the demo's configuration");
@@ -203,6 +207,8 @@ pub fn some_robot() -> DeviceConfig {
     let settings = json!({"listen": SocketAddr::from(([127, 0, 0, 1], 0)).to_string()});
     DeviceConfig {
         settings,
+        delay_ns: DELAY_NS,
+        command_timeout_ns: COMMAND_TIMEOUT_NS,
         ..device.clone()
     }
 }

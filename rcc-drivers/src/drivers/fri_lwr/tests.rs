@@ -2,10 +2,7 @@
 
 mod impedance;
 
-use bytemuck::Zeroable;
-use rcc_core::message::{
-    CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement, SET_POINTS, SetPoint,
-};
+use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, Measurement, SetPoint};
 
 use super::conforms::krc;
 use super::*;
@@ -42,13 +39,7 @@ impl Bench {
             krc: krc(),
             dialog: Dialog::new(&device, Script::FirstApp, Quality::Ok).expect("7 joints"),
             station: Station::new(&device, 0),
-            image: CommandImage {
-                magic: MAGIC,
-                executor: 1,
-                period_ns: MS,
-                set_points: [SetPoint::NONE; SET_POINTS],
-                ..CommandImage::zeroed()
-            },
+            image: CommandImage::new(1, MS),
             now_ns: 0,
             heard: true,
             answers: Vec::new(),
@@ -80,12 +71,10 @@ impl Bench {
         self.station.measurement()
     }
 
-    fn cycle(&mut self, mut entry: SetPoint) {
+    fn cycle(&mut self, entry: SetPoint) {
         self.now_ns += MS;
-        self.image.sequence += 1;
-        entry.logical_ns = self.image.sequence * MS;
-        self.image.stamp_ns = self.now_ns;
-        self.image.set_points[(self.image.sequence % SET_POINTS as u64) as usize] = entry;
+        let next = self.image.head.sequence + 1;
+        self.image.push(next, self.now_ns, entry);
         self.exchange();
     }
 

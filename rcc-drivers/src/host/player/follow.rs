@@ -66,6 +66,9 @@ impl Player {
             }
             (self.entry, self.fraction) = (self.track.newest(), 0.0);
         }
+        if self.is_too_late() {
+            return Err(End::Lost);
+        }
         let entry = self.track.commanded(self.entry).ok_or(End::Lost)?;
         let mut position = entry.position;
         if self.fraction > 0.0 {
@@ -91,6 +94,17 @@ impl Player {
         self.blend = blend;
         self.outputs = outputs;
         Ok(position)
+    }
+
+    /// A set-point that is older than the delay by more than the time-out is as good as none: the arm would do what was
+    /// right then.
+    fn is_too_late(&self) -> bool {
+        let behind = self.track.newest().saturating_sub(self.entry);
+        let most_ns = self
+            .settings
+            .delay_ns
+            .saturating_add(self.settings.command_timeout_ns);
+        behind.saturating_mul(self.track.period_ns()) > most_ns
     }
 
     /// What is commanded besides the position, since the set-point `old`; by logical time, however the pointer moves.

@@ -44,7 +44,7 @@ fn a_net_that_ends_at_rest_leaves_the_arm_ready_and_settled() {
     );
     bench.idle(1);
     assert_eq!(bench.player.state(), DeviceState::Ready);
-    assert_eq!(bench.player.settled_ns(), bench.image.sequence * MS);
+    assert_eq!(bench.player.settled_ns(), bench.image.head.sequence * MS);
     assert_eq!(bench.player.reason(), 0);
 }
 
@@ -233,7 +233,7 @@ fn a_board_stamped_in_the_future_is_as_stale_as_an_old_one() {
     let mut bench = Bench::new();
     bench.now_ns += MS;
     bench.write(SetPoint::NONE);
-    bench.image.stamp_ns = bench.now_ns + 1_000 * MS;
+    bench.image.head.stamp_ns = bench.now_ns + 1_000 * MS;
     bench.exchange();
     assert_eq!(bench.player.executor(), 0);
     assert_ne!(bench.player.state(), DeviceState::Ready);
@@ -259,7 +259,7 @@ fn when_the_executor_goes_in_motion_the_arm_comes_to_rest() {
 fn another_executor_is_not_followed_in_motion() {
     let mut bench = Bench::new();
     bench.run(1, &usual()[..200]);
-    bench.image.executor = 8;
+    bench.image.head.executor = 8;
     bench.run(1, &usual()[200..]);
     assert_eq!(bench.player.state(), DeviceState::Online);
     bench.check_peaks();
@@ -377,15 +377,33 @@ fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_nobody() {
 }
 
 #[test]
-fn set_points_that_were_overwritten_unseen_stop_the_arm() {
+fn what_the_driver_slept_through_is_played_at_once_if_the_device_has_gone_on() {
     let mut bench = Bench::new();
     let points = motion(0.0, 1.0, 2000);
     bench.run(1, &points[..1000]);
-    for q in &points[1000..1030] {
+    for q in &points[1000..1039] {
         bench.now_ns += MS;
         bench.write(at(1, *q));
     }
-    bench.run(1, &points[1030..1100]);
+    bench.tick.ticks = 40;
+    bench.run(1, &points[1039..=1039]);
+    bench.tick.ticks = 1;
+    assert!((bench.last() - points[1039 - DELAY as usize]).abs() < 1e-12);
+    bench.run(1, &points[1040..]);
+    (0..DELAY).for_each(|_| bench.both(at(1, 1.0)));
+    assert_eq!((bench.player.reason(), bench.last()), (0, 1.0));
+}
+
+#[test]
+fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
+    let mut bench = Bench::new();
+    let points = motion(0.0, 1.0, 2000);
+    bench.run(1, &points[..1000]);
+    for q in &points[1000..1060] {
+        bench.now_ns += MS;
+        bench.write(at(1, *q));
+    }
+    bench.run(1, &points[1060..1100]);
     assert_eq!(bench.player.reason(), reason::SET_POINTS_LOST);
     bench.check_peaks();
 }

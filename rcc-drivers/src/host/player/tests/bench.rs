@@ -2,7 +2,7 @@
 //! Test code only.
 
 use rcc_core::guard::JointLimits;
-use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, MAGIC, SET_POINTS};
+use rcc_core::message::{ANALOG_MAX, JOINTS_MAX};
 
 use super::super::*;
 
@@ -58,15 +58,7 @@ impl Bench {
         };
         let mut bench = Self {
             player: change(Player::new(settings)),
-            image: CommandImage {
-                magic: MAGIC,
-                executor: 7,
-                sequence: 0,
-                stamp_ns: 0,
-                period_ns: MS,
-                seen: 0,
-                set_points: [SetPoint::NONE; SET_POINTS],
-            },
+            image: CommandImage::new(7, MS),
             connected: true,
             now_ns: 1_000 * MS,
             sent: Vec::new(),
@@ -89,11 +81,9 @@ impl Bench {
     }
 
     /// The executor evaluates a cycle.
-    pub(super) fn write(&mut self, mut entry: SetPoint) {
-        self.image.sequence += 1;
-        entry.logical_ns = self.image.sequence * self.image.period_ns;
-        self.image.stamp_ns = self.now_ns;
-        self.image.set_points[(self.image.sequence % SET_POINTS as u64) as usize] = entry;
+    pub(super) fn write(&mut self, entry: SetPoint) {
+        let next = self.image.head.sequence + 1;
+        self.image.push(next, self.now_ns, entry);
     }
 
     pub(super) fn observe(&mut self) {

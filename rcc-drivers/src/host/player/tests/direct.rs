@@ -15,7 +15,7 @@ fn check_limits(bench: &Bench) {
 
 /// Beside the newest set-point, rad.
 fn beside(bench: &Bench) -> f64 {
-    let newest = bench.image.at(bench.image.sequence).unwrap();
+    let newest = bench.image.at(bench.image.head.sequence).unwrap();
     (bench.last() - newest.position[0]).abs()
 }
 
@@ -174,7 +174,7 @@ fn null_in_motion_brings_the_arm_to_rest_in_the_same_exchange() {
 #[test]
 fn a_faster_executor_gives_each_exchange_its_newest_set_point() {
     let mut bench = Bench::leading();
-    bench.image.period_ns = MS / 8;
+    bench.image.head.period_ns = MS / 8;
     let points = motion(0.0, 0.2, 3200);
     for part in points.chunks(8) {
         for (q, step) in part.iter().zip(1..) {

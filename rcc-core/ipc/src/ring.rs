@@ -1,0 +1,164 @@
+//! Rings: a head and the last values of one writer in shared memory, each an entry of its own of an iceoryx2 blackboard.
+//! Writing costs one value, however many are kept. As with boards, both ends are made by helper threads, and the real-time
+//! threads write and read without allocation or system call.
+
+use std::fmt;
+
+use bytemuck::Pod;
+use iceoryx2::port::reader::{EntryHandle, Reader};
+use iceoryx2::port::writer::{EntryHandleMut, Writer};
+
+use crate::board::{BoardError, Service};
+use crate::life::Life;
+use crate::session::{Cause, Membership, Session, owner_of};
+use crate::shared::Shared;
+
+/// The head's key; the values have the next ones.
+const HEAD: u32 = 0;
+
+/// The only writer of one ring.
+pub struct RingWriter<H: Pod, T: Pod> {
+    head: EntryHandleMut<Service, u32, Shared<H>>,
+    places: Box<[EntryHandleMut<Service, u32, Shared<T>>]>,
+    service: String,
+    // Both keep the ring in being as long as it is written.
+    _writer: Writer<Service, u32>,
+    _membership: Membership,
+}
+
+impl<H: Pod, T: Pod> RingWriter<H, T> {
+    /// Writes the value `number`, which overwrites the one a whole ring before it, and then the head. Real-time safe.
+    pub fn write(&mut self, number: u64, value: &T, head: &H) {
+        if let Some(place) = self.places.get(place(number, self.places.len())) {
+            place.update_with_copy(Shared(*value));
+        }
+        self.head.update_with_copy(Shared(*head));
+    }
+
+    /// Full name under which others open this ring.
+    #[must_use]
+    pub fn service(&self) -> &str {
+        &self.service
+    }
+}
+
+impl<H: Pod, T: Pod> fmt::Debug for RingWriter<H, T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "RingWriter({})", self.service)
+    }
+}
+
+/// One reader of a ring; what is there stays readable after its writer's death.
+pub struct RingReader<H: Pod, T: Pod> {
+    head: EntryHandle<Service, u32, Shared<H>>,
+    places: Box<[EntryHandle<Service, u32, Shared<T>>]>,
+    service: String,
+    // Both keep the ring in being as long as it is read.
+    _reader: Reader<Service, u32>,
+    _membership: Membership,
+}
+
+impl<H: Pod, T: Pod> RingReader<H, T> {
+    /// The newest head; all zero before the first write. Real-time safe as [`crate::BoardReader::read`] is.
+    #[must_use]
+    pub fn head(&self) -> H {
+        self.head.get().0
+    }
+
+    /// What is at the place of the value `number`: whole, but it may be another one by now. Who writes values puts their
+    /// number into them.
+    #[must_use]
+    pub fn at(&self, number: u64) -> T {
+        let place = self.places.get(place(number, self.places.len()));
+        place.map_or_else(T::zeroed, |entry| entry.get().0)
+    }
+
+    /// Full name of the ring.
+    #[must_use]
+    pub fn service(&self) -> &str {
+        &self.service
+    }
+
+    /// The life of the process that writes it. Ask it with [`Life::is_alive`], not in a real-time thread.
+    #[must_use]
+    pub fn writer(&self) -> Option<Life> {
+        owner_of(&self.service)
+    }
+}
+
+impl<H: Pod, T: Pod> fmt::Debug for RingReader<H, T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "RingReader({})", self.service)
+    }
+}
+
+/// Below `length`, which is greater than 0.
+fn place(number: u64, length: usize) -> usize {
+    (number % (length as u64).max(1)) as usize
+}
+
+impl Session {
+    /// Creates the ring `name` of this session with `length` values, all zero.
+    ///
+    /// # Errors
+    /// As [`Session::create_board`].
+    pub fn create_ring<H: Pod, T: Pod>(
+        &self,
+        name: &str,
+        length: u32,
+    ) -> Result<RingWriter<H, T>, BoardError> {
+        let bytes = size_of::<H>() + length as usize * size_of::<T>();
+        let (writer, service) = self.create_blackboard(name, bytes as u64, |blackboard| {
+            let blackboard = blackboard.add::<Shared<H>>(HEAD, Shared(H::zeroed()));
+            (1..=length).fold(blackboard, |blackboard, key| {
+                blackboard.add::<Shared<T>>(key, Shared(T::zeroed()))
+            })
+        })?;
+        let failed = |error| BoardError::Failed {
+            service: service.clone(),
+            cause: Cause::of(error),
+        };
+        let head = writer.entry::<Shared<H>>(&HEAD).map_err(failed)?;
+        let places = (1..=length).map(|key| writer.entry::<Shared<T>>(&key).map_err(failed));
+        Ok(RingWriter {
+            head,
+            places: places.collect::<Result<_, _>>()?,
+            service,
+            _writer: writer,
+            _membership: self.membership(),
+        })
+    }
+
+    /// Opens the ring of that full name, as its writer announced it.
+    ///
+    /// # Errors
+    /// No such ring, another layout or length, too many readers, or what iceoryx2 says.
+    pub fn open_ring<H: Pod, T: Pod>(
+        &self,
+        service: &str,
+        length: u32,
+    ) -> Result<RingReader<H, T>, BoardError> {
+        let reader = self.open_blackboard(service)?;
+        // The keys are there if the writer is of the same build, so a refusal here is about that.
+        let other = |want, size| BoardError::OtherLayout {
+            service: service.to_owned(),
+            want,
+            size,
+        };
+        let head = reader
+            .entry::<Shared<H>>(&HEAD)
+            .map_err(|_| other(std::any::type_name::<H>(), size_of::<H>()))?;
+        let places = (1..=length).map(|key| {
+            reader
+                .entry::<Shared<T>>(&key)
+                .map_err(|_| other(std::any::type_name::<T>(), size_of::<T>()))
+        });
+        Ok(RingReader {
+            head,
+            places: places.collect::<Result<_, _>>()?,
+            service: service.to_owned(),
+            _reader: reader,
+            _membership: self.membership(),
+        })
+    }
+}
