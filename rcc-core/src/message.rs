@@ -15,7 +15,7 @@ pub const DIGITAL_MAX: usize = 64;
 /// Most analog channels of a device, each way.
 pub const ANALOG_MAX: usize = 16;
 /// Set-points that a device's driver finds from the executor: what it may sleep through.
-pub const SET_POINTS: usize = 128;
+pub const SET_POINTS: usize = 256;
 /// Most devices of a cell.
 pub const DEVICES_MAX: usize = 16;
 /// Most commands that exist at a time.

@@ -152,10 +152,10 @@ impl Mode {
         match self {
             Mode::Clock(offset) => {
                 // What is left of the line is its comment.
-                let text = text.replace("    delay: 50 ms", "    #");
+                let text = text.replace("    delay: 80 ms", "    #");
                 format!("{text}\nclock: {{device: lwr, offset: {offset}}}\n")
             }
-            Mode::Delay(delay) => text.replace("delay: 50 ms", &format!("delay: {delay}")),
+            Mode::Delay(delay) => text.replace("delay: 80 ms", &format!("delay: {delay}")),
         }
     }
 }

@@ -11,7 +11,7 @@ fn following(period: &str, robot_ms: u32) -> TestCell {
     TestCell::changed(|text| {
         let text = text.replace("period: 1 ms", &format!("period: {period}"));
         // What is left of the line is its comment.
-        let text = text.replace("    delay: 50 ms", "    #");
+        let text = text.replace("    delay: 80 ms", "    #");
         let period = format!("      - --period-ms={robot_ms}\n      - --krl=first-app");
         let text = text.replace("      - --krl=first-app", &period);
         format!("{text}\nclock: {{device: lwr}}\n")
@@ -107,7 +107,7 @@ fn a_cell_of_20_ms_moves_its_robot_of_20_ms() {
 fn a_cell_of_20_ms_with_two_clocks_moves_its_robot() {
     let cell = TestCell::changed(|text| {
         let text = text.replace("period: 1 ms", "period: 20 ms");
-        let text = text.replace("delay: 50 ms", "delay: 60 ms");
+        let text = text.replace("delay: 80 ms", "delay: 100 ms");
         text.replace(
             "      - --krl=first-app",
             "      - --period-ms=20\n      - --krl=first-app",
