@@ -205,7 +205,7 @@ fn the_machine_is_graded_and_status_shows_it() {
         .expect("rcc-cli runs");
     let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(report["schema"], 1);
-    assert_eq!(report["asked"]["stale_after_ns"], 500_000_000, "{report}");
+    assert_eq!(report["asked"]["stale_after_ns"], 250_000_000, "{report}");
     assert!(report["measured"]["cycles"].as_u64() > Some(0), "{report}");
     let prevents = report["worst"] == "fail";
     assert_eq!(output.status.code(), Some(i32::from(prevents)), "{report}");
