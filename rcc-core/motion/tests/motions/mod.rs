@@ -26,10 +26,14 @@ use random::Random;
 const CYCLES_MAX: usize = 400_000;
 
 /// How closely the references look, one after the other.
-const CLOSELY: [Closely; 2] = [
+const CLOSELY: [Closely; 3] = [
     Closely {
         speed: 0.25,
         step: 2e-5,
+    },
+    Closely {
+        speed: 0.06,
+        step: 5e-6,
     },
     Closely {
         speed: 0.01,
