@@ -37,6 +37,25 @@ fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_t
     }
 }
 
+/// Motions that broke a promise once, found among 100,000 of their kind: robot by its place in the list, and seed.
+const FOUND: [(Kind, usize, u64); 1] = [
+    // The joints turned by 75 rad/m where a rounding of 4 mm ends, and their derivatives there were 9 % off.
+    (Kind::Sequence, 0, 11_383),
+];
+
+#[test]
+fn what_was_broken_once_is_kept() {
+    let robots = robots();
+    for (kind, robot, seed) in FOUND {
+        let outcome = case(kind, &robots[robot], seed);
+        assert!(
+            matches!(outcome, Outcome::Ran(_)),
+            "{kind:?} of {}, seed {seed}: {outcome:?}",
+            robots[robot].name
+        );
+    }
+}
+
 #[test]
 fn time_optimal_motions_are_never_later_at_their_end_and_most_are_sooner() {
     for kind in [Kind::Spline, Kind::Sequence] {

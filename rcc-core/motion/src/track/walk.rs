@@ -15,6 +15,10 @@ const JUMP: f64 = 0.5;
 
 /// Steps by which the derivatives at one place are found, as part of the shape.
 const NEAR: f64 = 1.0 / 256.0;
+/// Most times that they are divided by four.
+const CLOSER_MAX: usize = 6;
+/// First and second derivatives that differ by no more than this, as part of the greatest, are the same.
+const SAME: f64 = 1e-7;
 
 /// An arm that follows a shape.
 #[derive(Clone, Copy)]
@@ -58,7 +62,8 @@ impl Follower<'_> {
         Ok(joints)
     }
 
-    /// The joints at s of a shape with their derivatives; `hint` are joints near it.
+    /// The joints at s of a shape with their derivatives; `hint` are joints near it. Looked at ever more closely, until
+    /// that changes nothing any more: near a singular position joints turn fast.
     ///
     /// # Errors
     /// As [`Follower::walk`].
@@ -68,8 +73,34 @@ impl Follower<'_> {
         s: f64,
         hint: &Joints,
     ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
+        let mut step = shape.length() * NEAR;
+        let mut jets = self.jets_by(shape, s, hint, step)?;
+        let mut last = f64::INFINITY;
+        for _ in 0..CLOSER_MAX {
+            step /= 4.0;
+            let closer = self.jets_by(shape, s, hint, step)?;
+            let apart = apart(&jets, &closer);
+            // What grows is rounding.
+            if apart >= last {
+                break;
+            }
+            (jets, last) = (closer, apart);
+            if apart < SAME {
+                break;
+            }
+        }
+        Ok(jets)
+    }
+
+    /// As [`Follower::jets`], by steps of this length in s.
+    fn jets_by(
+        &self,
+        shape: &Shape,
+        s: f64,
+        hint: &Joints,
+        step: f64,
+    ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
         let (length, steps) = (shape.length(), NEIGHBOURS - 1);
-        let step = length * NEAR;
         // The place is one of the steps: the fourth, unless the shape begins or ends before.
         let room = |way: f64| ((way / step + 1e-9) as usize).min(steps);
         let before = room(s).min(steps / 2).max(steps - room(length - s));
@@ -79,6 +110,19 @@ impl Follower<'_> {
         let jets = derivatives(&near, step);
         jets.get(before).copied().ok_or(MotionFault::NotFinite)
     }
+}
+
+/// How much first and second derivatives differ, as parts of the greatest of each.
+fn apart(one: &[Jet; JOINTS_MAX], other: &[Jet; JOINTS_MAX]) -> f64 {
+    let part = |order: usize| {
+        let pairs = one.iter().zip(other);
+        let pairs = pairs.map(|(a, b)| (a.derivative(order), b.derivative(order)));
+        let (most, apart) = pairs.fold((f64::MIN_POSITIVE, 0.0_f64), |(most, apart), (a, b)| {
+            (most.max(a.abs()), apart.max((a - b).abs()))
+        });
+        apart / most
+    };
+    part(1).max(part(2))
 }
 
 pub(super) fn no_joints(error: NoJoints, fraction: f64) -> MotionFault {

@@ -180,6 +180,7 @@ pub fn robots() -> [Robot; 3] {
 }
 
 /// What became of a random motion.
+#[derive(Debug)]
 pub enum Outcome {
     /// It was refused when it was built.
     Refused,
