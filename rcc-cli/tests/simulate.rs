@@ -321,6 +321,17 @@ fn check_rehearses_from_where_the_simulators_begin() {
         "{words}"
     );
     let folder = Folder::new();
+    let text = fs::read_to_string(net("sequence.yaml")).expect("a net");
+    assert!(text.contains("blend: 20 mm"), "{text}");
+    let wide = text.replace("blend: 20 mm", "blend: 300 mm");
+    fs::write(folder.file("wide.yaml"), wide).expect("written");
+    let output = check(&folder.file("wide.yaml"));
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert!(
+        told.contains("instead of 300.0 mm: half of a leg at most"),
+        "{told}"
+    );
     let text = fs::read_to_string(net("line.yaml")).expect("a net");
     let beyond = text.replace("0.538, 0.15, 0.384", "0.538, 0.15, 1.384");
     fs::write(folder.file("beyond.yaml"), beyond).expect("written");

@@ -13,7 +13,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_core::path::MotionState;
 use rcc_ipc::control::{InputValue, Refusal};
-use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed};
+use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed, Rounding};
 
 use crate::net::{Evaluation, Net};
 
@@ -53,6 +53,7 @@ pub fn rehearse(net: &mut Net, scene: &Scene<'_>) -> Result<Option<Rehearsed>, R
         return Ok(None);
     }
     let begun = Instant::now();
+    let (shortened, most_shortened) = shortened(net);
     let stage = Stage::new(arms, scene);
     let mut result = match stage {
         Some(mut stage) => {
@@ -66,9 +67,28 @@ pub fn rehearse(net: &mut Net, scene: &Scene<'_>) -> Result<Option<Rehearsed>, R
         None => Ok(elsewhere()),
     };
     if let Ok(rehearsed) = &mut result {
+        (rehearsed.shortened, rehearsed.most_shortened) = (shortened, most_shortened);
         rehearsed.took_ns = begun.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
     }
     result.map(Some).map_err(Refusal::Foreseen)
+}
+
+/// How many roundings are smaller than asked for, and the one that lacks most.
+fn shortened(net: &Net) -> (u32, Option<Rounding>) {
+    let roundings = net
+        .motions()
+        .shortened()
+        .map(|(motion, shortened)| Rounding {
+            motion: motion as u32,
+            leg: shortened.leg,
+            asked_m: shortened.asked_m,
+            made_m: shortened.made_m,
+        });
+    let lacks = |rounding: &Rounding| rounding.asked_m - rounding.made_m;
+    roundings.fold((0, None), |(count, most), next| match most {
+        Some(most) if lacks(&most) >= lacks(&next) => (count + 1, Some(most)),
+        _ => (count + 1, Some(next)),
+    })
 }
 
 fn elsewhere() -> Rehearsed {
@@ -77,6 +97,8 @@ fn elsewhere() -> Rehearsed {
         end: RehearsalEnd::Elsewhere,
         peaks: watch::NO_PEAKS,
         singularity: f64::NAN,
+        shortened: 0,
+        most_shortened: None,
         took_ns: 0,
     }
 }
@@ -168,6 +190,8 @@ impl Stage {
                 end,
                 peaks,
                 singularity: watch::singularity(&self.watches),
+                shortened: 0,
+                most_shortened: None,
                 took_ns: 0,
             }),
         }

@@ -13,8 +13,25 @@ pub struct Rehearsed {
     pub peaks: [Peak; 3],
     /// Smallest distance to a singularity of an arm that it commands, as its kinematics define it; NaN = not known.
     pub singularity: f64,
+    /// How many roundings of its paths are smaller than asked for.
+    pub shortened: u32,
+    /// The one of them that lacks most, if any.
+    pub most_shortened: Option<Rounding>,
     /// What the rehearsal took, ns.
     pub took_ns: u64,
+}
+
+/// A rounding (`blend`) that is smaller than asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rounding {
+    /// Index of the motion in its net.
+    pub motion: u32,
+    /// The leg at whose end it is, from 0.
+    pub leg: u32,
+    /// What was asked for, m.
+    pub asked_m: f64,
+    /// What there is, m; 0: the motion rests in the corner.
+    pub made_m: f64,
 }
 
 /// How a rehearsal ended.

@@ -18,3 +18,4 @@ pub use path_clock::{
     CLOCK_WORDS, PathBounds, PathClock, PathLimitsError, PathPiece, duration_s, stop_time,
 };
 pub use rest::{Rest, RestFault, RestLimits, RestLimitsError};
+pub use track::Shortened;

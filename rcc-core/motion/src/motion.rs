@@ -11,7 +11,7 @@ use rcc_core::path::{
 
 use crate::goal;
 use crate::path_clock::{CLOCK_WORDS, PathClock};
-use crate::track::{Section, Track, Traveller, build};
+use crate::track::{Section, Shortened, Track, Traveller, build};
 
 /// A motion along a path.
 #[derive(Debug, Clone)]
@@ -95,6 +95,15 @@ fn rest(path: PathState, end: f64) -> PathState {
 pub struct MotionSet(Vec<Motion>);
 
 impl MotionSet {
+    /// The roundings that are smaller than asked for, each with the index of its motion.
+    pub fn shortened(&self) -> impl Iterator<Item = (usize, Shortened)> {
+        let motions = self.0.iter().enumerate();
+        motions.flat_map(|(index, motion)| {
+            let shortened = motion.track.shortened().iter();
+            shortened.map(move |shortened| (index, *shortened))
+        })
+    }
+
     /// All of them back to their start; allocates nothing.
     pub fn reset(&mut self) {
         self.0.iter_mut().for_each(Motion::reset);

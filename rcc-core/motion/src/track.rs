@@ -124,9 +124,26 @@ pub(crate) struct Track {
     legs: Box<[u32]>,
     /// None where all clocks count s of the chain.
     stretches: Box<[Stretch]>,
+    shortened: Box<[Shortened]>,
+}
+
+/// A rounding that is smaller than asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shortened {
+    /// The leg at whose end it is.
+    pub leg: u32,
+    /// What was asked for, m.
+    pub asked_m: f64,
+    /// What there is, m; 0: the motion rests in the corner.
+    pub made_m: f64,
 }
 
 impl Track {
+    /// The roundings that are smaller than asked for.
+    pub(crate) fn shortened(&self) -> &[Shortened] {
+        &self.shortened
+    }
+
     /// s of the chain with its first two derivatives, where the clocks have counted `x`.
     fn s_at(&self, x: f64) -> [f64; 3] {
         let number = self.stretches.partition_point(|stretch| stretch.begin <= x);

@@ -135,8 +135,10 @@ impl Namer<'_> {
 
 fn words(rehearsed: &Rehearsed, peaks: &[PeakView]) -> String {
     if rehearsed.end == RehearsalEnd::Elsewhere {
-        return "not checked yet: it does not begin where the arm rests now; START checks it"
-            .to_owned();
+        return format!(
+            "not checked yet: it does not begin where the arm rests now; START checks it{}",
+            roundings(rehearsed)
+        );
     }
     let time = format!("{:.1} s of motion", rehearsed.time_s);
     let highest = match peaks {
@@ -158,7 +160,30 @@ fn words(rehearsed: &Rehearsed, peaks: &[PeakView]) -> String {
         distance if distance < NEAR => format!(", near a singularity ({distance:.3})"),
         _ => String::new(),
     };
-    format!("checked: {time}, {highest}{near}{rest}")
+    let roundings = roundings(rehearsed);
+    format!("checked: {time}, {highest}{near}{rest}{roundings}")
+}
+
+/// That the path is not rounded as asked for.
+fn roundings(rehearsed: &Rehearsed) -> String {
+    let Some(most) = rehearsed.most_shortened else {
+        return String::new();
+    };
+    let mm = |metres: f64| format!("{:.1} mm", 1e3 * metres);
+    let others = match rehearsed.shortened {
+        0 | 1 => String::new(),
+        count => format!("; {} more are smaller than asked for, too", count - 1),
+    };
+    let (leg, asked) = (most.leg + 1, mm(most.asked_m));
+    match most.made_m {
+        0.0 => format!(
+            "; no rounding behind leg {leg} ({asked} asked for): the flange turns too far there, and rests{others}"
+        ),
+        made => format!(
+            "; the rounding behind leg {leg} takes {} instead of {asked}: half of a leg at most{others}",
+            mm(made)
+        ),
+    }
 }
 
 fn help(foreseen: &Foreseen) -> String {

@@ -136,7 +136,7 @@ impl Chain {
     /// link with this number at s of its shape: a rounding from or to a line of joints is one of joints.
     ///
     /// # Errors
-    /// What `joints` says. A rounding that cannot be made (it turns by half a turn) is left out: the motion rests there.
+    /// What `joints` says. A rounding that cannot be made (it turns by more than 4 rad) is left out: the motion rests there.
     pub fn new<E>(
         links: Vec<Link>,
         mut joints: impl FnMut(usize, &Shape, f64) -> Result<[Jet; 8], E>,

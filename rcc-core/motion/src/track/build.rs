@@ -10,10 +10,10 @@ use rcc_core::path::{Leg, MotionFault, Pace};
 use rcc_core::pose::Pose;
 
 use super::bounds::{self, Bounds, EVEN, Refused, TooFast, allowed};
-use super::draft::{Draft, drafts};
+use super::draft::{Draft, Zone, drafts};
 use super::fastest::fastest;
 use super::look::{Look, look};
-use super::{Guide, Part, Section, Stretch, Track};
+use super::{Guide, Part, Section, Shortened, Stretch, Track};
 use crate::geometry::NOTHING;
 use crate::geometry::chain::{Chain, Link, Piece, Where};
 use crate::path_clock::{PathBounds, PathPiece, duration_s};
@@ -47,12 +47,15 @@ pub(crate) fn build(
     dt_s: f64,
 ) -> Result<(Track, Box<[Section]>), Fault> {
     let drafts = drafts(traveller, legs)?;
-    let links = drafts
+    let followed = drafts
         .iter()
         .zip(drafts.iter().skip(1).map(Some).chain([None]));
-    let links = links.map(|(draft, next)| Link {
+    let zones: Vec<_> = followed
+        .map(|(draft, next)| draft.zones(next, traveller.arm))
+        .collect();
+    let links = drafts.iter().zip(&zones).map(|(draft, zones)| Link {
         shape: draft.shape.clone(),
-        zone: draft.zones(next, traveller.arm),
+        zone: zones.map(|zone| zone.way),
     });
     let chain = Chain::new(links.collect(), |link, shape, s| {
         let draft = drafts.get(link).ok_or((0, MotionFault::NoMotion))?;
@@ -79,6 +82,7 @@ pub(crate) fn build(
         part
     });
     let track = Track {
+        shortened: shortened(&drafts, &zones, &chain),
         arm: traveller.arm,
         parts: parts.collect(),
         legs: drafts.iter().map(|draft| draft.leg).collect(),
@@ -86,6 +90,22 @@ pub(crate) fn build(
         chain,
     };
     Ok((track, sections))
+}
+
+/// The roundings that are smaller than asked for: a leg is too short, or the flange turns so far that there is none.
+fn shortened(drafts: &[Draft], zones: &[[Zone; 2]], chain: &Chain) -> Box<[Shortened]> {
+    let rounded = |link| {
+        let mut pieces = chain.pieces().iter();
+        pieces.any(|piece| piece.blend && piece.link == link)
+    };
+    // Nothing follows on the last one.
+    let corners = drafts.len().saturating_sub(1);
+    let corners = drafts.iter().zip(zones).enumerate().take(corners);
+    let cut = corners.filter_map(|(link, (draft, [before, behind]))| {
+        let made_m = before.metres.min(behind.metres);
+        draft.shortened(if rounded(link) { made_m } else { 0.0 })
+    });
+    cut.collect()
 }
 
 /// What was seen along a piece.

@@ -12,7 +12,7 @@ use rcc_core::vector;
 use super::bounds::Bounds;
 use super::build::{Fault, Traveller};
 use super::walk::Follower;
-use super::{STEPS, joint_bounds};
+use super::{STEPS, Shortened, joint_bounds};
 use crate::geometry::chain::{Shape, Where};
 use crate::geometry::circle::{Circle, CircleOrientation};
 use crate::geometry::jet::Jet;
@@ -22,6 +22,9 @@ use crate::geometry::{GeometryError, Metric, NOTHING};
 
 /// What a turn counts where the limits do not say: metres per radian.
 const RADIUS_M: f64 = 0.25;
+
+/// A rounding that lacks no more than this part of what was asked for is as asked for.
+const ENOUGH: f64 = 1e-6;
 
 /// A leg as a shape.
 #[derive(Debug, Clone)]
@@ -40,15 +43,24 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// How long the rounding from this to the next one is, in s of each.
-    pub(super) fn zones(&self, next: Option<&Draft>, arm: Arm) -> [f64; 2] {
+    /// How long the rounding from this to the next one is: on each.
+    pub(super) fn zones(&self, next: Option<&Draft>, arm: Arm) -> [Zone; 2] {
         let Some(next) = next.filter(|_| self.zone_m > 0.0) else {
-            return [0.0; 2];
+            return [Zone::default(); 2];
         };
         [
             zone(&self.shape, self.zone_m, arm, |way, length| length - way),
             zone(&next.shape, self.zone_m, arm, |way, _| way),
         ]
+    }
+
+    /// The rounding at its end if it is smaller than asked for, where the chain made one of `made_m` (m).
+    pub(super) fn shortened(&self, made_m: f64) -> Option<Shortened> {
+        (made_m < self.zone_m * (1.0 - ENOUGH)).then_some(Shortened {
+            leg: self.leg,
+            asked_m: self.zone_m,
+            made_m,
+        })
     }
 
     /// Joints with derivatives at s.
@@ -73,13 +85,23 @@ impl Draft {
     }
 }
 
-/// Way in s from a corner (`place` says where on the shape that way is) to where the flange is `zone_m` from it; at most
-/// half of the shape.
-fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -> f64 {
+/// A rounding on one of the two shapes that it joins.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Zone {
+    /// In s of the shape.
+    pub(super) way: f64,
+    /// Of the flange from the corner (along a flange's shape), m.
+    pub(super) metres: f64,
+}
+
+/// From a corner (`place` says where on the shape a way from it is) to where the flange is `zone_m` from it; at most half of
+/// the shape.
+fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -> Zone {
+    let length = shape.length();
     let Shape::Joints(line) = shape else {
-        return zone_m;
+        let way = zone_m.min(length / 2.0);
+        return Zone { way, metres: way };
     };
-    let length = line.length();
     let flange = |way: f64| arm.forward(&line.at(place(way, length)));
     let corner = flange(0.0);
     let inside = |way: f64| corner.distance_to(&flange(way)) < zone_m;
@@ -100,7 +122,10 @@ fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -
             to = middle;
         }
     }
-    to
+    Zone {
+        way: to,
+        metres: corner.distance_to(&flange(to)),
+    }
 }
 
 /// All legs as shapes.

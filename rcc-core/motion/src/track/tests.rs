@@ -394,6 +394,27 @@ fn a_rounding_stays_within_its_zone_of_the_corner() {
 }
 
 #[test]
+fn a_rounding_that_is_smaller_than_asked_for_is_told() {
+    let from = start();
+    let at = |x, y| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0; 3]));
+    let line = |to, blend| Leg {
+        blend,
+        ..Leg::new(Segment::Line { to })
+    };
+    let told = |legs: &[Leg<'_>]| -> Vec<crate::Shortened> {
+        let motion = motion(legs).unwrap();
+        motion.shortened().map(|(_, shortened)| shortened).collect()
+    };
+    let (there, aside) = (at(0.1, 0.0), at(0.1, 0.06));
+    assert_eq!(told(&[line(there, 0.03), line(aside, 0.02)]), []);
+    let [short] = told(&[line(there, 0.04), line(aside, 0.0)])[..] else {
+        panic!("one");
+    };
+    assert_eq!((short.leg, short.asked_m), (0, 0.04));
+    assert!((short.made_m - 0.03).abs() < 1e-9, "{short:?}");
+}
+
+#[test]
 fn relative_goals_begin_where_the_leg_before_ended() {
     let relative = |relative, x, z| Leg {
         relative: Some(relative),
