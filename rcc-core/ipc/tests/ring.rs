@@ -112,3 +112,47 @@ fn writing_and_reading_allocate_nothing() {
     });
     assert_eq!(sum, 999.0);
 }
+
+#[test]
+fn what_the_head_tells_of_is_there_while_somebody_writes() {
+    let cell = TestCell::new();
+    let session = Session::join(&cell, Role::Executor, "exec").unwrap();
+    let mut writer = session.create_commands("command-lwr").unwrap();
+    let mut reader = session.open_commands(writer.service()).unwrap();
+    const LAST: u64 = 100_000;
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let mut image = CommandImage::new(7, 1_000_000);
+            for number in 1..=LAST {
+                image.push(number, number, point(number as f64));
+                writer.write(&image);
+                for _ in 0..200 {
+                    std::hint::spin_loop();
+                }
+            }
+        });
+        let mut holes = 0;
+        let mut looks = 0u64;
+        loop {
+            let before = reader.head().sequence;
+            let image = reader.read();
+            let newest = image.head.sequence;
+            looks += 1;
+            // A reader that was put to sleep meanwhile may find that what it wanted is overwritten.
+            let calm = newest - before < 10;
+            let first = newest.saturating_sub(20).max(1);
+            for number in first..=newest {
+                let is_it = image.at(number).map(|point| point.position[0] as u64);
+                if calm && is_it != Some(number) {
+                    holes += 1;
+                    eprintln!("{number} of {newest} (before {before}): {is_it:?}");
+                }
+            }
+            if newest == LAST {
+                break;
+            }
+        }
+        eprintln!("{looks} looks");
+        assert_eq!(holes, 0);
+    });
+}
