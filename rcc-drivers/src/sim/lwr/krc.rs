@@ -26,6 +26,10 @@ use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError};
 /// Cycles in which the KRL program says that it ends.
 const FAREWELL_CYCLES: u32 = 20;
 
+/// Periods of a stall in which the arm goes on; in longer ones time stands still, because nobody knows whether it did for
+/// the PC as well.
+const GOES_ON_MAX: u64 = 50;
+
 /// Largest force or torque on top at the entry, N or N·m: beyond 1 N·m others have seen a real controller refuse.
 const ADDED_AT_ENTRY: f64 = 1.0;
 /// Largest difference of the commanded pose to that of the commanded joint positions, m and rad. Ours.
@@ -160,18 +164,20 @@ impl Krc {
 
     /// Ends the cycle and begins the next: the next measurement datagram, `None` while it is withheld on request.
     ///
-    /// `periods_max` is 1, or more after a stall of the machine: the number of periods that went by on its clock. The
-    /// arm then moves on by the number of periods that fits the commanded stream best ([`Stream::accept`]).
-    pub fn tick(&mut self, periods_max: u64) -> Option<[u8; MSR_SIZE]> {
+    /// `periods` is 1, or more after a stall of the machine: the number of periods that went by on its clock. While it is
+    /// commanded, the arm then goes on as it moved, as that of a real controller does, and the sequence numbers tell how
+    /// long it was; at most [`GOES_ON_MAX`] periods more than one.
+    pub fn tick(&mut self, periods: u64) -> Option<[u8; MSR_SIZE]> {
         let answer = self.answer.take();
         if self.sent.is_some() {
-            self.count(answer.as_ref(), periods_max);
+            self.count(answer.as_ref(), periods);
             self.exchanged = self.sent.map(|sent| self.pair(sent, answer.as_ref()));
         }
         let command = answer.map(|(command, _)| command);
         let from = self.desired;
-        let periods = self.move_set_point(command.as_ref(), periods_max);
-        let step_s = periods as f64 * self.settings.period_s;
+        let passed = self.move_set_point(command.as_ref(), periods);
+        let gone_on = self.go_on(periods.saturating_sub(passed));
+        let step_s = (passed + gone_on) as f64 * self.settings.period_s;
         match self.settings.strategy {
             Strategy::Position => self.arm.follow(&from, &self.desired, step_s),
             strategy => {
@@ -188,7 +194,7 @@ impl Krc {
             0.0
         };
         self.run_script(command.as_ref());
-        self.tick += 1;
+        self.tick += 1 + gone_on;
         self.time_s += step_s;
         self.say()
     }
@@ -268,9 +274,9 @@ impl Krc {
         }
     }
 
-    fn count(&mut self, answer: Option<&(CommandDatagram, f64)>, periods_max: u64) {
-        self.counts.stalls += u64::from(periods_max > 1);
-        self.counts.skipped += periods_max.saturating_sub(1);
+    fn count(&mut self, answer: Option<&(CommandDatagram, f64)>, periods: u64) {
+        self.counts.stalls += u64::from(periods > 1);
+        self.counts.skipped += periods.saturating_sub(1);
         self.quality.record(answer.map(|&(_, delay_s)| delay_s));
         let Some((answer, _)) = answer else {
             self.counts.missed += 1;
@@ -303,28 +309,26 @@ impl Krc {
         }
     }
 
-    /// Moves the set-point on; says how many periods that took.
-    fn move_set_point(&mut self, command: Option<&CommandDatagram>, periods_max: u64) -> u64 {
+    /// Moves the set-point on; says how many periods that took: one while somebody is followed.
+    fn move_set_point(&mut self, command: Option<&CommandDatagram>, periods: u64) -> u64 {
         match (self.motion, command) {
-            (Motion::Hold, _) => periods_max,
+            (Motion::Hold, _) => periods,
             (Motion::Stop(mut brake), _) => {
-                self.desired = brake.advance(periods_max as f64 * self.settings.period_s);
+                self.desired = brake.advance(periods as f64 * self.settings.period_s);
                 self.motion = if brake.is_at_rest() {
                     Motion::Hold
                 } else {
                     Motion::Stop(brake)
                 };
-                periods_max
+                periods
             }
-            (Motion::Follow(stream), Some(command)) => {
-                match self.follow(stream, command, periods_max) {
-                    Ok(periods) => periods,
-                    Err(fault) => {
-                        self.fail(fault);
-                        self.move_set_point(None, 1)
-                    }
+            (Motion::Follow(stream), Some(command)) => match self.follow(stream, command) {
+                Ok(()) => 1,
+                Err(fault) => {
+                    self.fail(fault);
+                    self.move_set_point(None, 1)
                 }
-            }
+            },
             (Motion::Follow(stream), None) => {
                 self.bridge(stream);
                 1
@@ -332,12 +336,7 @@ impl Krc {
         }
     }
 
-    fn follow(
-        &mut self,
-        mut stream: Stream,
-        command: &CommandDatagram,
-        periods_max: u64,
-    ) -> Result<u64, Fault> {
+    fn follow(&mut self, mut stream: Stream, command: &CommandDatagram) -> Result<(), Fault> {
         self.missed_in_a_row = 0;
         let strategy = self.settings.strategy;
         if command.flags != strategy.flags() {
@@ -360,12 +359,12 @@ impl Krc {
         let target = command.joint_position.map(f64::from);
         let springs = self.springs_of(command, &target)?;
         self.mirror_checked = true;
-        let periods = stream.accept(&target, periods_max, &self.settings)?;
+        stream.accept(&target, &self.settings)?;
         self.springs = springs;
         self.desired = target;
         self.last_stream = stream;
         self.motion = Motion::Follow(stream);
-        Ok(periods)
+        Ok(())
     }
 
     /// The springs of a command in the strategies of impedance control, and whether its pose fits its joint positions.
@@ -393,6 +392,21 @@ impl Krc {
             }
         }
         Ok(springs)
+    }
+
+    /// Lets these periods of a stall pass at the last velocity; no answer is missed in them, because none was asked for.
+    /// Says how many there were; none where nobody is followed.
+    fn go_on(&mut self, periods: u64) -> u64 {
+        let Motion::Follow(mut stream) = self.motion else {
+            return 0;
+        };
+        let periods = periods.min(GOES_ON_MAX);
+        for _ in 0..periods {
+            self.desired = stream.extrapolate(self.settings.period_s);
+        }
+        self.last_stream = stream;
+        self.motion = Motion::Follow(stream);
+        periods
     }
 
     /// Goes on with the last velocity, or stops after too many missed answers.

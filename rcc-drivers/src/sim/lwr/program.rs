@@ -4,7 +4,7 @@
 //! an answer that did not come is a missed one.
 //!
 //! After a stall of the machine the clock goes on at the next deadline that is at least half a period away: ticks are
-//! skipped, never sent in a burst.
+//! skipped, never sent in a burst; sequence numbers tell how long it was, as those of a real controller would.
 
 use super::control::{self, Answer, Command, ControlError, TraceFile};
 use super::krc::Krc;

@@ -5,9 +5,6 @@ use super::fault::Fault;
 use super::settings::Settings;
 use super::{JOINTS, Joints};
 
-/// Longest stall of the machine that is considered, in periods.
-const STALL_MAX: u64 = 100;
-
 /// Steps of binary32 by which rounding may move a position in the second difference.
 const ROUNDING_STEPS: f64 = 4.0;
 
@@ -51,19 +48,11 @@ impl Stream {
         std::array::from_fn(|joint| self.position[joint] + self.velocity[joint] * time_s)
     }
 
-    /// Takes a command in and says how many periods have passed since the last tick (1 to `periods_max`).
-    ///
-    /// A real controller never stalls, the machine below this one may. Then nobody knows whether the PC's time stood
-    /// still as well; of all the times that may have passed the one that fits the stream best is taken.
+    /// Takes a command in, one period after the last tick.
     ///
     /// # Errors
     /// The first joint that violates a limit. The stream is unchanged then.
-    pub fn accept(
-        &mut self,
-        command: &Joints,
-        periods_max: u64,
-        settings: &Settings,
-    ) -> Result<u64, Fault> {
+    pub fn accept(&mut self, command: &Joints, settings: &Settings) -> Result<(), Fault> {
         if let Some(joint) = command.iter().position(|q| !q.is_finite()) {
             return Err(Fault::NotFinite { joint });
         }
@@ -77,10 +66,9 @@ impl Stream {
                 limit,
             },
         )?;
-        let periods = self.passed(command, periods_max, settings.period_s);
-        let spacing_s = (self.missed + periods) as f64 * settings.period_s;
+        let spacing_s = (self.missed + 1) as f64 * settings.period_s;
         let velocity = self.velocities(command, spacing_s);
-        let acceleration = self.accelerations(command, periods, settings.period_s);
+        let acceleration = self.accelerations(&velocity, spacing_s);
         supervise(&velocity, &acceleration, spacing_s, settings)?;
         for joint in 0..JOINTS {
             self.velocity_max[joint] = self.velocity_max[joint].max(velocity[joint].abs());
@@ -94,20 +82,7 @@ impl Stream {
             missed: 0,
             ..*self
         };
-        Ok(periods)
-    }
-
-    /// The number of periods, 1 to `periods_max`, with which the command needs the least acceleration.
-    fn passed(&self, command: &Joints, periods_max: u64, period_s: f64) -> u64 {
-        let (mut periods, mut best) = (1, f64::INFINITY);
-        for candidate in (1..=periods_max.clamp(1, STALL_MAX)).rev() {
-            let effort = self.accelerations(command, candidate, period_s);
-            let effort = effort.iter().fold(0.0_f64, |max, a| max.max(a.abs()));
-            if effort < best {
-                (periods, best) = (candidate, effort);
-            }
-        }
-        periods
+        Ok(())
     }
 
     fn velocities(&self, command: &Joints, spacing_s: f64) -> Joints {
@@ -115,9 +90,7 @@ impl Stream {
     }
 
     /// Second difference over unequal spacings: the velocities belong to the middles of their intervals.
-    fn accelerations(&self, command: &Joints, periods: u64, period_s: f64) -> Joints {
-        let spacing_s = (self.missed + periods) as f64 * period_s;
-        let velocity = self.velocities(command, spacing_s);
+    fn accelerations(&self, velocity: &Joints, spacing_s: f64) -> Joints {
         std::array::from_fn(|joint| {
             (velocity[joint] - self.velocity[joint]) * 2.0 / (spacing_s + self.spacing_s)
         })
@@ -190,7 +163,7 @@ mod tests {
     fn a_velocity_above_the_limit_is_a_fault_that_names_joint_and_limit() {
         let mut stream = moving(2.05);
         let settings = Settings::default();
-        let fault = stream.accept(&[0.0025; JOINTS], 1, &settings).unwrap_err();
+        let fault = stream.accept(&[0.0025; JOINTS], &settings).unwrap_err();
         assert!(
             matches!(fault, Fault::Velocity { joint: 0, limit, .. } if (limit - 2.0944).abs() < 1e-4)
         );
@@ -199,7 +172,7 @@ mod tests {
     #[test]
     fn a_jump_within_the_velocity_is_a_fault_of_acceleration() {
         let fault = moving(0.0)
-            .accept(&[1e-3; JOINTS], 1, &Settings::default())
+            .accept(&[1e-3; JOINTS], &Settings::default())
             .unwrap_err();
         assert!(matches!(fault, Fault::Acceleration { joint: 0, .. }));
     }
@@ -209,7 +182,7 @@ mod tests {
         let mut command = [0.0; JOINTS];
         command[1] = 2.1;
         let fault = moving(0.0)
-            .accept(&command, 1, &Settings::default())
+            .accept(&command, &Settings::default())
             .unwrap_err();
         assert!(matches!(fault, Fault::Position { joint: 1, .. }));
     }
@@ -227,7 +200,7 @@ mod tests {
         for i in 1..1900 {
             let q = 1.9 + 0.05 * (f64::from(i) * T).powi(2);
             stream
-                .accept(&[f64::from(q as f32); JOINTS], 1, &settings)
+                .accept(&[f64::from(q as f32); JOINTS], &settings)
                 .unwrap();
         }
     }
@@ -237,18 +210,7 @@ mod tests {
         let mut stream = moving(1.0);
         assert!((stream.extrapolate(T)[0] - 1e-3).abs() < 1e-12);
         assert!((stream.extrapolate(T)[0] - 2e-3).abs() < 1e-12);
-        assert_eq!(
-            stream.accept(&[3e-3; JOINTS], 1, &Settings::default()),
-            Ok(1)
-        );
+        assert_eq!(stream.accept(&[3e-3; JOINTS], &Settings::default()), Ok(()));
         assert!((stream.velocity()[0] - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn after_a_stall_the_time_that_fits_the_stream_is_taken() {
-        let settings = Settings::default();
-        assert_eq!(moving(1.0).accept(&[1e-3; JOINTS], 8, &settings), Ok(1));
-        assert_eq!(moving(1.0).accept(&[5e-3; JOINTS], 8, &settings), Ok(5));
-        assert_eq!(moving(0.0).accept(&[0.0; JOINTS], 8, &settings), Ok(8));
     }
 }

@@ -152,28 +152,38 @@ fn quality_that_becomes_unacceptable_ends_command_state() {
 }
 
 #[test]
-fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump() {
-    for passed in [1.0, 9.0] {
-        let mut pc = Pc::moving(Settings::default(), 0.5);
-        let mut next = pc.krc.desired[3] + passed * 0.5e-3;
-        let answer = CommandDatagram {
-            joint_position: {
-                let mut q = pc.mirror().joint_position;
-                q[3] = next as f32;
-                q
-            },
-            ..pc.mirror()
-        };
-        pc.krc.receive(&answer.encode(), 1e-4);
-        pc.go_on(9);
-        for _ in 0..50 {
-            next += 0.5e-3;
-            pc.command_joint_4(next);
-        }
-        assert_eq!(
-            (pc.krc.fault, pc.krc.counts.missed, pc.krc.counts.stalls),
-            (None, 0, 1)
-        );
-        assert!((pc.krc.arm.velocity[3] - 0.5).abs() < 1e-3);
+fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_told() {
+    let mut pc = Pc::moving(Settings::default(), 0.5);
+    let mut next = pc.krc.desired[3] + 0.5e-3;
+    let answer = CommandDatagram {
+        joint_position: {
+            let mut q = pc.mirror().joint_position;
+            q[3] = next as f32;
+            q
+        },
+        ..pc.mirror()
+    };
+    pc.krc.receive(&answer.encode(), 1e-4);
+    let before = pc.krc.sequence();
+    pc.go_on(9);
+    assert_eq!(pc.krc.sequence(), before + 9);
+    // So many periods have passed for the PC, too.
+    next += 8.0 * 0.5e-3;
+    for _ in 0..50 {
+        next += 0.5e-3;
+        pc.command_joint_4(next);
     }
+    assert_eq!(
+        (pc.krc.fault, pc.krc.counts.missed, pc.krc.counts.stalls),
+        (None, 0, 1)
+    );
+    assert!((pc.krc.arm.velocity[3] - 0.5).abs() < 1e-3);
+}
+
+#[test]
+fn in_a_long_stall_time_stands_still() {
+    let mut pc = Pc::moving(Settings::default(), 0.5);
+    let before = pc.krc.sequence();
+    pc.go_on(5000);
+    assert_eq!(pc.krc.sequence(), before + 51);
 }
