@@ -229,13 +229,19 @@ impl CommandImage {
     /// Makes `point` that of cycle `sequence`, and the newest; its logical time follows from that.
     pub fn push(&mut self, sequence: u64, stamp_ns: u64, point: SetPoint) {
         (self.head.sequence, self.head.stamp_ns) = (sequence, stamp_ns);
+        let logical_ns = sequence.wrapping_mul(self.head.period_ns);
+        let point = SetPoint {
+            logical_ns,
+            ..point
+        };
+        self.keep(sequence, point);
+    }
+
+    /// Puts `point` where that of cycle `sequence` belongs, as it is.
+    pub fn keep(&mut self, sequence: u64, point: SetPoint) {
         let place = (sequence % SET_POINTS as u64) as usize;
         if let Some(place) = self.set_points.get_mut(place) {
-            let logical_ns = sequence.wrapping_mul(self.head.period_ns);
-            *place = SetPoint {
-                logical_ns,
-                ..point
-            };
+            *place = point;
         }
     }
 }

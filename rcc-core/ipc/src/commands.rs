@@ -53,14 +53,7 @@ impl CommandReader {
         let first = oldest.max(self.image.head.sequence.saturating_add(1));
         for number in first..=head.sequence {
             // One that was overwritten meanwhile has another number, and `CommandImage::at` does not find it.
-            let point = self.ring.at(number);
-            if let Some(place) = self
-                .image
-                .set_points
-                .get_mut((number % SET_POINTS as u64) as usize)
-            {
-                *place = point;
-            }
+            self.image.keep(number, self.ring.at(number));
         }
         self.image.head = head;
         &self.image

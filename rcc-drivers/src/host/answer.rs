@@ -16,7 +16,7 @@ const LOOKS_MAX: usize = 64;
 /// An executor that has not written for so many of its periods, or of the device's, is not waited for.
 const STALE_PERIODS: u64 = 3;
 
-/// What a look at the command board says.
+/// What a look at the commands says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
     /// It has seen this exchange.

@@ -216,8 +216,8 @@ impl Player {
         }
     }
 
-    /// Takes over what is new on the board (`None`: no executor), also between exchanges: it remembers more than the
-    /// board does. An executor that comes, or comes back, with a net already commanding is not followed.
+    /// Takes over what is new on the board (`None`: no executor), also between exchanges, often enough that none
+    /// is missed. An executor that comes, or comes back, with a net already commanding is not followed.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         let news = image.map_or(News::None, |image| self.track.update(image));
         // A stamp from the future is no better than an old one: nobody could tell when it ages.

@@ -1,4 +1,4 @@
-//! Watches the announcements for the executor, and opens and closes its command board for the host's thread.
+//! Watches the announcements for the executor, and opens and closes its device's commands for the host's thread.
 //! One helper thread; the host's thread only takes finished boards from a channel and gives old ones back.
 
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -11,7 +11,7 @@ use rcc_ipc::{Announcement, CommandReader, Role, Session};
 /// How often the announcements are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// The executor's command board, or that there is none any more.
+/// Where the executor writes the commands, or that it does no more.
 pub type News = Option<CommandReader>;
 
 /// The helper thread; dropping it ends the thread.
