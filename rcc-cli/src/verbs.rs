@@ -73,6 +73,8 @@ verbs! {
     State = state;
     /// List the loaded nets.
     Ls = ls;
+    /// List the values that go from net to net.
+    Topics = topics;
     /// List the devices.
     Devices = devices;
     /// List the primitives, or explain one.

@@ -89,7 +89,12 @@ fn output_type(port: &Port) -> String {
 fn parameter_type(parameter: &Parameter) -> String {
     let is_name = matches!(
         parameter.kind,
-        ParameterKind::Arm | ParameterKind::Device | ParameterKind::Channel(_)
+        ParameterKind::Arm
+            | ParameterKind::Device
+            | ParameterKind::Channel(_)
+            | ParameterKind::Topic
+            | ParameterKind::Type
+            | ParameterKind::Unit(_)
     );
     if is_name {
         return "crate::Value<crate::Text>".to_string();

@@ -36,6 +36,7 @@ pub mod primitives;
 pub mod rotation;
 pub mod spatial;
 pub mod timing;
+pub mod topic;
 pub mod types;
 pub mod unit;
 pub mod vector;

@@ -9,6 +9,7 @@ use crate::frame::DeviceModel;
 use crate::message::{ANALOG_MAX, DEVICES_MAX, DIGITAL_MAX, JOINTS_MAX, MONITOR_WIDTH_MAX};
 use crate::primitive::{CYCLES_MAX, ChannelKind, Kernel, Operand, Role, Size};
 use crate::primitives;
+use crate::topic::Topic;
 use crate::types::Store;
 
 pub use regions::{Blank, Block, NO_REGION, REGIONS_MAX, Region};
@@ -28,6 +29,8 @@ pub const MONITORS_MAX: usize = 256;
 pub const INPUTS_MAX: usize = 256;
 /// Most elements that they have together.
 pub const INPUT_ELEMENTS_MAX: u32 = 4096;
+/// Most topics that a net publishes, and most that it subscribes to.
+pub const TOPICS_MAX: usize = 32;
 /// Most cycles from one evaluation of a net to the next: a second of the shortest period.
 pub const EVERY_MAX: u32 = 10_000;
 
@@ -98,7 +101,20 @@ pub struct MonitorPoint {
     pub every: u32,
 }
 
-/// A value that is set from outside, between two evaluations of the net.
+/// A value that other nets can read after the cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PublishPoint {
+    /// Under which name, and what it is.
+    pub topic: Topic,
+    /// Which arena.
+    pub store: Store,
+    /// First slot.
+    pub slot: u32,
+    /// Elements.
+    pub width: u32,
+}
+
+/// A value that comes from outside, between two evaluations of the net: from people and programs, or from another net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputPoint {
     /// Which arena.
@@ -117,6 +133,8 @@ pub struct InputPoint {
     pub at_least: Option<u32>,
     /// First slot of what its elements must not be greater than, in the same arena.
     pub at_most: Option<u32>,
+    /// It comes from the net that publishes this, and from nobody else.
+    pub topic: Option<Topic>,
 }
 
 /// Values in an arena that somebody wants to see.
@@ -157,8 +175,10 @@ pub struct Plan<'a> {
     pub delays: &'a [Delay],
     /// Monitors.
     pub monitors: &'a [MonitorPoint],
-    /// Values that are set from outside.
+    /// Values that come from outside.
     pub inputs: &'a [InputPoint],
+    /// Values that other nets can read.
+    pub publishes: &'a [PublishPoint],
     /// Number of path clocks.
     pub clocks: u32,
     /// In which cycles it is evaluated.
@@ -176,6 +196,8 @@ pub struct Resources {
     pub digital: [u64; DEVICES_MAX],
     /// By device, bit c: analog output c.
     pub analog: [u64; DEVICES_MAX],
+    /// Keys of the topics that it publishes; 0 = none any more.
+    pub topics: [u64; TOPICS_MAX],
 }
 
 /// One unique resource.
@@ -200,6 +222,11 @@ pub enum Resource {
         /// Channel index.
         channel: u32,
     },
+    /// The right to publish a topic.
+    Topic {
+        /// [`Topic::key`].
+        key: u64,
+    },
 }
 
 impl Resources {
@@ -208,6 +235,7 @@ impl Resources {
         arms: 0,
         digital: [0; DEVICES_MAX],
         analog: [0; DEVICES_MAX],
+        topics: [0; TOPICS_MAX],
     };
 
     /// The first resource that both claim.
@@ -228,8 +256,20 @@ impl Resources {
         if let Some((device, channel)) = both(&self.digital, &other.digital) {
             return Some(Resource::Digital { device, channel });
         }
-        both(&self.analog, &other.analog)
-            .map(|(device, channel)| Resource::Analog { device, channel })
+        if let Some((device, channel)) = both(&self.analog, &other.analog) {
+            return Some(Resource::Analog { device, channel });
+        }
+        let key = self.topics().find(|key| other.publishes(*key))?;
+        Some(Resource::Topic { key })
+    }
+
+    /// Keys of the topics that it publishes.
+    pub fn topics(&self) -> impl Iterator<Item = u64> + '_ {
+        self.topics.iter().copied().take_while(|key| *key != 0)
+    }
+
+    fn publishes(&self, key: u64) -> bool {
+        self.topics().any(|own| own == key)
     }
 
     /// True if any resource of the device is claimed.
@@ -247,6 +287,7 @@ impl Resources {
                 (self.digital.get_mut(device as usize), channel)
             }
             Resource::Analog { device, channel } => (self.analog.get_mut(device as usize), channel),
+            Resource::Topic { key } => return self.claim_topic(key),
         };
         match bits {
             Some(bits) if *bits >> bit & 1 == 0 => {
@@ -255,6 +296,16 @@ impl Resources {
             }
             _ => false,
         }
+    }
+}
+
+impl Resources {
+    fn claim_topic(&mut self, key: u64) -> bool {
+        if self.publishes(key) {
+            return false;
+        }
+        let free = self.topics.iter_mut().find(|place| **place == 0);
+        free.map(|place| *place = key).is_some()
     }
 }
 
@@ -330,10 +381,16 @@ pub enum PlanError {
         /// Index of the monitor.
         monitor: u32,
     },
-    /// A value that is set from outside lies outside its arena, or there are too many of them.
+    /// A value that comes from outside lies outside its arena, or comes from the net itself, or there are too many of
+    /// them.
     BadInput {
         /// Index of the input.
         input: u32,
+    },
+    /// A value for other nets lies outside its arena.
+    BadPublish {
+        /// Index of the value.
+        publish: u32,
     },
     /// A path clock is used twice or not at all.
     Clocks,
@@ -380,7 +437,8 @@ impl<'a> Plan<'a> {
             return Err(PlanError::BadRate);
         }
         let copied = self.check_copies()?.saturating_add(self.check_regions()?);
-        let checked = self.check_runs(models)?;
+        let mut checked = self.check_runs(models)?;
+        self.check_topics(&mut checked.resources)?;
         let arms = checked.resources.arms;
         if arms != 0 && self.rate.every > 1 {
             let device = arms.trailing_zeros();
@@ -431,6 +489,35 @@ impl<'a> Plan<'a> {
             }
         }
         Ok(u64::from(elements))
+    }
+
+    /// Each topic is published once, by this net or by another one, and all values are where they are said to be.
+    fn check_topics(&self, resources: &mut Resources) -> Result<(), PlanError> {
+        let subscribes = self.inputs.iter().filter(|input| input.topic.is_some());
+        if self.publishes.len() > TOPICS_MAX || subscribes.count() > TOPICS_MAX {
+            return Err(PlanError::TooLarge);
+        }
+        for (point, publish) in self.publishes.iter().zip(0u32..) {
+            if !self.contains(point.store, point.slot, point.width) || point.topic.key == 0 {
+                return Err(PlanError::BadPublish { publish });
+            }
+            let resource = Resource::Topic {
+                key: point.topic.key,
+            };
+            if !resources.claim(resource) {
+                return Err(PlanError::ClaimedTwice { resource });
+            }
+        }
+        let own = |input: &InputPoint| {
+            let topic = input.topic;
+            topic.is_some_and(|topic| topic.key == 0 || resources.publishes(topic.key))
+        };
+        match self.inputs.iter().position(own) {
+            Some(input) => Err(PlanError::BadInput {
+                input: input as u32,
+            }),
+            None => Ok(()),
+        }
     }
 
     fn check_runs(&self, models: &[DeviceModel]) -> Result<Checked, PlanError> {

@@ -59,8 +59,11 @@ pub enum Role {
     Monitor,
     /// Its `value` is put into a constant slot that stands for its output; it has no kernel.
     Constant,
-    /// Its output is a slot of its own that begins as its `initial` and is written from outside between cycles.
+    /// Its output is a slot of its own that begins as its `initial` and is written from outside between cycles: by people
+    /// and programs, or, if it has a topic, by the net that publishes that.
     Input,
+    /// Its output can be read by other nets after the cycle.
+    Publish,
     /// Every net needs one.
     Termination,
     /// A net with one can be cancelled.

@@ -3,6 +3,7 @@
 use crate::frame::Frame;
 pub use crate::primitive::Entry;
 use crate::primitive::Kernel;
+use crate::topic;
 
 mod abs;
 mod add;
@@ -134,6 +135,7 @@ mod pose_error;
 mod pose_from_transform;
 mod pose_goal;
 mod power;
+mod publish;
 mod pulse;
 mod quantize;
 mod rate_limit;
@@ -173,6 +175,7 @@ mod split_wrench;
 mod square_root;
 mod start_pose;
 mod state_machine;
+mod subscribe;
 mod subtract;
 mod sum;
 mod tangent;
@@ -337,6 +340,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &pose_from_transform::ENTRY,
     &pose_goal::ENTRY,
     &power::ENTRY,
+    &publish::ENTRY,
     &pulse::ENTRY,
     &quantize::ENTRY,
     &rate_limit::ENTRY,
@@ -376,6 +380,7 @@ pub const CATALOGUE: &[&Entry] = &[
     &square_root::ENTRY,
     &start_pose::ENTRY,
     &state_machine::ENTRY,
+    &subscribe::ENTRY,
     &subtract::ENTRY,
     &sum::ENTRY,
     &tangent::ENTRY,
@@ -467,24 +472,15 @@ pub fn run(number: u16, frame: &mut Frame<'_>, operands: &[u32]) {
 }
 
 /// A hash of names, ports and parameters: two builds with equal fingerprints mean the same by the
-/// same kernel numbers. FNV-1a, 64 bits.
+/// same kernel numbers.
 pub fn fingerprint() -> u64 {
-    let mut hash = 0xcbf2_9ce4_8422_2325;
-    let mut eat = |text: &str| {
-        for byte in text.bytes().chain([0]) {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
-        }
-    };
-    for entry in CATALOGUE {
-        eat(entry.spec.name);
-        for port in entry.spec.inputs.iter().chain(entry.spec.outputs) {
-            eat(port.name);
-        }
-        for parameter in entry.spec.parameters {
-            eat(parameter.name);
-        }
-    }
-    hash
+    topic::hash(CATALOGUE.iter().flat_map(|entry| {
+        let spec = &entry.spec;
+        let ports = spec.inputs.iter().chain(spec.outputs);
+        let names = ports.map(|port| port.name);
+        let parameters = spec.parameters.iter().map(|parameter| parameter.name);
+        [spec.name].into_iter().chain(names).chain(parameters)
+    }))
 }
 
 #[cfg(test)]

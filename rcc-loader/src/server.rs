@@ -21,5 +21,6 @@ pub mod socket;
 pub mod store;
 mod timing;
 pub mod token;
+pub mod topics;
 pub mod values;
 pub mod words;

@@ -15,7 +15,9 @@ use rcc_core::frame::PrepareFault;
 use rcc_core::message::CommandState;
 use rcc_core::path::MotionFault;
 use rcc_core::plan::Resource;
+use rcc_core::topic::Topic;
 use rcc_ipc::control::{Call, Refusal};
+use rcc_language::names::{InputNames, Names, TopicNames};
 use rcc_loader::server::api::{Done, Named, Switch};
 use rcc_loader::server::codes;
 use rcc_loader::server::service::Operation;
@@ -289,6 +291,34 @@ fn an_executor_that_is_gone_is_named_and_the_next_one_is_found() {
     );
 }
 
+/// Command 3 publishes what command 8 subscribes to as something else.
+fn names_with_topic(id: u64) -> Names {
+    let (topic, primitive) = ("tool/force".to_owned(), "force".to_owned());
+    match id {
+        3 => Names {
+            publishes: vec![TopicNames {
+                primitive,
+                topic,
+                type_name: "Wrench".to_owned(),
+                unit: None,
+            }],
+            ..Names::default()
+        },
+        _ => Names {
+            inputs: vec![InputNames {
+                primitive,
+                type_name: "Real".to_owned(),
+                unit: Some("N".to_owned()),
+                at_least: Vec::new(),
+                at_most: Vec::new(),
+                expires_s: None,
+                topic: Some(topic),
+            }],
+            ..Names::default()
+        },
+    }
+}
+
 #[test]
 fn every_refusal_has_a_code_names_and_a_remedy() {
     let config = config();
@@ -296,6 +326,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         config: &config,
         net: &|id| format!("net#{id}"),
         motion: &|_, motion| format!("motion {motion}"),
+        names: &names_with_topic,
         reason: &|_, reason| format!("because {reason}"),
     };
     let device = |violation| Refusal::FirstSetPoint {
@@ -309,6 +340,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         device: 0,
         channel: 0,
     };
+    let key = Topic::new("tool/force", "Wrench", "").key;
     let continuation = |violation| Refusal::Continuation {
         device: 0,
         joint: 2,
@@ -346,6 +378,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
             leg: 0,
             fault: MotionFault::AmbiguousRotation,
         }),
+        Refusal::OtherTopic { other: 3, key },
         Refusal::Overloaded,
         Refusal::Stopping,
         Refusal::NoRecorder,
@@ -368,6 +401,21 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         )
         .message;
     assert_eq!(busy, "net#8 needs lwr.torch, which net#3 holds");
+    let resource = Resource::Topic { key };
+    let twice = Refusal::Busy {
+        holder: 3,
+        resource,
+    };
+    assert_eq!(
+        namer.refusal(8, twice).message,
+        "net#8 publishes topic tool/force, and so does net#3, which runs"
+    );
+    assert_eq!(
+        namer
+            .refusal(8, Refusal::OtherTopic { other: 3, key })
+            .message,
+        "net#8 subscribes to tool/force as Real in N, and net#3 publishes tool/force as Wrench, which runs"
+    );
     let first = namer.refusal(8, device(5)).message;
     let joint = &config.devices[0].robot.as_ref().expect("an arm").joints[1].name;
     assert!(

@@ -111,7 +111,7 @@ fn every_command_of_the_page_about_values_runs() {
         assert_eq!(output.status.code(), Some(0), "{command}: {out}\n{err}");
         run += 1;
     }
-    assert!(run >= 8, "{run} commands");
+    assert!(run >= 16, "{run} commands");
     cell.stop();
 }
 
@@ -154,5 +154,64 @@ fn a_watcher_that_is_killed_leaves_nothing_and_others_are_told_the_end() {
     let last = of_other.last().expect("a line").expect("text");
     assert!(last.contains(r#""state":"terminated""#), "{last}");
     assert_eq!(other.wait().expect("it ends").code(), Some(0));
+    cell.stop();
+}
+
+fn net(name: &str) -> String {
+    let path = repository().join(format!("configs/nets/{name}.yaml"));
+    std::fs::read_to_string(path).expect("an example")
+}
+
+#[test]
+fn a_net_shows_what_another_one_publishes_while_that_runs() {
+    let cell = TestCell::demo();
+    let lamp = cell.run(&net("touch-lamp"));
+    let touches = |cell: &TestCell| value(cell, lamp, "touches.value");
+    assert_eq!(touches(&cell), Value::Null, "nobody publishes it");
+    let touch = cell.run(&net("touch"));
+    let known = || (touches(&cell) == json!(false)).then_some(());
+    await_some("what is published is seen", known);
+    let topics = cell.rest("GET", "/topics", "");
+    let row = |number: usize| &topics.body[number];
+    assert_eq!(
+        (&row(0)["topic"], &row(0)["unit"]),
+        (&json!("flange/force"), &json!("N")),
+        "{topics:?}"
+    );
+    assert_eq!(row(0)["subscribers"], json!([]), "{topics:?}");
+    assert_eq!(
+        (
+            &row(1)["publishers"][0]["id"],
+            &row(1)["subscribers"][0]["primitive"]
+        ),
+        (&json!(touch), &json!("touches")),
+        "{topics:?}"
+    );
+    // Another one that publishes the same, and one that means something else by it.
+    let second = cell.load(&net("touch"));
+    let meters = "net: meters\nprimitives:\n  far: {type: Subscribe, parameters: {topic: flange/touches, unit: m}}\n  \
+        much: {type: Greater, inputs: {a: far.value, b: 2 m}}\n  end: {type: Termination, inputs: {done: much.out}}\n";
+    let other = cell.load(meters);
+    for (id, code, words) in [
+        (
+            second,
+            "RCC3004",
+            format!("touch#{second} publishes topic flange/touches, and so does touch#{touch}"),
+        ),
+        (
+            other,
+            "RCC3024",
+            format!("subscribes to flange/touches as Real in m, and touch#{touch} publishes"),
+        ),
+    ] {
+        let refused = cell.operate(id, "start");
+        assert_eq!((refused.status, refused.code()), (409, code), "{refused:?}");
+        let said = refused.words();
+        assert!(said.contains(&words), "{said}");
+    }
+    cell.done(touch, "abort");
+    await_some("its net is over", || touches(&cell).is_null().then_some(()));
+    cell.done(second, "start");
+    await_some("the next one publishes", known);
     cell.stop();
 }

@@ -34,7 +34,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let net = &arguments.net;
     if arguments.values.is_empty() && arguments.unset.is_empty() {
         let detail = follow::state(&client, net)?;
-        let names: Names = serde_json::from_value(detail.names).unwrap_or_default();
+        let mut names: Names = serde_json::from_value(detail.names).unwrap_or_default();
+        // What another net publishes cannot be set.
+        names.inputs.retain(|input| input.topic.is_none());
         let ports = names.inputs.iter().flat_map(|input| {
             let id = &input.primitive;
             [format!("{id}.value"), format!("{id}.age")]

@@ -186,6 +186,7 @@ pub(super) fn with_namer<T>(names: &Names, config: &CellConfig, what: impl FnOnc
             let id = names.motions.get(motion as usize).cloned();
             id.unwrap_or_else(|| format!("motion {motion}"))
         },
+        names: &|_| names.clone(),
         reason: &|_, _| String::new(),
     })
 }

@@ -1,8 +1,8 @@
 //! The real-time thread's work of one cycle, without clock, boards and sleep: the same code runs in
 //! tests in virtual time. Owns the command table, every running net and every device's commands.
 //!
-//! Order within a cycle: latch (done by the caller into [`Engine::latch`]) → orders → nets → guard →
-//! images and tables → records. Nothing here allocates, locks, formats or calls the system.
+//! Order within a cycle: latch (done by the caller into [`Engine::latch`]) → orders → values from net to net → nets →
+//! guard → images and tables → records. Nothing here allocates, locks, formats or calls the system.
 
 mod admission;
 mod devices;
@@ -10,6 +10,7 @@ mod life;
 mod rates;
 mod switch;
 mod timing;
+mod topics;
 
 use bytemuck::Zeroable;
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput};
@@ -103,6 +104,10 @@ pub struct Engine {
     pending: [Pending; COMMANDS_MAX],
     /// Bit r: row r is active or waits for something; no other row has anything to do in a cycle.
     busy: u64,
+    /// Bit r: the net in row r, ready or active, shows values of others.
+    subscribers: u64,
+    /// Another one whenever a command begins or ceases to run.
+    version: u64,
     /// A hand-over that is tried before the rows are evaluated, as soon as all that begin are due.
     switch: Option<Switch>,
     status: CycleStatus,
@@ -153,6 +158,8 @@ impl Engine {
             nets: Box::new([const { None }; COMMANDS_MAX]),
             pending: [Pending::Nothing; COMMANDS_MAX],
             busy: 0,
+            subscribers: 0,
+            version: 1,
             switch: None,
             status,
             tables,
@@ -246,6 +253,7 @@ impl Engine {
             device.output = DeviceOutput::NONE;
         }
         self.take_orders();
+        self.deliver();
         let begun = self.run_switch(now_ns);
         for row in rows(self.busy & !begun) {
             self.run_row(row, now_ns);

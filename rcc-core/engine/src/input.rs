@@ -1,9 +1,11 @@
-//! Values that are set from outside: checked and laid ready between two cycles, written into the net's slots when it is
-//! evaluated next. Run by the real-time thread; all memory is made with the net.
+//! Values that come from outside: set and checked, or copied from another net, and laid ready between two cycles; written
+//! into the net's slots when it is evaluated next. Run by the real-time thread; all memory is made with the net.
 
 use rcc_core::plan::{InputPoint, Plan};
 use rcc_core::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 use rcc_ipc::control::{InputFault, InputValue, Refusal};
+
+use crate::net::Nets;
 
 /// The slots of a net.
 #[derive(Debug)]
@@ -21,6 +23,8 @@ pub struct Arenas<'a> {
 pub struct Inputs {
     places: Box<[Place]>,
     words: Box<[u64]>,
+    /// [`Inputs::bind`] was called for this version of the command table.
+    bound: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +32,20 @@ struct Place {
     first: usize,
     width: usize,
     ready: Ready,
+    feed: Option<Feed>,
+    /// Cycle in which `feed` computed what came last.
+    seen: Option<u64>,
+    /// What came last came from another net that ran then.
+    fed: bool,
+}
+
+/// The value of another net that an input shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Feed {
+    /// The net's row.
+    pub row: usize,
+    /// Index in its plan.
+    pub publish: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,12 +68,59 @@ impl Inputs {
                 first: first - width,
                 width,
                 ready: Ready::Nothing,
+                feed: None,
+                seen: None,
+                fed: false,
             }
         };
         let places = points.iter().map(place).collect();
         Inputs {
             places,
             words: vec![0; first].into(),
+            bound: 0,
+        }
+    }
+
+    /// Finds out from where what other nets publish comes, if the command table has another version than the last time.
+    pub fn bind(
+        &mut self,
+        points: &[InputPoint],
+        version: u64,
+        find: impl Fn(&InputPoint) -> Option<Feed>,
+    ) {
+        if std::mem::replace(&mut self.bound, version) == version {
+            return;
+        }
+        for (place, point) in self.places.iter_mut().zip(points) {
+            let feed = find(point);
+            if place.feed != feed {
+                (place.feed, place.seen) = (feed, None);
+            }
+        }
+    }
+
+    /// Lays ready what other nets have computed since the last time, and null for what no net gives any more.
+    pub fn receive(&mut self, points: &[InputPoint], nets: &Nets) {
+        let places = self.places.iter_mut().zip(points);
+        for (place, point) in places.filter(|(_, point)| point.topic.is_some()) {
+            let Some(room) = self.words.get_mut(place.first..place.first + place.width) else {
+                continue;
+            };
+            let feed = place.feed;
+            let net = feed.and_then(|feed| Some((nets.get(feed.row)?.as_ref()?, feed.publish)));
+            match net {
+                Some((net, _)) if place.seen == Some(net.evaluated_cycle) => continue,
+                Some((net, publish)) => {
+                    net.give(publish, room);
+                    (place.seen, place.fed) = (Some(net.evaluated_cycle), true);
+                }
+                None if place.fed => {
+                    room.fill(null(point.store));
+                    place.fed = false;
+                }
+                None => continue,
+            }
+            place.ready = Ready::Waits;
         }
     }
 
@@ -201,9 +266,21 @@ impl Arenas<'_> {
     }
 }
 
+/// Null as a word.
+const fn null(store: Store) -> u64 {
+    match store {
+        Store::Real => NULL_REAL.to_bits(),
+        Store::Bool => NULL_BOOL as u64,
+        Store::Int => NULL_INT.cast_unsigned(),
+    }
+}
+
 fn check(plan: &Plan<'_>, value: &InputValue) -> Result<(), InputFault> {
     let point = plan.inputs.get(value.input as usize);
     let point = point.ok_or(InputFault::Unknown)?;
+    if point.topic.is_some() {
+        return Err(InputFault::Subscribed);
+    }
     if value.words.len() != point.width as usize {
         return Err(InputFault::Elements);
     }

@@ -7,13 +7,13 @@ use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::{Drive, MotionState, Motions};
-use rcc_core::plan::{Checked, MonitorPoint, Plan, Rate, Resources, Run, ValuePoint};
+use rcc_core::plan::{Checked, InputPoint, MonitorPoint, Plan, Rate, Resources, Run, ValuePoint};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{InputValue, PlanData, Refusal};
 use rcc_motion::{Builder, MotionSet};
 
-use crate::input::{Arenas, Inputs};
+use crate::input::{Arenas, Feed, Inputs};
 use crate::queue::Reading;
 use crate::record::entry::Snapshot;
 
@@ -280,6 +280,36 @@ impl Net {
         values.evaluations = self.cycles;
         values.every = self.data.rate.every;
         Ok(())
+    }
+
+    /// Gives a value of it to another net; what does not fit is left out.
+    pub fn give(&self, publish: usize, room: &mut [u64]) {
+        if let Some(point) = self.data.publishes.get(publish) {
+            let point = ValuePoint {
+                store: point.store,
+                slot: point.slot,
+                width: point.width,
+            };
+            // `Plan::check` has proved that it lies within.
+            let _: Option<()> = self.copy(point, &mut room.iter_mut());
+        }
+    }
+
+    /// Lays ready what other nets have published; `version` is that of the command table, and `find` says who publishes
+    /// what an input shows.
+    pub fn receive(
+        &mut self,
+        version: u64,
+        nets: &Nets,
+        find: impl Fn(&InputPoint) -> Option<Feed>,
+    ) {
+        self.inputs.bind(&self.data.inputs, version, find);
+        self.inputs.receive(&self.data.inputs, nets);
+    }
+
+    /// It shows values of other nets.
+    pub fn subscribes(&self) -> bool {
+        self.data.inputs.iter().any(|input| input.topic.is_some())
     }
 
     /// One word an element.

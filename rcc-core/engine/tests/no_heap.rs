@@ -6,10 +6,14 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
 
-use common::{Bench, HOLD, Plan, drift_net, endless_net, input_net, line_net, named, output_net};
+use common::{
+    Bench, HOLD, Plan, drift_net, endless_net, input_net, line_net, named, output_net,
+    publishing_net, subscribing_net,
+};
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, DeviceState, EndReason};
-use rcc_core::plan::ValuePoint;
+use rcc_core::plan::{Rate, ValuePoint};
+use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::queue::{Order, Reading};
 use rcc_engine::record::{Recorder, RecorderConfig};
@@ -73,6 +77,23 @@ fn obey(bench: &mut Bench, order: impl FnOnce(u64) -> Order, cycles: usize) {
 #[test]
 fn the_count_counts() {
     assert!(operations(|| drop(std::hint::black_box(vec![1, 2, 3]))) >= 2);
+}
+
+#[test]
+fn values_from_net_to_net_make_none() {
+    let topic = Topic::new("tool/force", "Real", "N");
+    let mut bench = Bench::new();
+    let gives = bench.load(publishing_net(topic, Rate::EVERY_CYCLE));
+    let again = bench.load(publishing_net(topic, Rate::EVERY_CYCLE));
+    let takes = bench.load(subscribing_net(topic, Rate::EVERY_CYCLE, 3));
+    let ticket = 0;
+    for id in [takes, gives, again] {
+        obey(&mut bench, |_| Order::Start { ticket, id }, 20);
+    }
+    obey(&mut bench, |_| Order::Abort { ticket, id: gives }, 20);
+    obey(&mut bench, |_| Order::Start { ticket, id: again }, 20);
+    let shown = bench.read(takes, &[]).expect("it runs");
+    assert!(shown.evaluations > 80, "{shown:?}");
 }
 
 #[test]

@@ -3,8 +3,8 @@
 
 use rcc_core::frame::PrepareFault;
 use rcc_core::plan::{
-    Blank, Block, Delay, InputPoint, MonitorPoint, Plan, PlanError, Rate, Region, Resource, Run,
-    ValuePoint,
+    Blank, Block, Delay, InputPoint, MonitorPoint, Plan, PlanError, PublishPoint, Rate, Region,
+    Resource, Run, ValuePoint,
 };
 use serde::{Deserialize, Serialize};
 
@@ -69,8 +69,10 @@ pub struct PlanData {
     pub delays: Vec<Delay>,
     /// Monitors.
     pub monitors: Vec<MonitorPoint>,
-    /// Values that are set from outside.
+    /// Values that come from outside.
     pub inputs: Vec<InputPoint>,
+    /// Values that other nets can read.
+    pub publishes: Vec<PublishPoint>,
     /// Number of path clocks.
     pub clocks: u32,
     /// In which cycles it is evaluated.
@@ -97,6 +99,7 @@ impl PlanData {
             delays: &self.delays,
             monitors: &self.monitors,
             inputs: &self.inputs,
+            publishes: &self.publishes,
             clocks: self.clocks,
             rate: self.rate,
             survives_device_loss: self.survives_device_loss,
@@ -141,6 +144,8 @@ pub enum InputFault {
     OutOfRange,
     /// The request sets it twice.
     Twice,
+    /// It comes from another net.
+    Subscribed,
 }
 
 /// A request to the executor.
@@ -332,6 +337,13 @@ pub enum Refusal {
         in_use_ns: u64,
         /// What nets may need together, ns.
         budget_ns: u64,
+    },
+    /// Another command that runs publishes or subscribes to a topic with values of another type or unit.
+    OtherTopic {
+        /// The other command.
+        other: u64,
+        /// [`rcc_core::topic::Topic::key`].
+        key: u64,
     },
     /// A value cannot be set.
     Input {

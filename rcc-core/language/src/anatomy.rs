@@ -245,7 +245,7 @@ fn role(item: &Item<'_>) -> PartRole {
     match item.spec().role {
         Role::Plain if item.device.is_some() && item.spec().inputs.is_empty() => PartRole::Measures,
         Role::Plain => PartRole::Plain,
-        Role::Monitor => PartRole::Shows,
+        Role::Monitor | Role::Publish => PartRole::Shows,
         Role::Constant => PartRole::Constant,
         Role::Input => PartRole::Input,
         Role::Termination | Role::Cancel => PartRole::Ends,

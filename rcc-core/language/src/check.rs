@@ -6,6 +6,7 @@ mod fragments;
 mod inputs;
 mod limits;
 mod loops;
+mod topics;
 mod values;
 
 use rcc_config::diagnostic::Diagnostic;
@@ -55,6 +56,8 @@ const CHECKS: &[Check] = &[
     limits::monitors_are_possible,
     limits::counts_are_within_limits,
     limits::windows_are_possible,
+    topics::topics_are_published_once,
+    topics::no_net_subscribes_to_itself,
     limits::what_moves_can_be_cancelled,
 ];
 

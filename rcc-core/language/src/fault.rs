@@ -113,6 +113,8 @@ rules! {
         "monitor some elements";
     NET_TOO_LARGE = "RCC1505", "The net needs more than an executor gives.",
         "split the net";
+    OWN_TOPIC = "RCC1506", "A net subscribes to a topic that it publishes itself.",
+        "read the value by a link";
     NO_COUNTERPART = "RCC1601", "Something of the predecessor has no counterpart here.",
         "docs/from-the-predecessor.md says what becomes of each type";
     WRONG_ARM = "RCC1602", "A net of the predecessor is made for another arm.",

@@ -231,6 +231,10 @@ fn infer_units(graph: &Graph<'_>, inferred: &mut Inferred) {
         }
     }
     for (number, item) in graph.items.iter().enumerate() {
+        if let Some((variable, unit)) = item.said_unit() {
+            let variable = term(number, UnitRule::Var(variable));
+            solver.add(Constraint::Equal(Term::Fixed(unit), variable));
+        }
         for (port, wire) in item.wires() {
             let (Some(port), Some(from)) =
                 (item.spec().inputs.get(port), port_of(graph, wire.from))

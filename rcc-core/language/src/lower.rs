@@ -13,7 +13,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::plan::{MonitorPoint, OPERANDS_MAX, Run, SLOTS_MAX};
 use rcc_core::primitive::{
-    Dim, Kernel, Literal as Default, Operand, ParameterKind, Port, Role, Size, Sizes, State,
+    Dim, Kernel, Literal as Default, Operand, ParameterKind, Port, PortType, Role, Size, Sizes,
+    State,
 };
 use rcc_core::primitives;
 use rcc_core::types::{Store, Type};
@@ -82,6 +83,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
     let regions = lowering.regions(&schedule);
     let monitors = lowering.monitors();
     let inputs = lowering.inputs();
+    let publishes = lowering.publishes();
     let Lowering {
         arena,
         slots,
@@ -107,6 +109,7 @@ pub fn lower(net: Typed<'_>) -> Result<Lowered, Box<Diagnostic>> {
         delays,
         monitors,
         inputs,
+        publishes,
         clocks,
         rate: net.graph.rate,
         survives_device_loss: net.graph.net.survives_device_loss,
@@ -154,6 +157,14 @@ fn literal(value: Default) -> Literal {
         Default::Null => Shape::Null,
     };
     Literal::new(shape, Span::default())
+}
+
+/// The value of a constant, or what an input begins as.
+fn first_value<'a>(item: &Item<'a>) -> Option<&'a Literal> {
+    let mut rows = item.spec().parameters.iter().zip(&item.parameters);
+    let is_open = |kind| matches!(kind, ParameterKind::Value(PortType::Any, _));
+    let (_, literal) = rows.find(|(parameter, _)| is_open(parameter.kind))?;
+    *literal
 }
 
 /// The start value of an item's state in one arena, if it has a parameter for it.
@@ -285,12 +296,7 @@ impl<'a> Lowering<'a> {
         let slots = outputs.map(|(index, port)| {
             let ty = self.port_type(number, port);
             // Of a constant the value, of an input the first one; what comes after the first output begins as null.
-            let value = item
-                .parameters
-                .first()
-                .copied()
-                .flatten()
-                .filter(|_| index == 0);
+            let value = first_value(item).filter(|_| index == 0);
             let value = value.and_then(|literal| literal.stored(ty));
             let value = value.unwrap_or(Stored::null(ty));
             let value = match item.spec().role {

@@ -23,6 +23,9 @@ pub struct Names {
     /// Values that are set from outside, in the order of the plan.
     #[serde(default)]
     pub inputs: Vec<InputNames>,
+    /// Values for other nets, in the order of the plan.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub publishes: Vec<TopicNames>,
     /// Ids of the motions, in the order of the plan.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motions: Vec<String>,
@@ -87,7 +90,22 @@ pub struct MonitorNames {
     pub every: u32,
 }
 
-/// A value that is set from outside.
+/// A value for other nets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TopicNames {
+    /// Id of the Publish primitive.
+    pub primitive: String,
+    /// Under which name it is published.
+    pub topic: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Its unit; `None`: the type says it, or there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+}
+
+/// A value that comes from outside.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InputNames {
     /// Id of the Input primitive: the name by which it is set.
@@ -106,6 +124,9 @@ pub struct InputNames {
     /// After so many seconds without being set it is null; `None`: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expires_s: Option<f64>,
+    /// The topic from which it comes; `None`: it is set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
 }
 
 /// The names of a lowered net.
@@ -148,6 +169,7 @@ pub fn names(net: Typed<'_>, lowered: &Lowered) -> Names {
         primitives: primitives.collect(),
         monitors: monitors.collect(),
         inputs: inputs(net, lowered),
+        publishes: publishes(net, lowered),
         motions: motions(net, lowered),
     }
 }
@@ -167,20 +189,37 @@ fn inputs(net: Typed<'_>, lowered: &Lowered) -> Vec<InputNames> {
     let items = items.filter(|(_, (item, _))| item.spec().role == Role::Input);
     let named = items.filter_map(|(number, (item, slots))| {
         let (port, slot) = (item.spec().outputs.first()?, slots.outputs.first()?);
-        Some((item.id(), port_names(net, number, port, *slot)))
+        Some((item, port_names(net, number, port, *slot)))
     });
     let plan = &lowered.plan;
-    let rows = named.zip(&plan.inputs).map(|((id, port), point)| {
+    let rows = named.zip(&plan.inputs).map(|((item, port), point)| {
         let bound = |slot: Option<u32>| slot.map_or(Vec::new(), |slot| numbers(plan, point, slot));
         let expires_s = f64::from(point.expires) / net.graph.evaluations_hz();
         InputNames {
-            primitive: id.to_string(),
+            primitive: item.id().to_string(),
+            topic: item.topic().map(str::to_owned),
             type_name: port.type_name,
             unit: port.unit,
             at_least: bound(point.at_least),
             at_most: bound(point.at_most),
             expires_s: (point.expires > 0).then_some(expires_s),
         }
+    });
+    rows.collect()
+}
+
+fn publishes(net: Typed<'_>, lowered: &Lowered) -> Vec<TopicNames> {
+    let items = net.graph.items.iter().zip(&lowered.slots).enumerate();
+    let items = items.filter(|(_, (item, _))| item.spec().role == Role::Publish);
+    let rows = items.filter_map(|(number, (item, slots))| {
+        let (port, slot) = (item.spec().outputs.first()?, slots.outputs.first()?);
+        let port = port_names(net, number, port, *slot);
+        Some(TopicNames {
+            primitive: item.id().to_string(),
+            topic: item.topic()?.to_owned(),
+            type_name: port.type_name,
+            unit: port.unit,
+        })
     });
     rows.collect()
 }

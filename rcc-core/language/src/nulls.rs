@@ -23,6 +23,8 @@ pub enum Cause {
     Undefined,
     /// It is set from outside: null until then, or set to null.
     NotSet,
+    /// It comes from another net, which may not run.
+    NotPublished,
     /// Its value is the constant null.
     Constant,
     /// It is evaluated only while a condition is true.
@@ -91,6 +93,7 @@ fn is_output(cause: InputCause) -> bool {
 /// Null that begins at an item.
 fn origin(graph: &Graph<'_>, item: &Item<'_>) -> Option<Cause> {
     match item.spec().role {
+        Role::Input if item.topic().is_some() => Some(Cause::NotPublished),
         Role::Input => Some(Cause::NotSet),
         Role::Constant => {
             let value = item.parameters.first().copied().flatten();
@@ -231,6 +234,10 @@ impl Nulls {
             Cause::NotSet if is_age(item, output) => "it was never set".to_owned(),
             Cause::NotSet if has_first_value(item) => "it was set to null".to_owned(),
             Cause::NotSet => "it is not set".to_owned(),
+            Cause::NotPublished => {
+                let topic = item.topic().unwrap_or_default();
+                format!("no running net publishes `{topic}`")
+            }
             Cause::Constant => "its value is null".to_owned(),
             Cause::NotActive => {
                 let region = graph.conditions(item).next();

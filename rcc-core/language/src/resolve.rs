@@ -203,6 +203,26 @@ impl Item<'_> {
         })
     }
 
+    /// The topic that it publishes or subscribes to.
+    #[must_use]
+    pub fn topic(&self) -> Option<&str> {
+        self.topic_literal().map(|(topic, _)| topic)
+    }
+
+    /// The same with its place.
+    pub(crate) fn topic_literal(&self) -> Option<(&str, Span)> {
+        let mut rows = self.spec().parameters.iter().zip(&self.parameters);
+        let (_, given) = rows.find(|(parameter, _)| parameter.kind == ParameterKind::Topic)?;
+        match given {
+            Some(Literal {
+                shape: Shape::Text(topic),
+                span,
+                ..
+            }) => Some((topic, *span)),
+            _ => None,
+        }
+    }
+
     /// The lists that feed it, with the input's place in the spec.
     pub fn lists(&self) -> impl Iterator<Item = (usize, &List<'_>)> {
         let inputs = self.inputs.iter().enumerate();

@@ -57,6 +57,7 @@ pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Fa
 fn value(entry: &Entry, names: &Names, faults: &mut Vec<Diagnostic>) -> Option<InputValue> {
     let name = &entry.key.name;
     let found = names.inputs.iter().zip(0u32..);
+    let found = found.filter(|(input, _)| input.topic.is_none());
     let found = found.clone().find(|(input, _)| input.primitive == *name);
     let Some((input, index)) = found else {
         faults.push(unknown(entry, names));
@@ -91,7 +92,8 @@ fn value(entry: &Entry, names: &Names, faults: &mut Vec<Diagnostic>) -> Option<I
 
 fn unknown(entry: &Entry, names: &Names) -> Diagnostic {
     let name = &entry.key.name;
-    let known = names.inputs.iter().map(|input| input.primitive.as_str());
+    let known = names.inputs.iter().filter(|input| input.topic.is_none());
+    let known = known.map(|input| input.primitive.as_str());
     let all: Vec<&str> = known.clone().take(16).collect();
     let net = &names.net;
     let other = names
@@ -190,6 +192,7 @@ mod tests {
             at_least: Vec::new(),
             at_most: Vec::new(),
             expires_s: None,
+            topic: None,
         }
     }
 

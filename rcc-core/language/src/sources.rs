@@ -184,6 +184,7 @@ const ACROSS: &[&str] = &[
     fault::LOOP_WITHOUT_INITIAL,
     fault::NULL_FOR_EVER,
     fault::CLAIMED_TWICE,
+    fault::OWN_TOPIC,
     fault::MANY_TERMINATIONS,
 ];
 

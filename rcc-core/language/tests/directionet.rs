@@ -462,3 +462,50 @@ fn a_net_of_ours_goes_there_and_back() {
     let faults = there(&yaml).unwrap_err();
     assert_eq!(faults[0].code, rcc_language::fault::NO_COUNTERPART);
 }
+
+/// What one net keeps from the application and another one reads, in their form: here it goes by a topic.
+#[test]
+fn values_from_net_to_net_go_by_topics() {
+    let cell = demo();
+    let table = rcc_language::devices::DeviceTable::from(&cell);
+    let gives = "{a=Core::DoubleValue(Value='2.5'),\
+        out=Core::DoubleNetcommOut(Key='Force',Report='false',inValue=a.outValue),\
+        other=Core::BooleanInterNetcommOut(RemoteNet='takes',RemoteKey='Go',inValue=Core::BooleanValue(Value='true').outValue),\
+        shown=Core::DoubleNetcommOut(Key='Shown',inValue=a.outValue),outTerminate=Core::BooleanValue(Value='false').outValue}";
+    let takes = "{force=Core::DoubleInterNetcommIn(RemoteRCC='',RemoteNet='gives',RemoteKey='Force'),\
+        big=Core::DoubleGreater(inFirst=force.outValue,inSecond=Core::DoubleValue(Value='1').outValue),\
+        outTerminate=big.outValue}";
+    let compiled = |text: &str, name: &str| {
+        compile(text, name, &cell).unwrap_or_else(|faults| panic!("{faults}"))
+    };
+    let (gives, takes) = (compiled(gives, "gives"), compiled(takes, "takes"));
+    let published = gives.names.publishes.iter();
+    let published: Vec<_> = published
+        .map(|row| (row.topic.as_str(), row.type_name.as_str()))
+        .collect();
+    assert_eq!(
+        published,
+        [("gives/outForce", "Real"), ("takes/inGo", "Bool")]
+    );
+    assert_eq!(gives.names.monitors.len(), 1);
+    let input = &takes.names.inputs[0];
+    assert_eq!(input.topic.as_deref(), Some("gives/outForce"));
+    // One means what the other one publishes.
+    assert_eq!(
+        takes.plan.inputs[0].topic,
+        Some(gives.plan.publishes[0].topic)
+    );
+    // And back to their form.
+    let yaml = "net: gives\nprimitives:\n  force: {type: Subscribe, parameters: {topic: other/outForce}}\n  \
+        big: {type: Greater, inputs: {a: force.value, b: 1.0}}\n  \
+        give: {type: Publish, parameters: {topic: gives/outBig}, inputs: {in: big.out}}\n  \
+        end: {type: Termination, inputs: {done: false}}\n";
+    let ours = compiled(yaml, "net");
+    let mut faults = Vec::new();
+    let model = rcc_language::compile::read(yaml, "net", &table, &mut faults).unwrap();
+    let text = rcc_language::directionet::write::text(&model, &ours.names, &table, &mut faults);
+    let text = text.unwrap_or_else(|| panic!("{faults:?}"));
+    let back = compiled(&text, "gives.net");
+    assert_eq!(back.plan.publishes[0].topic, ours.plan.publishes[0].topic);
+    assert_eq!(back.plan.inputs[0].topic, ours.plan.inputs[0].topic);
+}

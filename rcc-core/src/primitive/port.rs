@@ -342,6 +342,12 @@ pub enum ParameterKind {
     Device,
     /// The name of a channel of the device that the parameter `device` names.
     Channel(ChannelKind),
+    /// The name of a topic: letters, digits and `_ - . /`. No operand.
+    Topic,
+    /// What the open type is, where links and values do not tell it. No operand.
+    Type,
+    /// What the unit variable is, where links and values do not tell it; of the SI. No operand.
+    Unit(u8),
     /// How often per second; becomes a whole number of cycles.
     Rate,
     /// Poses, one or more: a row of seven numbers each, as many as the length variable says.
@@ -360,6 +366,9 @@ impl ParameterKind {
                 | ParameterKind::First(_)
                 | ParameterKind::Length(_)
                 | ParameterKind::Window
+                | ParameterKind::Topic
+                | ParameterKind::Type
+                | ParameterKind::Unit(_)
                 | ParameterKind::Rate
         )
     }

@@ -11,7 +11,7 @@ use crate::unit::Unit;
 pub const ENTRY: Entry = Entry::new(
     Spec {
         name: "Input",
-        summary: "A value that is set from outside while the net is ready or runs; links and values tell its type.",
+        summary: "A value that is set from outside while the net is ready or runs.",
         null: "null until it is set, unless an initial value is given; it can be set to null, and expires to null",
         null_rule: NullRule::Known,
         undefined: "it is not set, it is set to null, or what was set has expired",
@@ -50,6 +50,18 @@ pub const ENTRY: Entry = Entry::new(
             )
             .default(Literal::Null)
             .above(0.0),
+            Parameter::new(
+                "type",
+                ParameterKind::Type,
+                "its type where links and values do not tell it, `Wrench`",
+            )
+            .default(Literal::Null),
+            Parameter::new(
+                "unit",
+                ParameterKind::Unit(0),
+                "its unit where they do not, `N`",
+            )
+            .default(Literal::Null),
         ],
         role: Role::Input,
         ..Spec::PLAIN

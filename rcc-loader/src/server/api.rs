@@ -299,6 +299,35 @@ pub struct FaultView {
     pub words: String,
 }
 
+/// A topic: a value that goes from net to net.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TopicView {
+    /// Its name.
+    pub topic: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Its unit; null: the type says it, or there is none.
+    pub unit: Option<String>,
+    /// Nets that publish it; at most one of them runs.
+    pub publishers: Vec<TopicEnd>,
+    /// Nets that subscribe to it.
+    pub subscribers: Vec<TopicEnd>,
+}
+
+/// A net at one end of a topic.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TopicEnd {
+    /// Id of the command.
+    pub id: u64,
+    /// The net's name.
+    pub net: String,
+    /// The primitive.
+    pub primitive: String,
+    /// The command's state.
+    pub state: String,
+}
+
 /// A device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct DeviceView {

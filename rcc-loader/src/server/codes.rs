@@ -64,6 +64,7 @@ codes! {
     NOT_TOGETHER = "RCC3021", 409, CONFLICT, "Nets of a hand-over are never evaluated in a common cycle.";
     OVER_BUDGET = "RCC3022", 409, CONFLICT, "The nets would need more of a cycle than the cell's budget.";
     FORESEEN = "RCC3023", 409, CONFLICT, "The net would break a limit of an arm.";
+    OTHER_TOPIC = "RCC3024", 409, CONFLICT, "Two nets mean different types by a topic.";
     NO_RECORDER = "RCC3030", 409, CONFLICT, "The flight recorder is switched off.";
     INPUT_REFUSED = "RCC3040", 422, INVALID, "A value cannot be set.";
     UNKNOWN_PORT = "RCC3041", 404, FAILED, "The net has no such port.";

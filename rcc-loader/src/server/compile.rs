@@ -24,6 +24,8 @@ pub struct Compiled {
     pub warnings: Vec<Finding>,
     /// What it claims for itself alone.
     pub uses: Vec<Resource>,
+    /// The topics that it publishes.
+    pub topics: Vec<String>,
     /// It has a `Cancel` primitive.
     pub can_cancel: bool,
     /// Number of primitives with a kernel.
@@ -66,7 +68,9 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
             channel,
         }));
     }
+    let topics = compiled.names.publishes.iter();
     Ok(Compiled {
+        topics: topics.map(|row| row.topic.clone()).collect(),
         net: compiled.net,
         description: compiled.description,
         names: serde_json::to_value(&compiled.names).unwrap_or_default(),

@@ -18,7 +18,7 @@ use utoipa::OpenApi;
 use super::api;
 use super::api::{
     Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
-    Loaded, PrimitiveView, StatusView, Switched, TimingView, ValuesView,
+    Loaded, PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView,
 };
 use super::catalogue;
 use super::codes;
@@ -72,6 +72,7 @@ struct Shared {
         schema,
         status,
         timing,
+        topics,
         acknowledge
     ),
     components(schemas(ErrorBody, api::Finding, api::Place))
@@ -110,6 +111,7 @@ pub fn router(service: Arc<Service>) -> Router {
         .route("/status", get(status))
         .route("/status/acknowledge", post(acknowledge))
         .route("/timing", get(timing))
+        .route("/topics", get(topics))
         .route("/openapi.json", get(openapi))
         .fallback(no_route)
         .method_not_allowed_fallback(no_route)
@@ -457,6 +459,13 @@ async fn acknowledge(State(shared): State<Shared>) -> Result<Json<Acknowledged>,
     blocking(shared, Service::acknowledge).await.map(Json)
 }
 
+/// Values that go from net to net: who publishes what, and who subscribes to it.
+#[utoipa::path(get, path = "/topics",
+    responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
+async fn topics(State(shared): State<Shared>) -> Result<Json<Vec<TopicView>>, ApiError> {
+    blocking(shared, Service::topics).await.map(Json)
+}
+
 /// Histograms of the cycle, and what primitives cost.
 #[utoipa::path(get, path = "/timing",
     responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
@@ -506,6 +515,7 @@ mod tests {
             "/status/acknowledge",
             "/switch",
             "/timing",
+            "/topics",
         ];
         assert_eq!(paths.as_deref(), Some(&expected.map(String::from)[..]));
         Ok(())

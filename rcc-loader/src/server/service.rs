@@ -241,6 +241,7 @@ impl Service {
             names,
             warnings,
             uses,
+            topics,
             primitives,
             ..
         } = match compile::compile(&file.text, name, &self.config) {
@@ -257,7 +258,9 @@ impl Service {
             }
         };
         file.uses = self.with_namer(None, |namer| {
-            uses.into_iter().map(|use_| namer.resource(use_)).collect()
+            let uses = uses.into_iter().map(|use_| namer.resource(id, use_));
+            uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
+                .collect()
         });
         (file.net, file.description, file.names) = (net, description, names);
         (file.diagnostics, file.primitives) = (warnings, primitives);
@@ -457,11 +460,17 @@ impl Service {
             let file = store.and_then(|store| self.file(store, id));
             motion_name(file.as_ref().map(|file| &file.names), motion)
         };
+        let names = |id: u64| {
+            let file = store.and_then(|store| self.file(store, id));
+            let names = file.map(|file| file.names).unwrap_or_default();
+            serde_json::from_value(names).unwrap_or_default()
+        };
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
         what(&Namer {
             config: &self.config,
             net: &net,
             motion: &motion,
+            names: &names,
             reason: &reason,
         })
     }

@@ -10,11 +10,12 @@ use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
 use rcc_ipc::control::{InputFault, Refusal};
+use rcc_language::names::Names;
 
 use super::api::FaultView;
 use super::codes::{self, Code};
 use super::error::ApiError;
-use super::impedance;
+use super::{impedance, topics};
 
 /// What names numbers: the configuration, the nets, and the reasons that drivers give.
 pub struct Namer<'a> {
@@ -24,6 +25,8 @@ pub struct Namer<'a> {
     pub net: &'a dyn Fn(u64) -> String,
     /// The id of a motion in that net.
     pub motion: &'a dyn Fn(u64, u32) -> String,
+    /// The names of that net.
+    pub names: &'a dyn Fn(u64) -> Names,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
 }
@@ -36,6 +39,7 @@ fn input_refused(net: &str, input: u32, fault: InputFault) -> (Code, String, Str
         InputFault::NoValue => "takes finite numbers and truth values only",
         InputFault::OutOfRange => "has a range, and the value is outside",
         InputFault::Twice => "is set twice by one request",
+        InputFault::Subscribed => "comes from another net",
     };
     (
         codes::INPUT_REFUSED,
@@ -77,9 +81,9 @@ impl Namer<'_> {
         format!("{}.{name}", self.device_name(device))
     }
 
-    /// A resource: `lwr` for an arm, `lwr.torch` for an output.
+    /// A resource of a command: `lwr` for an arm, `lwr.torch` for an output.
     #[must_use]
-    pub fn resource(&self, resource: Resource) -> String {
+    pub fn resource(&self, id: u64, resource: Resource) -> String {
         match resource {
             Resource::Arm { device } => self.device_name(device),
             Resource::Digital { device, channel } => {
@@ -87,6 +91,11 @@ impl Namer<'_> {
             }
             Resource::Analog { device, channel } => {
                 self.channel_name(device, ChannelKind::AnalogOutput, channel)
+            }
+            Resource::Topic { key } => {
+                let names = (self.names)(id);
+                let it = topics::of_key(&names, key);
+                it.map_or("a topic".to_owned(), |it| format!("topic {}", it.topic))
             }
         }
     }
@@ -183,6 +192,7 @@ impl Namer<'_> {
                 in_use_ns,
                 budget_ns,
             } => over_budget(&net, [needed_ns, in_use_ns, budget_ns]),
+            Refusal::OtherTopic { other, key } => self.other_topic(id, other, key),
             Refusal::Input { input, fault } => input_refused(&net, input, fault),
             Refusal::SetTooLarge { values, elements } => (
                 codes::INPUT_REFUSED,
@@ -219,11 +229,43 @@ impl Namer<'_> {
     }
 
     fn busy(&self, net: &str, holder: u64, resource: Resource) -> (Code, String, String) {
-        let (holder, resource) = ((self.net)(holder), self.resource(resource));
+        if matches!(resource, Resource::Topic { .. }) {
+            return self.published_twice(net, holder, resource);
+        }
+        let (holder, resource) = ((self.net)(holder), self.resource(holder, resource));
         (
             codes::BUSY,
             format!("{net} needs {resource}, which {holder} holds"),
             format!("wait until {holder} is over, or end it: `rcc-cli cancel {holder}`"),
+        )
+    }
+
+    fn published_twice(&self, net: &str, holder: u64, topic: Resource) -> (Code, String, String) {
+        let (holder, topic) = ((self.net)(holder), self.resource(holder, topic));
+        (
+            codes::BUSY,
+            format!("{net} publishes {topic}, and so does {holder}, which runs"),
+            format!(
+                "end {holder} first, or hand over: `rcc-cli start {net} --after-stopping {holder}`"
+            ),
+        )
+    }
+
+    /// One publishes what the other one subscribes to, and they do not mean the same.
+    fn other_topic(&self, id: u64, other: u64, key: u64) -> (Code, String, String) {
+        let says = |id: u64| {
+            let names = (self.names)(id);
+            let net = (self.net)(id);
+            match topics::of_key(&names, key) {
+                Some(it) => format!("{net} {} {} as {}", it.verb(), it.topic, it.kind()),
+                None => format!("{net} has another type for a topic"),
+            }
+        };
+        (
+            codes::OTHER_TOPIC,
+            format!("{}, and {}, which runs", says(id), says(other)),
+            "let both mean the same type and unit, or give one of them another topic: `rcc-cli topics` shows all"
+                .to_owned(),
         )
     }
 
@@ -304,7 +346,7 @@ impl Namer<'_> {
                 "divide the net into several".to_owned(),
             ),
             PlanError::ClaimedTwice { resource } => (
-                format!("{} is commanded twice", self.resource(resource)),
+                format!("{} is commanded twice", self.resource(0, resource)),
                 "let one primitive command it".to_owned(),
             ),
             other => (

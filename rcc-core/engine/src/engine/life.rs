@@ -6,7 +6,7 @@ use rcc_core::message::{
 };
 use rcc_ipc::control::{Answer, InputValue, Refusal};
 
-use super::{Engine, Pending, SETTLE_MAX_NS};
+use super::{Engine, Pending, SETTLE_MAX_NS, is_active};
 use crate::net::{Evaluation, Net, record};
 use crate::queue::{Event, Order, Outcome, Reading};
 use crate::record::{Evaluated, Reason};
@@ -106,6 +106,7 @@ impl Engine {
         match place {
             Ok((row, place)) => {
                 let (can_cancel, expected_ns) = (net.can_cancel(), net.expected_ns);
+                self.subscribers |= u64::from(net.subscribes()) << row;
                 *place = Some(net);
                 if let Some(entry) = self.tables.commands.get_mut(row) {
                     entry.can_cancel = u64::from(can_cancel);
@@ -148,6 +149,7 @@ impl Engine {
             });
         }
         self.check_free(row, 0, 0)?;
+        self.check_topics(row, 0, 0)?;
         self.check_devices(row, 0)?;
         self.check_budget(row, 0, 0)?;
         self.pending[row] = Pending::Start { ticket };
@@ -161,21 +163,29 @@ impl Engine {
         let Some(claims) = self.claims(row) else {
             return Err(Refusal::UnknownCommand);
         };
-        for (other, entry) in self.tables.commands.iter().enumerate() {
-            let state = CommandState::from_number(entry.state);
-            let active = state.is_active() || self.pending.get(other) != Some(&Pending::Nothing);
-            let holds = active && leave >> other & 1 == 0 || arrive >> other & 1 == 1;
-            if other == row || !holds {
-                continue;
-            }
+        for (other, holder) in self.beside(row, leave, arrive) {
             if let Some(resource) = self.claims(other).and_then(|held| claims.common(held)) {
-                return Err(Refusal::Busy {
-                    holder: entry.id,
-                    resource,
-                });
+                return Err(Refusal::Busy { holder, resource });
             }
         }
         Ok(())
+    }
+
+    /// Rows and ids of the other active commands but for those that leave, and of those that arrive.
+    pub(super) fn beside(
+        &self,
+        row: usize,
+        leave: u64,
+        arrive: u64,
+    ) -> impl Iterator<Item = (usize, u64)> + '_ {
+        let others = self.tables.commands.iter().enumerate();
+        let others = others.filter(move |(other, entry)| {
+            let active =
+                is_active(entry.state) || self.pending.get(*other) != Some(&Pending::Nothing);
+            let counts = active && leave >> other & 1 == 0 || arrive >> other & 1 == 1;
+            *other != row && counts
+        });
+        others.map(|(other, entry)| (other, entry.id))
     }
 
     /// Each arm rests, or is handed over by one that leaves (bit r: row r), and each other device answers.
@@ -254,6 +264,7 @@ impl Engine {
                 state: CommandState::Running as u32,
             });
         }
+        self.subscribers &= !(1 << row);
         if let Some(net) = self.nets.get_mut(row).and_then(Option::take) {
             self.give_back(Outcome::Net(net));
         }
@@ -284,7 +295,7 @@ impl Engine {
                 .tables
                 .commands
                 .get(row)
-                .is_some_and(|entry| super::is_active(entry.state))
+                .is_some_and(|entry| is_active(entry.state))
             {
                 self.end(row, EndReason::Aborted, FaultRecord::NONE);
             }
@@ -297,7 +308,7 @@ impl Engine {
         else {
             return;
         };
-        let active = super::is_active(entry.state);
+        let active = is_active(entry.state);
         match pending {
             Pending::Settle { since_cycle } => self.settle(row, since_cycle),
             Pending::Start { ticket } if self.is_due(row) => self.first_cycle(row, ticket, now_ns),
@@ -487,6 +498,7 @@ impl Engine {
         let commands_arms = self.claims(row).is_some_and(|claims| claims.arms != 0);
         if commands_arms {
             self.pending[row] = Pending::Settle { since_cycle };
+            self.version += 1;
         } else {
             self.finish(row);
         }
@@ -533,6 +545,7 @@ impl Engine {
     /// the next cycle on nothing is commanded.
     pub(super) fn end(&mut self, row: usize, reason: EndReason, fault: FaultRecord) {
         self.pending[row] = Pending::Nothing;
+        self.subscribers &= !(1 << row);
         self.disengage(row);
         let cycle = self.status.cycle;
         if let Some(entry) = self.tables.commands.get_mut(row) {
@@ -551,6 +564,7 @@ impl Engine {
             return;
         };
         entry.state = state as u32;
+        self.version += 1;
         if state.is_active() {
             self.busy |= 1 << row;
         }

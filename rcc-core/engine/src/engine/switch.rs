@@ -81,6 +81,7 @@ impl Engine {
                 return Err(about(Refusal::WrongState { state }));
             }
             self.check_free(row, stop, start).map_err(about)?;
+            self.check_topics(row, stop, start).map_err(about)?;
             self.check_devices(row, stop).map_err(about)?;
             self.check_budget(row, start, stop).map_err(about)?;
         }

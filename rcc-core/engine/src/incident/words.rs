@@ -8,8 +8,11 @@ use rcc_core::guard::JointLimits;
 use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::{Arm, PARAMETERS};
 use rcc_core::message::{DEVICES_MAX, JOINTS_MAX};
-use rcc_core::plan::{Blank, Block, Delay, InputPoint, MonitorPoint, Rate, Region, Run};
+use rcc_core::plan::{
+    Blank, Block, Delay, InputPoint, MonitorPoint, PublishPoint, Rate, Region, Run,
+};
 use rcc_core::pose::Pose;
+use rcc_core::topic::Topic;
 use rcc_core::types::Store;
 use rcc_core::workspace::Workspace;
 use rcc_ipc::control::PlanData;
@@ -82,6 +85,7 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
         delays,
         monitors,
         inputs,
+        publishes,
         clocks,
         survives_device_loss,
         rate,
@@ -136,6 +140,15 @@ pub fn of_origin(origin: &Origin) -> Vec<u64> {
             input.at_least.unwrap_or(none),
             input.at_most.unwrap_or(none),
         ));
+        // A topic's key is never 0.
+        let topic = input.topic.map_or([0, 0], |topic| [topic.key, topic.kind]);
+        out.extend(topic);
+    }
+    out.push(publishes.len() as u64);
+    for point in publishes {
+        out.push(pair(point.store as u32, point.slot));
+        out.push(u64::from(point.width));
+        out.extend([point.topic.key, point.topic.kind]);
     }
     let Begun { holds, dt_s, anew } = &origin.begun;
     out.extend([u64::from(*anew), dt_s.to_bits()]);
@@ -173,7 +186,7 @@ fn groups<'a, const N: usize>(
 fn inputs(words: &mut Words<'_>) -> Result<Vec<InputPoint>, Damaged> {
     let bound = |slot: u32| (slot != u32::MAX).then_some(slot);
     let groups = groups(words, "a plan's inputs")?.iter();
-    let input = |[place, size, since, bounds]: &[u64; 4]| {
+    let input = |[place, size, since, bounds, key, kind]: &[u64; 6]| {
         let ([number, slot], [width, expires]) = (parts(*place), parts(*size));
         let ([since, age], [at_least, at_most]) = (parts(*since), parts(*bounds));
         Ok(InputPoint {
@@ -185,9 +198,31 @@ fn inputs(words: &mut Words<'_>) -> Result<Vec<InputPoint>, Damaged> {
             expires,
             at_least: bound(at_least),
             at_most: bound(at_most),
+            topic: (*key != 0).then_some(Topic {
+                key: *key,
+                kind: *kind,
+            }),
         })
     };
     groups.map(input).collect()
+}
+
+/// The values for other nets.
+fn publishes(words: &mut Words<'_>) -> Result<Vec<PublishPoint>, Damaged> {
+    let groups = groups(words, "what a plan publishes")?.iter();
+    let point = |[place, width, key, kind]: &[u64; 4]| {
+        let ([number, slot], [width, _]) = (parts(*place), parts(*width));
+        Ok(PublishPoint {
+            topic: Topic {
+                key: *key,
+                kind: *kind,
+            },
+            store: store(number)?,
+            slot,
+            width,
+        })
+    };
+    groups.map(point).collect()
 }
 
 /// The contrary of [`of_origin`]. Whether the plan makes sense is for `Plan::check`.
@@ -263,6 +298,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
     });
     let monitors = monitors.collect::<Result<_, _>>()?;
     let inputs = inputs(words)?;
+    let publishes = publishes(words)?;
     let [anew, dt_s] = words.some("a net's period")?;
     let holds = groups::<JOINTS_MAX>(words, "a net's hold set-points")?.iter();
     let holds = holds.map(|hold| Some(hold.map(f64::from_bits)).filter(|hold| !hold[0].is_nan()));
@@ -280,6 +316,7 @@ pub fn origin(words: &mut Words<'_>) -> Result<Origin, Damaged> {
         delays,
         monitors,
         inputs,
+        publishes,
         clocks,
         survives_device_loss: survives != 0,
         rate: Rate { every, phase },

@@ -9,8 +9,9 @@ use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
     SetPoint,
 };
-use rcc_core::plan::{InputPoint, MonitorPoint, Rate, Run, ValuePoint};
+use rcc_core::plan::{InputPoint, MonitorPoint, PublishPoint, Rate, Run, ValuePoint};
 use rcc_core::primitives;
+use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
@@ -394,6 +395,7 @@ impl Plan {
             expires,
             at_least: None,
             at_most: None,
+            topic: None,
         };
         self.data.inputs.push(input);
         input
@@ -447,6 +449,40 @@ pub fn input_net(initial: f64, expires: u32) -> PlanData {
     plan.monitor(Store::Real, one.slot, 1, 1);
     plan.monitor(Store::Real, three.slot, 3, 1);
     plan.monitor(Store::Real, one.age, 1, 1);
+    plan.data
+}
+
+/// Publishes its logical time in each evaluation. Until CANCEL.
+pub fn publishing_net(topic: Topic, rate: Rate) -> PlanData {
+    let mut plan = Plan::new();
+    let requested = plan.bool(2);
+    let time = plan.reals(&[f64::NAN]);
+    let out = plan.reals(&[f64::NAN]);
+    plan.add("Cancel", &[requested]);
+    plan.add("Time", &[time]);
+    plan.add("Publish", &[time, out]);
+    plan.add("Termination", &[requested]);
+    plan.data.publishes.push(PublishPoint {
+        topic,
+        store: Store::Real,
+        slot: out,
+        width: 1,
+    });
+    plan.data.rate = rate;
+    plan.data
+}
+
+/// Shows what is published under a topic, and its age, in each evaluation. Until CANCEL.
+pub fn subscribing_net(topic: Topic, rate: Rate, expires: u32) -> PlanData {
+    let mut plan = Plan::new();
+    let requested = plan.bool(2);
+    let value = plan.input(&[f64::NAN], expires);
+    plan.data.inputs[0].topic = Some(topic);
+    plan.add("Cancel", &[requested]);
+    plan.add("Termination", &[requested]);
+    plan.monitor(Store::Real, value.slot, 1, 1);
+    plan.monitor(Store::Real, value.age, 1, 1);
+    plan.data.rate = rate;
     plan.data
 }
 

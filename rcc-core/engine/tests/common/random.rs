@@ -2,9 +2,10 @@
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, MAGIC, Measurement};
-use rcc_core::plan::{Delay, InputPoint, Rate, Run};
+use rcc_core::plan::{Delay, InputPoint, PublishPoint, Rate, Run};
 use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Size, Sizes};
 use rcc_core::primitives::{self, CATALOGUE, Entry};
+use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_ipc::control::{InputValue, PlanData};
 
@@ -98,6 +99,7 @@ pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> P
     for _ in 0..3 + maker.random.below(38) {
         maker.add_any();
     }
+    maker.add_topics();
     maker.end()
 }
 
@@ -136,7 +138,34 @@ impl Maker<'_> {
             expires,
             at_least: None,
             at_most: None,
+            topic: None,
         });
+    }
+
+    /// Gives a block to other nets, or shows one of theirs: as many topics as there are kinds of blocks.
+    fn add_topics(&mut self) {
+        let topic = |block: &Block| {
+            let kind = 1 + block.store as u64 * 100 + u64::from(block.width);
+            Topic { key: kind, kind }
+        };
+        let block = self.blocks[self.random.below(self.blocks.len())];
+        let own = topic(&block);
+        if block.width < 10 && self.random.once_in(2) {
+            self.data.publishes.push(PublishPoint {
+                topic: own,
+                store: block.store,
+                slot: block.slot,
+                width: block.width,
+            });
+        }
+        for input in &mut self.data.inputs {
+            let shown = topic(&Block {
+                store: input.store,
+                slot: input.slot,
+                width: input.width,
+            });
+            input.topic = (shown != own && self.random.once_in(2)).then_some(shown);
+        }
     }
 
     fn add(&mut self, number: usize, entry: &Entry) {

@@ -74,8 +74,12 @@ pub enum Builtin {
     ArraySetNull,
     /// An `Input` with the key as its id.
     NetcommIn,
-    /// A `Monitor` with the key as its id.
+    /// A `Monitor` with the key as its id, or a `Publish`.
     NetcommOut,
+    /// A `Subscribe` to what another net gives.
+    InterNetcommIn,
+    /// A `Publish` for another net.
+    InterNetcommOut,
     /// Inverse kinematics as the hint wants it.
     InvKin,
     /// Elements of one `JointState`.

@@ -3,6 +3,7 @@
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::pose::Pose;
+use rcc_core::types::Type as Ours;
 
 use crate::fault;
 use crate::syntax::literal::{Literal, Shape};
@@ -54,6 +55,22 @@ impl Type {
             "T" => Type::Any,
             "matrix" => Type::Matrix,
             _ => return None,
+        })
+    }
+
+    /// The type of ours; `None`: none of a port.
+    #[must_use]
+    pub fn ours(self) -> Option<Ours> {
+        Some(match self {
+            Type::Bool => Ours::Bool,
+            Type::Int => Ours::Int,
+            Type::Double | Type::Time => Ours::Real,
+            Type::Vector => Ours::Vector3,
+            Type::Rotation => Ours::Rotation,
+            Type::Frame => Ours::Pose,
+            Type::Twist => Ours::Twist,
+            Type::Wrench => Ours::Wrench,
+            Type::Text | Type::Any | Type::Matrix => return None,
         })
     }
 

@@ -1,6 +1,8 @@
 //! A net of ours in the predecessor's form, as far as each of its primitives has an exact counterpart there; everything that
 //! has none is told with its place. The threads of `rcc-cli convert`.
 
+mod outside;
+
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
@@ -167,6 +169,8 @@ impl Writer<'_, '_> {
             }
             "Monitor" => self.keyed(primitive, "NetcommOut"),
             "Input" => self.keyed(primitive, "NetcommIn"),
+            "Publish" => self.published(primitive),
+            "Subscribe" => self.subscribed(primitive),
             "JointPositionCommand" => self.axes(primitive),
             // Read by axis, where it is read.
             "JointState" => Vec::new(),
@@ -293,33 +297,6 @@ impl Writer<'_, '_> {
             _ => None,
         });
         number.unwrap_or_default()
-    }
-
-    /// A value from or to the application, its id as the key.
-    fn keyed(&mut self, primitive: &Primitive, suffix: &str) -> Vec<String> {
-        let id = &primitive.id.name;
-        let ty = self.type_of(id, "value");
-        let Some((ty, prefix)) = ty.and_then(|ty| Some((ty, family(ty)?))) else {
-            self.refuse(
-                primitive.id.span,
-                format!("`{}` of an array", primitive.type_name.name),
-            );
-            return Vec::new();
-        };
-        let mut arguments = vec![format!("Key='{id}'")];
-        for (name, literal) in &primitive.parameters {
-            match name.name.as_str() {
-                "initial" => arguments.push(format!("Value='{}'", self.constant(literal, ty))),
-                // How often a value is shown is the server's business there.
-                "rate" => {}
-                other => self.refuse(name.span, format!("the parameter `{other}`")),
-            }
-        }
-        if suffix == "NetcommOut" {
-            let value = self.input(primitive, "value", ty).unwrap_or_default();
-            arguments.push(format!("inValue={value}"));
-        }
-        vec![format!("{id}={prefix}{suffix}({})", arguments.join(","))]
     }
 
     fn robot(&mut self, primitive: &Primitive) -> Option<(String, u32)> {
@@ -453,7 +430,7 @@ impl Writer<'_, '_> {
                 };
                 return format!("RobotArm::JointMonitor(Robot='{robot}',Axis='{axis}').{port}");
             }
-            ("Input", "value", None) => return format!("{id}.outValue"),
+            ("Input" | "Subscribe", "value", None) => return format!("{id}.outValue"),
             _ => {}
         }
         let row = self.row(primitive);

@@ -221,6 +221,9 @@ impl Solver<'_, '_> {
             }
         }
         for (number, item) in items.clone() {
+            if let Some(ty) = item.said_type() {
+                self.learn(number, PortType::Any, ty);
+            }
             self.learn_lengths(number, item);
         }
         self.run_all();

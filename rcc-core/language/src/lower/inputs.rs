@@ -1,11 +1,13 @@
-//! Values that are set from outside: where the executor writes them, when they expire and within which bounds.
-//! The loader's threads.
+//! Values that come from outside: where the executor writes them, when they expire and within which bounds; and values for
+//! other nets. The loader's threads.
 
-use rcc_core::plan::InputPoint;
-use rcc_core::primitive::Role;
+use rcc_core::plan::{InputPoint, PublishPoint};
+use rcc_core::primitive::{Port, Role};
+use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Type};
 
 use super::{Lowering, Slot};
+use crate::names::port_names;
 use crate::resolve::Item;
 use crate::syntax::literal::{Literal, Shape, Stored};
 
@@ -39,7 +41,31 @@ impl Lowering<'_> {
             expires: self.expires(item),
             at_least: self.bound(item, "at_least", ty).map(|slot| slot.slot),
             at_most: self.bound(item, "at_most", ty).map(|slot| slot.slot),
+            topic: self.topic(number, item.spec().outputs.first()?, value),
         })
+    }
+
+    /// By `Publish` primitive, in the order of the text.
+    pub(super) fn publishes(&self) -> Vec<PublishPoint> {
+        let items = self.net.graph.items.iter().enumerate();
+        let items = items.filter(|(_, item)| item.spec().role == Role::Publish);
+        let point = |(number, item): (usize, &Item<'_>)| {
+            let slot = *self.slots.get(number)?.outputs.first()?;
+            Some(PublishPoint {
+                topic: self.topic(number, item.spec().outputs.first()?, slot)?,
+                store: slot.store,
+                slot: slot.slot,
+                width: slot.width,
+            })
+        };
+        items.filter_map(point).collect()
+    }
+
+    fn topic(&self, number: usize, port: &Port, slot: Slot) -> Option<Topic> {
+        let topic = self.item(number).topic()?;
+        let names = port_names(self.net, number, port, slot);
+        let unit = names.unit.unwrap_or_default();
+        Some(Topic::new(topic, &names.type_name, &unit))
     }
 
     /// Evaluations after which a value is null; 0 = never.

@@ -1,15 +1,65 @@
-//! Devices and channels of a net, looked up in the cell.
+//! Devices and channels of a net, looked up in the cell, and the names of topics.
 //! The loader's threads.
 
 use rcc_config::device::{CHANNEL_KINDS, kind_name};
 use rcc_config::diagnostic::Span;
 use rcc_core::primitive::{ChannelKind, Parameter, ParameterKind, Spec};
+use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
-use super::Resolver;
+use super::{Item, Resolver};
 use crate::devices::Device;
 use crate::fault;
+use crate::syntax::fragment::{self, parse_type};
 use crate::syntax::literal::{Literal, Shape};
+
+/// Most characters of a topic's name.
+const TOPIC_MAX: usize = 64;
+
+/// The type that a literal names; `Text` is none of a port.
+fn said_type(literal: &Literal) -> Option<Type> {
+    match &literal.shape {
+        Shape::Text(name) => parse_type(name).filter(|ty| *ty != Type::Text),
+        _ => None,
+    }
+}
+
+/// The unit of the SI that a literal names.
+fn said_unit(literal: &Literal) -> Option<Unit> {
+    match &literal.shape {
+        Shape::Text(name) => fragment::si_unit(name),
+        Shape::Int(1) => Some(Unit::ONE),
+        _ => None,
+    }
+}
+
+impl Item<'_> {
+    fn said<T>(
+        &self,
+        is_it: impl Fn(ParameterKind) -> bool,
+        read: impl Fn(&Literal) -> Option<T>,
+    ) -> Option<T> {
+        let mut rows = self.spec().parameters.iter().zip(&self.parameters);
+        let (_, literal) = rows.find(|(parameter, _)| is_it(parameter.kind))?;
+        read((*literal)?)
+    }
+
+    /// The open type, if a parameter says it.
+    pub(crate) fn said_type(&self) -> Option<Type> {
+        self.said(|kind| kind == ParameterKind::Type, said_type)
+    }
+
+    /// A unit variable and what a parameter says of it.
+    pub(crate) fn said_unit(&self) -> Option<(u8, Unit)> {
+        let mut kinds = self.spec().parameters.iter().map(|row| row.kind);
+        let variable = kinds.find_map(|kind| match kind {
+            ParameterKind::Unit(variable) => Some(variable),
+            _ => None,
+        })?;
+        let is_it = |kind| matches!(kind, ParameterKind::Unit(_));
+        Some((variable, self.said(is_it, said_unit)?))
+    }
+}
 
 impl<'a> Resolver<'a, '_> {
     /// Index of the device and index and unit of the channel that the parameters of a primitive name.
@@ -39,6 +89,8 @@ impl<'a> Resolver<'a, '_> {
                         channel = self.channel(kind, name, row, literal.span);
                     }
                 }
+                ParameterKind::Topic => self.topic(parameter, literal),
+                ParameterKind::Type | ParameterKind::Unit(_) => self.said(parameter, literal),
                 _ => {}
             }
         }
@@ -56,6 +108,31 @@ impl<'a> Resolver<'a, '_> {
         let help = parameter.doc.to_string();
         self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
         None
+    }
+
+    fn topic(&mut self, parameter: &Parameter, literal: &'a Literal) {
+        let Some(name) = self.name(parameter, literal) else {
+            return;
+        };
+        let good = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
+        if name.is_empty() || name.len() > TOPIC_MAX || !name.chars().all(good) {
+            let message = format!("`{name}` is no name of a topic");
+            let help =
+                format!("1 to {TOPIC_MAX} letters, digits and `_ - . /`, as in `tool/force`");
+            self.error(fault::BAD_NAME, literal.span, message, Some(help));
+        }
+    }
+
+    /// A type or a unit that is said.
+    fn said(&mut self, parameter: &Parameter, literal: &'a Literal) {
+        let (good, help) = match parameter.kind {
+            ParameterKind::Type => (said_type(literal).is_some(), fragment::TYPES),
+            _ => (said_unit(literal).is_some(), fragment::UNITS),
+        };
+        if !good && literal.shape != Shape::Null {
+            let message = format!("{literal} is no {}", parameter.name);
+            self.error(fault::WRONG_SHAPE, literal.span, message, Some(help.into()));
+        }
     }
 
     fn device(&mut self, name: &str, span: Span) -> Option<(usize, &'a Device)> {

@@ -285,6 +285,11 @@ fn read_outputs(node: &Node, faults: &mut Vec<Diagnostic>) -> Vec<FragmentOutput
     outputs
 }
 
+/// The types of ports, for people.
+pub const TYPES: &str = "types: Bool, Int, Real, Vector3, Rotation, Pose, Twist, Wrench, Bool[n], Int[n], Real[n], Real[r,c]";
+/// Units, for people.
+pub const UNITS: &str = "write a unit of the SI such as `m/s`, `N`, `rad`, or `1`";
+
 fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> {
     let ty = node.text().and_then(parse_type);
     if ty.is_none() {
@@ -293,9 +298,7 @@ fn read_type(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Type, Span)> 
             None => format!("a type is a name, not {}", node.kind()),
         };
         let fault = Diagnostic::error(fault::WRONG_SHAPE, node.span, what);
-        faults.push(fault.help(
-            "types: Bool, Int, Real, Text, Vector3, Rotation, Pose, Twist, Wrench, Bool[n], Int[n], Real[n], Real[r,c]",
-        ));
+        faults.push(fault.help(format!("{TYPES}, and Text")));
     }
     Some((ty?, node.span))
 }
@@ -333,6 +336,15 @@ pub fn parse_type(text: &str) -> Option<Type> {
     }
 }
 
+/// Reads a unit in which values travel: `m/s`, and not `mm/s`.
+#[must_use]
+pub fn si_unit(text: &str) -> Option<Unit> {
+    let (unit, factor) = Unit::parse(text)?;
+    #[allow(clippy::float_cmp)] // The factor of a unit of the SI is exactly 1.
+    let is_si = factor == 1.0;
+    is_si.then_some(unit)
+}
+
 fn read_unit(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> {
     let text = match &node.value {
         Value::Text(text) => Some(text.as_str()),
@@ -340,21 +352,16 @@ fn read_unit(node: &Node, faults: &mut Vec<Diagnostic>) -> Option<(Unit, Span)> 
         _ => None,
     };
     let unit = text.and_then(Unit::parse);
-    #[allow(clippy::float_cmp)] // The factor of a unit of the SI is exactly 1.
-    let is_si = unit.is_some_and(|(_, factor)| factor == 1.0);
-    if !is_si {
+    if text.and_then(si_unit).is_none() {
         let (message, help) = match (text, unit) {
             (Some(text), Some((unit, _))) => (
                 format!("`{text}` is not the unit in which values travel"),
                 format!("write `unit: {unit}`; constants may be in any unit: `20 mm`"),
             ),
-            (Some(text), None) => (
-                format!("there is no unit `{text}`"),
-                "write a unit such as `m/s`, `N`, `rad`, or `1`".to_string(),
-            ),
+            (Some(text), None) => (format!("there is no unit `{text}`"), UNITS.to_string()),
             (None, _) => (
                 format!("a unit is a name, not {}", node.kind()),
-                "write a unit such as `m/s`, `N`, `rad`, or `1`".to_string(),
+                UNITS.to_string(),
             ),
         };
         let fault = Diagnostic::error(fault::BAD_QUANTITY, node.span, message);

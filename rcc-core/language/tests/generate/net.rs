@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use rcc_core::primitive::{Dim, Entry, ParameterKind, Port, PortType, Role, UnitRule};
+use rcc_core::primitive::{Dim, Entry, ParameterKind, Port, PortType, Role, Spec, UnitRule};
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
@@ -36,7 +36,7 @@ struct Growing {
     of_type: HashMap<Type, Vec<usize>>,
     discard: Vec<String>,
     count: usize,
-    monitors: usize,
+    outside: usize,
 }
 
 /// A net of about `size` primitives; the same for the same seed.
@@ -78,12 +78,18 @@ fn grows(entry: &Entry) -> bool {
     });
     let role = matches!(
         spec.role,
-        Role::Plain | Role::Monitor | Role::Constant | Role::Input
+        Role::Plain | Role::Monitor | Role::Constant | Role::Input | Role::Publish
     );
     // Two lists of numbers do not say how long each is to be.
     let sum = |port: &Port| matches!(port.ty, PortType::Array(_, Dim::Sum(..)));
     let sums = spec.inputs.iter().chain(spec.outputs).any(sum);
     role && !sums && (!devices || spec.outputs.len() < 4)
+}
+
+/// A net has few of them.
+fn goes_outside(spec: &Spec) -> bool {
+    let mut kinds = spec.parameters.iter().map(|parameter| parameter.kind);
+    spec.role == Role::Monitor || kinds.any(|kind| kind == ParameterKind::Topic)
 }
 
 /// True if what the ports allow can be computed, too.
@@ -95,7 +101,7 @@ fn has_kernel(entry: &Entry, open: Type) -> bool {
 impl Growing {
     fn add(&mut self, entry: &Entry, chance: &mut Chance) {
         let spec = &entry.spec;
-        if spec.role == Role::Monitor && (self.monitors >= 20 || !chance.once_in(8)) {
+        if goes_outside(spec) && (self.outside >= 20 || !chance.once_in(8)) {
             return;
         }
         let ports = || spec.inputs.iter().chain(spec.outputs);
@@ -149,7 +155,7 @@ impl Growing {
         )
         .expect("memory");
         self.count += 1;
-        self.monitors += usize::from(spec.role == Role::Monitor);
+        self.outside += usize::from(goes_outside(spec));
         for port in spec.outputs {
             let name = format!("{id}.{}", port.name);
             match (type_of(port.ty, open), unit_of(port.unit, &units)) {

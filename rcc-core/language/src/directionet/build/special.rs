@@ -32,6 +32,8 @@ impl Build<'_, '_> {
             Builtin::ArraySetNull => self.array_set_null(number, entry),
             Builtin::NetcommIn => self.set_from_outside(number, entry),
             Builtin::NetcommOut => self.shown_outside(number, entry),
+            Builtin::InterNetcommIn => self.subscribed(number, entry),
+            Builtin::InterNetcommOut => self.given_to_another(number, entry),
             Builtin::InvKin => self.inverse_kinematics(number, entry),
             Builtin::JointMonitor => self.joint_monitor(number, entry),
             Builtin::JointPosition => self.joint_position(number, entry, active),
@@ -204,11 +206,86 @@ impl Build<'_, '_> {
             Value::List(_) | Value::Delayed(_) => self.pass(value),
             value => value,
         };
-        let made = self.one(number, "Monitor", vec![("value", value.clone(), span)]);
-        if let Some(ours) = self.ours.get_mut(made) {
-            ours.id = super::finish::id(&format!("out{key}"));
+        let report = self.parameter(number, entry, "Report");
+        let id = super::finish::id(&format!("out{key}"));
+        if report.is_some_and(|report| report.shape == Shape::Bool(false)) {
+            // The application never saw it: it is there for other nets.
+            let topic = format!("{}/out{key}", self.options.name);
+            self.publish(number, topic, value.clone(), span, id);
+        } else {
+            let made = self.one(number, "Monitor", vec![("value", value.clone(), span)]);
+            if let Some(ours) = self.ours.get_mut(made) {
+                ours.id = id;
+            }
         }
         self.keys.push((key, value));
+    }
+
+    fn publish(&mut self, number: usize, topic: String, value: Value, span: Span, id: String) {
+        let made = self.one(number, "Publish", vec![("in", value, span)]);
+        let topic = Literal::new(Shape::Text(topic), span);
+        if let Some(ours) = self.ours.get_mut(made) {
+            ours.id = id;
+            ours.parameters.push(("topic", topic));
+        }
+    }
+
+    /// `<RemoteNet>/<prefix><RemoteKey>`.
+    fn remote(
+        &mut self,
+        number: usize,
+        entry: &'static Entry,
+        prefix: &str,
+    ) -> Option<(String, Span)> {
+        let names = ["RemoteNet", "RemoteKey"].map(|name| {
+            let literal = self.parameter(number, entry, name)?;
+            match literal.shape {
+                Shape::Text(text) if !text.is_empty() => Some((text, literal.span)),
+                _ => {
+                    let message = format!("{} needs a `{name}`", entry.name);
+                    self.error(fault::MISSING_PARAMETER, self.span(number), message, None);
+                    None
+                }
+            }
+        });
+        let [net, key] = names;
+        let ((net, span), (key, _)) = (net?, key?);
+        Some((format!("{net}/{prefix}{key}"), span))
+    }
+
+    /// Several primitives with one topic share one value.
+    fn subscribed(&mut self, number: usize, entry: &'static Entry) {
+        let Some((topic, span)) = self.remote(number, entry, "out") else {
+            return self.refuse(number, entry);
+        };
+        let name = super::finish::id(&topic);
+        let shared = format!("topic {topic}");
+        let mut parameters = vec![("topic", Literal::new(Shape::Text(topic), span))];
+        let ty = entry.outputs.iter().find(|port| port.name == "outValue");
+        // Nothing says how long an array is but what reads it.
+        let ty = ty
+            .filter(|port| !port.array)
+            .and_then(|port| port.ty.ours());
+        parameters.extend(ty.map(|ty| {
+            let name = Shape::Text(ty.to_string());
+            ("type", Literal::new(name, span))
+        }));
+        let made = self.shared(shared, "Subscribe", &name, parameters, Vec::new());
+        let value = self.wire(made, "value");
+        self.put(number, "outValue", value);
+    }
+
+    fn given_to_another(&mut self, number: usize, entry: &'static Entry) {
+        let Some((topic, span)) = self.remote(number, entry, "in") else {
+            return;
+        };
+        let (value, _) = self.argument(number, entry, "inValue");
+        let value = match value {
+            Value::List(_) | Value::Delayed(_) => self.pass(value),
+            value => value,
+        };
+        let id = super::finish::id(&topic);
+        self.publish(number, topic, value, span, id);
     }
 
     fn robot(&mut self, number: usize, entry: &'static Entry) -> Option<(String, u32, Span)> {

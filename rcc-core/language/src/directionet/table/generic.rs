@@ -3,8 +3,8 @@
 
 use super::Kind::{M, S};
 use super::Reads::{Last, Null};
-use super::To::{Net, None, Special};
-use super::{Builtin, Reason, Row};
+use super::To::{Net, Special};
+use super::{Builtin, Row};
 
 #[rustfmt::skip] // A row a type, readable as a table.
 pub(super) const ROWS: &[Row] = &[
@@ -49,20 +49,20 @@ pub(super) const ROWS: &[Row] = &[
         .note("as for single values; the length is that of `Value`"),
     Row::new("NetcommOut", M, "inValue:T", "", "Key:string= Report:bool=true Value:T")
         .to(Null, Special(Builtin::NetcommOut))
-        .note("its id is `out<Key>`"),
+        .note("its id is `out<Key>`; with `Report` false it is a `Publish` for other nets, with the topic `<net>/out<Key>`"),
     Row::new("ArrayNetcommOut", M, "inValue:T[]", "", "Key:string= Report:bool=true Value:T[]=[]")
         .to(Null, Special(Builtin::NetcommOut))
-        .note("its id is `out<Key>`"),
+        .note("its id is `out<Key>`; with `Report` false it is a `Publish` for other nets, with the topic `<net>/out<Key>`"),
     Row::new("InterNetcommIn", M, "", "outLastUpdated:nsecs outValue:T", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
-        .to(Last, None(Reason::Elsewhere))
-        .note("a net reads another net's values by `Subscribe`, once both are written for it; the name of a net there says nothing here"),
+        .to(Last, Special(Builtin::InterNetcommIn)).may_be_null()
+        .note("the topic is `<RemoteNet>/out<RemoteKey>`: what that net gives by a NetcommOut with `Report` false; `outLastUpdated` has no counterpart: read `age`"),
     Row::new("ArrayInterNetcommIn", M, "", "outLastUpdated:nsecs outValue:T[]", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
-        .to(Last, None(Reason::Elsewhere))
-        .note("a net reads another net's values by `Subscribe`, once both are written for it; the name of a net there says nothing here"),
+        .to(Last, Special(Builtin::InterNetcommIn)).may_be_null()
+        .note("the topic is `<RemoteNet>/out<RemoteKey>`: what that net gives by a NetcommOut with `Report` false; `outLastUpdated` has no counterpart: read `age`"),
     Row::new("InterNetcommOut", M, "inValue:T", "", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
-        .to(Last, None(Reason::Elsewhere))
-        .note("a net gives values to others by `Publish`, once both are written for it"),
+        .to(Null, Special(Builtin::InterNetcommOut))
+        .note("the topic is `<RemoteNet>/in<RemoteKey>`; what reads it there is a `Subscribe`: a NetcommIn is set by the application alone"),
     Row::new("ArrayInterNetcommOut", M, "inValue:T[]", "", "RemoteRCC:string= RemoteNet:string= RemoteKey:string=")
-        .to(Last, None(Reason::Elsewhere))
-        .note("a net gives values to others by `Publish`, once both are written for it"),
+        .to(Null, Special(Builtin::InterNetcommOut))
+        .note("the topic is `<RemoteNet>/in<RemoteKey>`; what reads it there is a `Subscribe`: a NetcommIn is set by the application alone"),
 ];

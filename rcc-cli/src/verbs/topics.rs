@@ -1,0 +1,47 @@
+//! `topics`: values that go from net to net, with who publishes them and who subscribes to them.
+
+use rcc_loader::server::api::{TopicEnd, TopicView};
+
+use crate::context::Context;
+use crate::failure::Failure;
+use crate::table;
+
+/// Nothing more to say.
+#[derive(clap::Args, Debug)]
+pub struct Arguments {}
+
+/// Does it.
+///
+/// # Errors
+/// Not reachable.
+pub fn run(context: &Context, _arguments: Arguments) -> Result<(), Failure> {
+    let topics: Vec<TopicView> = context.client()?.get("/topics")?;
+    context.print(&topics, |topics| list(topics));
+    Ok(())
+}
+
+fn list(topics: &[TopicView]) -> String {
+    if topics.is_empty() {
+        return "no net that is ready or runs publishes or subscribes to anything".to_owned();
+    }
+    let mut rows = table::table(&["TOPIC", "TYPE", "UNIT", "PUBLISHED BY", "SUBSCRIBED BY"]);
+    for topic in topics {
+        rows.add_row([
+            topic.topic.clone(),
+            topic.ty.clone(),
+            topic.unit.clone().unwrap_or_default(),
+            ends(&topic.publishers),
+            ends(&topic.subscribers),
+        ]);
+    }
+    table::text(&rows)
+}
+
+/// `guard#3 force (running)`, one a line.
+fn ends(ends: &[TopicEnd]) -> String {
+    if ends.is_empty() {
+        return "nobody".to_owned();
+    }
+    let lines = ends.iter().map(|end| format!("{}#{} {} ({})", end.net, end.id, end.primitive, end.state));
+    lines.collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,108 @@
+//! Values from and to the application, and from net to net. The threads of `rcc-cli convert`.
+
+use super::{Writer, family};
+use crate::directionet::values::Type;
+use crate::syntax::Primitive;
+use crate::syntax::literal::{Literal, Shape};
+
+impl Writer<'_, '_> {
+    /// A value from or to the application, its id as the key.
+    pub(super) fn keyed(&mut self, primitive: &Primitive, suffix: &str) -> Vec<String> {
+        let id = &primitive.id.name;
+        let ty = self.type_of(id, "value");
+        let Some((ty, prefix)) = ty.and_then(|ty| Some((ty, family(ty)?))) else {
+            self.refuse(
+                primitive.id.span,
+                format!("`{}` of an array", primitive.type_name.name),
+            );
+            return Vec::new();
+        };
+        let mut arguments = vec![format!("Key='{id}'")];
+        for (name, literal) in &primitive.parameters {
+            match name.name.as_str() {
+                "initial" => arguments.push(format!("Value='{}'", self.constant(literal, ty))),
+                // How often a value is shown is the server's business there.
+                "rate" => {}
+                other => self.refuse(name.span, format!("the parameter `{other}`")),
+            }
+        }
+        if suffix == "NetcommOut" {
+            let value = self.input(primitive, "value", ty).unwrap_or_default();
+            arguments.push(format!("inValue={value}"));
+        }
+        vec![format!("{id}={prefix}{suffix}({})", arguments.join(","))]
+    }
+
+    /// A value for other nets: of this net by its name, or for what the topic names.
+    pub(super) fn published(&mut self, primitive: &Primitive) -> Vec<String> {
+        let Some((ty, prefix, topic)) = self.topic(primitive, "out") else {
+            return Vec::new();
+        };
+        let id = &primitive.id.name;
+        let value = self.input(primitive, "in", ty).unwrap_or_default();
+        let own = topic.strip_prefix(&format!("{}/out", self.net.name.name));
+        let what = match (own, topic.split_once("/in")) {
+            (Some(key), _) => format!("NetcommOut(Key='{key}',Report='false'"),
+            (None, Some((net, key))) => {
+                format!("InterNetcommOut(RemoteNet='{net}',RemoteKey='{key}'")
+            }
+            (None, None) => {
+                self.no_topic(primitive, &topic);
+                return Vec::new();
+            }
+        };
+        vec![format!("{id}={prefix}{what},inValue={value})")]
+    }
+
+    /// A value of another net.
+    pub(super) fn subscribed(&mut self, primitive: &Primitive) -> Vec<String> {
+        let Some((_, prefix, topic)) = self.topic(primitive, "value") else {
+            return Vec::new();
+        };
+        for (name, _) in &primitive.parameters {
+            if !["topic", "type", "unit"].contains(&name.name.as_str()) {
+                self.refuse(name.span, format!("the parameter `{}`", name.name));
+            }
+        }
+        let Some((net, key)) = topic.split_once("/out") else {
+            self.no_topic(primitive, &topic);
+            return Vec::new();
+        };
+        let id = &primitive.id.name;
+        vec![format!(
+            "{id}={prefix}InterNetcommIn(RemoteNet='{net}',RemoteKey='{key}')"
+        )]
+    }
+
+    /// Their type of a port, the prefix of its family, and the topic of the primitive.
+    fn topic(&mut self, primitive: &Primitive, port: &str) -> Option<(Type, &'static str, String)> {
+        let mut parameters = primitive.parameters.iter();
+        let (_, topic) = parameters.find(|(name, _)| name.name == "topic")?;
+        let Literal {
+            shape: Shape::Text(topic),
+            ..
+        } = topic
+        else {
+            return None;
+        };
+        let ty = self.type_of(&primitive.id.name, port);
+        let Some((ty, prefix)) = ty.and_then(|ty| Some((ty, family(ty)?))) else {
+            self.refuse(
+                primitive.id.span,
+                format!("`{}` of an array", primitive.type_name.name),
+            );
+            return None;
+        };
+        Some((ty, prefix, topic.clone()))
+    }
+
+    fn no_topic(&mut self, primitive: &Primitive, topic: &str) {
+        let own = &self.net.name.name;
+        self.refuse(
+            primitive.id.span,
+            format!(
+                "the topic `{topic}`: there it is `{own}/outKEY` or `NET/inKEY` of what a net gives"
+            ),
+        );
+    }
+}

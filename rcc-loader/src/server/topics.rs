@@ -1,0 +1,116 @@
+//! Values from net to net, by name: who publishes what, and who subscribes to it.
+//! Pure, but for the list of all topics, which blocking threads of the server make.
+
+use std::collections::BTreeMap;
+
+use rcc_core::message::CommandState;
+use rcc_core::topic::Topic;
+use rcc_language::names::Names;
+
+use super::api::{TopicEnd, TopicView};
+use super::error::ApiError;
+use super::service::Service;
+
+/// What a net has to do with a topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Use<'a> {
+    /// The topic.
+    pub topic: &'a str,
+    /// It publishes it; else it subscribes to it.
+    pub publishes: bool,
+    /// Id of the primitive.
+    pub primitive: &'a str,
+    /// Type.
+    pub ty: &'a str,
+    /// Unit, empty where the type says it.
+    pub unit: &'a str,
+}
+
+impl Use<'_> {
+    /// `Real in N`, or `Wrench`.
+    #[must_use]
+    pub fn kind(&self) -> String {
+        match self.unit {
+            "" => self.ty.to_owned(),
+            unit => format!("{} in {unit}", self.ty),
+        }
+    }
+
+    /// `publishes`, or `subscribes to`.
+    #[must_use]
+    pub fn verb(&self) -> &'static str {
+        match self.publishes {
+            true => "publishes",
+            false => "subscribes to",
+        }
+    }
+}
+
+/// Everything that a net publishes and subscribes to.
+pub fn uses(names: &Names) -> impl Iterator<Item = Use<'_>> {
+    let published = names.publishes.iter().map(|row| Use {
+        topic: &row.topic,
+        publishes: true,
+        primitive: &row.primitive,
+        ty: &row.type_name,
+        unit: row.unit.as_deref().unwrap_or_default(),
+    });
+    let shown = names.inputs.iter().filter_map(|row| {
+        Some(Use {
+            topic: row.topic.as_deref()?,
+            publishes: false,
+            primitive: &row.primitive,
+            ty: &row.type_name,
+            unit: row.unit.as_deref().unwrap_or_default(),
+        })
+    });
+    published.chain(shown)
+}
+
+/// What a net has to do with the topic of this key.
+#[must_use]
+pub fn of_key(names: &Names, key: u64) -> Option<Use<'_>> {
+    uses(names).find(|it| Topic::new(it.topic, it.ty, it.unit).key == key)
+}
+
+impl Service {
+    /// The topics of all nets that are ready or run, by name; one of two types has two rows.
+    ///
+    /// # Errors
+    /// There is no executor.
+    pub fn topics(&self) -> Result<Vec<TopicView>, ApiError> {
+        let (attached, store) = self.attach()?;
+        let mut rows = attached.tables().commands;
+        rows.sort_by_key(|row| row.id);
+        let mut topics: BTreeMap<[String; 3], TopicView> = BTreeMap::new();
+        for row in rows {
+            let state = CommandState::from_number(row.state);
+            let file = store.read(row.id);
+            let Some(file) = file.filter(|_| state == CommandState::Ready || state.is_active())
+            else {
+                continue;
+            };
+            let names: Names = serde_json::from_value(file.names).unwrap_or_default();
+            for it in uses(&names) {
+                let key = [it.topic, it.ty, it.unit].map(str::to_owned);
+                let view = topics.entry(key).or_insert_with(|| TopicView {
+                    topic: it.topic.to_owned(),
+                    ty: it.ty.to_owned(),
+                    unit: Some(it.unit.to_owned()).filter(|unit| !unit.is_empty()),
+                    ..TopicView::default()
+                });
+                let end = TopicEnd {
+                    id: row.id,
+                    net: names.net.clone(),
+                    primitive: it.primitive.to_owned(),
+                    state: state.name().to_owned(),
+                };
+                match it.publishes {
+                    true => view.publishers.push(end),
+                    false => view.subscribers.push(end),
+                }
+            }
+        }
+        Ok(topics.into_values().collect())
+    }
+}
