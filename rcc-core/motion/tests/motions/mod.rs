@@ -26,7 +26,7 @@ use random::Random;
 const CYCLES_MAX: usize = 400_000;
 
 /// How closely the references look, one after the other.
-const CLOSELY: [Closely; 3] = [
+const CLOSELY: [Closely; 4] = [
     Closely {
         speed: 0.25,
         step: 2e-5,
@@ -38,6 +38,10 @@ const CLOSELY: [Closely; 3] = [
     Closely {
         speed: 0.01,
         step: 1e-6,
+    },
+    Closely {
+        speed: 0.003,
+        step: 3e-7,
     },
 ];
 
