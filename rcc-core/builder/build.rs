@@ -92,6 +92,7 @@ fn parameter_type(parameter: &Parameter) -> String {
         ParameterKind::Arm
             | ParameterKind::Device
             | ParameterKind::Channel(_)
+            | ParameterKind::Word(_)
             | ParameterKind::Topic
             | ParameterKind::Type
             | ParameterKind::Unit(_)

@@ -9,10 +9,9 @@ use rcc_core::types::Store;
 use serde::Serialize;
 
 use crate::check::Typed;
-use crate::lower::{ItemSlots, Lowered, Slot};
+use crate::lower::{ItemSlots, Lowered, Slot, literal};
 use crate::nulls::{Nulls, nulls};
 use crate::resolve::{Feed, Item, Leaf, Wire};
-use crate::syntax::literal::{Literal, Shape};
 
 pub use short::short;
 
@@ -310,20 +309,9 @@ fn sources(feed: &Feed<'_>) -> Vec<Source> {
         }
         Feed::Literal(literal) => vec![Source::Constant(short(literal))],
         Feed::Default(value) => {
-            let value = Literal::new(default(*value), Default::default());
-            vec![Source::Default(short(&value))]
+            vec![Source::Default(short(&literal(*value)))]
         }
         // A net that compiled has neither.
         Feed::Missing | Feed::Refused => Vec::new(),
-    }
-}
-
-fn default(value: rcc_core::primitive::Literal) -> Shape {
-    use rcc_core::primitive::Literal as Value;
-    match value {
-        Value::Real(value) => Shape::Real(value, None),
-        Value::Int(value) => Shape::Int(value),
-        Value::Bool(value) => Shape::Bool(value),
-        Value::Null => Shape::Null,
     }
 }

@@ -149,11 +149,12 @@ fn check_size(arena: &Arena, operands: usize) -> Result<(), Box<Diagnostic>> {
 }
 
 /// A default of the catalogue as if it had been written.
-fn literal(value: Default) -> Literal {
+pub(crate) fn literal(value: Default) -> Literal {
     let shape = match value {
         Default::Real(value) => Shape::Real(value, None),
         Default::Int(value) => Shape::Int(value),
         Default::Bool(value) => Shape::Bool(value),
+        Default::Word(word) => Shape::Text(word.to_owned()),
         Default::Null => Shape::Null,
     };
     Literal::new(shape, Span::default())
@@ -387,6 +388,13 @@ impl<'a> Lowering<'a> {
                         _ => self.constant(*literal, ty),
                     };
                     operands.push(slot.slot);
+                }
+                ParameterKind::Word(words) => {
+                    let default = parameter.default.map(self::literal);
+                    let word = literal.or(default.as_ref());
+                    let place = word.and_then(|word| word.word(words)).unwrap_or(0);
+                    let stored = Stored::Ints(vec![place as i64]);
+                    operands.push(self.arena.constant(&stored).slot);
                 }
                 ParameterKind::Arm | ParameterKind::Device => {
                     operands.push(item.device.map_or(u32::MAX, |device| device as u32));

@@ -340,6 +340,7 @@ fn with_default(schema: &mut Value, default: Option<Literal>) {
         Some(Literal::Real(value)) => json!(value),
         Some(Literal::Int(value)) => json!(value),
         Some(Literal::Bool(value)) => json!(value),
+        Some(Literal::Word(word)) => json!(word),
         Some(Literal::Null) => Value::Null,
     };
     if let Some(schema) = schema.as_object_mut() {
@@ -359,6 +360,7 @@ fn parameter(parameter: &Parameter, cell: Option<&DeviceTable>) -> Value {
             either(json!({"type": "boolean"}))
         }
         ParameterKind::Rate => json!({"$ref": "#/$defs/quantity"}),
+        ParameterKind::Word(words) => named(words.to_vec()),
         ParameterKind::Topic | ParameterKind::Type | ParameterKind::Unit(_) => named(Vec::new()),
         ParameterKind::Arm => named(devices(cell, true)),
         ParameterKind::Device => named(devices(cell, false)),

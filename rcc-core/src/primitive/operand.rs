@@ -2,7 +2,7 @@
 //! them, kernels read them; all three go by [`Spec::operands`]. The cycle never looks at it.
 
 use super::{ChannelKind, Dim, Kernel, ParameterKind, PortType, Role, Spec};
-use crate::types::Store;
+use crate::types::{Store, Type};
 
 /// Most length variables of a primitive.
 pub const DIMS_MAX: usize = 4;
@@ -339,6 +339,7 @@ impl Spec {
                 let (ty, _) = p.kind.value()?;
                 Some(slot(ty, store, false))
             }
+            ParameterKind::Word(_) => Some(slot(PortType::Is(Type::Int), store, false)),
             ParameterKind::Arm => Some(Operand::Arm),
             ParameterKind::Device => Some(Operand::Device),
             ParameterKind::Channel(kind) => Some(Operand::Channel(kind)),

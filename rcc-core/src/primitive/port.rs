@@ -207,6 +207,8 @@ pub enum Literal {
     Int(i64),
     /// A truth value.
     Bool(bool),
+    /// One of the words of a [`ParameterKind::Word`].
+    Word(&'static str),
     /// No value.
     Null,
 }
@@ -336,6 +338,8 @@ pub enum ParameterKind {
     /// A time that becomes a whole number of evaluations, the nearest, 1 to [`super::CYCLES_MAX`]: the window of the
     /// primitive's memory. Its operand is the size [`super::Size::Cycles`].
     Window,
+    /// One of these words; its operand is a slot with the word's place in the list, an `Int`.
+    Word(&'static [&'static str]),
     /// The name of a device that has an arm.
     Arm,
     /// The name of any device.

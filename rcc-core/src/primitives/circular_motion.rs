@@ -43,11 +43,12 @@ pub const ENTRY: Entry = Entry::new(
                 "how far around instead of to `to`, deg(360) for a whole circle; negative: the other way around",
             )
             .default(Literal::Null),
-            Parameter::int(
+            Parameter::new(
                 "orientation",
-                "0: turns evenly from that of the start to that of `to`; 1: stays; 2: turns with the circle",
+                ParameterKind::Word(&["even", "constant", "path"]),
+                "even: turns evenly from that of the start to that of `to`; constant: stays; path: turns with the circle",
             )
-            .default(Literal::Int(0)),
+            .default(Literal::Word("even")),
             along::FLANGE[0],
             along::FLANGE[1],
             along::FLANGE[2],

@@ -126,6 +126,7 @@ fn parameter(parameter: &Parameter) -> ParameterView {
         ParameterKind::Arm => ("device with an arm".to_owned(), String::new()),
         ParameterKind::Device => ("device".to_owned(), String::new()),
         ParameterKind::Channel(kind) => (kind_name(kind).to_owned(), String::new()),
+        ParameterKind::Word(words) => (words.join(", "), String::new()),
         ParameterKind::Topic => ("name".to_owned(), String::new()),
         ParameterKind::Type => ("type".to_owned(), String::new()),
         ParameterKind::Unit(_) => ("unit".to_owned(), String::new()),
@@ -201,6 +202,7 @@ fn literal(value: Literal) -> String {
         Literal::Real(value) => value.to_string(),
         Literal::Int(value) => value.to_string(),
         Literal::Bool(value) => value.to_string(),
+        Literal::Word(word) => word.to_owned(),
         Literal::Null => "null".to_owned(),
     }
 }

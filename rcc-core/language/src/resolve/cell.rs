@@ -1,4 +1,4 @@
-//! Devices and channels of a net, looked up in the cell, and the names of topics.
+//! Parameters that are names: devices and channels, looked up in the cell, topics, types, units and words.
 //! The loader's threads.
 
 use rcc_config::device::{CHANNEL_KINDS, kind_name};
@@ -89,6 +89,7 @@ impl<'a> Resolver<'a, '_> {
                         channel = self.channel(kind, name, row, literal.span);
                     }
                 }
+                ParameterKind::Word(words) => self.word(parameter, words, literal),
                 ParameterKind::Topic => self.topic(parameter, literal),
                 ParameterKind::Type | ParameterKind::Unit(_) => self.said(parameter, literal),
                 _ => {}
@@ -108,6 +109,23 @@ impl<'a> Resolver<'a, '_> {
         let help = parameter.doc.to_string();
         self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
         None
+    }
+
+    fn word(&mut self, parameter: &Parameter, words: &[&'static str], literal: &'a Literal) {
+        if literal.word(words).is_some() {
+            return;
+        }
+        let known = words.iter().copied();
+        let help = match &literal.shape {
+            Shape::Text(name) => self.suggestions.word(name, "words", known, None),
+            _ => format!("words: {}", words.join(", ")),
+        };
+        let message = format!("`{}` is a word, not {literal}", parameter.name);
+        let message = match &literal.shape {
+            Shape::Text(name) => format!("`{}` cannot be `{name}`", parameter.name),
+            _ => message,
+        };
+        self.error(fault::WRONG_SHAPE, literal.span, message, Some(help));
     }
 
     fn topic(&mut self, parameter: &Parameter, literal: &'a Literal) {

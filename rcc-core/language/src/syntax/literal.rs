@@ -200,6 +200,15 @@ impl Literal {
         }
     }
 
+    /// The place of a word in a list of them.
+    #[must_use]
+    pub fn word(&self, words: &[&str]) -> Option<usize> {
+        match &self.shape {
+            Shape::Text(text) => words.iter().position(|word| word == text),
+            _ => None,
+        }
+    }
+
     /// The number, if it is one.
     #[must_use]
     pub fn number(&self) -> Option<f64> {

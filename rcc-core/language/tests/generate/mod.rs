@@ -232,6 +232,7 @@ pub fn parameters(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String
             ParameterKind::Device => Some(channel.map_or("lwr", |(device, _)| device).to_owned()),
             ParameterKind::Channel(_) => channel.map(|(_, channel)| channel.to_owned()),
             ParameterKind::Rate => Some("100 Hz".to_owned()),
+            ParameterKind::Word(words) => chance.pick(words).map(|word| (*word).to_owned()),
             // No two of a net are the same.
             ParameterKind::Topic => Some(format!("t/{}", chance.below(1 << 40))),
             // Links and values tell them.
