@@ -242,7 +242,10 @@ pub fn case(kind: Kind, robot: &Robot, seed: u64) -> Outcome {
             for closely in CLOSELY {
                 let reference = Reference::run(motion.clone(), closely.in_cycles_of(lot.dt_s));
                 let Some(reference) = reference else {
-                    return Outcome::Broken("the reference never ended".into());
+                    return match crawls(motion.clone()) {
+                        true => Outcome::Refused,
+                        false => Outcome::Broken("the reference never ended".into()),
+                    };
                 };
                 let judge = judge(Geometry::Reference(Box::new(reference)));
                 outcome = run(motion.clone(), judge, &mut random.clone());
@@ -254,6 +257,12 @@ pub fn case(kind: Kind, robot: &Robot, seed: u64) -> Outcome {
         }
     };
     run(motion, judge(geometry), &mut random)
+}
+
+/// True for a motion that nobody waits for: a curve that grazes a singular position, evenly at some micrometres a second.
+fn crawls(mut motion: MotionSet) -> bool {
+    let mut states = (0..CYCLES_MAX).map(|_| motion.step(0, Drive::RUN));
+    states.all(|state| state.is_some_and(|state| !state.path.done))
 }
 
 /// How long the motion of this seed takes evenly and as fast as can be, s, and how long each took to build; `None` if it
