@@ -8,7 +8,9 @@ mod legs;
 pub mod record;
 
 pub use fault::{MotionFault, Quantity};
-pub use legs::{ArcOrientation, LEGS_MAX, Leg, Limits, Pace, PathRequest, Relative, Segment};
+pub use legs::{
+    ArcOrientation, Elbow, LEGS_MAX, Leg, Limits, Pace, PathRequest, Relative, Segment,
+};
 
 use crate::axis::{AxisState, Phases, stop_and_go};
 use crate::frame::PrepareFault;

@@ -13,11 +13,13 @@ use rcc_core::vector;
 use crate::geometry::chain::{Chain, Piece, Where};
 use crate::geometry::jet::{Jet, Scalar};
 use crate::path_clock::PathBounds;
+use elbow::Elbow;
 use law::Law;
 
 pub(crate) mod bounds;
 mod build;
 mod draft;
+mod elbow;
 mod fastest;
 mod law;
 mod look;
@@ -33,7 +35,7 @@ const STEPS: usize = 128;
 #[derive(Debug, Clone)]
 struct Guide {
     /// Branch and arm angle.
-    configuration: Configuration,
+    elbow: Elbow,
     /// Joints at even steps: which turns they are at, and what they do in a singular position.
     joints: Box<[Joints]>,
 }
@@ -194,7 +196,7 @@ impl Track {
         match (piece.at(s), &part.guide) {
             (Where::Flange(place), Some(guide)) => {
                 let pose = place.pose();
-                let Configuration { branch, arm_angle } = guide.configuration;
+                let Configuration { branch, arm_angle } = guide.elbow.at(piece.on_shape(s));
                 let hint = guide.near(part_of(s - piece.begin, piece.length()));
                 let joints = self.arm.inverse(&pose, arm_angle, branch, &hint);
                 (pose, joints.unwrap_or(null))

@@ -47,6 +47,10 @@ pub enum MotionFault {
         /// By how much, rad; 4 at most.
         angle_rad: f64,
     },
+    /// An arm angle is given, and the arm has none: it has six joints.
+    NoArmAngle,
+    /// The roundings at both ends leave no way on which the elbow could turn.
+    NoRoomForElbow,
     /// The flange cannot be brought there.
     Unreachable {
         /// Part of the leg, 0 to 1.

@@ -105,6 +105,19 @@ pub enum Segment<'a> {
     },
 }
 
+/// What the elbow of an arm of seven joints does on a leg of the flange: how its arm angle changes, smoothly and along the
+/// path, outside of the roundings at its ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Elbow {
+    /// The arm angle stays.
+    Stays,
+    /// It is this at the end, rad, the shorter way round.
+    To(f64),
+    /// It is in the middle of what the joint limits allow at the end, without leaving the interval that it is in; where they
+    /// allow all, it stays.
+    Middle,
+}
+
 /// A segment and how to go along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leg<'a> {
@@ -112,6 +125,8 @@ pub struct Leg<'a> {
     pub segment: Segment<'a>,
     /// What its poses are relative to; `None`: the arm's base.
     pub relative: Option<Relative>,
+    /// What the elbow does; it stays on legs of joints.
+    pub elbow: Elbow,
     /// Of the flange's position, m.
     pub line: Limits,
     /// Of the flange's orientation, rad.
@@ -129,6 +144,7 @@ impl<'a> Leg<'a> {
         Leg {
             segment,
             relative: None,
+            elbow: Elbow::Stays,
             line: Limits::NONE,
             turn: Limits::NONE,
             scale: 1.0,

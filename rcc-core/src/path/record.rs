@@ -14,12 +14,14 @@
 //! | 21 | scale of the joints' limits |
 //! | 22 | branch of a `ptp` to a pose |
 //! | 23 | relative: 1 to the tool, 2 in axes of the base |
+//! | 24 | arm angle at the end, rad |
+//! | 25 | elbow: 1 to the middle of its range |
 
-use super::{ArcOrientation, Leg, Limits, Relative, Segment};
+use super::{ArcOrientation, Elbow, Leg, Limits, Relative, Segment};
 use crate::pose::Pose;
 
 /// Numbers of a leg.
-pub const WIDTH: usize = 24;
+pub const WIDTH: usize = 26;
 
 /// `ptp` to joints.
 pub const PTP_JOINTS: f64 = 0.0;
@@ -73,6 +75,8 @@ pub fn leg<'a>(row: &Row, through: &'a [Pose]) -> Option<Leg<'a>> {
         scale,
         branch,
         relative,
+        arm_angle,
+        elbow,
     ] = *row;
     let to = pose(row);
     let segment = if kind == PTP_JOINTS {
@@ -107,11 +111,22 @@ pub fn leg<'a>(row: &Row, through: &'a [Pose]) -> Option<Leg<'a>> {
             2.0 => Some(Relative::Base),
             _ => None,
         },
+        elbow: self::elbow(arm_angle, elbow),
         line: Limits::of([v, va, vj]),
         turn: Limits::of([w, wa, wj]),
         scale: if scale.is_nan() { 1.0 } else { scale },
         blend: if blend.is_nan() { 0.0 } else { blend },
     })
+}
+
+/// What the elbow does, by the arm angle at the end (null: none is given) and the number of a word.
+#[must_use]
+pub fn elbow(arm_angle: f64, word: f64) -> Elbow {
+    match (arm_angle.is_nan(), word) {
+        (false, _) => Elbow::To(arm_angle),
+        (true, 1.0) => Elbow::Middle,
+        (true, _) => Elbow::Stays,
+    }
 }
 
 /// The orientation of a number in a row.

@@ -2,7 +2,7 @@
 //! The real-time thread.
 
 use crate::frame::{Frame, Preparation};
-use crate::path::{Drive, Pace};
+use crate::path::{Drive, Elbow, Pace, record};
 use crate::primitive::{Literal, Parameter, ParameterKind, Port, PortType, UnitRule};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -97,6 +97,28 @@ pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
     "looks for the speed at every place with which the end is reached soonest within all limits; a given velocity is a limit then, no promise",
 )
 .default(Literal::Bool(false));
+
+/// The arm angle at the end.
+pub(super) const ARM_ANGLE: Parameter = Parameter::new(
+    "arm_angle",
+    ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
+    "of seven joints: the arm angle at the end, to which the elbow turns along the path, the shorter way round; without it as `elbow` says",
+)
+.default(Literal::Null);
+
+/// What the elbow does.
+pub(super) const ELBOW: Parameter = Parameter::new(
+    "elbow",
+    ParameterKind::Word(&["stays", "middle"]),
+    "stays: the arm angle is that of the start; middle: the elbow turns along the path to the middle of what the joint limits allow at the end",
+)
+.default(Literal::Word("stays"));
+
+/// What both say.
+pub(super) fn elbow(preparation: &Preparation<'_>, [arm_angle, elbow]: [u32; 2]) -> Elbow {
+    let [arm_angle] = preparation.reals(arm_angle);
+    record::elbow(arm_angle, preparation.int(elbow) as f64)
+}
 
 /// What `time_optimal` says.
 pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> Pace {

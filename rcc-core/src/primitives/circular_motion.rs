@@ -22,7 +22,7 @@ pub const ENTRY: Entry = Entry::new(
         summary: "An arc of the flange through a point, jerk-limited, with a soft stop on the path.",
         null: along::NULL,
         null_rule: NullRule::Known,
-        formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with arm angle and branch of the start",
+        formula: "circle through start, `via` and `to`; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
         inputs: along::INPUTS,
         outputs: along::OUTPUTS,
         parameters: &[
@@ -57,6 +57,8 @@ pub const ENTRY: Entry = Entry::new(
             along::FLANGE[5],
             along::SCALE,
             along::TIME_OPTIMAL,
+            along::ARM_ANGLE,
+            along::ELBOW,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -81,6 +83,8 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         wj,
         scale,
         fastest,
+        arm_angle,
+        elbow,
         motion,
         _width,
     ] = operands
@@ -103,6 +107,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let leg = Leg {
         line: Limits::of([v, a, j].map(number)),
         turn: Limits::of([w, wa, wj].map(number)),
+        elbow: along::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(segment)
     };
@@ -115,7 +120,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 17]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
     if let (Some(ports), Some([motion, width])) = (ports, rest) {
         along::step(frame, *ports, *motion, *width);

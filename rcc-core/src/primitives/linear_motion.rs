@@ -39,7 +39,7 @@ pub const ENTRY: Entry = Entry::new(
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
         null: along::NULL,
         null_rule: NullRule::Known,
-        formula: "line of the flange and turn about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with arm angle and branch of the start",
+        formula: "line of the flange and turn about one axis (slerp) by the same path parameter; joints by closed-form inverse kinematics with branch and arm angle of the start, or an arm angle that changes along the path",
         inputs: along::INPUTS,
         outputs: along::OUTPUTS,
         parameters: &[
@@ -59,6 +59,8 @@ pub const ENTRY: Entry = Entry::new(
             TURN[2],
             along::SCALE,
             along::TIME_OPTIMAL,
+            along::ARM_ANGLE,
+            along::ELBOW,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -81,6 +83,8 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         wj,
         scale,
         fastest,
+        arm_angle,
+        elbow,
         motion,
         _width,
     ] = operands
@@ -96,6 +100,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let leg = Leg {
         line: Limits::of([v, a, j].map(number)),
         turn: Limits::of([w, wa, wj].map(number)),
+        elbow: along::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(Segment::Line { to })
     };
@@ -108,7 +113,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 13]) {
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<2>());
     if let (Some(ports), Some([motion, width])) = (ports, rest) {
         along::step(frame, *ports, *motion, *width);

@@ -35,6 +35,8 @@ pub const ENTRY: Entry = Entry::new(
             along::FLANGE[5],
             along::SCALE,
             along::TIME_OPTIMAL,
+            along::ARM_ANGLE,
+            along::ELBOW,
         ],
         role: Role::Motion,
         ..Spec::PLAIN
@@ -56,6 +58,8 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         wj,
         scale,
         fastest,
+        arm_angle,
+        elbow,
         motion,
         _width,
         count,
@@ -79,6 +83,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let leg = Leg {
         line: Limits::of([v, a, j].map(number)),
         turn: Limits::of([w, wa, wj].map(number)),
+        elbow: along::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(Segment::Spline { through })
     };
@@ -91,7 +96,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     preparation.motions.path(motion, &request)
 }
 
-fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 13]) {
+fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
     let (ports, rest) = (operands.first_chunk::<PORTS>(), operands.last_chunk::<3>());
     if let (Some(ports), Some([motion, width, _])) = (ports, rest) {
         along::step(frame, *ports, *motion, *width);

@@ -550,6 +550,14 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
             format!("a point of the spline is turned by {angle_rad:.2} rad from the middle one"),
             "4 rad are possible: divide it into two splines".to_owned(),
         ),
+        MotionFault::NoArmAngle => (
+            "it turns the elbow, and an arm of six joints has no arm angle".to_owned(),
+            "take `arm_angle` and `elbow` out".to_owned(),
+        ),
+        MotionFault::NoRoomForElbow => (
+            "the roundings at its ends leave no way on which the elbow could turn".to_owned(),
+            "make `blend` smaller here or on the leg before, or turn the elbow on another leg".to_owned(),
+        ),
         MotionFault::Unreachable { fraction } => (
             format!("the arm cannot reach it {}", place(fraction)),
             "move the points nearer, or go there by a `ptp` in another branch".to_owned(),
@@ -565,7 +573,8 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
                 joint(which),
                 place(fraction)
             ),
-            "begin with another arm angle or branch (a `ptp` to joints says both)".to_owned(),
+            "let the elbow turn (`elbow: middle`, or `arm_angle`), or begin with another arm angle or branch (a `ptp` to joints says both)"
+                .to_owned(),
         ),
         MotionFault::Singular {
             fraction,

@@ -41,6 +41,8 @@ const FLANGE_KEYS: &[&str] = &[
     "angular_jerk",
     "scale",
     "relative",
+    "arm_angle",
+    "elbow",
 ];
 const JOINT_KEYS: &[&str] = &["ptp", "blend", "scale", "relative"];
 
@@ -109,6 +111,12 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
     }
     if let Some(node) = node.get("relative") {
         row[23] = word(node, "relative", &["", "tool", "base"], faults);
+    }
+    if let Some(node) = node.get("arm_angle") {
+        row[24] = number(node, "`arm_angle`", Unit::RADIAN, faults);
+    }
+    if let Some(node) = node.get("elbow") {
+        row[25] = word(node, "elbow", &["stays", "middle"], faults);
     }
     match kind {
         "ptp" => ptp(what, &mut row, faults),

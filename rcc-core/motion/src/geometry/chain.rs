@@ -48,6 +48,15 @@ impl Shape {
         }
     }
 
+    /// The flange moves or turns along it.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        match self {
+            Shape::Line(line) => line.moves(),
+            _ => true,
+        }
+    }
+
     /// |dx/ds| of the flange where it is the same everywhere.
     #[must_use]
     pub fn constant_speed(&self) -> Option<f64> {
@@ -106,6 +115,13 @@ impl Piece {
     #[inline]
     pub fn at<T: Scalar>(&self, s: T) -> Where<T> {
         self.shape.at(s + T::constant(self.offset - self.begin))
+    }
+
+    /// s of its shape at s of the chain.
+    #[inline]
+    #[must_use]
+    pub fn on_shape(&self, s: f64) -> f64 {
+        s + (self.offset - self.begin)
     }
 
     /// Its length in s.

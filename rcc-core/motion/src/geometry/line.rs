@@ -7,7 +7,7 @@ use rcc_core::rotation::{self, Quaternion};
 use rcc_core::vector::{self, Vector};
 
 use super::jet::{self, Scalar};
-use super::{GeometryError, Metric, Placement, angle_of, finite};
+use super::{GeometryError, Metric, NOTHING, Placement, angle_of, finite};
 
 /// Below this cosine of half the angle a turn is half a turn.
 const HALF_TURN_COSINE: f64 = 1e-9;
@@ -89,6 +89,17 @@ impl Line {
     #[must_use]
     pub fn length(&self) -> f64 {
         self.length
+    }
+
+    /// Makes it at least so long in s.
+    pub fn stretch(&mut self, length: f64) {
+        self.length = self.length.max(length);
+    }
+
+    /// It leads somewhere, or turns.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        distance(self.from, self.to) > NOTHING || self.turn.angle > NOTHING
     }
 
     /// Metres of way per unit of s.

@@ -140,10 +140,10 @@ impl<'a> Road<'a> {
             let mut look = look(self.traveller, piece, draft, &joints)?;
             joints = look.joints.last().copied().unwrap_or(joints);
             let on_flange = matches!(piece.at(piece.begin), Where::Flange(_));
-            let configuration = draft.configuration.filter(|_| on_flange);
+            let elbow = draft.elbow_on(piece).filter(|_| on_flange);
             self.seen.push(Seen {
-                guide: configuration.map(|configuration| Guide {
-                    configuration,
+                guide: elbow.map(|elbow| Guide {
+                    elbow,
                     joints: core::mem::take(&mut look.joints).into(),
                 }),
                 bounds: next.map_or(draft.bounds, |next| tighter(&draft.bounds, &next.bounds)),

@@ -11,9 +11,10 @@ use rcc_core::vector;
 
 use super::bounds::Bounds;
 use super::build::{Fault, Traveller};
+use super::elbow::{self, Elbow};
 use super::walk::Follower;
 use super::{STEPS, Shortened, joint_bounds};
-use crate::geometry::chain::{Shape, Where};
+use crate::geometry::chain::{Piece, Shape, Where};
 use crate::geometry::circle::{Circle, CircleOrientation};
 use crate::geometry::jet::Jet;
 use crate::geometry::line::{JointLine, Line};
@@ -32,7 +33,7 @@ pub(super) struct Draft {
     pub(super) shape: Shape,
     pub(super) leg: u32,
     /// Branch and arm angle on a shape of the flange.
-    pub(super) configuration: Option<Configuration>,
+    elbow: Option<Elbow>,
     /// Joints along it, at even steps.
     joints: Vec<Joints>,
     pub(super) bounds: Bounds,
@@ -52,6 +53,14 @@ impl Draft {
             zone(&self.shape, self.zone_m, arm, |way, length| length - way),
             zone(&next.shape, self.zone_m, arm, |way, _| way),
         ]
+    }
+
+    /// Branch and arm angle on a piece: the elbow has turned before a rounding.
+    pub(super) fn elbow_on(&self, piece: &Piece) -> Option<Elbow> {
+        match piece.blend {
+            true => self.elbow.map(Elbow::ended),
+            false => self.elbow,
+        }
     }
 
     /// The rounding at its end if it is smaller than asked for, where the chain made one of `made_m` (m).
@@ -76,12 +85,12 @@ impl Draft {
         let follower = Follower {
             arm: traveller.arm,
             model: traveller.model,
-            configuration: self.configuration.ok_or(MotionFault::NoMotion)?,
         };
+        let elbow = self.elbow.as_ref().ok_or(MotionFault::NoMotion)?;
         let last = self.joints.len().saturating_sub(1);
         let near = (s / shape.length() * last as f64) as usize;
         let hint = self.joints.get(near.min(last));
-        follower.jets(shape, s, hint.unwrap_or(&traveller.joints))
+        follower.jets((shape, elbow), s, hint.unwrap_or(&traveller.joints))
     }
 }
 
@@ -217,17 +226,40 @@ impl Walk<'_> {
         let follower = Follower {
             arm,
             model: self.traveller.model,
-            configuration,
         };
+        let (shape, elbow) = self.turning(shape, leg, metric, configuration)?;
         let span = (0.0, shape.length());
-        let joints = follower.walk(|s| shape.at(s), span, &self.joints, steps)?;
+        let at = |s| (shape.at(s), elbow.at(s));
+        let joints = follower.walk(at, span, &self.joints, steps)?;
         if let Where::Flange(end) = shape.at(shape.length()) {
             self.pose = end.pose();
         }
         self.joints = joints.last().copied().unwrap_or(self.joints);
-        self.configuration = Some(configuration);
-        self.push(leg, number, shape, joints);
+        self.configuration = Some(elbow.at(shape.length()));
+        self.push((leg, number), shape, joints, Some(elbow));
         Ok(())
+    }
+
+    /// The elbow on a shape, which is at least as long as its turn counts: between the roundings at its ends.
+    fn turning(
+        &self,
+        mut shape: Shape,
+        leg: &Leg<'_>,
+        metric: Metric,
+        configuration: Configuration,
+    ) -> Result<(Shape, Elbow), MotionFault> {
+        let still = Elbow::still(configuration);
+        let Where::Flange(end) = shape.at(shape.length()) else {
+            return Ok((shape, still));
+        };
+        let turn = elbow::turn(self.traveller, leg.elbow, configuration, &end.pose())?;
+        if let (Shape::Line(line), true) = (&mut shape, turn != 0.0) {
+            line.stretch(metric.radius_m * turn.abs());
+        }
+        let length = shape.length();
+        let before = self.drafts.last().map_or(0.0, |draft| draft.zone_m);
+        let [before, behind] = [before, leg.blend].map(|zone| zone.min(length / 2.0));
+        Ok((shape, still.turning(turn, [before, length - behind])?))
     }
 
     fn joints(&mut self, leg: &Leg<'_>, number: u32, to: Joints) -> Result<(), MotionFault> {
@@ -246,33 +278,36 @@ impl Walk<'_> {
         let joints = vec![self.joints, goal];
         (self.joints, self.pose) = (goal, self.traveller.arm.forward(&goal));
         self.configuration = None;
-        self.push(leg, number, Shape::Joints(line), joints);
+        self.push((leg, number), Shape::Joints(line), joints, None);
         Ok(())
     }
 
-    fn push(&mut self, leg: &Leg<'_>, number: u32, shape: Shape, joints: Vec<Joints>) {
+    fn push(
+        &mut self,
+        (leg, number): (&Leg<'_>, u32),
+        shape: Shape,
+        joints: Vec<Joints>,
+        elbow: Option<Elbow>,
+    ) {
         let row = |limits: Limits| [limits.velocity, limits.acceleration, limits.jerk];
         let mut bounds = [[f64::INFINITY; 3]; super::bounds::QUANTITIES];
-        let configuration = match shape {
-            Shape::Joints(_) => None,
-            _ => {
-                (bounds[0], bounds[1]) = (row(leg.line), row(leg.turn));
-                self.configuration
-            }
-        };
+        if elbow.is_some() {
+            (bounds[0], bounds[1]) = (row(leg.line), row(leg.turn));
+        }
         let joint = joint_bounds(&self.traveller.model.limits, leg.scale);
         for (place, joint) in bounds.iter_mut().skip(2).zip(joint) {
             *place = joint;
         }
         self.drafts.push(Draft {
-            given: configuration.is_some()
+            given: elbow.is_some()
+                && shape.moves()
                 && leg.line.velocity.is_finite()
                 // A turn on the spot has the speed that is given for turns.
                 && (leg.turn.velocity.is_finite()
                     || shape.constant_speed().is_none_or(|speed| speed > NOTHING)),
             shape,
             leg: number,
-            configuration,
+            elbow,
             joints,
             bounds,
             zone_m: leg.blend,
@@ -297,7 +332,7 @@ impl Walk<'_> {
             }
             agility
         };
-        let flange = |draft: &&Draft| draft.configuration.is_some();
+        let flange = |draft: &&Draft| draft.elbow.is_some();
         let of_flange = self.drafts.iter().filter(flange).map(agility);
         let least = of_flange.fold(f64::INFINITY, f64::min);
         let first = self.drafts.iter().map(agility).find(|x| x.is_finite());

@@ -180,14 +180,18 @@ fn at_flange(
     let follower = Follower {
         arm: traveller.arm,
         model: traveller.model,
-        configuration: draft
-            .configuration
-            .ok_or((draft.leg, MotionFault::NoMotion))?,
     };
+    let elbow = draft.elbow_on(piece);
+    let elbow = elbow.ok_or((draft.leg, MotionFault::NoMotion))?;
     let fault = |fault: MotionFault| (draft.leg, fault.at(|fraction| piece.of_shape(fraction)));
     let span = (piece.begin, piece.end);
     let joints = follower
-        .walk(|x| piece.at(x), span, joints, steps)
+        .walk(
+            |x| (piece.at(x), elbow.at(piece.on_shape(x))),
+            span,
+            joints,
+            steps,
+        )
         .map_err(fault)?;
     let step = piece.length() / steps as f64;
     let mut samples: Vec<Sample> = Vec::with_capacity(steps + 1);

@@ -54,11 +54,11 @@ pub(crate) fn lwr() -> DeviceModel {
 /// Elbow up, flange down, in front of the arm.
 pub(crate) const START: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
-fn start() -> Pose {
+pub(super) fn start() -> Pose {
     lwr().arm.unwrap().forward(&START)
 }
 
-fn motion(legs: &[Leg<'_>]) -> Result<MotionSet, (u32, MotionFault)> {
+pub(super) fn motion(legs: &[Leg<'_>]) -> Result<MotionSet, (u32, MotionFault)> {
     let (models, holds) = ([lwr()], [Some(START)]);
     let mut builder = Builder::new(&models, &holds, DT, 1);
     let request = PathRequest {
@@ -75,7 +75,7 @@ fn motion(legs: &[Leg<'_>]) -> Result<MotionSet, (u32, MotionFault)> {
 }
 
 /// A little random generator: the same numbers everywhere.
-struct Random(u64);
+pub(super) struct Random(pub(super) u64);
 
 impl Random {
     fn unit(&mut self) -> f64 {
@@ -86,7 +86,7 @@ impl Random {
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    fn within(&mut self, low: f64, high: f64) -> f64 {
+    pub(super) fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
@@ -100,12 +100,12 @@ impl Random {
 }
 
 /// What a motion did, from rest to rest.
-struct Run {
-    states: Vec<MotionState>,
+pub(super) struct Run {
+    pub(super) states: Vec<MotionState>,
 }
 
 /// Runs a motion to its end; `drive` says what it is told in each cycle.
-fn run(mut set: MotionSet, mut drive: impl FnMut(usize) -> Drive) -> Run {
+pub(super) fn run(mut set: MotionSet, mut drive: impl FnMut(usize) -> Drive) -> Run {
     let mut states = Vec::new();
     for cycle in 0..60_000 {
         let state = set.step(0, drive(cycle)).unwrap();
@@ -121,12 +121,12 @@ fn run(mut set: MotionSet, mut drive: impl FnMut(usize) -> Drive) -> Run {
 }
 
 impl Run {
-    fn last(&self) -> &MotionState {
+    pub(super) fn last(&self) -> &MotionState {
         self.states.last().unwrap()
     }
 
     /// Joints keep velocity, acceleration and jerk between cycles and stay in their range; joints and pose agree.
-    fn judge(&self, scale: f64) {
+    pub(super) fn judge(&self, scale: f64) {
         let (model, arm) = (lwr(), lwr().arm.unwrap());
         let limits = model.limits;
         let mut history = [START; 4];
@@ -163,7 +163,7 @@ impl Run {
     }
 }
 
-fn free(_: usize) -> Drive {
+pub(super) fn free(_: usize) -> Drive {
     Drive::RUN
 }
 

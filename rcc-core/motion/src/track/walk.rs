@@ -6,6 +6,7 @@ use rcc_core::kinematics::{Arm, Configuration, NoJoints};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::MotionFault;
 
+use super::elbow::Elbow;
 use super::sampling::{NEIGHBOURS, derivatives};
 use crate::geometry::chain::{Shape, Where};
 use crate::geometry::jet::Jet;
@@ -25,17 +26,17 @@ const SAME: f64 = 1e-7;
 pub(super) struct Follower<'a> {
     pub(super) arm: Arm,
     pub(super) model: &'a DeviceModel,
-    pub(super) configuration: Configuration,
 }
 
 impl Follower<'_> {
-    /// The joints at even steps along [from, to] of a shape of the flange, the first near `start`.
+    /// The joints at even steps along [from, to] of a shape of the flange with an arm's configuration, the first near
+    /// `start`.
     ///
     /// # Errors
     /// Where the flange cannot be brought, or a joint is beyond its limit.
     pub(super) fn walk(
         &self,
-        at: impl Fn(f64) -> Where<f64>,
+        at: impl Fn(f64) -> (Where<f64>, Configuration),
         (from, to): (f64, f64),
         start: &Joints,
         steps: usize,
@@ -44,12 +45,12 @@ impl Follower<'_> {
         for step in 0..=steps {
             #[allow(clippy::cast_precision_loss)] // Some thousands at most.
             let fraction = step as f64 / steps as f64;
-            let Where::Flange(place) = at(from + (to - from) * fraction) else {
+            let (Where::Flange(place), configuration) = at(from + (to - from) * fraction) else {
                 return Ok(joints);
             };
             let found = self
                 .arm
-                .inverse_within(&place.pose(), self.configuration, &last, &self.model.limits)
+                .inverse_within(&place.pose(), configuration, &last, &self.model.limits)
                 .map_err(|error| no_joints(error, fraction))?;
             let mut ways = found.iter().zip(last).zip(0u8..);
             let jump = ways.find(|((now, before), _)| (*now - before).abs() > JUMP);
@@ -69,16 +70,16 @@ impl Follower<'_> {
     /// As [`Follower::walk`].
     pub(super) fn jets(
         &self,
-        shape: &Shape,
+        (shape, elbow): (&Shape, &Elbow),
         s: f64,
         hint: &Joints,
     ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
         let mut step = shape.length() * NEAR;
-        let mut jets = self.jets_by(shape, s, hint, step)?;
+        let mut jets = self.jets_by((shape, elbow), s, hint, step)?;
         let mut last = f64::INFINITY;
         for _ in 0..CLOSER_MAX {
             step /= 4.0;
-            let closer = self.jets_by(shape, s, hint, step)?;
+            let closer = self.jets_by((shape, elbow), s, hint, step)?;
             let apart = apart(&jets, &closer);
             // What grows is rounding.
             if apart >= last {
@@ -95,7 +96,7 @@ impl Follower<'_> {
     /// As [`Follower::jets`], by steps of this length in s.
     fn jets_by(
         &self,
-        shape: &Shape,
+        (shape, elbow): (&Shape, &Elbow),
         s: f64,
         hint: &Joints,
         step: f64,
@@ -106,7 +107,7 @@ impl Follower<'_> {
         let before = room(s).min(steps / 2).max(steps - room(length - s));
         let begin = s - step * before as f64;
         let end = begin + step * steps as f64;
-        let near = self.walk(|s| shape.at(s), (begin, end), hint, steps)?;
+        let near = self.walk(|s| (shape.at(s), elbow.at(s)), (begin, end), hint, steps)?;
         let jets = derivatives(&near, step);
         jets.get(before).copied().ok_or(MotionFault::NotFinite)
     }

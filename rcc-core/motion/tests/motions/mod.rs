@@ -8,8 +8,8 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::{
-    ArcOrientation, Drive, Leg, Limits, MotionBuilder, MotionState, Motions, Pace, PathRequest,
-    Segment,
+    ArcOrientation, Drive, Elbow, Leg, Limits, MotionBuilder, MotionState, Motions, Pace,
+    PathRequest, Segment,
 };
 use rcc_core::pose::Pose;
 use rcc_core::vector::{add, cross, dot, norm, scale, subtract};
@@ -60,16 +60,19 @@ pub enum Kind {
     Sequence,
     /// The same, as fast as can be.
     Fastest,
+    /// The same as a sequence, the elbow turning.
+    Elbow,
 }
 
 /// All of them.
-pub const KINDS: [Kind; 6] = [
+pub const KINDS: [Kind; 7] = [
     Kind::Line,
     Kind::Circle,
     Kind::Spline,
     Kind::PointToPoint,
     Kind::Sequence,
     Kind::Fastest,
+    Kind::Elbow,
 ];
 
 /// An arm, where it begins, and what it is called.
@@ -199,6 +202,8 @@ struct Lot {
     start: Joints,
     from: Pose,
     scale: f64,
+    /// At the start, rad.
+    arm_angle: f64,
     /// Targets of legs, and points of splines.
     poses: Vec<Pose>,
     joints: Vec<Joints>,
@@ -349,6 +354,7 @@ fn draw(robot: &Robot, random: &mut Random) -> Option<Lot> {
         start,
         from,
         scale: random.log_even(0.2, 1.0),
+        arm_angle: arm.configuration(&start).arm_angle,
         poses,
         joints,
         line,
@@ -386,6 +392,19 @@ fn legs<'a>(kind: Kind, lot: &'a Lot, random: &mut Random) -> Vec<Leg<'a>> {
             vec![leg(Segment::Spline { through }, 0.0)]
         }
         Kind::PointToPoint => vec![leg(Segment::Joints { to: lot.joints[0] }, 0.0)],
+        Kind::Elbow => {
+            let mut legs = legs(Kind::Sequence, lot, random);
+            for leg in &mut legs {
+                let of_joints = matches!(leg.segment, Segment::Joints { .. });
+                leg.elbow = match random.below(3) {
+                    _ if of_joints => Elbow::Stays,
+                    0 => Elbow::Middle,
+                    1 => Elbow::To(lot.arm_angle + random.within(-0.8, 0.8)),
+                    _ => Elbow::Stays,
+                };
+            }
+            legs
+        }
         Kind::Sequence | Kind::Fastest => (0..2 + random.below(4))
             .map(|index| {
                 let segment = match random.below(6) {
