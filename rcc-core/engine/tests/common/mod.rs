@@ -514,7 +514,7 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     let limits = plan.reals(&[0.2, 1.0, 10.0, 1.0, 4.0, 40.0]);
     let joints = plan.reals(&[f64::NAN; 7]);
     let ik = plan.reals(&[f64::NAN; 10]);
-    plan.data.ints.extend([NULL_INT; 3]);
+    plan.data.ints.extend([NULL_INT, NULL_INT, NULL_INT, 0]);
     let pause = plan.bool(0);
     let [progress, all] = [f64::NAN, 1.0].map(|value| plan.reals(&[value]));
     let given = plan.reals(&[f64::NAN; 7]);
@@ -531,7 +531,9 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
         2,
     ];
     let six: [u32; 6] = std::array::from_fn(|place| limits + place as u32);
-    let parameters = [&[0, to, from][..], &six, &[all, pause]].concat();
+    // Evenly, and the elbow stays: no arm angle, and the first word.
+    let elbow = [given, 3];
+    let parameters = [&[0, to, from][..], &six, &[all, pause], &elbow].concat();
     plan.add(
         "LinearMotion",
         &[&inputs[..], &outputs, &parameters, &[0, 7]].concat(),
