@@ -177,7 +177,7 @@ pub struct Plan<'a> {
     pub monitors: &'a [MonitorPoint],
     /// Values that come from outside.
     pub inputs: &'a [InputPoint],
-    /// Values that other nets can read.
+    /// Values that other nets can read, by rising key of their topics.
     pub publishes: &'a [PublishPoint],
     /// Number of path clocks.
     pub clocks: u32,
@@ -196,7 +196,7 @@ pub struct Resources {
     pub digital: [u64; DEVICES_MAX],
     /// By device, bit c: analog output c.
     pub analog: [u64; DEVICES_MAX],
-    /// Keys of the topics that it publishes; 0 = none any more.
+    /// Keys of the topics that it publishes, rising; 0 = none any more.
     pub topics: [u64; TOPICS_MAX],
 }
 
@@ -259,17 +259,19 @@ impl Resources {
         if let Some((device, channel)) = both(&self.analog, &other.analog) {
             return Some(Resource::Analog { device, channel });
         }
-        let key = self.topics().find(|key| other.publishes(*key))?;
-        Some(Resource::Topic { key })
+        let mut topics = self.topics().iter();
+        let key = topics.find(|key| other.publishes(**key))?;
+        Some(Resource::Topic { key: *key })
     }
 
-    /// Keys of the topics that it publishes.
-    pub fn topics(&self) -> impl Iterator<Item = u64> + '_ {
-        self.topics.iter().copied().take_while(|key| *key != 0)
+    /// Keys of the topics that it publishes, rising.
+    fn topics(&self) -> &[u64] {
+        let count = self.topics.partition_point(|key| *key != 0);
+        self.topics.get(..count).unwrap_or(&[])
     }
 
     fn publishes(&self, key: u64) -> bool {
-        self.topics().any(|own| own == key)
+        self.topics().binary_search(&key).is_ok()
     }
 
     /// True if any resource of the device is claimed.
@@ -300,6 +302,7 @@ impl Resources {
 }
 
 impl Resources {
+    /// Keys come in rising order.
     fn claim_topic(&mut self, key: u64) -> bool {
         if self.publishes(key) {
             return false;
@@ -387,7 +390,7 @@ pub enum PlanError {
         /// Index of the input.
         input: u32,
     },
-    /// A value for other nets lies outside its arena.
+    /// A value for other nets lies outside its arena, or is not in the order of the topics' keys.
     BadPublish {
         /// Index of the value.
         publish: u32,
@@ -497,8 +500,11 @@ impl<'a> Plan<'a> {
         if self.publishes.len() > TOPICS_MAX || subscribes.count() > TOPICS_MAX {
             return Err(PlanError::TooLarge);
         }
+        let mut last = 0;
         for (point, publish) in self.publishes.iter().zip(0u32..) {
-            if !self.contains(point.store, point.slot, point.width) || point.topic.key == 0 {
+            let rises = point.topic.key >= last && point.topic.key > 0;
+            last = point.topic.key;
+            if !self.contains(point.store, point.slot, point.width) || !rises {
                 return Err(PlanError::BadPublish { publish });
             }
             let resource = Resource::Topic {

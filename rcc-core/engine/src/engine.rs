@@ -28,6 +28,7 @@ use crate::queue::{Event, Order, Outcome, RtEnds};
 use crate::record::Recorder;
 use switch::{Switch, rows};
 use timing::Timekeeper;
+use topics::Topics;
 
 /// Orders taken in one cycle.
 pub const ORDERS_PER_CYCLE: usize = 8;
@@ -106,8 +107,7 @@ pub struct Engine {
     busy: u64,
     /// Bit r: the net in row r, ready or active, shows values of others.
     subscribers: u64,
-    /// Another one whenever a command begins or ceases to run.
-    version: u64,
+    topics: Box<Topics>,
     /// A hand-over that is tried before the rows are evaluated, as soon as all that begin are due.
     switch: Option<Switch>,
     status: CycleStatus,
@@ -159,7 +159,7 @@ impl Engine {
             pending: [Pending::Nothing; COMMANDS_MAX],
             busy: 0,
             subscribers: 0,
-            version: 1,
+            topics: Topics::new(),
             switch: None,
             status,
             tables,
@@ -253,7 +253,7 @@ impl Engine {
             device.output = DeviceOutput::NONE;
         }
         self.take_orders();
-        self.deliver();
+        self.deliver(self.busy);
         let begun = self.run_switch(now_ns);
         for row in rows(self.busy & !begun) {
             self.run_row(row, now_ns);

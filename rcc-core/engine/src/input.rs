@@ -23,7 +23,7 @@ pub struct Arenas<'a> {
 pub struct Inputs {
     places: Box<[Place]>,
     words: Box<[u64]>,
-    /// [`Inputs::bind`] was called for this version of the command table.
+    /// [`Inputs::bind`] was called for this version of what is published.
     bound: u64,
 }
 
@@ -37,6 +37,8 @@ struct Place {
     seen: Option<u64>,
     /// What came last came from another net that ran then.
     fed: bool,
+    /// Evaluations of this net in which what is ready could have been seen before; it began later.
+    late: u16,
 }
 
 /// The value of another net that an input shows.
@@ -71,6 +73,7 @@ impl Inputs {
                 feed: None,
                 seen: None,
                 fed: false,
+                late: 0,
             }
         };
         let places = points.iter().map(place).collect();
@@ -81,7 +84,7 @@ impl Inputs {
         }
     }
 
-    /// Finds out from where what other nets publish comes, if the command table has another version than the last time.
+    /// Finds out from where what other nets publish comes, if what is published has another version than the last time.
     pub fn bind(
         &mut self,
         points: &[InputPoint],
@@ -99,8 +102,9 @@ impl Inputs {
         }
     }
 
-    /// Lays ready what other nets have computed since the last time, and null for what no net gives any more.
-    pub fn receive(&mut self, points: &[InputPoint], nets: &Nets) {
+    /// Lays ready what other nets have computed since the last time, and null for what no net gives any more. `cycle` is
+    /// the executor's, `every` how many there are from one evaluation of this net to the next.
+    pub fn receive(&mut self, points: &[InputPoint], nets: &Nets, cycle: u64, every: u32) {
         let places = self.places.iter_mut().zip(points);
         for (place, point) in places.filter(|(_, point)| point.topic.is_some()) {
             let Some(room) = self.words.get_mut(place.first..place.first + place.width) else {
@@ -111,12 +115,15 @@ impl Inputs {
             match net {
                 Some((net, _)) if place.seen == Some(net.evaluated_cycle) => continue,
                 Some((net, publish)) => {
-                    net.give(publish, room);
+                    net.give(publish, point, room);
                     (place.seen, place.fed) = (Some(net.evaluated_cycle), true);
+                    let since = cycle.saturating_sub(net.evaluated_cycle + 1);
+                    let late = since.checked_div(u64::from(every)).unwrap_or(0);
+                    place.late = u16::try_from(late).unwrap_or(u16::MAX);
                 }
                 None if place.fed => {
                     room.fill(null(point.store));
-                    place.fed = false;
+                    (place.fed, place.late) = (false, 0);
                 }
                 None => continue,
             }
@@ -143,30 +150,31 @@ impl Inputs {
             fault.map_err(|fault| Refusal::Input { input, fault })?;
         }
         for value in values {
-            self.lay(value.input, &value.words);
+            self.lay(value.input, &value.words, 0);
         }
         Ok(())
     }
 
-    /// Lays one value ready, as it was checked before; words that do not fit are passed over.
-    pub fn lay(&mut self, input: u32, words: &[u64]) {
+    /// Lays one value ready, as it was checked before; words that do not fit are passed over. `late`: so many evaluations
+    /// of the net could have seen it.
+    pub fn lay(&mut self, input: u32, words: &[u64], late: u16) {
         let Some(place) = self.places.get_mut(input as usize) else {
             return;
         };
         let room = self.words.get_mut(place.first..place.first + place.width);
         if let Some(room) = room.filter(|room| room.len() == words.len()) {
             room.copy_from_slice(words);
-            place.ready = Ready::Waits;
+            (place.ready, place.late) = (Ready::Waits, late);
         }
     }
 
-    /// What waits for the next evaluation.
-    pub fn waiting(&self) -> impl Iterator<Item = (u32, &[u64])> {
+    /// What waits for the next evaluation, with how late it is.
+    pub fn waiting(&self) -> impl Iterator<Item = (u32, &[u64], u16)> {
         let places = self.places.iter().zip(0u32..);
         let places = places.filter(|(place, _)| place.ready == Ready::Waits);
         places.filter_map(|(place, input)| {
             let words = self.words.get(place.first..place.first + place.width)?;
-            Some((input, words))
+            Some((input, words, place.late))
         })
     }
 
@@ -177,10 +185,13 @@ impl Inputs {
         }
     }
 
-    /// The first evaluation did not count: what it took waits again.
-    pub fn wait_again(&mut self) {
-        for place in &mut self.places {
-            if place.ready == Ready::TakenFirst {
+    /// The first evaluation did not count: what it took waits again. What another net published comes again by itself, if
+    /// it still is published then.
+    pub fn wait_again(&mut self, points: &[InputPoint]) {
+        for (place, point) in self.places.iter_mut().zip(points) {
+            if point.topic.is_some() {
+                (place.ready, place.seen, place.fed) = (Ready::Nothing, None, false);
+            } else if place.ready == Ready::TakenFirst {
                 place.ready = Ready::Waits;
             }
         }
@@ -201,7 +212,7 @@ impl Inputs {
             };
             let waits = place.ready == Ready::Waits;
             *since = match (waits, *since) {
-                (true, _) => 0,
+                (true, _) => i64::from(place.late),
                 (false, NULL_INT) => continue,
                 (false, evaluations) => evaluations.saturating_add(1),
             };
@@ -217,7 +228,8 @@ impl Inputs {
                 };
                 let words = self.words.get(place.first..place.first + place.width);
                 arenas.write(point, words.unwrap_or_default());
-            } else if point.expires > 0 && since > i64::from(point.expires) {
+            }
+            if point.expires > 0 && since > i64::from(point.expires) {
                 arenas.clear(point);
             }
         }
@@ -267,7 +279,7 @@ impl Arenas<'_> {
 }
 
 /// Null as a word.
-const fn null(store: Store) -> u64 {
+pub const fn null(store: Store) -> u64 {
     match store {
         Store::Real => NULL_REAL.to_bits(),
         Store::Bool => NULL_BOOL as u64,

@@ -7,13 +7,13 @@ use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::{Drive, MotionState, Motions};
-use rcc_core::plan::{Checked, InputPoint, MonitorPoint, Plan, Rate, Resources, Run, ValuePoint};
+use rcc_core::plan::{Checked, InputPoint, MonitorPoint, Plan, PublishPoint, Rate, Resources, Run, ValuePoint};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{InputValue, PlanData, Refusal};
 use rcc_motion::{Builder, MotionSet};
 
-use crate::input::{Arenas, Feed, Inputs};
+use crate::input::{Arenas, Feed, Inputs, null};
 use crate::queue::Reading;
 use crate::record::entry::Snapshot;
 
@@ -282,9 +282,13 @@ impl Net {
         Ok(())
     }
 
-    /// Gives a value of it to another net; what does not fit is left out.
-    pub fn give(&self, publish: usize, room: &mut [u64]) {
-        if let Some(point) = self.data.publishes.get(publish) {
+    /// Gives a value of it to another net; one of another width or kind of slot, which a plan that lies about its types has,
+    /// is null.
+    pub fn give(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
+        room.fill(null(to.store));
+        let point = self.data.publishes.get(publish);
+        let fits = |point: &&PublishPoint| point.store == to.store && point.width == to.width;
+        if let Some(point) = point.filter(fits) {
             let point = ValuePoint {
                 store: point.store,
                 slot: point.slot,
@@ -295,16 +299,24 @@ impl Net {
         }
     }
 
-    /// Lays ready what other nets have published; `version` is that of the command table, and `find` says who publishes
+    /// Lays ready what other nets have published; `version` is that of what is published, and `find` says who publishes
     /// what an input shows.
     pub fn receive(
         &mut self,
-        version: u64,
+        (cycle, version): (u64, u64),
         nets: &Nets,
         find: impl Fn(&InputPoint) -> Option<Feed>,
     ) {
-        self.inputs.bind(&self.data.inputs, version, find);
-        self.inputs.receive(&self.data.inputs, nets);
+        let points = &self.data.inputs;
+        self.inputs.bind(points, version, find);
+        self.inputs
+            .receive(points, nets, cycle, self.data.rate.every);
+    }
+
+    /// The first evaluation did not count: the state after `build`, and what was set waits again.
+    pub fn begin_again(&mut self) {
+        self.reset();
+        self.inputs.wait_again(&self.data.inputs);
     }
 
     /// It shows values of other nets.

@@ -3,7 +3,8 @@
 //! taken, so that a file is written while the recording goes on.
 //!
 //! Cost: two copies of a few words a cycle, one of about 70 words for each device that measured something new, one of
-//! five for each net and the hash of its slots; at most one snapshot of a net a cycle, each net about once a second.
+//! five for each net and the hash of its slots, one of three words and its elements for each value that comes from outside
+//! or from another net; at most one snapshot of a net a cycle, each net about once a second.
 
 pub mod entry;
 pub mod hash;
@@ -221,8 +222,8 @@ impl Recorder {
     }
 
     /// A net is about to be evaluated, and sees this value from now on.
-    pub fn set(&mut self, id: u64, input: u32, words: &[u64]) {
-        let head = head(Tag::Set, 0, 0, 2 + words.len());
+    pub fn set(&mut self, id: u64, input: u32, words: &[u64], late: u16) {
+        let head = head(Tag::Set, 0, late, 2 + words.len());
         self.ring.push(&[head, id, u64::from(input)]);
         self.ring.push(words);
     }

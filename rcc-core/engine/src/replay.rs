@@ -186,9 +186,14 @@ pub fn replay(
                     });
                 }
             }
-            Entry::Set { id, input, words } => {
+            Entry::Set {
+                id,
+                input,
+                words,
+                late,
+            } => {
                 if let Some(net) = &mut track(&mut tracks, source, id)?.net {
-                    net.inputs_mut().lay(input, words);
+                    net.inputs_mut().lay(input, words, late);
                 }
             }
             Entry::Snapshot(snapshot) => {
@@ -262,7 +267,9 @@ impl Track {
         self.result.recorded += 1;
         let net = self.net.as_mut()?;
         if anew != net.times_anew() {
-            // A START that was refused, before the net was prepared anew.
+            // A START that was refused, before the net was prepared anew; what it saw is recorded again when it is seen
+            // again.
+            net.inputs_mut().forget();
             return None;
         }
         if begins {

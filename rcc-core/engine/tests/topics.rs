@@ -126,6 +126,52 @@ fn a_slow_net_is_seen_with_its_age_and_expires() {
 }
 
 #[test]
+fn who_begins_late_sees_how_old_the_value_is() {
+    let slow = Rate {
+        every: 100,
+        phase: 0,
+    };
+    let mut bench = Bench::new();
+    let gives = bench.load(publishing_net(topic(), slow));
+    bench.order(|ticket| rcc_engine::queue::Order::Start { ticket, id: gives });
+    while bench.state(gives) != CommandState::Running {
+        bench.step();
+    }
+    let [fresh, old] = [0, 10].map(|expires| bench.load(subscribing_net(topic(), EACH, expires)));
+    let computed = bench.entry(gives).started_cycle;
+    while bench.engine.status().cycle < computed + 50 {
+        bench.step();
+    }
+    assert!(matches!(bench.start(fresh), Answer::Done { .. }));
+    let age = |bench: &Bench| (bench.engine.status().cycle - computed - 1) as f64 * 1e-3;
+    let now = age(&bench);
+    assert!(now > 0.04, "{now}");
+    sees(&mut bench, 0.0, now);
+    bench.step();
+    let now = age(&bench);
+    sees(&mut bench, 0.0, now);
+    // And one for which it is too old already.
+    bench.ask(|ticket| rcc_engine::queue::Order::Abort { ticket, id: fresh });
+    assert!(matches!(bench.start(old), Answer::Done { .. }));
+    let now = age(&bench);
+    sees(&mut bench, NULL, now);
+}
+
+#[test]
+fn what_was_published_before_a_net_ran_is_nothing_to_it() {
+    let mut bench = Bench::new();
+    let gives = started(&mut bench, publishing_net(topic(), EACH));
+    let mut plan = subscribing_net(topic(), EACH, 0);
+    plan.reals[plan.inputs[0].slot as usize] = 42.0;
+    let takes = bench.load(plan);
+    bench.steps(10);
+    bench.ask(|ticket| rcc_engine::queue::Order::Abort { ticket, id: gives });
+    bench.steps(10);
+    assert!(matches!(bench.start(takes), Answer::Done { .. }));
+    sees(&mut bench, 42.0, NULL);
+}
+
+#[test]
 fn a_slow_net_sees_the_newest_value() {
     let mut bench = Bench::new();
     let gives = started(&mut bench, publishing_net(topic(), EACH));

@@ -71,7 +71,7 @@ pub struct PlanData {
     pub monitors: Vec<MonitorPoint>,
     /// Values that come from outside.
     pub inputs: Vec<InputPoint>,
-    /// Values that other nets can read.
+    /// Values that other nets can read, by rising key of their topics.
     pub publishes: Vec<PublishPoint>,
     /// Number of path clocks.
     pub clocks: u32,

@@ -23,7 +23,7 @@ pub struct Names {
     /// Values that are set from outside, in the order of the plan.
     #[serde(default)]
     pub inputs: Vec<InputNames>,
-    /// Values for other nets, in the order of the plan.
+    /// Values for other nets, in the order of the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub publishes: Vec<TopicNames>,
     /// Ids of the motions, in the order of the plan.

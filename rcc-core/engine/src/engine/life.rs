@@ -392,6 +392,7 @@ impl Engine {
             entry.started_cycle = self.status.cycle;
         }
         self.set_state(row, CommandState::Running);
+        self.publish(row);
         self.show(row, now_ns);
         if evaluation == Evaluation::Terminated {
             self.terminate(row);
@@ -401,8 +402,7 @@ impl Engine {
     /// The row is as ready as if it had not been evaluated.
     pub(super) fn unbegun(&mut self, row: usize) {
         if let Some(net) = self.nets.get_mut(row).and_then(Option::as_mut) {
-            net.reset();
-            net.inputs_mut().wait_again();
+            net.begin_again();
         }
         if let Some(entry) = self.tables.commands.get_mut(row) {
             (entry.cycles, entry.exec_sum_ns) = (0, 0);
@@ -439,8 +439,8 @@ impl Engine {
         };
         let (begins, cancel) = (net.cycles == 0, net.cancel_requested);
         if let (Some(recorder), Some(entry)) = (&mut self.recorder, self.tables.commands.get(row)) {
-            for (input, words) in net.inputs().waiting() {
-                recorder.set(entry.id, input, words);
+            for (input, words, late) in net.inputs().waiting() {
+                recorder.set(entry.id, input, words, late);
             }
         }
         let (models, inputs) = (&self.config.models, &self.inputs);
@@ -498,7 +498,7 @@ impl Engine {
         let commands_arms = self.claims(row).is_some_and(|claims| claims.arms != 0);
         if commands_arms {
             self.pending[row] = Pending::Settle { since_cycle };
-            self.version += 1;
+            self.unpublish(row);
         } else {
             self.finish(row);
         }
@@ -546,6 +546,7 @@ impl Engine {
     pub(super) fn end(&mut self, row: usize, reason: EndReason, fault: FaultRecord) {
         self.pending[row] = Pending::Nothing;
         self.subscribers &= !(1 << row);
+        self.unpublish(row);
         self.disengage(row);
         let cycle = self.status.cycle;
         if let Some(entry) = self.tables.commands.get_mut(row) {
@@ -564,7 +565,6 @@ impl Engine {
             return;
         };
         entry.state = state as u32;
-        self.version += 1;
         if state.is_active() {
             self.busy |= 1 << row;
         }

@@ -81,7 +81,10 @@ impl Engine {
                 return Err(about(Refusal::WrongState { state }));
             }
             self.check_free(row, stop, start).map_err(about)?;
-            self.check_topics(row, stop, start).map_err(about)?;
+            // Of one that waits the others are looked at when its time has come, and not in every cycle before.
+            if self.is_due(row) {
+                self.check_topics(row, stop, start).map_err(about)?;
+            }
             self.check_devices(row, stop).map_err(about)?;
             self.check_budget(row, start, stop).map_err(about)?;
         }
@@ -153,6 +156,7 @@ impl Engine {
             }
             return 0;
         }
+        self.deliver(sets.start);
         match self.try_all(sets) {
             Ok(ended) => {
                 self.complete(sets, ended, now_ns);

@@ -1,20 +1,90 @@
 //! Values from net to net: what nets published up to the cycle before is laid ready in those that subscribe to it, before
 //! any of them is evaluated, so that the order of the rows never shows. Real-time thread.
 //!
-//! Who publishes what is looked up when a command begins or ceases to run; in all other cycles a value costs its copy.
+//! Who publishes what is looked up when a net that publishes begins or ceases to run; in all other cycles a value costs its
+//! copy, in nets that run only.
 
-use rcc_core::plan::InputPoint;
+use rcc_core::message::COMMANDS_MAX;
+use rcc_core::plan::{InputPoint, TOPICS_MAX};
 use rcc_core::topic::Topic;
 use rcc_ipc::control::Refusal;
 
+use super::Engine;
 use super::switch::rows;
-use super::{Engine, Pending, is_active};
 use crate::input::Feed;
 use crate::net::Net;
 
+/// Room for the topics of all nets.
+const PUBLISHED_MAX: usize = COMMANDS_MAX * TOPICS_MAX;
+
+/// What running nets publish, by topic.
+#[derive(Debug)]
+pub(super) struct Topics {
+    published: [(Topic, Feed); PUBLISHED_MAX],
+    count: usize,
+    /// Another one whenever that changes.
+    version: u64,
+}
+
+impl Topics {
+    pub(super) fn new() -> Box<Topics> {
+        let topic = Topic { key: 0, kind: 0 };
+        let feed = Feed { row: 0, publish: 0 };
+        Box::new(Topics {
+            published: [(topic, feed); PUBLISHED_MAX],
+            count: 0,
+            version: 1,
+        })
+    }
+
+    fn active(&self) -> &[(Topic, Feed)] {
+        self.published.get(..self.count).unwrap_or(&[])
+    }
+
+    fn find(&self, topic: Topic) -> Option<Feed> {
+        let active = self.active();
+        let found = active.binary_search_by_key(&topic.key, |(known, _)| known.key);
+        let (known, feed) = active.get(found.ok()?)?;
+        (*known == topic).then_some(*feed)
+    }
+
+    /// One net at a time publishes a topic, and no net more than [`TOPICS_MAX`]: there is room.
+    fn add(&mut self, row: usize, net: &Net) {
+        for (point, publish) in net.plan().publishes.iter().zip(0..) {
+            if let Some(place) = self.published.get_mut(self.count) {
+                *place = (point.topic, Feed { row, publish });
+                self.count += 1;
+            }
+        }
+        if let Some(active) = self.published.get_mut(..self.count) {
+            active.sort_unstable_by_key(|(topic, _)| topic.key);
+        }
+        self.version += 1;
+    }
+
+    fn remove(&mut self, row: usize) {
+        let mut kept = 0;
+        for number in 0..self.count {
+            let entry = self.published.get(number).copied();
+            if let (Some(entry), Some(place)) = (
+                entry.filter(|(_, feed)| feed.row != row),
+                self.published.get_mut(kept),
+            ) {
+                *place = entry;
+                kept += 1;
+            }
+        }
+        if kept != self.count {
+            self.count = kept;
+            self.version += 1;
+        }
+    }
+}
+
 impl Engine {
-    pub(super) fn deliver(&mut self) {
-        for row in rows(self.subscribers) {
+    /// To the nets in these rows that are evaluated in this cycle (bit r: row r).
+    pub(super) fn deliver(&mut self, to: u64) {
+        for row in rows(self.subscribers & to) {
             if !self.is_due(row) {
                 continue;
             }
@@ -22,35 +92,32 @@ impl Engine {
             let Some(mut net) = self.nets.get_mut(row).and_then(Option::take) else {
                 continue;
             };
-            let find = |input: &InputPoint| self.publisher(input);
-            net.receive(self.version, &self.nets, find);
+            let topics = &self.topics;
+            let find = |input: &InputPoint| topics.find(input.topic?);
+            let now = (self.status.cycle, topics.version);
+            net.receive(now, &self.nets, find);
             if let Some(place) = self.nets.get_mut(row) {
                 *place = Some(net);
             }
         }
     }
 
-    /// Who publishes what an input shows: a net that runs, and not one that is over and waits for its arms.
-    fn publisher(&self, input: &InputPoint) -> Option<Feed> {
-        let topic = input.topic?;
-        let mut running = rows(self.busy).filter(|row| {
-            let entry = self.tables.commands.get(*row);
-            let over = matches!(self.pending.get(*row), Some(Pending::Settle { .. }));
-            entry.is_some_and(|entry| is_active(entry.state)) && !over
-        });
-        running.find_map(|row| {
-            let net = self.nets.get(row)?.as_ref()?;
-            let mut publishes = net.plan().publishes.iter();
-            let publish = publishes.position(|point| {
-                let same = point.store == input.store && point.width == input.width;
-                same && point.topic == topic
-            })?;
-            Some(Feed { row, publish })
-        })
+    /// A net runs from now on.
+    pub(super) fn publish(&mut self, row: usize) {
+        if let Some(Some(net)) = self.nets.get(row)
+            && !net.plan().publishes.is_empty()
+        {
+            self.topics.add(row, net);
+        }
     }
 
-    /// All who publish a topic and subscribe to it mean the same by it. `leave` and `arrive` as for
-    /// [`Engine::check_free`].
+    /// A net is over, also while its arms still play its last set-points.
+    pub(super) fn unpublish(&mut self, row: usize) {
+        self.topics.remove(row);
+    }
+
+    /// What a net publishes means the same to those that subscribe to it, and the other way round. `leave` and `arrive` as
+    /// for [`Engine::check_free`].
     pub(super) fn check_topics(&self, row: usize, leave: u64, arrive: u64) -> Result<(), Refusal> {
         let net = |row: usize| self.nets.get(row).and_then(Option::as_deref);
         let Some(own) = net(row) else {
@@ -68,11 +135,16 @@ impl Engine {
 
 /// A topic that one publishes and the other one subscribes to as something else.
 fn clash(publishes: &Net, subscribes: &Net) -> Option<Topic> {
+    let given = publishes.plan().publishes;
+    if given.is_empty() || !subscribes.subscribes() {
+        return None;
+    }
     let shown = subscribes.plan().inputs.iter();
     let mut shown = shown.filter_map(|input| input.topic);
-    let given = publishes.plan().publishes;
+    // `Plan::check` has proved that they are sorted.
     shown.find(|shown| {
-        let mut given = given.iter().map(|point| point.topic);
-        given.any(|given| given.key == shown.key && given.kind != shown.kind)
+        let found = given.binary_search_by_key(&shown.key, |point| point.topic.key);
+        let given = found.ok().and_then(|found| given.get(found));
+        given.is_some_and(|given| given.topic.kind != shown.kind)
     })
 }

@@ -177,6 +177,8 @@ pub enum Entry<'a> {
         input: u32,
         /// Its elements.
         words: &'a [u64],
+        /// So many evaluations of the net could have seen it before, had they been.
+        late: u16,
     },
     /// The state of a net after its evaluation in this cycle.
     Snapshot(Snapshot<'a>),
@@ -289,6 +291,7 @@ fn read(head: u64, words: &[u64]) -> Option<Entry<'_>> {
             id,
             input: u32::try_from(input).ok()?,
             words,
+            late: flags,
         },
         (Tag::Snapshot, words) => Entry::Snapshot(snapshot(flags, words)?),
         (Tag::TooLarge, &[id, words]) => Entry::TooLarge { id, words },

@@ -151,6 +151,7 @@ impl Maker<'_> {
         let block = self.blocks[self.random.below(self.blocks.len())];
         let own = topic(&block);
         if block.width < 10 && self.random.once_in(2) {
+            // One at most: they are sorted.
             self.data.publishes.push(PublishPoint {
                 topic: own,
                 store: block.store,

@@ -45,7 +45,7 @@ impl Lowering<'_> {
         })
     }
 
-    /// By `Publish` primitive, in the order of the text.
+    /// By `Publish` primitive, in the order of the topics' keys.
     pub(super) fn publishes(&self) -> Vec<PublishPoint> {
         let items = self.net.graph.items.iter().enumerate();
         let items = items.filter(|(_, item)| item.spec().role == Role::Publish);
@@ -58,7 +58,9 @@ impl Lowering<'_> {
                 width: slot.width,
             })
         };
-        items.filter_map(point).collect()
+        let mut points: Vec<_> = items.filter_map(point).collect();
+        points.sort_unstable_by_key(|point| point.topic.key);
+        points
     }
 
     fn topic(&self, number: usize, port: &Port, slot: Slot) -> Option<Topic> {
