@@ -7,7 +7,9 @@ use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::path::{Drive, MotionState, Motions};
-use rcc_core::plan::{Checked, InputPoint, MonitorPoint, Plan, PublishPoint, Rate, Resources, Run, ValuePoint};
+use rcc_core::plan::{
+    Checked, InputPoint, MonitorPoint, Plan, PublishPoint, Rate, Resources, Run, ValuePoint,
+};
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{InputValue, PlanData, Refusal};

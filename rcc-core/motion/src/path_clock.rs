@@ -300,19 +300,25 @@ pub fn duration_s(bounds: &PathBounds) -> f64 {
     sum_s
 }
 
-/// How long it takes a clock that rolls ([`PathClock::roll`]) to pass `end` at full speed, s; infinite if it does not.
+/// Most cycles for which a rolling clock is watched: a quarter of an hour at 1 kHz.
+const ROLLING_MAX: usize = 1_000_000;
+
+/// How long it takes a clock that rolls ([`PathClock::roll`]) to pass `end` at full speed, s; infinite if it does not, or
+/// not within [`ROLLING_MAX`] cycles: a path that crawls past a singular position may take days.
 pub(crate) fn rolling_s(bounds: &PathBounds, end: f64) -> f64 {
     let mut clock = PathClock::new();
     clock.roll(bounds, Drive::RUN);
     let mut time_s = 0.0;
-    // A clock rests at the end of its bounds at the latest.
-    while clock.step(bounds, Drive::RUN).s < end {
+    for _ in 0..ROLLING_MAX {
+        if clock.step(bounds, Drive::RUN).s >= end {
+            return time_s;
+        }
         time_s += bounds.dt_s();
         if clock.last.done {
-            return f64::INFINITY;
+            break;
         }
     }
-    time_s
+    f64::INFINITY
 }
 
 /// How long the fastest stop from `velocity` and `acceleration` takes under the acceleration and jerk of `limits`, s.
