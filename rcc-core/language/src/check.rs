@@ -57,6 +57,7 @@ const CHECKS: &[Check] = &[
     limits::counts_are_within_limits,
     limits::windows_are_possible,
     topics::topics_are_published_once,
+    topics::topics_are_of_one_type,
     topics::no_net_subscribes_to_itself,
     limits::what_moves_can_be_cancelled,
 ];

@@ -76,8 +76,12 @@ pub fn read(
 /// The name of a net after its file: `lwr_lin-02.net` is `lwr-lin-02`.
 fn name_of(file: &str) -> String {
     let stem = file.rsplit(['/', '\\']).next().unwrap_or_default();
-    let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
-    let mut name: String = stem
+    net_name(stem.rsplit_once('.').map_or(stem, |(stem, _)| stem))
+}
+
+/// What the predecessor called a net, as a name of ours.
+fn net_name(theirs: &str) -> String {
+    let mut name: String = theirs
         .chars()
         .map(|c| match c.to_ascii_lowercase() {
             c @ ('a'..='z' | '0'..='9') => c,

@@ -283,19 +283,23 @@ fn source(net: Typed<'_>, feed: &Feed<'_>) -> Option<String> {
 pub(crate) fn port_names(net: Typed<'_>, number: usize, port: &Port, slot: Slot) -> PortNames {
     let ty = net.inferred.port_type(net.graph, number, port.ty);
     let unit = net.inferred.port_unit(net.graph, number, port.unit);
-    let has_unit = ty.is_some_and(|ty| {
-        matches!(
-            ty,
-            Type::Real | Type::Vector3 | Type::Reals(_) | Type::Matrix(..)
-        )
-    });
     PortNames {
         name: port.name.to_string(),
         store: slot.store,
         slot: slot.slot,
         width: slot.width,
         type_name: ty.map_or(String::new(), |ty| ty.to_string()),
-        unit: unit.filter(|_| has_unit).map(|unit| unit.to_string()),
+        unit: unit
+            .filter(|_| ty.is_some_and(has_unit))
+            .map(|unit| unit.to_string()),
         source: None,
     }
+}
+
+/// A type that does not say its unit and has one.
+pub(crate) fn has_unit(ty: Type) -> bool {
+    matches!(
+        ty,
+        Type::Real | Type::Vector3 | Type::Reals(_) | Type::Matrix(..)
+    )
 }

@@ -349,25 +349,24 @@ fn with_default(schema: &mut Value, default: Option<Literal>) {
 }
 
 fn parameter(parameter: &Parameter, cell: Option<&DeviceTable>) -> Value {
-    let mut schema = match parameter.kind {
-        ParameterKind::Value(PortType::Is(Type::Real), _) | ParameterKind::Start(Type::Real, _) => {
-            real(parameter)
-        }
-        ParameterKind::Value(PortType::Is(Type::Int), _) | ParameterKind::Start(Type::Int, _) => {
-            either(json!({"type": "integer"}))
-        }
-        ParameterKind::Value(PortType::Is(Type::Bool), _) | ParameterKind::Start(Type::Bool, _) => {
-            either(json!({"type": "boolean"}))
-        }
-        ParameterKind::Rate => json!({"$ref": "#/$defs/quantity"}),
-        ParameterKind::Word(words) => named(words.to_vec()),
-        ParameterKind::Topic | ParameterKind::Type | ParameterKind::Unit(_) => named(Vec::new()),
-        ParameterKind::Arm => named(devices(cell, true)),
-        ParameterKind::Device => named(devices(cell, false)),
-        ParameterKind::Channel(kind) => named(channels(cell, kind)),
-        // Its type is open, or there are many ways to write it.
-        _ => json!({}),
-    };
+    let mut schema =
+        match parameter.kind {
+            ParameterKind::Value(PortType::Is(Type::Real), _)
+            | ParameterKind::Start(Type::Real, _) => real(parameter),
+            ParameterKind::Value(PortType::Is(Type::Int), _)
+            | ParameterKind::Start(Type::Int, _) => either(json!({"type": "integer"})),
+            ParameterKind::Value(PortType::Is(Type::Bool), _)
+            | ParameterKind::Start(Type::Bool, _) => either(json!({"type": "boolean"})),
+            ParameterKind::Rate => json!({"$ref": "#/$defs/quantity"}),
+            ParameterKind::Word(words) => named(words.to_vec()),
+            ParameterKind::Topic => named(Vec::new()),
+            ParameterKind::Type | ParameterKind::Unit(_) => either(named(Vec::new())),
+            ParameterKind::Arm => named(devices(cell, true)),
+            ParameterKind::Device => named(devices(cell, false)),
+            ParameterKind::Channel(kind) => named(channels(cell, kind)),
+            // Its type is open, or there are many ways to write it.
+            _ => json!({}),
+        };
     if let Some(schema) = schema.as_object_mut() {
         schema.insert("description".to_string(), json!(parameter.doc));
     }

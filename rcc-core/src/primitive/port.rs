@@ -346,7 +346,7 @@ pub enum ParameterKind {
     Device,
     /// The name of a channel of the device that the parameter `device` names.
     Channel(ChannelKind),
-    /// The name of a topic: letters, digits and `_ - . /`. No operand.
+    /// The name of a topic: a letter, and letters, digits and `_ - . /`. No operand.
     Topic,
     /// What the open type is, where links and values do not tell it. No operand.
     Type,

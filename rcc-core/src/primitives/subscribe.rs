@@ -27,7 +27,7 @@ pub const ENTRY: Entry = Entry::new(
             Port::real(
                 "age",
                 UnitRule::SECOND,
-                "time since it came, 0 in the first cycle that sees it (the null when its net ends comes too); null if \
+                "time since this net could see it first, 0 in that evaluation (the null when its net ends comes too); null if \
                  nothing ever came",
             )
             .diagnostic(),
@@ -59,7 +59,7 @@ pub const ENTRY: Entry = Entry::new(
             Parameter::new(
                 "expires",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::SECOND),
-                "what came longer ago than this is null: for a net that publishes more seldom than this one reads",
+                "what could be seen longer ago than this is null: for a net that publishes more seldom than this one reads",
             )
             .default(Literal::Null)
             .above(0.0),

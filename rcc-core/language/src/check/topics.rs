@@ -6,9 +6,12 @@ use std::collections::BTreeMap;
 use rcc_config::diagnostic::Diagnostic;
 use rcc_core::plan::TOPICS_MAX;
 use rcc_core::primitive::Role;
+use rcc_core::types::Type;
+use rcc_core::unit::Unit;
 
 use super::Typed;
 use crate::fault;
+use crate::names::has_unit;
 use crate::resolve::Item;
 
 fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&Item<'_>, &str)> {
@@ -42,6 +45,56 @@ pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let help = "put values that belong together into one list: `in: [a.out, b.out]`";
             faults.push(fault.label("the first one too many").help(help));
         }
+    }
+}
+
+/// A topic is of one type, and its unit is that of numbers.
+pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let mut kinds: BTreeMap<&str, (&Item<'_>, Kind)> = BTreeMap::new();
+    for (number, item) in net.graph.items.iter().enumerate() {
+        let (Some(port), Some(topic)) = (item.spec().outputs.first(), item.topic()) else {
+            continue;
+        };
+        let slot = net.inferred.port_type(net.graph, number, port.ty);
+        let unit = net.inferred.port_unit(net.graph, number, port.unit);
+        let kind = (slot, unit);
+        let (first, other) = *kinds.entry(topic).or_insert((item, kind));
+        if kind != other && first.spec().role == item.spec().role {
+            let message = format!(
+                "`{}` means {} by `{topic}`, and `{}` means {}",
+                item.id(),
+                words(kind),
+                first.id(),
+                words(other)
+            );
+            let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
+            faults.push(fault.help("one net publishes a topic, with one type and one unit"));
+        }
+    }
+    for (number, item) in net.graph.items.iter().enumerate() {
+        let Some((port, (_, unit))) = item.spec().outputs.first().zip(item.said_unit()) else {
+            continue;
+        };
+        let ty = net.inferred.port_type(net.graph, number, port.ty);
+        if let Some(ty) = ty.filter(|ty| !has_unit(*ty)) {
+            let message = format!(
+                "`{}` is a {ty}, and `unit: {unit}` says nothing of it",
+                item.id()
+            );
+            let fault = Diagnostic::error(fault::UNIT_MISMATCH, item.primitive.id.span, message);
+            faults.push(fault.help("take `unit` out: the type says it, or there is none"));
+        }
+    }
+}
+
+/// What a topic carries.
+type Kind = (Option<Type>, Option<Unit>);
+
+fn words((ty, unit): Kind) -> String {
+    let ty = ty.map_or("something".to_owned(), |ty| ty.to_string());
+    match unit.filter(|unit| *unit != Unit::ONE) {
+        Some(unit) => format!("{ty} in {unit}"),
+        None => ty,
     }
 }
 

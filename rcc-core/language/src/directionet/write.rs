@@ -151,6 +151,11 @@ fn family(ty: Type) -> Option<&'static str> {
     row.map(|row| row.0)
 }
 
+/// It comes from outside: of its outputs only the value has a counterpart.
+fn is_set(ty: &str) -> bool {
+    matches!(ty, "Input" | "Subscribe")
+}
+
 impl Writer<'_, '_> {
     fn refuse(&mut self, span: Span, what: String) {
         let message = format!("DirectIONet has no counterpart of {what}");
@@ -452,7 +457,7 @@ impl Writer<'_, '_> {
                 )
             }
             // What has no counterpart at all is told where it stands.
-            (None, _) if self.row(primitive).is_none() => String::new(),
+            (None, _) if self.row(primitive).is_none() && !is_set(ty) => String::new(),
             _ => {
                 self.refuse(link.span, format!("`{from}`"));
                 String::new()

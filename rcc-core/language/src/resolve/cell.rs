@@ -13,6 +13,9 @@ use crate::fault;
 use crate::syntax::fragment::{self, parse_type};
 use crate::syntax::literal::{Literal, Shape};
 
+/// A value without a unit needs none said.
+const SAID_UNITS: &str =
+    "write a unit of the SI such as `m/s`, `N`, `rad`; a plain number needs no `unit`";
 /// Most characters of a topic's name.
 const TOPIC_MAX: usize = 64;
 
@@ -28,7 +31,6 @@ fn said_type(literal: &Literal) -> Option<Type> {
 fn said_unit(literal: &Literal) -> Option<Unit> {
     match &literal.shape {
         Shape::Text(name) => fragment::si_unit(name),
-        Shape::Int(1) => Some(Unit::ONE),
         _ => None,
     }
 }
@@ -133,10 +135,12 @@ impl<'a> Resolver<'a, '_> {
             return;
         };
         let good = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
-        if name.is_empty() || name.len() > TOPIC_MAX || !name.chars().all(good) {
+        let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !begins || name.len() > TOPIC_MAX || !name.chars().all(good) {
             let message = format!("`{name}` is no name of a topic");
-            let help =
-                format!("1 to {TOPIC_MAX} letters, digits and `_ - . /`, as in `tool/force`");
+            let help = format!(
+                "a letter and up to {TOPIC_MAX} letters, digits and `_ - . /`, as in `tool/force`"
+            );
             self.error(fault::BAD_NAME, literal.span, message, Some(help));
         }
     }
@@ -145,7 +149,7 @@ impl<'a> Resolver<'a, '_> {
     fn said(&mut self, parameter: &Parameter, literal: &'a Literal) {
         let (good, help) = match parameter.kind {
             ParameterKind::Type => (said_type(literal).is_some(), fragment::TYPES),
-            _ => (said_unit(literal).is_some(), fragment::UNITS),
+            _ => (said_unit(literal).is_some(), SAID_UNITS),
         };
         if !good && literal.shape != Shape::Null {
             let message = format!("{literal} is no {}", parameter.name);

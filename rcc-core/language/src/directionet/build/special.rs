@@ -250,6 +250,8 @@ impl Build<'_, '_> {
         });
         let [net, key] = names;
         let ((net, span), (key, _)) = (net?, key?);
+        // As the net is named that is read from the file of this name.
+        let net = crate::directionet::net_name(&net);
         Some((format!("{net}/{prefix}{key}"), span))
     }
 

@@ -23,6 +23,8 @@ impl Writer<'_, '_> {
                 "initial" => arguments.push(format!("Value='{}'", self.constant(literal, ty))),
                 // How often a value is shown is the server's business there.
                 "rate" => {}
+                // The family says it, and there are no units.
+                "type" | "unit" => {}
                 other => self.refuse(name.span, format!("the parameter `{other}`")),
             }
         }
@@ -42,11 +44,11 @@ impl Writer<'_, '_> {
         let value = self.input(primitive, "in", ty).unwrap_or_default();
         let own = topic.strip_prefix(&format!("{}/out", self.net.name.name));
         let what = match (own, topic.split_once("/in")) {
-            (Some(key), _) => format!("NetcommOut(Key='{key}',Report='false'"),
-            (None, Some((net, key))) => {
+            (Some(key), _) if !key.is_empty() => format!("NetcommOut(Key='{key}',Report='false'"),
+            (None, Some((net, key))) if !net.is_empty() && !key.is_empty() => {
                 format!("InterNetcommOut(RemoteNet='{net}',RemoteKey='{key}'")
             }
-            (None, None) => {
+            _ => {
                 self.no_topic(primitive, &topic);
                 return Vec::new();
             }
@@ -64,7 +66,8 @@ impl Writer<'_, '_> {
                 self.refuse(name.span, format!("the parameter `{}`", name.name));
             }
         }
-        let Some((net, key)) = topic.split_once("/out") else {
+        let parts = topic.split_once("/out");
+        let Some((net, key)) = parts.filter(|(net, key)| !net.is_empty() && !key.is_empty()) else {
             self.no_topic(primitive, &topic);
             return Vec::new();
         };
