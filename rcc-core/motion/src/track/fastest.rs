@@ -150,7 +150,7 @@ fn by_time(law: &Law, piece: &Piece, seen: &Seen, [from, to]: [f64; 2]) -> Vec<(
     all
 }
 
-/// What is at a place (in steps of the look), gone along by `s`.
+/// What is at a place (in steps of the look), gone along by `s`: at most, as far as was seen.
 fn at_time(seen: &Seen, place: f64, s: Jet) -> Sample {
     let step = place as usize;
     let (part, next) = (
@@ -183,7 +183,8 @@ fn at_time(seen: &Seen, place: f64, s: Jet) -> Sample {
                 (second * v * v + first * a).abs(),
                 (third * v * v * v + 3.0 * second * v * a + first * j).abs(),
             ],
-        };
+        }
+        .map(|value: f64| value * seen.look.excess);
     }
     sample
 }

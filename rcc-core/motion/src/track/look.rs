@@ -50,6 +50,8 @@ pub(super) struct Look {
     pub(super) way_m: f64,
     /// Bounds of what lies between the steps, too.
     pub(super) wide: Vec<Sample>,
+    /// By how much what is between the steps may be beyond the samples, at least 1.
+    pub(super) excess: f64,
 }
 
 /// Looks at a piece; `joints` are near those at its beginning.
@@ -80,6 +82,7 @@ pub(super) fn look(
             for value in seen.wide.iter_mut().flatten().flatten() {
                 *value *= excess;
             }
+            seen.excess = excess;
             break seen;
         }
         coarse = core::mem::take(&mut seen.wide);
@@ -153,6 +156,7 @@ fn at_joints(arm: Arm, piece: &Piece, steps: usize) -> Look {
         joints: Vec::with_capacity(steps + 1),
         way_m: 0.0,
         wide: Vec::new(),
+        excess: 1.0,
     };
     let mut last: Option<Pose> = None;
     for x in places(piece, steps) {
@@ -220,6 +224,7 @@ fn at_flange(
         joints,
         way_m,
         wide: Vec::new(),
+        excess: 1.0,
     })
 }
 
