@@ -360,6 +360,7 @@ impl Engine {
     fn first_cycle(&mut self, row: usize, ticket: u64, now_ns: u64) {
         self.pending[row] = Pending::Nothing;
         if let Some(refusal) = self.lost_while_waiting(row) {
+            self.unbegun(row);
             let answer = Answer::Refused(refusal);
             return self.give_back(Outcome::Answer { ticket, answer });
         }
