@@ -39,8 +39,6 @@ pub enum Reads {
 pub enum Reason {
     /// No cell has such a device.
     Device,
-    /// It comes with the robots' modes.
-    Later,
     /// It never worked there.
     Dead,
     /// Nothing generates it, and it is made from other primitives.

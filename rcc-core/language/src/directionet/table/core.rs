@@ -19,8 +19,8 @@ pub(super) const ROWS: &[Row] = &[
         .to(Last, Net("{w=TrueInWindow(in=parent.inValue,window=parent.Duration),outAll=w.all,outNone=Not(in=w.any).out,outAmount=Select(condition=w.all,yes='1',no='0').out}"))
         .note("`outAmount` is 1 or 0, as theirs, which divides whole numbers"),
     Row::new("Core::BooleanLastN", S, "inValue*:bool", "outAll:bool outCount:int outNone:bool", "Count:int=1")
-        .to(Last, None(Reason::Later))
-        .note("a window is given as a time: `TrueInWindow`"),
+        .to(Last, None(Reason::Rare))
+        .note("a window is a time here, whatever the period: `TrueInWindow`"),
     Row::new("Core::BooleanNot", M, "inValue:bool", "outValue:bool", "Value:bool=false")
         .to(Parameter, Net("{outValue=Not(in=parent.inValue).out}")),
     Row::new("Core::BooleanOr", M, "inFirst:bool inSecond:bool", "outValue:bool", "First:bool=false Second:bool=false")
@@ -30,17 +30,17 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("Core::Trigger", S, "inOff:bool inOn:bool", "outActive:bool", "On:bool=false Off:bool=false")
         .to(Parameter, Net("{outActive=Trigger(on=parent.inOn,off=parent.inOff,reset=parent.inReset).out}")),
     Row::new("Core::BCDToDec", A, "inArray:bool[]", "outValue:int", "amountBits:uint signBit:bool=true")
-        .to(Last, None(Reason::Later))
-        .note("words of bits come with the arrays of the catalogue"),
+        .to(Last, None(Reason::Rare))
+        .note("made from `FromBits` of four bits a digit"),
     Row::new("Core::BinToDec", A, "inArray:bool[]", "outValue:int", "amountBits:uint signBit:bool=false")
         .to(Last, Net("{outValue=FromBits(in=parent.inArray,signed=parent.signBit).out}"))
         .note("all elements of the array are bits; `amountBits` is not looked at"),
     Row::new("Core::DecToBCD", A, "inValue:int", "outArray:bool[] overflowBit:bool", "amountBits:uint signBit:bool=true")
-        .to(Last, None(Reason::Later))
-        .note("words of bits come with the arrays of the catalogue"),
+        .to(Last, None(Reason::Rare))
+        .note("made from `IntDivide`, `Remainder` and `ToBits` of four bits a digit"),
     Row::new("Core::DecToBin", A, "inValue:int", "outArray:bool[] overflowBit:bool", "amountBits:uint signBit:bool=false")
-        .to(Last, None(Reason::Later))
-        .note("words of bits come with the arrays of the catalogue"),
+        .to(Last, Net("{b=ToBits(in=parent.inValue,bits='8',signed=parent.signBit),outArray=b.out,overflowBit=b.overflow}"))
+        .note("8 bits: `amountBits` cannot be set there; of a number that does not fit the lowest bits, not the ones before"),
     Row::new("Core::DoubleAcos", M, "inValue:double", "outValue:double", "Value:double=1")
         .to(Parameter, Net("{outValue=ArcCosine(in=parent.inValue).out}"))
         .note("outside of its range null, not NaN"),

@@ -33,8 +33,8 @@ pub(super) const ROWS: &[Row] = &[
         .to(Null, Special(Builtin::JointPosition))
         .note("one `JointPositionCommand` for all axes of the robot; null commands nothing; the errors are constants: what they told ends the net by a fault"),
     Row::new("RobotArm::ToolParameters", A, "inCOM:Vector inMOI:Vector inMass:double", "outCompleted:bool outError:int", "Robot:string= Axis:int=0 Mass:double=0 COM:Vector={x:0,y:0,z:0} MOI:Vector={x:0,y:0,z:0}")
-        .to(Last, None(Reason::Later))
-        .note("tool data come with the robot's modes (`JointPositionCommand` uses the ones of the controller)"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("the controller's own program sets tool and load; here `WrenchCompensation` and poses of the tool know them"),
     Row::new("ArmKinematics::InvKin", A, "inFrame*:Frame inHintJoints*:double[]", "outJoints:double[]", "Robot:string=")
         .to(Last, Special(Builtin::InvKin))
         .note("with the robot's own position as the hint `InverseKinematics`, which keeps arm angle and branch of the start; with any other hint `InverseKinematicsNear`"),
@@ -59,8 +59,8 @@ pub(super) const ROWS: &[Row] = &[
         .to(Last, None(Reason::Device))
         .note("no driver for mobile bases"),
     Row::new("KUKA::IIWA::CartSinImpParameters", A, "inAmplitude:Wrench inFrequency:Wrench", "", "Robot:string=")
-        .to(Last, None(Reason::Later))
-        .note("impedance, control strategy and tool come with the robot's modes"),
+        .to(Last, None(Reason::Device))
+        .note("no driver for the iiwa's own control modes"),
     Row::new("KUKA::LWR::CartImpParameters", A, "inAddTorque:Wrench inDamping:Wrench inStiffness:Wrench", "", "Robot:string=")
         .to(Last, None(Reason::Elsewhere))
         .note("write it anew: `CartesianImpedanceCommand` commands position and springs together"),
@@ -82,14 +82,14 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("KUKA::LWR::TMonitor", M, "", "outEst:double outMsr:double", "Robot:string= Axis:int=0")
         .to(Last, Net("{j=JointState(device=parent.Robot),outMsr=At(of=j.torque,index=parent.Axis).x,outEst=At(of=j.external_torque,index=parent.Axis).x}")),
     Row::new("KUKA::LWR::ToolParameters", A, "inCOM:Frame inMOI:Vector inMass:double inTCP:Frame", "outCompleted:bool outError:int", "robot:string=")
-        .to(Last, None(Reason::Later))
-        .note("impedance, control strategy and tool come with the robot's modes"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("the controller's own program sets tool and load; here `WrenchCompensation` and poses of the tool know them"),
     Row::new("KUKA::LWR::VelKin", A, "inJ1*:double inJ2*:double inJ3*:double inJ4*:double inJ5*:double inJ6*:double inJ7*:double inV1*:double inV2*:double inV3*:double inV4*:double inV5*:double inV6*:double inV7*:double", "outTwist:Twist outVAlpha:double", "Robot:string=")
         .to(Last, Net("{outTwist=VelocityKinematics(device=parent.Robot,joints=List(j1=parent.inJ1,j2=parent.inJ2,j3=parent.inJ3,j4=parent.inJ4,j5=parent.inJ5,j6=parent.inJ6,j7=parent.inJ7).x,velocity=List(j1=parent.inV1,j2=parent.inV2,j3=parent.inV3,j4=parent.inV4,j5=parent.inV5,j6=parent.inV6,j7=parent.inV7).x).twist}"))
         .note("`outVAlpha` has no counterpart (`Derivative` of the arm angle)"),
     Row::new("KUKA:LWR::ToolParameters", A, "inCOM:Frame inMOI:Vector inMass:double inTCP:Frame", "outCompleted:bool outError:int", "robot:string=")
-        .to(Last, None(Reason::Later))
-        .note("impedance, control strategy and tool come with the robot's modes"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("the controller's own program sets tool and load; here `WrenchCompensation` and poses of the tool know them"),
     Row::new("KUKA::youBot::ArmControlStrategy", A, "inController:int", "outSuccess:bool", "Robot:string= Controller:int=0")
         .to(Last, None(Reason::Device))
         .note("no driver for the youBot"),

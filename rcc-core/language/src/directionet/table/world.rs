@@ -59,8 +59,8 @@ pub(super) const ROWS: &[Row] = &[
     Row::new("World::FrameLerp", A, "inAmount*:double inFrom*:Frame inTo*:Frame", "outValue:Frame", "")
         .to(Last, Net("{outValue=Interpolate(from=parent.inFrom,to=parent.inTo,t=parent.inAmount).out}")),
     Row::new("World::FrameOTG", A, "inCurPos*:Frame inCurVel*:Twist inDestPos*:Frame inDestVel:Twist inMaxRotAcc:double inMaxRotVel:double inMaxTransAcc:double inMaxTransVel:double", "outPos:Frame outVel:Twist", "MaxTransVel:double=1 MaxTransAcc:double=1 MaxRotVel:double=1 MaxRotAcc:double=1")
-        .to(Last, None(Reason::Later))
-        .note("trajectories that replan themselves in space come with the motions of the catalogue"),
+        .to(Last, None(Reason::Elsewhere))
+        .note("write it anew: `PoseGoal` plans to new goals in any cycle, with jerk limits, and knows its own set-point"),
     Row::new("World::FrameToPosRot", A, "inValue:Frame", "outPosition:Vector outRotation:Rotation", "")
         .to(Last, Net("{s=SplitPose(in=parent.inValue),outPosition=s.position,outRotation=s.rotation}")),
     Row::new("World::FrameToXYZ", A, "inValue:Frame", "outRot:Rotation outX:double outY:double outZ:double", "")
