@@ -299,9 +299,7 @@ impl Resources {
             _ => false,
         }
     }
-}
 
-impl Resources {
     /// Keys come in rising order.
     fn claim_topic(&mut self, key: u64) -> bool {
         if self.publishes(key) {

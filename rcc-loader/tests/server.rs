@@ -325,7 +325,6 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
     let namer = Namer {
         config: &config,
         net: &|id| format!("net#{id}"),
-        motion: &|_, motion| format!("motion {motion}"),
         names: &names_with_topic,
         reason: &|_, reason| format!("because {reason}"),
     };

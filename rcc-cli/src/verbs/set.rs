@@ -34,10 +34,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let net = &arguments.net;
     if arguments.values.is_empty() && arguments.unset.is_empty() {
         let detail = follow::state(&client, net)?;
-        let mut names: Names = serde_json::from_value(detail.names).unwrap_or_default();
-        // What another net publishes cannot be set.
-        names.inputs.retain(|input| input.topic.is_none());
-        let ports = names.inputs.iter().flat_map(|input| {
+        let names: Names = serde_json::from_value(detail.names).unwrap_or_default();
+        let inputs: Vec<&InputNames> = names.settable().map(|(_, input)| input).collect();
+        let ports = inputs.iter().flat_map(|input| {
             let id = &input.primitive;
             [format!("{id}.value"), format!("{id}.age")]
         });
@@ -47,7 +46,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             true => ValuesView::default(),
             false => client.values(&id, &ports)?,
         };
-        context.print(&names.inputs, |inputs| list(inputs, &values));
+        context.print(&inputs, |inputs| list(inputs, &values));
         return Ok(());
     }
     let set = arguments.values.iter().map(|pair| line(pair));
@@ -83,7 +82,7 @@ fn line(pair: &str) -> Result<String, Failure> {
     Ok(format!("{name}: {value}\n"))
 }
 
-fn list(inputs: &[InputNames], values: &ValuesView) -> String {
+fn list(inputs: &[&InputNames], values: &ValuesView) -> String {
     if inputs.is_empty() {
         return "the net has no Input: nothing can be set".to_owned();
     }

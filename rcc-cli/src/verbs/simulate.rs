@@ -182,10 +182,6 @@ pub(super) fn with_namer<T>(names: &Names, config: &CellConfig, what: impl FnOnc
     what(&Namer {
         config,
         net: &|_| names.net.clone(),
-        motion: &|_, motion| {
-            let id = names.motions.get(motion as usize).cloned();
-            id.unwrap_or_else(|| format!("motion {motion}"))
-        },
         names: &|_| names.clone(),
         reason: &|_, _| String::new(),
     })

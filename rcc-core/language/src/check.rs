@@ -43,6 +43,7 @@ const CHECKS: &[Check] = &[
     fragments::conditions_are_truth_values,
     fragments::what_leaves_a_region_can_become_null,
     inputs::bounds_are_of_numbers,
+    inputs::units_are_of_numbers,
     inputs::first_values_are_within_bounds,
     connections::inputs_are_connected,
     connections::outputs_are_read_or_discarded,

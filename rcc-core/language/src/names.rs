@@ -31,6 +31,14 @@ pub struct Names {
     pub motions: Vec<String>,
 }
 
+impl Names {
+    /// The values that people and programs set, with their places in the plan; what other nets publish is none of them.
+    pub fn settable(&self) -> impl Iterator<Item = (u32, &InputNames)> + Clone {
+        let inputs = (0..).zip(&self.inputs);
+        inputs.filter(|(_, input)| input.topic.is_none())
+    }
+}
+
 /// Names of one primitive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PrimitiveNames {

@@ -56,10 +56,8 @@ pub fn read(text: &str, file: &str, names: &Names) -> Result<Vec<InputValue>, Fa
 
 fn value(entry: &Entry, names: &Names, faults: &mut Vec<Diagnostic>) -> Option<InputValue> {
     let name = &entry.key.name;
-    let found = names.inputs.iter().zip(0u32..);
-    let found = found.filter(|(input, _)| input.topic.is_none());
-    let found = found.clone().find(|(input, _)| input.primitive == *name);
-    let Some((input, index)) = found else {
+    let mut settable = names.settable();
+    let Some((index, input)) = settable.find(|(_, input)| input.primitive == *name) else {
         faults.push(unknown(entry, names));
         return None;
     };
@@ -92,8 +90,7 @@ fn value(entry: &Entry, names: &Names, faults: &mut Vec<Diagnostic>) -> Option<I
 
 fn unknown(entry: &Entry, names: &Names) -> Diagnostic {
     let name = &entry.key.name;
-    let known = names.inputs.iter().filter(|input| input.topic.is_none());
-    let known = known.map(|input| input.primitive.as_str());
+    let known = names.settable().map(|(_, input)| input.primitive.as_str());
     let all: Vec<&str> = known.clone().take(16).collect();
     let net = &names.net;
     let other = names

@@ -109,7 +109,7 @@ pub(super) const ARM_ANGLE: Parameter = Parameter::new(
 /// What the elbow does.
 pub(super) const ELBOW: Parameter = Parameter::new(
     "elbow",
-    ParameterKind::Word(&["stays", "middle"]),
+    ParameterKind::Word(record::ELBOWS),
     "stays: the arm angle is that of the start; middle: the elbow turns along the path to the middle of what the joint limits allow at the end",
 )
 .default(Literal::Word("stays"));

@@ -45,7 +45,7 @@ pub const ENTRY: Entry = Entry::new(
             .default(Literal::Null),
             Parameter::new(
                 "orientation",
-                ParameterKind::Word(&["even", "constant", "path"]),
+                ParameterKind::Word(record::ORIENTATIONS),
                 "even: turns evenly from that of the start to that of `to`; constant: stays; path: turns with the circle",
             )
             .default(Literal::Word("even")),

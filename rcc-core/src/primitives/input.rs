@@ -7,6 +7,22 @@ use crate::primitive::{
 };
 use crate::unit::Unit;
 
+/// What it is, of a value whose readers may not tell.
+pub(super) const TYPE: Parameter = Parameter::new(
+    "type",
+    ParameterKind::Type,
+    "its type where links and values do not tell it, `Wrench`",
+)
+.default(Literal::Null);
+
+/// The same for its unit.
+pub(super) const UNIT: Parameter = Parameter::new(
+    "unit",
+    ParameterKind::Unit(0),
+    "its unit where they do not, `N`",
+)
+.default(Literal::Null);
+
 /// The row of the catalogue.
 pub const ENTRY: Entry = Entry::new(
     Spec {
@@ -50,18 +66,8 @@ pub const ENTRY: Entry = Entry::new(
             )
             .default(Literal::Null)
             .above(0.0),
-            Parameter::new(
-                "type",
-                ParameterKind::Type,
-                "its type where links and values do not tell it, `Wrench`",
-            )
-            .default(Literal::Null),
-            Parameter::new(
-                "unit",
-                ParameterKind::Unit(0),
-                "its unit where they do not, `N`",
-            )
-            .default(Literal::Null),
+            TYPE,
+            UNIT,
         ],
         role: Role::Input,
         ..Spec::PLAIN

@@ -14,12 +14,7 @@ pub const ENTRY: Entry = Entry::new(
         name: "Publish",
         summary: "Gives a value to other nets: they read it with `Subscribe` in the cycle after this one.",
         null: "null is handed on, element by element",
-        inputs: &[Port::new(
-            "in",
-            PortType::Any,
-            UnitRule::Var(0),
-            "any value",
-        )],
+        inputs: copy::ENTRY.spec.inputs,
         outputs: &[Port::new("out", PortType::Any, UnitRule::Var(0), "the same").diagnostic()],
         parameters: &[Parameter::new(
             "topic",

@@ -3,6 +3,7 @@
 //! It has no kernel: the executor copies what was published up to the cycle before into the net before it evaluates any, so
 //! that the order in which nets are evaluated never shows.
 
+use super::input::{TYPE, UNIT};
 use crate::primitive::{
     Entry, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
 };
@@ -38,18 +39,8 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Topic,
                 "the name under which another net publishes it",
             ),
-            Parameter::new(
-                "type",
-                ParameterKind::Type,
-                "its type where links and values do not tell it, `Wrench`",
-            )
-            .default(Literal::Null),
-            Parameter::new(
-                "unit",
-                ParameterKind::Unit(0),
-                "its unit where they do not, `N`",
-            )
-            .default(Literal::Null),
+            TYPE,
+            UNIT,
             Parameter::new(
                 "initial",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),

@@ -124,7 +124,7 @@ impl Namer<'_> {
             metres if metres.is_finite() => format!(" ({metres:.4} m)"),
             _ => String::new(),
         };
-        let motion = (self.motion)(id, place.motion);
+        let motion = self.motion(id, place.motion);
         let part = match 100.0 * place.fraction {
             part if part.is_finite() => format!(" at {part:.1} % of the path"),
             _ => String::new(),

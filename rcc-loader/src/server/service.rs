@@ -456,10 +456,6 @@ impl Service {
                 _ => format!("#{id}"),
             }
         };
-        let motion = |id: u64, motion: u32| {
-            let file = store.and_then(|store| self.file(store, id));
-            motion_name(file.as_ref().map(|file| &file.names), motion)
-        };
         let names = |id: u64| {
             let file = store.and_then(|store| self.file(store, id));
             let names = file.map(|file| file.names).unwrap_or_default();
@@ -469,7 +465,6 @@ impl Service {
         what(&Namer {
             config: &self.config,
             net: &net,
-            motion: &motion,
             names: &names,
             reason: &reason,
         })
@@ -487,14 +482,6 @@ impl Service {
 /// All faults of the text.
 pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
     compile::compile(text, file, config)
-}
-
-/// The id of a motion, from the names of its net.
-fn motion_name(names: Option<&serde_json::Value>, motion: u32) -> String {
-    let ids = names.and_then(|names| names.get("motions"));
-    let id = ids.and_then(|ids| ids.get(motion as usize));
-    let id = id.and_then(serde_json::Value::as_str);
-    id.map_or_else(|| format!("motion {motion}"), str::to_owned)
 }
 
 pub(super) fn unexpected() -> ApiError {

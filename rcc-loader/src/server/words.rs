@@ -23,9 +23,7 @@ pub struct Namer<'a> {
     pub config: &'a CellConfig,
     /// `net#id` of a command.
     pub net: &'a dyn Fn(u64) -> String,
-    /// The id of a motion in that net.
-    pub motion: &'a dyn Fn(u64, u32) -> String,
-    /// The names of that net.
+    /// The names of that net; none: nobody knows them.
     pub names: &'a dyn Fn(u64) -> Names,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
@@ -49,6 +47,13 @@ fn input_refused(net: &str, input: u32, fault: InputFault) -> (Code, String, Str
 }
 
 impl Namer<'_> {
+    /// The id of a motion of a command, or its number when the names do not have it.
+    #[must_use]
+    pub fn motion(&self, id: u64, motion: u32) -> String {
+        let id = (self.names)(id).motions.get(motion as usize).cloned();
+        id.unwrap_or_else(|| format!("motion {motion}"))
+    }
+
     fn device(&self, index: u32) -> Option<&DeviceConfig> {
         self.config.devices.get(index as usize)
     }
@@ -184,7 +189,7 @@ impl Namer<'_> {
                 ),
                 "nothing was written to the devices; correct the net or its parameters and load it again".into(),
             ),
-            Refusal::Plan(error) => self.plan(&net, error),
+            Refusal::Plan(error) => self.plan((id, &net), error),
             Refusal::Prepare(fault) => self.prepare(&net, fault),
             Refusal::Foreseen(foreseen) => self.foreseen(id, &foreseen),
             Refusal::Budget {
@@ -329,7 +334,7 @@ impl Namer<'_> {
         )
     }
 
-    fn plan(&self, net: &str, error: PlanError) -> (Code, String, String) {
+    fn plan(&self, (id, net): (u64, &str), error: PlanError) -> (Code, String, String) {
         let restart = "install loader and executor from one build, start both with one configuration file, and load the \
                        net again";
         let (message, help) = match error {
@@ -346,7 +351,7 @@ impl Namer<'_> {
                 "divide the net into several".to_owned(),
             ),
             PlanError::ClaimedTwice { resource } => (
-                format!("{} is commanded twice", self.resource(0, resource)),
+                format!("{} is commanded twice", self.resource(id, resource)),
                 "let one primitive command it".to_owned(),
             ),
             other => (

@@ -9,6 +9,7 @@ use rcc_core::types::Type;
 use super::Typed;
 use crate::fault;
 use crate::lower::given;
+use crate::names::has_unit;
 use crate::resolve::Item;
 
 /// By `Input`: the primitive and the type of its value, if it is known.
@@ -75,5 +76,20 @@ pub fn first_values_are_within_bounds(net: Typed<'_>, faults: &mut Vec<Diagnosti
                 ));
             }
         }
+    }
+}
+
+/// A unit that is said is that of numbers: other types say theirs, or have none.
+pub fn units_are_of_numbers(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for (item, ty) in inputs(net) {
+        let Some((_, unit)) = item.said_unit().filter(|_| !has_unit(ty)) else {
+            continue;
+        };
+        let message = format!(
+            "`{}` is a {ty}, and `unit: {unit}` says nothing of it",
+            item.id()
+        );
+        let fault = Diagnostic::error(fault::UNIT_MISMATCH, item.primitive.id.span, message);
+        faults.push(fault.help("take `unit` out: the type says it, or there is none"));
     }
 }

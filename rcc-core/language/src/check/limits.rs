@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_core::message::MONITOR_WIDTH_MAX;
-use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX};
+use rcc_core::plan::{CLOCKS_MAX, INPUTS_MAX, MONITORS_MAX, TOPICS_MAX};
 use rcc_core::primitive::{CYCLES_MAX, ChannelKind, Literal as Default, ParameterKind, Role};
 use rcc_core::unit::Unit;
 
@@ -256,20 +256,35 @@ fn rate_is_possible(net: Typed<'_>, item: &Item<'_>, faults: &mut Vec<Diagnostic
 
 /// The numbers of monitors and motions are within what an executor gives.
 pub fn counts_are_within_limits(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    for (role, what, most) in [
-        (Role::Monitor, "monitors", MONITORS_MAX),
-        (Role::Input, "inputs", INPUTS_MAX),
-        (Role::Motion, "motions", CLOCKS_MAX as usize),
+    let divide = "divide it into several nets";
+    let join = "put values that belong together into one list: `in: [a.out, b.out]`";
+    let any: fn(&&Item<'_>) -> bool = |_| true;
+    let by_topic: fn(&&Item<'_>) -> bool = |item| item.topic().is_some();
+    for (role, which, what, most, help) in [
+        (Role::Monitor, any, "monitors", MONITORS_MAX, divide),
+        (Role::Input, any, "inputs", INPUTS_MAX, divide),
+        (Role::Motion, any, "motions", CLOCKS_MAX as usize, divide),
+        (
+            Role::Publish,
+            by_topic,
+            "topics that it publishes",
+            TOPICS_MAX,
+            join,
+        ),
+        (
+            Role::Input,
+            by_topic,
+            "topics that it subscribes to",
+            TOPICS_MAX,
+            join,
+        ),
     ] {
-        let count = of_role(net, role).count();
-        if let Some(item) = of_role(net, role).nth(most) {
+        let mut items = of_role(net, role).filter(which);
+        if let Some(item) = items.nth(most) {
+            let count = most + 1 + items.count();
             let message = format!("the net has {count} {what}, {most} are possible");
             let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
-            faults.push(
-                fault
-                    .label("the first one too many")
-                    .help("divide it into several nets"),
-            );
+            faults.push(fault.label("the first one too many").help(help));
         }
     }
 }

@@ -4,14 +4,12 @@
 use std::collections::BTreeMap;
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::plan::TOPICS_MAX;
 use rcc_core::primitive::Role;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
 use super::Typed;
 use crate::fault;
-use crate::names::has_unit;
 use crate::resolve::Item;
 
 fn items(net: Typed<'_>, role: Role) -> impl Iterator<Item = (&Item<'_>, &str)> {
@@ -37,18 +35,9 @@ pub fn topics_are_published_once(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         }
         publishers.insert(topic, item);
     }
-    for (role, what) in [(Role::Publish, "publishes"), (Role::Input, "subscribes to")] {
-        if let Some((item, _)) = items(net, role).nth(TOPICS_MAX) {
-            let count = items(net, role).count();
-            let message = format!("the net {what} {count} topics, {TOPICS_MAX} are possible");
-            let fault = Diagnostic::error(fault::NET_TOO_LARGE, item.primitive.id.span, message);
-            let help = "put values that belong together into one list: `in: [a.out, b.out]`";
-            faults.push(fault.label("the first one too many").help(help));
-        }
-    }
 }
 
-/// A topic is of one type, and its unit is that of numbers.
+/// A topic is of one type.
 pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
     let mut kinds: BTreeMap<&str, (&Item<'_>, Kind)> = BTreeMap::new();
     for (number, item) in net.graph.items.iter().enumerate() {
@@ -69,20 +58,6 @@ pub fn topics_are_of_one_type(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             );
             let fault = Diagnostic::error(fault::TYPE_MISMATCH, item.primitive.id.span, message);
             faults.push(fault.help("one net publishes a topic, with one type and one unit"));
-        }
-    }
-    for (number, item) in net.graph.items.iter().enumerate() {
-        let Some((port, (_, unit))) = item.spec().outputs.first().zip(item.said_unit()) else {
-            continue;
-        };
-        let ty = net.inferred.port_type(net.graph, number, port.ty);
-        if let Some(ty) = ty.filter(|ty| !has_unit(*ty)) {
-            let message = format!(
-                "`{}` is a {ty}, and `unit: {unit}` says nothing of it",
-                item.id()
-            );
-            let fault = Diagnostic::error(fault::UNIT_MISMATCH, item.primitive.id.span, message);
-            faults.push(fault.help("take `unit` out: the type says it, or there is none"));
         }
     }
 }

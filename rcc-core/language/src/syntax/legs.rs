@@ -116,7 +116,7 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
         row[24] = number(node, "`arm_angle`", Unit::RADIAN, faults);
     }
     if let Some(node) = node.get("elbow") {
-        row[25] = word(node, "elbow", &["stays", "middle"], faults);
+        row[25] = word(node, "elbow", record::ELBOWS, faults);
     }
     match kind {
         "ptp" => ptp(what, &mut row, faults),
@@ -182,7 +182,7 @@ fn circ(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
         row[13] = number(node, "`angle`", Unit::RADIAN, faults);
     }
     if let Some(node) = node.get("orientation") {
-        row[12] = word(node, "orientation", &["even", "constant", "path"], faults);
+        row[12] = word(node, "orientation", record::ORIENTATIONS, faults);
     }
 }
 

@@ -85,38 +85,34 @@ pub(super) fn turn(
     here: Configuration,
     end: &Pose,
 ) -> Result<f64, MotionFault> {
-    let wanted = match wanted {
-        path::Elbow::Stays => return Ok(0.0),
-        wanted => wanted,
-    };
-    let Arm::Srs(arm) = traveller.arm else {
-        return Err(MotionFault::NoArmAngle);
+    let arm = match (wanted, traveller.arm) {
+        (path::Elbow::Stays, _) => return Ok(0.0),
+        (_, Arm::Srs(arm)) => arm,
+        (_, Arm::OrthoParallel(_)) => return Err(MotionFault::NoArmAngle),
     };
     let angle = here.arm_angle;
-    match wanted {
-        path::Elbow::To(goal) if goal.is_finite() => Ok(shorter(goal - angle)),
-        path::Elbow::To(_) => Err(MotionFault::NotFinite),
-        _ => {
-            let found = arm.arm_angles(end, here.branch, &traveller.model.limits);
-            let angles = found.map_err(|_| MotionFault::Unreachable { fraction: 1.0 })?;
-            if let Some([lower, upper]) = angles.around(angle) {
-                return Ok((lower + upper) / 2.0 - angle);
-            }
-            // The arm angle cannot stay: the nearest interval, the shorter way round.
-            let ways = angles.intervals().iter().map(|[lower, upper]| {
-                let [to_lower, to_upper] = [lower - angle, upper - angle].map(shorter);
-                let middle = (upper - lower) / 2.0;
-                if to_lower.abs() < to_upper.abs() {
-                    (to_lower.abs(), to_lower + middle)
-                } else {
-                    (to_upper.abs(), to_upper - middle)
-                }
-            });
-            let nearest = ways.min_by(|(a, _), (b, _)| a.total_cmp(b));
-            // None at all: the walk along the path tells which joint is beyond its limit, and where.
-            Ok(nearest.map_or(0.0, |(_, way)| way))
-        }
+    if let path::Elbow::To(goal) = wanted {
+        let finite = goal.is_finite().then_some(goal);
+        return Ok(shorter(finite.ok_or(MotionFault::NotFinite)? - angle));
     }
+    let found = arm.arm_angles(end, here.branch, &traveller.model.limits);
+    let angles = found.map_err(|_| MotionFault::Unreachable { fraction: 1.0 })?;
+    if let Some([lower, upper]) = angles.around(angle) {
+        return Ok((lower + upper) / 2.0 - angle);
+    }
+    // The arm angle cannot stay: the nearest interval, the shorter way round.
+    let ways = angles.intervals().iter().map(|[lower, upper]| {
+        let [to_lower, to_upper] = [lower - angle, upper - angle].map(shorter);
+        let middle = (upper - lower) / 2.0;
+        if to_lower.abs() < to_upper.abs() {
+            (to_lower.abs(), to_lower + middle)
+        } else {
+            (to_upper.abs(), to_upper - middle)
+        }
+    });
+    let nearest = ways.min_by(|(a, _), (b, _)| a.total_cmp(b));
+    // None at all: the walk along the path tells which joint is beyond its limit, and where.
+    Ok(nearest.map_or(0.0, |(_, way)| way))
 }
 
 /// The same turn the shorter way round, in [-π, π].

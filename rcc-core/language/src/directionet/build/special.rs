@@ -158,12 +158,13 @@ impl Build<'_, '_> {
         made
     }
 
-    fn key(&mut self, number: usize, entry: &'static Entry) -> Option<(String, Span)> {
-        let literal = self.parameter(number, entry, "Key")?;
+    /// A parameter that is a name, and must be given.
+    fn text(&mut self, number: usize, entry: &'static Entry, name: &str) -> Option<(String, Span)> {
+        let literal = self.parameter(number, entry, name)?;
         match literal.shape {
-            Shape::Text(key) if !key.is_empty() => Some((key, literal.span)),
+            Shape::Text(text) if !text.is_empty() => Some((text, literal.span)),
             _ => {
-                let message = format!("{} needs a `Key`", entry.name);
+                let message = format!("{} needs a `{name}`", entry.name);
                 self.error(fault::MISSING_PARAMETER, self.span(number), message, None);
                 None
             }
@@ -172,7 +173,7 @@ impl Build<'_, '_> {
 
     /// Several primitives with one key share one value.
     fn set_from_outside(&mut self, number: usize, entry: &'static Entry) {
-        let Some((key, _)) = self.key(number, entry) else {
+        let Some((key, _)) = self.text(number, entry, "Key") else {
             return;
         };
         let Some(initial) = self.parameter(number, entry, "Value") else {
@@ -196,16 +197,22 @@ impl Build<'_, '_> {
         self.put(number, "outValue", value);
     }
 
-    fn shown_outside(&mut self, number: usize, entry: &'static Entry) {
-        let Some((key, _)) = self.key(number, entry) else {
-            return;
-        };
+    /// What is given to the application or to another net, as one value.
+    fn one_value(&mut self, number: usize, entry: &'static Entry) -> (Value, Span) {
         let (value, span) = self.argument(number, entry, "inValue");
         let value = match value {
             // A list of one's own is made into a value by what reads it.
             Value::List(_) | Value::Delayed(_) => self.pass(value),
             value => value,
         };
+        (value, span)
+    }
+
+    fn shown_outside(&mut self, number: usize, entry: &'static Entry) {
+        let Some((key, _)) = self.text(number, entry, "Key") else {
+            return;
+        };
+        let (value, span) = self.one_value(number, entry);
         let report = self.parameter(number, entry, "Report");
         let id = super::finish::id(&format!("out{key}"));
         if report.is_some_and(|report| report.shape == Shape::Bool(false)) {
@@ -237,18 +244,7 @@ impl Build<'_, '_> {
         entry: &'static Entry,
         prefix: &str,
     ) -> Option<(String, Span)> {
-        let names = ["RemoteNet", "RemoteKey"].map(|name| {
-            let literal = self.parameter(number, entry, name)?;
-            match literal.shape {
-                Shape::Text(text) if !text.is_empty() => Some((text, literal.span)),
-                _ => {
-                    let message = format!("{} needs a `{name}`", entry.name);
-                    self.error(fault::MISSING_PARAMETER, self.span(number), message, None);
-                    None
-                }
-            }
-        });
-        let [net, key] = names;
+        let [net, key] = ["RemoteNet", "RemoteKey"].map(|name| self.text(number, entry, name));
         let ((net, span), (key, _)) = (net?, key?);
         // As the net is named that is read from the file of this name.
         let net = crate::directionet::net_name(&net);
@@ -281,11 +277,7 @@ impl Build<'_, '_> {
         let Some((topic, span)) = self.remote(number, entry, "in") else {
             return;
         };
-        let (value, _) = self.argument(number, entry, "inValue");
-        let value = match value {
-            Value::List(_) | Value::Delayed(_) => self.pass(value),
-            value => value,
-        };
+        let (value, _) = self.one_value(number, entry);
         let id = super::finish::id(&topic);
         self.publish(number, topic, value, span, id);
     }

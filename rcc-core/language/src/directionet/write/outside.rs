@@ -9,12 +9,7 @@ impl Writer<'_, '_> {
     /// A value from or to the application, its id as the key.
     pub(super) fn keyed(&mut self, primitive: &Primitive, suffix: &str) -> Vec<String> {
         let id = &primitive.id.name;
-        let ty = self.type_of(id, "value");
-        let Some((ty, prefix)) = ty.and_then(|ty| Some((ty, family(ty)?))) else {
-            self.refuse(
-                primitive.id.span,
-                format!("`{}` of an array", primitive.type_name.name),
-            );
+        let Some((ty, prefix)) = self.family_of(primitive, "value") else {
             return Vec::new();
         };
         let mut arguments = vec![format!("Key='{id}'")];
@@ -88,15 +83,19 @@ impl Writer<'_, '_> {
         else {
             return None;
         };
-        let ty = self.type_of(&primitive.id.name, port);
-        let Some((ty, prefix)) = ty.and_then(|ty| Some((ty, family(ty)?))) else {
-            self.refuse(
-                primitive.id.span,
-                format!("`{}` of an array", primitive.type_name.name),
-            );
-            return None;
-        };
+        let (ty, prefix) = self.family_of(primitive, port)?;
         Some((ty, prefix, topic.clone()))
+    }
+
+    /// Their type of a port, and the prefix of its family.
+    fn family_of(&mut self, primitive: &Primitive, port: &str) -> Option<(Type, &'static str)> {
+        let ty = self.type_of(&primitive.id.name, port);
+        let found = ty.and_then(|ty| Some((ty, family(ty)?)));
+        if found.is_none() {
+            let what = format!("`{}` of an array", primitive.type_name.name);
+            self.refuse(primitive.id.span, what);
+        }
+        found
     }
 
     fn no_topic(&mut self, primitive: &Primitive, topic: &str) {
