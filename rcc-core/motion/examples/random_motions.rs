@@ -1,5 +1,6 @@
 //! Random motions of each kind, as many as one likes:
-//! `cargo run --release -p rcc-motion --example random_motions -- 100000 [KIND]`. One thread.
+//! `cargo run --release -p rcc-motion --example random_motions -- 100000 [KIND [ROBOT]]`. One thread;
+//! COUNT is shared out to three robots, so a ROBOT that is named runs a third of it.
 
 #[path = "../tests/motions/mod.rs"]
 mod motions;
@@ -12,7 +13,7 @@ fn main() {
         .next()
         .and_then(|count| count.parse().ok())
         .unwrap_or(10_000);
-    let only = arguments.next();
+    let (only, robot) = (arguments.next(), arguments.next());
     println!(
         "kind           robot          motions  refused    cycles  off path  velocity  accel.    jerk  broken"
     );
@@ -23,7 +24,8 @@ fn main() {
             continue;
         }
         let robots = robots();
-        for robot in &robots {
+        for robot in (robots.iter()).filter(|of| robot.as_ref().is_none_or(|name| of.name == *name))
+        {
             let (mut worst, mut ran, mut refused, mut broken) = (Worst::default(), 0, 0, 0);
             // As many motions as were asked for, whatever is refused on the way.
             for seed in 0.. {
