@@ -28,7 +28,7 @@ pub struct DeviceModel {
     pub first_tolerance_rad: f64,
     /// Where its base stands in the world of the cell.
     pub base: Pose,
-    /// Where the arm may be, `None` = anywhere; what a net is checked for before it starts.
+    /// Where the arm may be, `None` = anywhere; a net is checked for it before it starts, and each set-point by the guard.
     pub workspace: Option<Workspace>,
     /// Number of digital inputs, digital outputs, analog inputs, analog outputs.
     pub channels: [u32; 4],

@@ -4,7 +4,9 @@
 use core::fmt;
 
 use crate::impedance::{AXES, Impedance, ImpedanceLimits, Strategy};
+use crate::kinematics::Arm;
 use crate::message::JOINTS_MAX;
+use crate::workspace::{Leaves, Stay, Workspace};
 
 mod impedance;
 
@@ -61,11 +63,15 @@ pub enum ViolationKind {
     Added,
     /// For another control strategy than the controller runs; value and limit are their numbers.
     Strategy,
+    /// Outside of the box of the workspace.
+    Workspace,
+    /// Nearer to a singular position than the workspace allows.
+    Singularity,
 }
 
 impl ViolationKind {
     /// All kinds, in order of their numbers from 1.
-    pub const ALL: [ViolationKind; 10] = [
+    pub const ALL: [ViolationKind; 12] = [
         ViolationKind::NotFinite,
         ViolationKind::Range,
         ViolationKind::Velocity,
@@ -76,6 +82,8 @@ impl ViolationKind {
         ViolationKind::Damping,
         ViolationKind::Added,
         ViolationKind::Strategy,
+        ViolationKind::Workspace,
+        ViolationKind::Singularity,
     ];
 
     /// The number that crosses processes; 0 means no violation.
@@ -88,6 +96,12 @@ impl ViolationKind {
     #[must_use]
     pub fn from_number(number: u32) -> Option<ViolationKind> {
         Self::ALL.get((number as usize).checked_sub(1)?).copied()
+    }
+
+    /// True for what is a matter of the whole device: no joint and no axis has to do with it.
+    #[must_use]
+    pub fn is_of_device(self) -> bool {
+        matches!(self, Self::Strategy | Self::Singularity)
     }
 }
 
@@ -122,7 +136,8 @@ impl Violation {
             ViolationKind::StiffnessRate => "N·m/rad/s",
             ViolationKind::Added if along => "N",
             ViolationKind::Added => "N·m",
-            ViolationKind::Damping | ViolationKind::Strategy => "",
+            ViolationKind::Damping | ViolationKind::Strategy | ViolationKind::Singularity => "",
+            ViolationKind::Workspace => "m",
             ViolationKind::NotFinite | ViolationKind::Range | ViolationKind::Jump => "rad",
             ViolationKind::Velocity => "rad/s",
             ViolationKind::Acceleration => "rad/s²",
@@ -130,17 +145,30 @@ impl Violation {
     }
 }
 
+impl From<Leaves> for Violation {
+    fn from(leaves: Leaves) -> Violation {
+        match leaves {
+            Leaves::Box { axis, value, limit } => Violation {
+                kind: ViolationKind::Workspace,
+                joint: JOINTS_MAX as u8 + axis,
+                value,
+                limit,
+            },
+            Leaves::Singular { near, limit } => Violation {
+                kind: ViolationKind::Singularity,
+                joint: 0,
+                value: near.distance,
+                limit,
+            },
+        }
+    }
+}
+
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (value, limit, unit) = (self.value, self.limit, self.unit());
-        if self.kind == ViolationKind::Strategy {
-            let (asked, runs) = (Strategy::words(value as u64), Strategy::words(limit as u64));
-            return write!(
-                f,
-                "the set-point is for {asked}, the controller runs {runs}"
-            );
-        }
         match axis(usize::from(self.joint)) {
+            _ if self.kind.is_of_device() => {}
             Some(axis) => write!(f, "axis {axis}: ")?,
             None => write!(f, "joint {}: ", u16::from(self.joint) + 1)?,
         }
@@ -171,8 +199,23 @@ impl fmt::Display for Violation {
             ViolationKind::Added => {
                 write!(f, "{value} {unit} on top exceed {limit} {unit}")
             }
-            // Said above.
-            ViolationKind::Strategy => Ok(()),
+            ViolationKind::Strategy => {
+                let (asked, runs) = (Strategy::words(value as u64), Strategy::words(limit as u64));
+                write!(
+                    f,
+                    "the set-point is for {asked}, the controller runs {runs}"
+                )
+            }
+            ViolationKind::Workspace => {
+                write!(
+                    f,
+                    "{value} {unit} is outside of the workspace, the bound is {limit} {unit}"
+                )
+            }
+            ViolationKind::Singularity => write!(
+                f,
+                "too near to a singular position: {value}, the workspace allows {limit}"
+            ),
         }
     }
 }
@@ -207,6 +250,8 @@ pub struct Guard {
     /// `None`: the arm is commanded in position only.
     impedance: Option<ImpedanceLimits>,
     last_impedance: Option<Impedance>,
+    /// `None`: the arm may be anywhere.
+    stay: Option<Stay>,
 }
 
 impl Guard {
@@ -220,6 +265,7 @@ impl Guard {
             history: None,
             impedance: None,
             last_impedance: None,
+            stay: None,
         }
     }
 
@@ -227,6 +273,13 @@ impl Guard {
     #[must_use]
     pub fn with_impedance(self, impedance: Option<ImpedanceLimits>) -> Self {
         Self { impedance, ..self }
+    }
+
+    /// Where the arm may be; `None`: anywhere, as a device without kinematics.
+    #[must_use]
+    pub fn with_workspace(self, arm: Option<Arm>, space: Option<Workspace>) -> Self {
+        let stay = arm.zip(space).map(|(arm, space)| Stay::new(arm, space));
+        Self { stay, ..self }
     }
 
     /// The first set-point of a device that becomes commanded: it must match `hold`, where the driver holds the device
@@ -247,6 +300,9 @@ impl Guard {
             joint.check(ViolationKind::Jump, jump, self.first_tolerance, 0.0)?;
             *kept = asked;
         }
+        if let Some(stay) = &mut self.stay {
+            stay.begin(&history.position);
+        }
         self.history = Some(history);
         self.last_impedance = None;
         Ok(())
@@ -256,7 +312,7 @@ impl Guard {
     /// accepted. Velocity and acceleration are finite differences. Without a [`Guard::first`] before, it is a jump.
     ///
     /// # Errors
-    /// The first joint that breaks a rule; the history stays at the last accepted set-point.
+    /// The first joint that breaks a rule, or where it leaves its workspace; the history stays at the last accepted set-point.
     pub fn check(&mut self, position: &[f64], dt_s: f64) -> Result<(), Violation> {
         let Some(mut history) = self.history else {
             let value = element(position, 0);
@@ -288,6 +344,9 @@ impl Guard {
                 rounding / between_s,
             )?;
             (*last_position, *last_velocity) = (asked, velocity);
+        }
+        if let Some(stay) = &mut self.stay {
+            stay.check(&history.position)?;
         }
         history.dt_s = Some(dt_s);
         self.history = Some(history);

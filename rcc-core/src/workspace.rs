@@ -1,8 +1,9 @@
 //! Where an arm may be: a box in its base frame, for the flange or a point that is fixed to it, and not next to a singular
 //! position.
-//! Plain data and arithmetic; what a net would do is held against it before the net starts.
+//! Plain data and arithmetic. A net is held against it before it starts, and each set-point by the guard.
 
-use crate::kinematics::Singularity;
+use crate::kinematics::{Arm, Singularity};
+use crate::message::Joints;
 use crate::pose::Pose;
 
 /// A box whose edges are parallel to the axes of the arm's base, bounds included.
@@ -18,21 +19,42 @@ pub struct Workspace {
     pub singularity_min: f64,
 }
 
-/// Where a point is outside.
+/// How an arm leaves its workspace.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outside {
-    /// 0, 1, 2: x, y, z.
-    pub axis: u8,
-    /// Where the point is on that axis, m.
-    pub value: f64,
-    /// The bound that it is beyond, m.
-    pub limit: f64,
+pub enum Leaves {
+    /// Through a side of the box.
+    Box {
+        /// 0, 1, 2: x, y, z.
+        axis: u8,
+        /// Where the point would be on that axis, m.
+        value: f64,
+        /// The bound that it is beyond, m.
+        limit: f64,
+    },
+    /// Towards a singular position.
+    Singular {
+        /// Which, and how near.
+        near: Singularity,
+        /// How near it may come.
+        limit: f64,
+    },
+}
+
+/// An arm that stays in its workspace. Who rests outside may come back, or stay, but not go further out.
+#[derive(Clone, Copy, Debug)]
+pub struct Stay {
+    arm: Arm,
+    space: Workspace,
+    /// Of the last set-point: how far the point is beyond each axis' bounds, m (negative = inside), and the distance to a
+    /// singular position. ∞ and 0 = wherever it comes from.
+    beyond: [f64; 3],
+    distance: f64,
 }
 
 /// Rounding, m: a pose that was made for the bound itself is inside.
 const ROUNDING_M: f64 = 1e-9;
-/// Rounding of a distance to a singular position.
-const ROUNDING_SINE: f64 = 1e-12;
+/// Rounding of what an arm that rests outside computes of its own place (m, or a sine).
+const ROUNDING: f64 = 1e-12;
 
 impl Workspace {
     /// Without any bound, for the flange.
@@ -50,82 +72,195 @@ impl Workspace {
         let [a, b, c] = flange.position;
         [a + x, b + y, c + z]
     }
+}
 
-    /// Whether an arm that was so far from a singular position (`before`, NaN = not known) comes too near to one. Who is too
-    /// near may go away from it: an arm that rests there can be moved.
+impl Stay {
+    /// Of an arm that may rest anywhere.
     #[must_use]
-    pub fn comes_too_near(&self, now: &Singularity, before: f64) -> bool {
-        let nearer = before.is_nan() || now.distance < before - ROUNDING_SINE;
-        now.distance < self.singularity_min && nearer
+    pub fn new(arm: Arm, space: Workspace) -> Stay {
+        Stay {
+            arm,
+            space,
+            beyond: [f64::INFINITY; 3],
+            distance: 0.0,
+        }
     }
 
-    /// The first bound that the point is beyond, if the flange is there; a pose that is not finite is beyond.
-    #[must_use]
-    pub fn outside(&self, flange: &Pose) -> Option<Outside> {
-        let point = self.point_at(flange);
-        let bounds = self.lower.into_iter().zip(self.upper);
-        for ((value, (lower, upper)), axis) in point.into_iter().zip(bounds).zip(0..) {
-            let limit = if value >= lower - ROUNDING_M {
-                upper
-            } else {
-                lower
-            };
-            let inside = value >= lower - ROUNDING_M && value <= upper + ROUNDING_M;
-            if !inside {
-                return Some(Outside { axis, value, limit });
+    /// The arm rests there, rad; wherever that is, it may.
+    pub fn begin(&mut self, joints: &Joints) {
+        let (point, near) = self.at(joints);
+        self.beyond = self.beyond_of(&point).map(|(beyond, _)| beyond);
+        self.distance = near.map_or(0.0, |near| near.distance);
+    }
+
+    /// A further set-point, rad.
+    ///
+    /// # Errors
+    /// It leaves the workspace, or is null; the last one stays what the next is compared with.
+    pub fn check(&mut self, joints: &Joints) -> Result<(), Leaves> {
+        let (point, near) = self.at(joints);
+        let now = self.beyond_of(&point);
+        for (((beyond, limit), last), (value, axis)) in now
+            .into_iter()
+            .zip(self.beyond)
+            .zip(point.into_iter().zip(0..))
+        {
+            // Asked this way round, a NaN leaves.
+            let stays = beyond <= ROUNDING_M || beyond <= last + ROUNDING;
+            if !stays {
+                return Err(Leaves::Box { axis, value, limit });
             }
         }
-        None
+        if let Some(near) = near {
+            let limit = self.space.singularity_min;
+            let stays = near.distance >= limit || near.distance >= self.distance - ROUNDING;
+            if !stays {
+                return Err(Leaves::Singular { near, limit });
+            }
+            self.distance = near.distance;
+        }
+        self.beyond = now.map(|(beyond, _)| beyond);
+        Ok(())
+    }
+
+    /// Where the point is, and the nearest singular position if there is a bound to it.
+    fn at(&self, joints: &Joints) -> ([f64; 3], Option<Singularity>) {
+        let point = self.space.point_at(&self.arm.forward(joints));
+        let bounded = self.space.singularity_min > 0.0;
+        (point, bounded.then(|| self.arm.singularity(joints)))
+    }
+
+    /// How far a point is beyond the nearer bound of each axis, and that bound.
+    fn beyond_of(&self, point: &[f64; 3]) -> [(f64, f64); 3] {
+        let Workspace { lower, upper, .. } = self.space;
+        core::array::from_fn(|axis| {
+            let [value, lower, upper] =
+                [point, &lower, &upper].map(|of| of.get(axis).copied().unwrap_or(f64::NAN));
+            if lower - value > value - upper {
+                (lower - value, lower)
+            } else {
+                (value - upper, upper)
+            }
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kinematics::SingularityKind;
+    use crate::testing::lwr;
 
-    const BOX: Workspace = Workspace {
-        lower: [0.2, -0.5, f64::NEG_INFINITY],
-        upper: [0.8, 0.5, 1.0],
-        point: [0.0, 0.0, 0.1],
-        singularity_min: 0.0,
-    };
+    const REST: Joints = [0.3, -0.5, -0.2, 1.4, 0.1, -1.0, 0.3, 0.0];
+
+    fn arm() -> Arm {
+        lwr().arm.unwrap()
+    }
+
+    fn resting(space: Workspace, joints: &Joints) -> Stay {
+        let mut stay = Stay::new(arm(), space);
+        stay.begin(joints);
+        assert_eq!(stay.check(joints), Ok(()), "at rest");
+        stay
+    }
+
+    /// With joint 1 turned by so much, the flange goes along y.
+    fn turned(by: f64) -> Joints {
+        let mut joints = REST;
+        joints[0] += by;
+        joints
+    }
+
+    fn y_of(joints: &Joints) -> f64 {
+        arm().forward(joints).position[1]
+    }
 
     #[test]
     fn bounds_are_inside_and_what_is_beyond_is_named() {
-        let down = [core::f64::consts::PI, 0.0, 0.0];
-        let at = |x, y, z| Pose::from_xyz_rpy([x, y, z], down);
-        // The tool points down: its tip is 0.1 m below the flange.
-        assert_eq!(BOX.outside(&at(0.2, 0.5, 1.1)), None);
-        assert_eq!(BOX.outside(&at(0.3, 0.0, -5.0)), None);
-        let above = BOX.outside(&at(0.3, 0.0, 1.2)).unwrap();
-        assert_eq!((above.axis, above.limit), (2, 1.0));
-        assert!((above.value - 1.1).abs() < 1e-12);
-        let left = BOX.outside(&at(0.3, -0.6, 0.0)).unwrap();
-        assert_eq!((left.axis, left.value, left.limit), (1, -0.6, -0.5));
+        let mut space = Workspace::ANYWHERE;
+        space.upper[1] = y_of(&turned(0.1));
+        let mut stay = resting(space, &REST);
+        assert_eq!(stay.check(&turned(0.1)), Ok(()), "the bound itself");
+        let outside = stay.check(&turned(0.11));
+        let (value, limit) = (y_of(&turned(0.11)), space.upper[1]);
+        assert_eq!(
+            outside,
+            Err(Leaves::Box {
+                axis: 1,
+                value,
+                limit
+            })
+        );
+        assert_eq!(stay.check(&turned(-0.5)), Ok(()), "the other way");
+        space.lower[1] = y_of(&turned(-0.1));
+        let outside = resting(space, &REST).check(&turned(-0.2));
+        assert!(
+            matches!(outside, Err(Leaves::Box { axis: 1, limit, .. }) if limit == space.lower[1])
+        );
+    }
+
+    #[test]
+    fn it_is_the_point_that_stays_inside() {
+        let at = |point| {
+            Workspace {
+                point,
+                ..Workspace::ANYWHERE
+            }
+            .point_at(&arm().forward(&REST))
+        };
+        let (flange, tip) = (at([0.0; 3]), at([0.0, 0.0, 0.2]));
+        let mut space = Workspace::ANYWHERE;
+        space.point = [0.0, 0.0, 0.2];
+        space.lower[2] = (flange[2] + tip[2]) / 2.0;
+        assert!(tip[2] < flange[2], "the tool points down");
+        let mut stay = Stay::new(arm(), space);
+        stay.begin(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let Err(Leaves::Box { axis: 2, value, .. }) = stay.check(&REST) else {
+            panic!("the tip is below");
+        };
+        assert!((value - tip[2]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn who_rests_outside_may_come_back_but_not_go_further() {
+        let mut space = Workspace::ANYWHERE;
+        space.upper[1] = y_of(&turned(-0.2));
+        let mut stay = resting(space, &REST);
+        assert!(stay.check(&turned(1e-6)).is_err(), "further out");
+        assert_eq!(stay.check(&turned(-0.1)), Ok(()), "nearer");
+        assert!(stay.check(&turned(-0.09)).is_err(), "out again");
+        assert_eq!(stay.check(&turned(-0.3)), Ok(()), "inside");
+        assert!(stay.check(&turned(-0.19)).is_err(), "it was inside");
     }
 
     #[test]
     fn an_arm_may_go_away_from_a_singular_position_but_not_nearer() {
+        let bent = |by: f64| {
+            let mut joints = REST;
+            joints[3] = by;
+            joints
+        };
         let space = Workspace {
-            singularity_min: 0.1,
-            ..BOX
+            singularity_min: libm::sin(0.1),
+            ..Workspace::ANYWHERE
         };
-        let at = |distance| Singularity {
-            kind: SingularityKind::Elbow,
-            distance,
+        let mut stay = resting(space, &bent(0.2));
+        assert_eq!(stay.check(&bent(0.11)), Ok(()));
+        let Err(Leaves::Singular { near, .. }) = stay.check(&bent(0.09)) else {
+            panic!("too near");
         };
-        assert!(!space.comes_too_near(&at(0.1), 0.2), "the bound itself");
-        assert!(space.comes_too_near(&at(0.09), 0.11));
-        assert!(space.comes_too_near(&at(0.09), f64::NAN));
-        assert!(!space.comes_too_near(&at(0.05), 0.04), "away from it");
-        assert!(!space.comes_too_near(&at(0.05), 0.05), "at rest");
-        assert!(!BOX.comes_too_near(&at(0.0), 0.1), "without a bound");
+        assert!((near.distance - libm::sin(0.09)).abs() < 1e-12);
+        let mut stay = resting(space, &bent(0.04));
+        assert_eq!(stay.check(&bent(0.05)), Ok(()), "away from it");
+        assert!(stay.check(&bent(0.045)).is_err(), "nearer again");
+        assert_eq!(
+            resting(Workspace::ANYWHERE, &bent(0.04)).check(&bent(0.0)),
+            Ok(())
+        );
     }
 
     #[test]
-    fn what_is_no_pose_is_outside_even_of_what_has_no_bounds() {
-        let nowhere = Pose::from_slots([f64::NAN; 7]);
-        assert!(Workspace::ANYWHERE.outside(&nowhere).is_some());
+    fn null_is_outside_even_of_what_has_no_bounds() {
+        let nowhere = [f64::NAN; crate::message::JOINTS_MAX];
+        assert!(resting(Workspace::ANYWHERE, &REST).check(&nowhere).is_err());
     }
 }

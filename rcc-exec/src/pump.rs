@@ -283,6 +283,8 @@ impl Pump {
             ViolationKind::Damping => "damping ratio",
             ViolationKind::Added => "torque on top",
             ViolationKind::Strategy => "control strategy",
+            ViolationKind::Workspace => "workspace",
+            ViolationKind::Singularity => "distance to a singular position",
         });
         // Of what is no joint, the rule says everything.
         let rule = match (violation, rule) {

@@ -2,7 +2,7 @@
 //! Each test has a cell of its own.
 
 use rcc_ipc::Role;
-use rcc_tests::simulator::Simulator;
+use rcc_tests::simulator::{Simulator, joints_of};
 use rcc_tests::{TestCell, await_some, repository};
 
 /// The table of `configs/cells/impedance.yaml`, and the springs and the way of `configs/impedance/press.yaml`.
@@ -10,6 +10,22 @@ const TABLE: f64 = 30_000.0;
 const SPRING: f64 = 500.0;
 const DEPTH: f64 = 0.02;
 const ON_TOP: f64 = 5.0;
+/// The last joint hangs on a spring of 200 N·m/rad, and 2 N·m turn it on top.
+const JOINT_SPRING: f64 = 200.0;
+const TORQUE: f64 = 2.0;
+const JOINTS: &str = "
+net: joint-springs
+primitives:
+  cancel: {type: Cancel}
+  robot:
+    type: JointImpedanceCommand
+    parameters: {device: lwr}
+    inputs:
+      position: [deg(0), deg(-30), deg(0), deg(90), deg(0), deg(-60), deg(0)]
+      stiffness: [1000, 1000, 1000, 1000, 1000, 1000, 200]
+      torque: [0, 0, 0, 0, 0, 0, 2]
+  end: {type: Termination, inputs: {done: cancel.requested}}
+";
 /// What binary32 on the wire and the arm's last movements leave, N.
 const CLOSE: f64 = 0.02;
 
@@ -110,6 +126,43 @@ fn null_in_the_wrench_releases_the_arm() {
     assert_eq!(cell.state(id)["state"], "running");
     cell.done(id, "cancel");
     cell.assert_ends(id, "canceled");
+    cell.stop();
+}
+
+#[test]
+fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
+    let path = repository().join("configs/cells/impedance.yaml");
+    let cell = TestCell::start(&path, |text| {
+        text.replace("cartesian-impedance ", "joint-impedance ")
+    });
+    let mut arm = cell.simulator("fri_control");
+    cell.await_devices();
+    let mut await_angle = |wanted: f64| {
+        let mut close = || {
+            let state = arm.state();
+            let (q, tick) = (joints_of(&state["q"]), state["tick"].as_u64()?);
+            let others = q[0].abs() < 1e-4 && (q[3] - 90_f64.to_radians()).abs() < 1e-4;
+            ((q[6] - wanted).abs() < 1e-4 && others && state["at_rest"] == true).then_some(tick)
+        };
+        let begun = await_some(&format!("J7 to be at {wanted} rad"), &mut close);
+        await_some("that to last", || (close()? > begun + 200).then_some(()));
+        let state = arm.state();
+        assert_eq!(state["faults"], serde_json::json!([]), "{state}");
+        assert_eq!(state["strategy"], "joint-impedance", "{state}");
+    };
+    await_angle(0.0);
+    let id = cell.run(JOINTS);
+    await_angle(TORQUE / JOINT_SPRING);
+    cell.done(id, "cancel");
+    cell.assert_ends(id, "canceled");
+    await_angle(0.0);
+    cell.await_device("lwr", "ready");
+    let id = cell.load(&JOINTS.replace("0, 2]", "0, 1000]"));
+    let words = cell.operate(id, "start").body.to_string();
+    assert!(
+        words.contains("lwr joint 7: 1000 N·m on top exceed 15 N·m"),
+        "{words}"
+    );
     cell.stop();
 }
 

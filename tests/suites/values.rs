@@ -215,3 +215,52 @@ fn a_net_shows_what_another_one_publishes_while_that_runs() {
     await_some("the next one publishes", known);
     cell.stop();
 }
+
+/// Joint 1 follows a value that is set, so that no rehearsal knows where it goes.
+const JOG: &str = "
+net: jog
+primitives:
+  turn:  {type: Input, parameters: {initial: 0 rad}}
+  cancel: {type: Cancel}
+  move:
+    type: JointGoal
+    parameters: {device: lwr, scale: 0.3}
+    inputs: {goal: [turn.value, deg(-30), deg(0), deg(90), deg(0), deg(-60), deg(0)], stop: cancel.requested}
+  robot: {type: JointPositionCommand, parameters: {device: lwr}, inputs: {position: move.position}}
+  over:  {type: And, inputs: {a: cancel.requested, b: move.done}}
+  end:   {type: Termination, inputs: {done: over.out}}
+";
+
+#[test]
+fn a_value_that_leads_the_arm_out_of_its_workspace_ends_the_net_with_axis_and_bound() {
+    let cell = TestCell::start(&repository().join("configs/cells/demo.yaml"), |text| {
+        text.replace(
+            "    first_tolerance: deg(0.1)\n",
+            "    first_tolerance: deg(0.1)\n    workspace: {box: {y: [-0.1 m, 0.1 m]}}\n",
+        )
+    });
+    cell.await_devices();
+    let set = |id: u64, turn: &str| {
+        let body = format!(r#"{{"turn": "{turn}"}}"#);
+        let reply = cell.rest("PUT", &format!("/commands/{id}/inputs"), &body);
+        assert_eq!(reply.status, 200, "{reply:?}");
+    };
+    // Inside, and back; then out.
+    let id = cell.run(JOG);
+    set(id, "deg(10)");
+    await_some("the arm to go there", || {
+        (value(&cell, id, "move.position")[0].as_f64()? > 0.17).then_some(())
+    });
+    set(id, "deg(30)");
+    cell.assert_ends(id, "fault");
+    let fault = &cell.state(id)["fault"];
+    assert_eq!(fault["fault"], "limit", "{fault}");
+    let words = fault["words"].as_str().expect("words");
+    assert!(
+        words.contains("lwr would leave its workspace: y is 0.1")
+            && words.contains("the bound is 0.1000 m"),
+        "{words}"
+    );
+    cell.await_device("lwr", "ready");
+    cell.stop();
+}

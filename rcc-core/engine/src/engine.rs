@@ -138,8 +138,9 @@ impl Engine {
         };
         let device = |model: &DeviceModel| {
             let image = CommandImage::new(config.incarnation, config.period_ns);
-            let guard =
-                Guard::new(model.limits, model.first_tolerance_rad).with_impedance(model.impedance);
+            let guard = Guard::new(model.limits, model.first_tolerance_rad)
+                .with_impedance(model.impedance)
+                .with_workspace(model.arm, model.workspace);
             Device {
                 kept: (guard.clone(), None),
                 guard,

@@ -3,8 +3,11 @@
 mod common;
 
 use common::{Bench, HOLD, endless_net, line_net, model, motion_net, output_net};
+use rcc_core::frame::DeviceModel;
+use rcc_core::guard::{ViolationKind, axis};
 use rcc_core::message::{CommandState, DeviceState, EndReason, FaultCode};
 use rcc_core::plan::Resource;
+use rcc_core::workspace::Workspace;
 use rcc_engine::queue::Order;
 use rcc_ipc::control::{Answer, Refusal};
 
@@ -342,6 +345,56 @@ fn a_driver_that_stops_by_itself_ends_the_net() {
         assert_eq!(bench.until_terminated(id, 2), EndReason::Fault);
         assert_eq!(bench.entry(id).fault.code, FaultCode::DeviceLost as u32);
     }
+}
+
+#[test]
+fn a_set_point_outside_of_the_workspace_ends_the_net_with_axis_place_and_bound() {
+    let y = common::model().arm.unwrap().forward(&HOLD).position[1];
+    let mut space = Workspace::ANYWHERE;
+    space.upper[1] = y + 0.05;
+    let mut bench = Bench::with(DeviceModel {
+        workspace: Some(space),
+        ..common::model()
+    });
+    let id = bench.load(line_net());
+    bench.start(id);
+    assert_eq!(bench.until_terminated(id, 5000), EndReason::Fault);
+    let fault = bench.entry(id).fault;
+    assert_eq!(fault.code, FaultCode::Limit as u32);
+    assert_eq!(fault.violation, ViolationKind::Workspace.number());
+    assert_eq!(axis(fault.joint as usize - 1), Some("y"));
+    assert_eq!(fault.limit, y + 0.05);
+    assert!(
+        fault.value > fault.limit && fault.value < fault.limit + 1e-3,
+        "{fault:?}"
+    );
+    let told = bench.told();
+    let last = common::model().arm.unwrap().forward(&told.position);
+    assert!(
+        told.has_position == 0 || last.position[1] <= y + 0.05,
+        "it never left: {last:?}"
+    );
+}
+
+#[test]
+fn a_set_point_too_near_to_a_singular_position_ends_the_net_with_the_distance() {
+    let near = common::model().arm.unwrap().singularity(&HOLD);
+    let mut space = Workspace::ANYWHERE;
+    space.singularity_min = near.distance - 0.005;
+    let mut bench = Bench::with(DeviceModel {
+        workspace: Some(space),
+        ..common::model()
+    });
+    let id = bench.load(line_net());
+    bench.start(id);
+    assert_eq!(bench.until_terminated(id, 5000), EndReason::Fault);
+    let fault = bench.entry(id).fault;
+    assert_eq!(fault.violation, ViolationKind::Singularity.number());
+    assert_eq!((fault.joint, fault.limit), (0, space.singularity_min));
+    assert!(
+        fault.value < fault.limit && fault.value > fault.limit - 1e-3,
+        "{fault:?}"
+    );
 }
 
 #[test]

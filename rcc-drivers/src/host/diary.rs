@@ -2,7 +2,7 @@
 //! Run by the host's thread; the event log is written by a thread of its own.
 
 use rcc_config::DeviceConfig;
-use rcc_core::guard::{Violation, ViolationKind, axis};
+use rcc_core::guard::{Violation, axis};
 use rcc_core::message::{DeviceState, Measurement};
 use rcc_core::primitive::ChannelKind;
 use rcc_ipc::events::{self, Kind, Recorder};
@@ -153,8 +153,7 @@ fn has_changed(was: u32, now: u32) -> bool {
 
 fn refused(violation: &Violation) -> Kind {
     let number = |value: f64| value.is_finite().then_some(value);
-    let is_joint =
-        violation.kind != ViolationKind::Strategy && axis(usize::from(violation.joint)).is_none();
+    let is_joint = !violation.kind.is_of_device() && axis(usize::from(violation.joint)).is_none();
     let joint = is_joint.then(|| u32::from(violation.joint) + 1);
     Kind::Refused {
         joint: joint.unwrap_or(0),

@@ -407,6 +407,15 @@ impl Namer<'_> {
                 | ViolationKind::Damping
                 | ViolationKind::Added),
             ) => format!("{name} {}", impedance::rule(kind, joint, value, limit)),
+            Some(ViolationKind::Workspace) => {
+                let axis = axis((joint as usize).wrapping_sub(1)).unwrap_or("?");
+                format!(
+                    "{name} would leave its workspace: {axis} is {value:.4} m, the bound is {limit:.4} m"
+                )
+            }
+            Some(ViolationKind::Singularity) => format!(
+                "{name} would come too near to a singular position: {value:.4}, its `workspace:` allows {limit:.4}"
+            ),
             Some(ViolationKind::NotFinite) => {
                 format!("{what}: the set-point is not a finite number")
             }

@@ -293,10 +293,9 @@ fn fault_of(code: FaultCode, device: usize, cycle: u64, violation: Violation) ->
         (code, _) => code,
     };
     debug_assert!(usize::from(violation.joint) < JOINTS_MAX + AXES.len());
-    let joint = match violation.kind {
-        // A matter of the whole device.
-        ViolationKind::Strategy => 0,
-        _ => u32::from(violation.joint) + 1,
+    let joint = match violation.kind.is_of_device() {
+        true => 0,
+        false => u32::from(violation.joint) + 1,
     };
     FaultRecord {
         joint,

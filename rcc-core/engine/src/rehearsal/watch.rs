@@ -2,6 +2,7 @@
 
 use rcc_core::frame::{DeviceModel, DeviceOutput};
 use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
+use rcc_core::workspace::{Leaves, Stay};
 use rcc_ipc::rehearsal::{Foreseen, Peak, Rule};
 
 /// A velocity or an acceleration may exceed its limit by this part of it, as for the guard.
@@ -23,9 +24,10 @@ pub struct Watch {
     /// The last three set-points, newest first; `None` while nobody commands the arm.
     history: Option<[Joints; 3]>,
     peaks: [Peak; 3],
-    /// The smallest distance, and that of the last set-point; NaN = not known.
+    /// The smallest distance; NaN = not known.
     singularity: f64,
-    distance: f64,
+    /// As the guard will keep it; `None` = it may be anywhere.
+    stay: Option<Stay>,
 }
 
 /// A rule that a set-point breaks.
@@ -64,7 +66,7 @@ impl Watch {
             history: None,
             peaks: NO_PEAKS,
             singularity: f64::NAN,
-            distance: f64::NAN,
+            stay: (model.arm.zip(model.workspace)).map(|(arm, space)| Stay::new(arm, space)),
         }
     }
 
@@ -79,7 +81,7 @@ impl Watch {
             return self.engage(output, first);
         };
         if !output.has_position {
-            (self.history, self.distance) = (None, f64::NAN);
+            self.history = None;
             self.hold = history[0];
             let broken = self
                 .is_moving(&history, dt_s)
@@ -110,8 +112,9 @@ impl Watch {
             .take(self.model.limits.joints)
             .all(|(asked, hold)| (asked - hold).abs() <= tolerance);
         self.history = Some([output.position; 3]);
-        // Where it rests it may be.
-        self.distance = self.distance_at(&output.position);
+        if let Some(stay) = &mut self.stay {
+            stay.begin(&output.position);
+        }
         let broken = self.check(&output.position, &[output.position; 3], 1.0);
         Seen {
             moves: false,
@@ -218,25 +221,16 @@ impl Watch {
     /// Where the flange would be, and how near to a singularity.
     fn check_place(&mut self, asked: &Joints) -> Option<Broken> {
         let arm = self.model.arm?;
-        let near = arm.singularity(asked);
-        let before = self.distance;
-        self.singularity = self.singularity.min(near.distance);
-        self.distance = near.distance;
-        let space = self.model.workspace?;
-        if let Some(outside) = space.outside(&arm.forward(asked)) {
-            let axis = u32::from(outside.axis) + 1;
-            return Some(self.broken(Rule::Workspace, axis, outside.value, outside.limit));
+        self.singularity = self.singularity.min(arm.singularity(asked).distance);
+        match self.stay.as_mut()?.check(asked).err()? {
+            Leaves::Box { axis, value, limit } => {
+                Some(self.broken(Rule::Workspace, u32::from(axis) + 1, value, limit))
+            }
+            Leaves::Singular { near, limit } => {
+                let kind = near.kind.number();
+                Some(self.broken(Rule::Singularity, kind, near.distance, limit))
+            }
         }
-        let limit = space.singularity_min;
-        let kind = near.kind.number();
-        space
-            .comes_too_near(&near, before)
-            .then(|| self.broken(Rule::Singularity, kind, near.distance, limit))
-    }
-
-    fn distance_at(&self, joints: &Joints) -> f64 {
-        let near = self.model.arm.map(|arm| arm.singularity(joints));
-        near.map_or(f64::NAN, |near| near.distance)
     }
 }
 
