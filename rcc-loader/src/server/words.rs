@@ -615,9 +615,13 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
                 Quantity::Joint(which) => (joint(which), "rad"),
             };
             let per = ["s", "s²", "s³"][usize::from(order.clamp(1, 3)) - 1];
+            let rest = match value > limit {
+                true => "",
+                false => ", and what it leaves is too little to slow down with",
+            };
             (
                 format!(
-                    "at the given speed {what} would come to {value:.3} {unit}/{per} {}, its limit is {limit:.3} {unit}/{per}",
+                    "at the given speed {what} would come to {value:.3} {unit}/{per} {}, its limit is {limit:.3} {unit}/{per}{rest}",
                     place(fraction)
                 ),
                 format!(

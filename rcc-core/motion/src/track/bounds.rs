@@ -28,6 +28,9 @@ fn quantity(number: usize) -> Quantity {
 /// Added to every derivative, as part of it.
 pub(crate) const MARGIN: f64 = 0.005;
 
+/// A given speed is refused if it leaves less than this part of the greatest acceleration along the path.
+const LEAST_ACCELERATION: f64 = 1e-3;
+
 /// What of the limits is for what.
 pub(crate) struct Shares {
     /// Parts of the greatest acceleration that are tried: bends cost speed where the path's own acceleration is high.
@@ -84,6 +87,15 @@ pub(crate) struct Part {
     pub(crate) given: bool,
 }
 
+impl Part {
+    /// Each quantity of each sample with its limits.
+    fn all(&self) -> impl Iterator<Item = (&[f64; 3], &[f64; 3])> {
+        self.samples
+            .iter()
+            .flat_map(|sample| sample.iter().zip(&self.bounds))
+    }
+}
+
 /// Where and why a path cannot be gone along as fast as given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TooFast {
@@ -101,6 +113,19 @@ pub(crate) struct TooFast {
     pub(crate) limit: f64,
     /// The part of the given speed that is possible.
     pub(crate) possible: f64,
+}
+
+impl TooFast {
+    /// Nothing is.
+    const NONE: TooFast = TooFast {
+        part: 0,
+        fraction: 0.0,
+        quantity: Quantity::Line,
+        order: 1,
+        value: 0.0,
+        limit: f64::INFINITY,
+        possible: 1.0,
+    };
 }
 
 /// Why there are no limits.
@@ -136,24 +161,31 @@ pub(crate) fn widen(samples: &[Sample]) -> Vec<Sample> {
     (0..samples.len()).map(wide).collect()
 }
 
-/// The greatest speed at which the path may speed up by `acceleration`, and what limits it.
-fn speed(sample: &Sample, bounds: &Bounds, acceleration: f64, shares: &Shares) -> (f64, usize, u8) {
-    let mut lowest = (f64::INFINITY, 0, 1);
-    for (number, ([first, second, third], [v, a, j])) in sample.iter().zip(bounds).enumerate() {
+/// The greatest speed at which the path may speed up by `acceleration`, with the shares of the jerk limit.
+fn speed(part: &Part, acceleration: f64, shares: &Shares) -> f64 {
+    let mut lowest = f64::INFINITY;
+    for ([first, second, third], [v, a, j]) in part.all() {
         let left = (a - first * acceleration).max(0.0);
-        let by = [
+        for limit in [
             v / first,
             libm::sqrt(left / second),
-            libm::cbrt(shares.for_bends * j / third)
-                .min(shares.for_speed * j / (3.0 * second * acceleration)),
-        ];
-        for (order, speed) in (1u8..).zip(by) {
-            if speed < lowest.0 {
-                lowest = (speed, number, order);
-            }
+            libm::cbrt(shares.for_bends * j / third),
+            shares.for_speed * j / (3.0 * second * acceleration),
+        ] {
+            lowest = least(lowest, limit);
         }
     }
     lowest
+}
+
+/// The speed along the path that is given, whatever joints and bends say to it.
+fn given(part: &Part) -> f64 {
+    let rows = part
+        .samples
+        .iter()
+        .flat_map(|sample| sample.iter().zip(&part.bounds).take(2));
+    rows.map(|([first, ..], [v, ..])| v / first)
+        .fold(f64::INFINITY, least)
 }
 
 /// The lesser, where a NaN (no limit times nothing) is no limit.
@@ -172,48 +204,158 @@ pub(crate) fn allowed(
     shares: &Shares,
 ) -> Result<PathBounds, Refused> {
     let mut greatest = f64::INFINITY;
-    for part in parts {
-        for ([first, ..], [_, a, _]) in part.samples.iter().flat_map(|s| s.iter().zip(&part.bounds))
-        {
-            greatest = least(greatest, a / first);
-        }
+    for ([first, ..], [_, a, _]) in parts.iter().flat_map(Part::all) {
+        greatest = least(greatest, a / first);
     }
     let mut best: Option<(f64, PathBounds)> = None;
-    let mut refused = Refused::Clock;
-    for trial in shares.trials {
-        let tried = trial_of((parts, ends), trial * greatest, dt_s, shares);
-        match tried {
-            Ok(bounds) => {
-                let time = duration_s(&bounds);
-                if best.as_ref().is_none_or(|(shortest, _)| time < *shortest) {
-                    best = Some((time, bounds));
-                }
-            }
-            Err(error) => refused = error,
+    let mut too_fast = false;
+    for acceleration in shares.trials.iter().map(|trial| trial * greatest) {
+        let velocities = parts.iter().map(|part| {
+            let possible = speed(part, acceleration, shares);
+            let kept = !part.given || possible >= given(part) * (1.0 - 1e-9);
+            kept.then_some(possible)
+        });
+        let Some(velocities) = velocities.collect::<Option<Vec<_>>>() else {
+            too_fast = true;
+            continue;
+        };
+        let Some(bounds) = clock((parts, ends), &velocities, acceleration, dt_s, shares) else {
+            continue;
+        };
+        let time = duration_s(&bounds);
+        if best.as_ref().is_none_or(|(shortest, _)| time < *shortest) {
+            best = Some((time, bounds));
         }
     }
-    best.map(|(_, bounds)| bounds).ok_or(refused)
+    match best {
+        Some((_, bounds)) => Ok(bounds),
+        None if too_fast => as_given((parts, ends), greatest, dt_s, shares),
+        None => Err(Refused::Clock),
+    }
 }
 
-/// Limits with one acceleration.
-fn trial_of(
+/// Limits for given speeds that do not go with the shares of the jerk limit: bends take what they need, and half of what they
+/// leave is for changing the speed in them.
+fn as_given(
     (parts, ends): (&[Part], &[f64]),
-    acceleration: f64,
+    greatest: f64,
     dt_s: f64,
     shares: &Shares,
 ) -> Result<PathBounds, Refused> {
-    let (mut pieces, mut jerk) = (Vec::new(), f64::INFINITY);
-    for ((number, part), end) in parts.iter().enumerate().zip(ends) {
-        let v = velocity(number, part, acceleration, shares).map_err(Refused::TooFast)?;
-        for sample in &part.samples {
-            for ([first, second, third], [_, _, j]) in sample.iter().zip(&part.bounds) {
-                let rest = j - third * v * v * v - 3.0 * second * v * acceleration;
-                jerk = least(jerk, rest / first);
+    let enough = |room: &Room| room.acceleration >= LEAST_ACCELERATION * greatest;
+    let room = Room::at(parts, 1.0);
+    if enough(&room) {
+        let acceleration = least(greatest, room.acceleration);
+        let velocities = parts.iter().map(|part| match part.given {
+            true => given(part),
+            false => speed(part, acceleration, shares),
+        });
+        let velocities: Vec<f64> = velocities.collect();
+        let bounds = clock((parts, ends), &velocities, acceleration, dt_s, shares);
+        return bounds.ok_or(Refused::Clock);
+    }
+    let (mut possible, mut refused) = (0.0, 1.0);
+    for _ in 0..40 {
+        let between = 0.5 * (possible + refused);
+        match enough(&Room::at(parts, between)) {
+            true => possible = between,
+            false => refused = between,
+        }
+    }
+    Err(Refused::TooFast(TooFast {
+        possible,
+        ..room.fault
+    }))
+}
+
+/// What given speeds leave.
+struct Room {
+    /// The greatest acceleration along the path; negative: they are too fast.
+    acceleration: f64,
+    /// What leaves least.
+    fault: TooFast,
+}
+
+impl Room {
+    /// Of so many times the speeds that are given.
+    fn at(parts: &[Part], times: f64) -> Room {
+        let mut least = Room {
+            acceleration: f64::INFINITY,
+            fault: TooFast::NONE,
+        };
+        for (number, part) in parts.iter().enumerate().filter(|(_, part)| part.given) {
+            let speed = times * given(part);
+            for (at, sample) in part.samples.iter().enumerate() {
+                for (index, (derivatives, limits)) in sample.iter().zip(&part.bounds).enumerate() {
+                    let values = powers(derivatives, speed);
+                    for (order, acceleration) in (1u8..).zip(room(derivatives, limits, speed)) {
+                        if acceleration < least.acceleration {
+                            let place = usize::from(order) - 1;
+                            let fault = TooFast {
+                                part: number,
+                                fraction: at as f64 / (part.samples.len().max(2) - 1) as f64,
+                                quantity: quantity(index),
+                                order,
+                                value: values[place],
+                                limit: limits[place],
+                                possible: 0.0,
+                            };
+                            least = Room {
+                                acceleration,
+                                fault,
+                            };
+                        }
+                    }
+                }
             }
+        }
+        least
+    }
+}
+
+/// What velocity, acceleration and jerk come to at an even speed.
+fn powers([first, second, third]: &[f64; 3], speed: f64) -> [f64; 3] {
+    [
+        first * speed,
+        second * speed * speed,
+        third * speed * speed * speed,
+    ]
+}
+
+/// The accelerations along the path that velocity, acceleration and jerk of a quantity leave; -∞ for none.
+fn room(derivatives: &[f64; 3], limits: &[f64; 3], speed: f64) -> [f64; 3] {
+    let [first, second, _] = derivatives;
+    let [velocity, acceleration, jerk] = powers(derivatives, speed);
+    let [v, a, j] = limits;
+    let within = velocity <= v * (1.0 + 1e-9);
+    [
+        if within {
+            f64::INFINITY
+        } else {
+            f64::NEG_INFINITY
+        },
+        (a - acceleration) / first,
+        0.5 * (j - jerk) / (3.0 * second * speed),
+    ]
+}
+
+/// The clock with these velocities and one acceleration, and the jerk that all of them leave.
+fn clock(
+    (parts, ends): (&[Part], &[f64]),
+    velocities: &[f64],
+    acceleration: f64,
+    dt_s: f64,
+    shares: &Shares,
+) -> Option<PathBounds> {
+    let (mut pieces, mut jerk) = (Vec::new(), f64::INFINITY);
+    for ((part, end), v) in parts.iter().zip(ends).zip(velocities) {
+        for ([first, second, third], [_, _, j]) in part.all() {
+            let rest = j - third * v * v * v - 3.0 * second * v * acceleration;
+            jerk = least(jerk, rest / first);
         }
         pieces.push(PathPiece {
             end_s: *end,
-            velocity: v,
+            velocity: *v,
         });
     }
     if let Some(last) = pieces.last_mut().filter(|_| shares.run_out) {
@@ -222,45 +364,5 @@ fn trial_of(
         let build_up = (acceleration / jerk).max(libm::sqrt(v / jerk));
         last.end_s += v * (v / (2.0 * acceleration) + 1.5 * build_up + 2.0 * dt_s);
     }
-    PathBounds::new(&pieces, acceleration, jerk, dt_s).map_err(|_| Refused::Clock)
-}
-
-fn velocity(
-    number: usize,
-    part: &Part,
-    acceleration: f64,
-    shares: &Shares,
-) -> Result<f64, TooFast> {
-    let (mut lowest, mut place) = ((f64::INFINITY, 0, 1), 0);
-    // What the flange is given, without what joints and bends say.
-    let mut given = f64::INFINITY;
-    for (at, sample) in part.samples.iter().enumerate() {
-        let here = speed(sample, &part.bounds, acceleration, shares);
-        if here.0 < lowest.0 {
-            (lowest, place) = (here, at);
-        }
-        for ([first, ..], [v, ..]) in sample.iter().zip(&part.bounds).take(2) {
-            given = least(given, v / first);
-        }
-    }
-    let (possible, index, order) = lowest;
-    if !part.given || possible >= given * (1.0 - 1e-9) {
-        return Ok(possible);
-    }
-    let [first, second, third] = part.samples[place][index];
-    let [v, a, j] = part.bounds[index];
-    let (value, limit) = match order {
-        1 => (first * given, v),
-        2 => (second * given * given, a),
-        _ => (third * given * given * given, shares.for_bends * j),
-    };
-    Err(TooFast {
-        part: number,
-        fraction: place as f64 / (part.samples.len().max(2) - 1) as f64,
-        quantity: quantity(index),
-        order,
-        value,
-        limit,
-        possible: possible / given,
-    })
+    PathBounds::new(&pieces, acceleration, jerk, dt_s).ok()
 }

@@ -241,10 +241,18 @@ fn a_given_speed_is_kept_on_an_arc_and_refused_where_a_joint_cannot_follow() {
         assert!((radius - 0.05).abs() < 1e-12);
     }
     assert!(done.last().pose.distance_to(&at(0.0, 0.1)) < 1e-12);
-    let Err((0, MotionFault::TooFast { possible, .. })) = motion(&[arc(5.0)]) else {
-        panic!("5 m/s")
+    let fault = motion(&[arc(5.0)]).unwrap_err();
+    let MotionFault::TooFast {
+        possible,
+        value,
+        limit,
+        ..
+    } = fault.1
+    else {
+        panic!("{fault:?}")
     };
     assert!(possible > 0.01 && possible < 1.0);
+    assert!(value > limit, "{fault:?}");
     // What is said to be possible is.
     run(motion(&[arc(5.0 * possible * 0.999)]).unwrap(), free).judge(1.0);
     let slow = Leg {
@@ -267,6 +275,33 @@ fn a_given_speed_is_kept_on_an_arc_and_refused_where_a_joint_cannot_follow() {
         ),
         "{fault:?}"
     );
+}
+
+#[test]
+fn a_bend_may_take_nearly_all_of_the_jerk_limit_if_a_speed_is_given() {
+    let from = start();
+    let at = |x, y| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0; 3]));
+    // On a circle of radius r the jerk is v³/r².
+    let (radius, jerk) = (0.05_f64, 3.0_f64);
+    let arc = |speed: f64| Leg {
+        line: Limits::of([speed, 5.0, jerk]),
+        ..Leg::new(Segment::Circle {
+            via: at(radius, radius).position,
+            to: at(0.0, 2.0 * radius),
+            orientation: ArcOrientation::Constant,
+            angle: None,
+        })
+    };
+    let greatest = (jerk * radius * radius).cbrt();
+    run(motion(&[arc(0.96 * greatest)]).unwrap(), free).judge(1.0);
+    let (_, fault) = motion(&[arc(greatest)]).unwrap_err();
+    let MotionFault::TooFast {
+        order: 3, possible, ..
+    } = fault
+    else {
+        panic!("{fault:?}")
+    };
+    assert!(possible > 0.96 && possible < 1.0, "{possible}");
 }
 
 #[test]
