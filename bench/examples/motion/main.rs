@@ -1,8 +1,10 @@
 //! Measures motion and writes docs/performance-motion.md: `cargo run --release -p rcc-bench --example motion -- [--kinematics
-//! FILE] [--rounds N] [--output FILE]`. The file is what `bench/kinematics/compare --json` wrote. One thread.
+//! FILE] [--topp FILE] [--rounds N] [--output FILE]`. The files are what `bench/kinematics/compare --json` and
+//! `bench/topp/compare --json` wrote. One thread.
 
 #[path = "../performance/machine.rs"]
 mod machine;
+mod optimum;
 mod others;
 #[path = "../performance/table.rs"]
 mod table;
@@ -20,13 +22,15 @@ use crate::table::{spread, table, verdict};
 /// How the page is made.
 const CONSOLE: &str = "\
 $ bench/kinematics/compare --json target/kinematics.json      # as root, where the others are installed\n\
+$ bench/topp/compare --json target/topp.json                  # where toppra is installed\n\
 $ cargo build --release -p rcc-bench --example motion\n\
-$ chrt -f 10 taskset -c 1 target/release/examples/motion --kinematics target/kinematics.json\n";
+$ chrt -f 10 taskset -c 1 target/release/examples/motion --kinematics target/kinematics.json \\\n    --topp target/topp.json\n";
 
 /// What was asked for.
 struct Arguments {
     effort: Effort,
     kinematics: Option<PathBuf>,
+    topp: Option<PathBuf>,
     output: PathBuf,
 }
 
@@ -36,9 +40,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cycles = cycles(arguments.effort);
     let replan = replanning();
     let others = others::section(arguments.kinematics.as_deref())?;
+    let optimum = optimum::section(arguments.topp.as_deref())?;
     fs::write(
         &arguments.output,
-        [machine, cycles, replan, others].join("\n"),
+        [machine, cycles, replan, others, optimum].join("\n"),
     )?;
     eprintln!("motion: wrote {}", arguments.output.display());
     Ok(())
@@ -52,6 +57,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             stretch: Duration::from_millis(1),
         },
         kinematics: None,
+        topp: None,
         output: Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/performance-motion.md"),
     };
     let mut given = std::env::args().skip(1);
@@ -62,8 +68,13 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
         match name.as_str() {
             "--rounds" => arguments.effort.rounds = value.parse::<usize>()?.max(5),
             "--kinematics" => arguments.kinematics = Some(value.into()),
+            "--topp" => arguments.topp = Some(value.into()),
             "--output" => arguments.output = value.into(),
-            _ => return Err(format!("{name} is unknown: --rounds, --kinematics, --output").into()),
+            _ => {
+                return Err(
+                    format!("{name} is unknown: --rounds, --kinematics, --topp, --output").into(),
+                );
+            }
         }
     }
     Ok(arguments)

@@ -17,6 +17,7 @@ use rcc_motion::{Builder, MotionSet};
 
 mod judge;
 mod random;
+pub mod sampled;
 
 pub use judge::Worst;
 use judge::{Closely, Geometry, Judge, Reference};
@@ -274,9 +275,7 @@ fn crawls(mut motion: MotionSet) -> bool {
 /// cannot be built.
 #[must_use]
 pub fn compared(kind: Kind, robot: &Robot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
-    let mut random = Random::new(seed ^ (kind as u64) << 60);
-    let mut lot = draw(robot, &mut random)?;
-    (lot.line, lot.turn, lot.dt_s) = (Limits::NONE, Limits::NONE, 1e-3);
+    let (lot, mut random) = unbound(kind, robot, seed)?;
     let legs = legs(kind, &lot, &mut random);
     let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
     for (index, pace) in [Pace::Even, Pace::Fastest].into_iter().enumerate() {
@@ -288,6 +287,14 @@ pub fn compared(kind: Kind, robot: &Robot, seed: u64) -> Option<([f64; 2], [f64;
         }
     }
     Some((times_s, built_s))
+}
+
+/// As drawn by lot, limited by the joints alone, in cycles of 1 ms.
+fn unbound(kind: Kind, robot: &Robot, seed: u64) -> Option<(Lot, Random)> {
+    let mut random = Random::new(seed ^ (kind as u64) << 60);
+    let mut lot = draw(robot, &mut random)?;
+    (lot.line, lot.turn, lot.dt_s) = (Limits::NONE, Limits::NONE, 1e-3);
+    Some((lot, random))
 }
 
 /// Builds the motion of legs.
