@@ -10,7 +10,7 @@ mod follow;
 mod slots;
 
 pub use follow::{AXIS_WORDS, Follower};
-pub use slots::{rest_at, share_of, step_axis};
+pub use slots::{is_new, rest_at, share_of, step_axis};
 
 /// Most phases of a way: two or three to brake into the limits, seven to the goal.
 pub const PHASES_MAX: usize = 10;

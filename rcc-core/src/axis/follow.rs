@@ -48,6 +48,12 @@ impl Follower {
         }
     }
 
+    /// It has not been stepped yet.
+    #[must_use]
+    pub fn is_new(&self) -> bool {
+        self.periods == 0.0
+    }
+
     /// Position, velocity and acceleration of the last step.
     #[must_use]
     pub fn state(&self) -> AxisState {

@@ -13,6 +13,13 @@ pub fn rest_at(position: f64) -> [f64; AXIS_WORDS] {
     Follower::at_rest(position).words()
 }
 
+/// The axis whose words are at `slot` has not been stepped yet. What goes to a goal from where an arm is held says that place
+/// first: the jerk from a set-point to the next ones is known from then on only.
+#[must_use]
+pub fn is_new(frame: &Frame<'_>, slot: u32) -> bool {
+    Follower::from_words(&frame.reals(slot)).is_new()
+}
+
 /// The share of the greatest velocity that the inputs `speed` and `stop` leave, 0 to 1: none while `stop` is true or null,
 /// or `speed` null; a speed above 1 is 1, and one below 0.0001 is 0.
 #[must_use]

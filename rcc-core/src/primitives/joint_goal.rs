@@ -6,7 +6,7 @@
 //! (median), 29 µs (99 of 100) in one in which all goals did. No loop without a constant bound: each joint is planned once a
 //! cycle at most, from two tries of the closed forms (`docs/performance-motion.md`).
 
-use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, Follower, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::message::{JOINTS_MAX, Joints};
 use crate::path::Limits;
@@ -34,7 +34,7 @@ pub const ENTRY: Entry = Entry::new(
         null: "a null element of `goal` or a null `speed` brings all joints to rest and keeps them there; a null `stop` counts \
                as true",
         null_rule: NullRule::Known,
-        formula: "each joint for itself as ScalarGoal; at first it rests at the arm's hold set-point",
+        formula: "each joint for itself as ScalarGoal; in the first cycle it rests at the arm's hold set-point",
         inputs: &[
             Port::new(
                 "goal",
@@ -148,6 +148,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
         joints.all(|(goal, (lower, upper))| lower <= goal && goal <= upper)
     };
     let goal = frame.joints(goal, width).filter(inside);
+    let begins = is_new(frame, state);
     let rows = robot.velocity_max.iter().zip(&robot.acceleration_max);
     let rows = rows.zip(&robot.jerk_max).zip(axes(state));
     let (mut positions, mut velocities) = ([NULL_REAL; JOINTS_MAX], [NULL_REAL; JOINTS_MAX]);
@@ -155,6 +156,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
     let places = positions.iter_mut().zip(&mut velocities).enumerate();
     for ((joint, places), (((v, a), j), slot)) in places.zip(rows).take(width as usize) {
         let limits = limits([*v, *a, *j], scale, given, share);
+        let goal = goal.filter(|_| !begins);
         let goal = goal.and_then(|goal| goal.get(joint).copied());
         let axis = step_axis(frame, slot, goal, &limits);
         known &= axis.is_some();
@@ -214,6 +216,29 @@ mod tests {
             }
         }
         assert_eq!((last, bench.bool("done")), (GOAL, Some(true)));
+    }
+
+    #[test]
+    fn the_first_set_point_is_where_the_arm_is_held_so_that_the_next_ones_keep_the_jerk() {
+        let mut bench = bench();
+        let jerk_max = bench.model.limits.jerk_max;
+        let mut rows = [HOLD; 4];
+        for cycle in 0..3000 {
+            bench.step();
+            rows.rotate_left(1);
+            rows[3].copy_from_slice(bench.reals("position", 7));
+            if cycle == 0 {
+                assert_eq!(rows[3], HOLD);
+            }
+            for joint in 0..7 {
+                let [p3, p2, p1, p] = rows.map(|row| row[joint]);
+                let jerk = (p - 3.0 * p1 + 3.0 * p2 - p3) / 1e-9;
+                assert!(
+                    jerk.abs() <= jerk_max[joint] * (1.0 + 1e-4),
+                    "{cycle}: {jerk}"
+                );
+            }
+        }
     }
 
     #[test]

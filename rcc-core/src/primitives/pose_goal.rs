@@ -7,7 +7,7 @@
 
 use core::f64::consts::TAU;
 
-use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, Follower, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::path::Limits;
 use crate::pose::Pose;
@@ -28,7 +28,7 @@ pub const ENTRY: Entry = Entry::new(
         null: "a null goal or `speed` brings it to rest and keeps it there; a null `stop` counts as true",
         null_rule: NullRule::Known,
         formula: "x, y, z and the three elements of the rotation vector from the first orientation, each for itself as \
-                  ScalarGoal; at first it rests where the arm's hold set-point puts the flange",
+                  ScalarGoal; in the first cycle it rests where the arm's hold set-point puts the flange",
         inputs: &[
             Port::typed("goal", Type::Pose, "where the flange is to be, in the arm's base"),
             Port::real(
@@ -155,6 +155,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
         let [a, b, c] = nearest_turn(turned, [rx, ry, rz]);
         [x, y, z, a, b, c]
     });
+    let wish = wish.filter(|_| !is_new(frame, state));
     let axes = step_six(frame, state, wish, [&line, &turn]);
     let result = axes.zip(first).map(|(axes, first)| {
         let [x, y, z, a, b, c] = axes.map(|axis| axis.state().position);
