@@ -304,6 +304,15 @@ fn a_net_that_would_break_a_limit_is_drawn_and_told_but_not_simulated() {
 }
 
 #[test]
+fn an_arm_without_a_simulator_begins_where_its_driver_does() {
+    let configs = nets().join("..");
+    let file = |name: &str| configs.join(name).display().to_string();
+    let (cell, shared) = ("cells/two-arms.yaml", "two-arms/shared-load.yaml");
+    let report = report(0, &[&file(shared), "--config", &file(cell)]);
+    assert_eq!(report["reason"], "finished", "{report}");
+}
+
+#[test]
 fn check_rehearses_from_where_the_simulators_begin() {
     let check = |file: &str| {
         Command::new(env!("CARGO_BIN_EXE_rcc-cli"))

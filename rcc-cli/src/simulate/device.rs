@@ -2,7 +2,7 @@
 //! follow what is commanded or are released. Virtual time, the caller's thread.
 
 use bytemuck::Zeroable;
-use rcc_config::{DeviceConfig, OnRelease, SimulatorConfig};
+use rcc_config::{DeviceConfig, OnRelease, RobotConfig, SimulatorConfig};
 use rcc_core::guard::Guard;
 use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
 use rcc_core::kinematics::Arm as Kinematics;
@@ -24,6 +24,9 @@ pub struct Wire {
     scale: f64,
     offset: f64,
 }
+
+/// The driver whose arm needs no simulator, and begins where its own settings say.
+const IDEAL_ARM: &str = "ideal-arm";
 
 /// What an output does when nobody commands it: `None` keeps its value.
 type Release = Option<f64>;
@@ -277,11 +280,14 @@ fn set_bit(bits: &mut u64, index: usize, value: bool) {
     *bits = if value { *bits | bit } else { *bits & !bit };
 }
 
-/// The arm of a device, at the start that its simulator is given (`--start=`), else in the middle of its ranges.
-fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm> {
-    let robot = config.robot.as_ref()?;
-    let limits = robot.limits();
-    let mut position: Joints = [0.0; 8];
+/// Where an arm begins: where its simulator is told to (`--start=`) or its driver, else in the middle of its ranges.
+fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Joints {
+    if config.driver == IDEAL_ARM {
+        let given = config.settings.get("start");
+        return given
+            .and_then(|given| robot.positions(given))
+            .unwrap_or_else(|| robot.nearest_to_zero());
+    }
     let given = arguments
         .iter()
         .find_map(|argument| argument.strip_prefix("--start="));
@@ -290,10 +296,19 @@ fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm>
         .flat_map(|list| list.split(','))
         .filter_map(|number| number.trim().parse().ok())
         .collect();
-    for (index, place) in position.iter_mut().enumerate().take(limits.joints) {
-        let middle = 0.5 * (limits.lower[index] + limits.upper[index]);
+    let mut position: Joints = [0.0; 8];
+    for ((index, place), joint) in position.iter_mut().enumerate().zip(&robot.joints) {
+        let middle = 0.5 * (joint.lower_rad + joint.upper_rad);
         *place = given.get(index).copied().unwrap_or(middle);
     }
+    position
+}
+
+/// The arm of a device.
+fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm> {
+    let robot = config.robot.as_ref()?;
+    let limits = robot.limits();
+    let position = start(config, robot, arguments);
     let mut jerk_max = [f64::INFINITY; 8];
     for (place, joint) in jerk_max.iter_mut().zip(&robot.joints) {
         *place = joint.jerk_rad_s3;

@@ -4,7 +4,8 @@
 use rcc_core::guard::JointLimits;
 use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::kinematics::Arm;
-use rcc_core::message::JOINTS_MAX;
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::unit::Unit;
 
 mod read;
 
@@ -62,6 +63,41 @@ impl RobotConfig {
             joints: self.joints.len().min(JOINTS_MAX),
         }
     }
+
+    /// Each joint at 0, or at the end of its range that is nearest to it; rad.
+    #[must_use]
+    pub fn nearest_to_zero(&self) -> Joints {
+        let mut joints = [0.0; JOINTS_MAX];
+        for (place, joint) in joints.iter_mut().zip(&self.joints) {
+            *place = 0.0_f64.max(joint.lower_rad).min(joint.upper_rad);
+        }
+        joints
+    }
+
+    /// Positions (rad) of a setting such as `[0, "-30 deg", 0.5]`; `None` unless it has one for each joint, inside of its
+    /// range.
+    #[must_use]
+    pub fn positions(&self, setting: &serde_json::Value) -> Option<Joints> {
+        let given = setting.as_array()?;
+        let mut joints = [0.0; JOINTS_MAX];
+        if given.len() != self.joints.len() {
+            return None;
+        }
+        for ((place, joint), value) in joints.iter_mut().zip(&self.joints).zip(given) {
+            let position = value.as_f64().or_else(|| angle(value.as_str()?))?;
+            let inside = position >= joint.lower_rad && position <= joint.upper_rad;
+            *place = inside.then_some(position)?;
+        }
+        Some(joints)
+    }
+}
+
+/// `-30 deg` and the like, rad.
+fn angle(text: &str) -> Option<f64> {
+    let (number, unit) = text.trim().split_once(' ')?;
+    let (unit, factor) = Unit::parse(unit.trim())?;
+    let number: f64 = number.parse().ok()?;
+    (unit == Unit::RADIAN).then_some(number * factor)
 }
 
 /// The limits of a device without joints.

@@ -7,11 +7,10 @@
 
 use std::time::{Duration, Instant};
 
-use rcc_config::{ChannelConfig, DeviceConfig, RobotConfig};
+use rcc_config::{ChannelConfig, DeviceConfig};
 use rcc_core::impedance::Strategy;
-use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, JOINTS_MAX, Joints};
+use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
-use rcc_core::unit::Unit;
 
 use crate::driver::{
     Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings, channel_error, channels,
@@ -63,8 +62,8 @@ impl Driver for IdealArm {
         let position = settings.read(
             "start",
             "a joint position inside of its range for each joint of the robot, such as [0, \"-30 deg\", 0.5] (rad, or with a unit)",
-            Some(nearest_to_zero(robot)),
-            |value| start(value, robot),
+            Some(robot.nearest_to_zero()),
+            |value| robot.positions(value),
         )?;
         settings.finish()?;
         Ok(Self {
@@ -159,38 +158,6 @@ impl IdealArm {
         }
         inputs
     }
-}
-
-/// Each joint at 0, or at the end of its range that is nearest to it.
-fn nearest_to_zero(robot: &RobotConfig) -> Joints {
-    let mut joints = [0.0; JOINTS_MAX];
-    for (place, joint) in joints.iter_mut().zip(&robot.joints) {
-        *place = 0.0_f64.max(joint.lower_rad).min(joint.upper_rad);
-    }
-    joints
-}
-
-/// As many positions as the robot has joints, each inside of its range.
-fn start(value: &serde_json::Value, robot: &RobotConfig) -> Option<Joints> {
-    let given = value.as_array()?;
-    let mut joints = [0.0; JOINTS_MAX];
-    if given.len() != robot.joints.len() {
-        return None;
-    }
-    for ((place, joint), value) in joints.iter_mut().zip(&robot.joints).zip(given) {
-        let position = value.as_f64().or_else(|| angle(value.as_str()?))?;
-        let inside = position >= joint.lower_rad && position <= joint.upper_rad;
-        *place = inside.then_some(position)?;
-    }
-    Some(joints)
-}
-
-/// `-30 deg` and the like, rad.
-fn angle(text: &str) -> Option<f64> {
-    let (number, unit) = text.trim().split_once(' ')?;
-    let (unit, factor) = Unit::parse(unit.trim())?;
-    let number: f64 = number.parse().ok()?;
-    (unit == Unit::RADIAN).then_some(number * factor)
 }
 
 fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, DriverError> {
