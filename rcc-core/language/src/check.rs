@@ -6,6 +6,7 @@ mod fragments;
 mod inputs;
 mod limits;
 mod loops;
+mod motions;
 mod topics;
 mod values;
 
@@ -39,6 +40,8 @@ const CHECKS: &[Check] = &[
     values::types_suit_their_primitives,
     values::units_of_a_primitive_agree,
     values::parameters_are_in_range,
+    motions::parameters_do_not_contradict,
+    motions::motions_have_an_end,
     fragments::inputs_are_as_fragments_say,
     fragments::conditions_are_truth_values,
     fragments::what_leaves_a_region_can_become_null,

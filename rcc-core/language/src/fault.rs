@@ -81,6 +81,8 @@ rules! {
         "choose a multiple of the cell's period";
     SLOW_ARM = "RCC1307", "A net that commands joints is not evaluated in every cycle.",
         "take `period`, `rate` and `phase` out of the net";
+    CONTRADICTION = "RCC1308", "Two things are said of which one excludes the other.",
+        "take one of the two out";
     NOT_CONNECTED = "RCC1401", "An input that must be connected is not.",
         "connect it: `inputs: {NAME: primitive.output}`, or give it a constant";
     NOT_READ = "RCC1402", "An output is neither read nor discarded.",

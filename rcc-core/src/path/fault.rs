@@ -51,6 +51,8 @@ pub enum MotionFault {
     NoArmAngle,
     /// The roundings at both ends leave no way on which the elbow could turn.
     NoRoomForElbow,
+    /// A Status is given, and the arm has none: it has seven joints.
+    NoStatus,
     /// The flange cannot be brought there.
     Unreachable {
         /// Part of the leg, 0 to 1.

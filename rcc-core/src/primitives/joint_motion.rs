@@ -43,17 +43,23 @@ pub const ENTRY: Entry = Entry::new(
                 "branch",
                 "with `pose`: in this branch, 0 to 7 (bit 0 shoulder, 1 elbow, 2 wrist); without it in the one reached soonest",
             )
-            .default(Literal::Null),
+            .default(Literal::Null)
+            .at_least(0.0)
+            .at_most(7.0),
             Parameter::int(
                 "status",
-                "with `pose`: KUKA's Status of a 6-axis arm, which says the branch",
+                "with `pose`: KUKA's Status of a 6-axis arm, of which bits 0 to 2 say the branch",
             )
-            .default(Literal::Null),
+            .default(Literal::Null)
+            .at_least(0.0)
+            .at_most(31.0),
             Parameter::int(
                 "turn",
                 "with `pose`: KUKA's Turn, bit i set if joint i + 1 is negative at the end",
             )
-            .default(Literal::Null),
+            .default(Literal::Null)
+            .at_least(0.0)
+            .at_most(255.0),
             along::SCALE,
         ],
         role: Role::Motion,

@@ -572,6 +572,10 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
             "the roundings at its ends leave no way on which the elbow could turn".to_owned(),
             "make `blend` smaller here or on the leg before, or turn the elbow on another leg".to_owned(),
         ),
+        MotionFault::NoStatus => (
+            "it gives a `status`, which is KUKA's word for arms of six joints".to_owned(),
+            "say the `branch`: `ArmAngle` tells it of joint positions".to_owned(),
+        ),
         MotionFault::Unreachable { fraction } => (
             format!("the arm cannot reach it {}", place(fraction)),
             "move the points nearer, or go there by a `ptp` in another branch".to_owned(),

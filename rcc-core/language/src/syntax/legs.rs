@@ -118,8 +118,16 @@ fn leg(node: &Node, rows: &mut Vec<Literal>, faults: &mut Vec<Diagnostic>) {
     if let Some(node) = node.get("elbow") {
         row[25] = word(node, "elbow", record::ELBOWS, faults);
     }
+    either(node, ["arm_angle", "elbow"], faults);
     match kind {
-        "ptp" => ptp(what, &mut row, faults),
+        "ptp" => {
+            ptp(what, &mut row, faults);
+            if let (Some(_), Some(relative)) = (what.get("joints"), node.get("relative")) {
+                let message = "`relative` is for poses: joints are where they are, from 0";
+                let fault = Diagnostic::error(fault::CONTRADICTION, relative.span, message);
+                faults.push(fault.help("take `relative` out, or give a pose"));
+            }
+        }
         "lin" => {
             row[0] = record::LIN;
             pose(what, &mut row, faults);
@@ -135,7 +143,8 @@ fn ptp(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
         row[0] = record::PTP_POSE;
         let keys = &["xyz", "rpy", "quat", "branch", "status", "turn"];
         report_unknown_keys(node, keys, "a `ptp`", faults);
-        for (key, column, most) in [("branch", 22, 7), ("status", 9, 7), ("turn", 10, 255)] {
+        either(node, ["branch", "status"], faults);
+        for (key, column, most) in [("branch", 22, 7), ("status", 9, 31), ("turn", 10, 255)] {
             if let Some(node) = node.get(key) {
                 row[column] = whole(node, key, most, faults);
             }
@@ -169,6 +178,9 @@ fn circ(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
         return;
     };
     pose(to, row, faults);
+    if via.list().is_none() {
+        report_unknown_keys(via, &["xyz"], "a `via`", faults);
+    }
     let point = via.get("xyz").unwrap_or(via);
     match point.list().filter(|all| all.len() == 3) {
         Some(point) => {
@@ -243,6 +255,16 @@ fn number(node: &Node, what: &str, unit: Unit, faults: &mut Vec<Diagnostic>) -> 
         faults.push(Diagnostic::error(fault::UNIT_MISMATCH, node.span, message));
     }
     quantity.value
+}
+
+/// Of two keys one is given at most.
+fn either(node: &Node, keys: [&str; 2], faults: &mut Vec<Diagnostic>) {
+    let [first, second] = keys;
+    if let (Some(_), Some(other)) = (node.get(first), node.get(second)) {
+        let message = format!("`{first}` and `{second}` say the same thing in two ways");
+        let fault = Diagnostic::error(fault::CONTRADICTION, other.span, message);
+        faults.push(fault.help(format!("take `{first}` or `{second}` out")));
+    }
 }
 
 /// A number greater than 0 (or not less, unless `above`).
@@ -428,6 +450,22 @@ mod tests {
             ),
             ("[{ptp: {joints: 3}}]", fault::WRONG_SHAPE),
             ("[{ptp: {joints: [0]}, velocity: 1}]", fault::UNKNOWN_KEY),
+            (
+                "[{ptp: {joints: [0]}, relative: base}]",
+                fault::CONTRADICTION,
+            ),
+            (
+                &format!("[{{ptp: {{{GOAL}, branch: 2, status: 6}}}}]"),
+                fault::CONTRADICTION,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, arm_angle: 1, elbow: middle}}]"),
+                fault::CONTRADICTION,
+            ),
+            (
+                &format!("[{{circ: {{via: {{xyz: [0, 0, 1], rpy: [0, 0, 0]}}, to: {{{GOAL}}}}}}}]"),
+                fault::UNKNOWN_KEY,
+            ),
             ("[{spline: []}]", fault::WRONG_SHAPE),
             (
                 &format!("[{{ptp: {{{GOAL}, branch: 9}}}}]"),

@@ -178,10 +178,11 @@ impl Walk<'_> {
                 status,
                 turn,
             } => {
-                let branch = status
-                    .and_then(|status| arm.branch_of_status(status))
-                    .map(Branch::index)
-                    .or(branch);
+                let of_status = |status| {
+                    let branch = arm.branch_of_status(status);
+                    branch.map(Branch::index).ok_or(MotionFault::NoStatus)
+                };
+                let branch = status.map(of_status).transpose()?.or(branch);
                 let (goal, hint) = (to(&goal), self.joints);
                 let mut joints = chosen(self.traveller, &goal, (branch, turn), &hint)?;
                 joints

@@ -9,6 +9,7 @@ use rcc_core::path::{
 };
 use rcc_core::pose::Pose;
 
+use super::tests::lwr;
 use crate::Builder;
 
 /// Elbow up, the tool in front of the arm.
@@ -134,6 +135,36 @@ fn status_says_the_branch_and_the_next_line_stays_in_it() {
     // Without both it is where it is soonest: in the branch of the start.
     let [_, soonest, _] = sequence(None, None).unwrap();
     assert!(near(&soonest.joints, &GOAL), "{:?}", soonest.joints);
+}
+
+#[test]
+fn a_status_is_refused_by_an_arm_of_seven_joints() {
+    let (hold, model) = (START, lwr());
+    let goal = model.arm.unwrap().forward(&hold);
+    let legs = [Leg::new(Segment::JointsToPose {
+        to: goal,
+        branch: None,
+        status: Some(2),
+        turn: None,
+    })];
+    let (models, holds) = ([model], [Some(hold)]);
+    let request = PathRequest {
+        device: 0,
+        from: None,
+        legs: &legs,
+        pace: Pace::Even,
+    };
+    let refused = Builder::new(&models, &holds, 1e-3, 1).path(0, &request);
+    assert!(
+        matches!(
+            refused,
+            Err(PrepareFault::Motion {
+                fault: MotionFault::NoStatus,
+                ..
+            })
+        ),
+        "{refused:?}"
+    );
 }
 
 #[test]
