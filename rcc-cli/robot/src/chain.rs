@@ -69,6 +69,13 @@ impl Chain {
                 JointType::Fixed => continue,
                 JointType::Revolute => {
                     let [lower, upper] = [joint.limit.lower, joint.limit.upper];
+                    if lower > upper {
+                        return Err(ImportError::Reversed {
+                            joint: joint.name.clone(),
+                            lower,
+                            upper,
+                        });
+                    }
                     (lower < upper).then_some([lower, upper])
                 }
                 JointType::Continuous => None,

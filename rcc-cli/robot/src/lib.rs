@@ -69,6 +69,18 @@ pub enum ImportError {
         /// What it is.
         kind: String,
     },
+    /// The range of a joint ends before it begins.
+    #[error(
+        "joint `{joint}`: its range goes from {lower} to {upper} rad: exchange `lower` and `upper` in the URDF"
+    )]
+    Reversed {
+        /// The joint.
+        joint: String,
+        /// `lower`, rad.
+        lower: f64,
+        /// `upper`, rad; less than it.
+        upper: f64,
+    },
     /// The number of hinges fits no arm.
     #[error(
         "the chain has {count} hinges ({joints}); the core knows arms of 6 (ortho-parallel) and 7 (S-R-S)"

@@ -84,6 +84,13 @@ fn a_joint_that_does_not_fit_is_named() {
             "<origin xyz=\"0.09 0.02 0\"",
             "joint `j6`: its axis misses the point where axes 4 and 5 meet by 20.000000 mm",
         ),
+        // A range that ends before it begins is not "no range".
+        (
+            "kr6_r900_2.urdf",
+            "lower=\"-2.0943951023931953\" upper=\"2.0943951023931953\"",
+            "lower=\"2.0943951023931953\" upper=\"-2.0943951023931953\"",
+            "joint `j5`: its range goes from 2.0943951023931953 to -2.0943951023931953 rad",
+        ),
         (
             "kr6_r900_2.urdf",
             "name=\"j4\" type=\"revolute\"",
