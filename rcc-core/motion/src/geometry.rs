@@ -38,6 +38,9 @@ pub enum GeometryError {
         "start, via and end of a circle lie on a line; move the via point aside, or use a line"
     )]
     Collinear,
+    /// The angle of a circle is 0.
+    #[error("the angle of a circle is 0; leave it out to end at the end point, or take a line")]
+    NoAngle,
     /// Two points are one.
     #[error(
         "points {first} and {second} of the path are {distance_m:.1e} m apart: they must differ by 1 µm or more"

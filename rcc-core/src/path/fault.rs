@@ -37,6 +37,8 @@ pub enum MotionFault {
     },
     /// The three points of an arc lie on a line.
     Collinear,
+    /// The angle of an arc is 0.
+    NoAngle,
     /// Two points of a path are one.
     Coincident {
         /// How far they are from each other, m.

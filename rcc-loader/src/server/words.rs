@@ -556,6 +556,10 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
             "start, via and end of the arc lie on a line".to_owned(),
             "move the via point aside, or take a line".to_owned(),
         ),
+        MotionFault::NoAngle => (
+            "the `angle` of the arc is 0".to_owned(),
+            "leave it out to end at `to`; deg(360) is a whole circle".to_owned(),
+        ),
         MotionFault::Coincident { distance_m } => (
             format!("two points of it are {distance_m:.1e} m apart"),
             "points of an arc or spline must differ by 1 µm or more".to_owned(),

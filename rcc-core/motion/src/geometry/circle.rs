@@ -42,7 +42,7 @@ impl Circle {
     /// only.
     ///
     /// # Errors
-    /// Points coincide or lie on a line, orientations are half a turn apart, something is not finite.
+    /// Points coincide or lie on a line, the angle is 0, orientations are half a turn apart, something is not finite.
     pub fn new(
         from: &Pose,
         via: Vector,
@@ -54,6 +54,9 @@ impl Circle {
         finite(to)?;
         if !via.iter().all(|x| x.is_finite()) || angle.is_some_and(|x| !x.is_finite()) {
             return Err(GeometryError::NotFinite);
+        }
+        if angle == Some(0.0) {
+            return Err(GeometryError::NoAngle);
         }
         let (a, b, c) = (from.position, via, to.position);
         for (first, second, p, q) in [(0, 1, a, b), (1, 2, b, c), (0, 2, a, c)] {

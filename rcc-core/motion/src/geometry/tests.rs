@@ -104,6 +104,9 @@ fn points_on_a_line_or_on_each_other_are_no_circle() {
     let refused = |via| Circle::new(&from, via, &to, mode, METRIC).unwrap_err();
     assert_eq!(refused([0.1, 0.0, 0.0]), GeometryError::Collinear);
     assert_eq!(refused([0.1, 1e-8, 0.0]), GeometryError::Collinear);
+    let none = (CircleOrientation::Even, Some(0.0));
+    let refusal = Circle::new(&from, [0.1, 0.1, 0.0], &to, none, METRIC);
+    assert_eq!(refusal, Err(GeometryError::NoAngle));
     assert!(matches!(
         refused([0.0, 1e-8, 0.0]),
         GeometryError::Coincident {

@@ -452,6 +452,7 @@ fn geometry(error: GeometryError) -> MotionFault {
     match error {
         GeometryError::HalfTurn => MotionFault::AmbiguousRotation,
         GeometryError::Collinear => MotionFault::Collinear,
+        GeometryError::NoAngle => MotionFault::NoAngle,
         GeometryError::Coincident { distance_m, .. } => MotionFault::Coincident { distance_m },
         GeometryError::TurnsTooFar { angle_rad, .. } => MotionFault::TurnsTooFar { angle_rad },
         GeometryError::NotFinite => MotionFault::NotFinite,
