@@ -358,6 +358,7 @@ fn check_rehearses_from_where_the_simulators_begin() {
     assert_eq!(output.status.code(), Some(3), "{words}");
     for part in [
         "RCC3014",
+        "move, leg 1: at the given speed J1 would come to",
         "rad/s",
         "its limit is",
         "of the speed is possible",

@@ -390,6 +390,17 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
             "{refusal:?}"
         );
     }
+    let fault = MotionFault::JointRange {
+        fraction: 0.5,
+        joint: 2,
+        value: core::f64::consts::PI,
+        limit: 2.0,
+    };
+    let (motion, leg) = (0, 1);
+    let beyond = Refusal::Prepare(PrepareFault::Motion { motion, leg, fault });
+    let told = namer.refusal(8, beyond).message;
+    let words = "motion 0, leg 2: J3 would be at 180.000° (3.141593 rad) at 50 %";
+    assert!(told.contains(words), "{told}");
     let busy = namer
         .refusal(
             8,

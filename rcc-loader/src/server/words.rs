@@ -75,6 +75,18 @@ impl Namer<'_> {
             .map_or_else(|| format!("joint {joint}"), |joint| joint.name.clone())
     }
 
+    /// A joint's name where it is the same in all arms of the cell; `joint` is counted from 1.
+    fn joint_of_any(&self, joint: u32) -> String {
+        let robots = self.config.devices.iter().zip(0..);
+        let mut names = robots
+            .filter(|(device, _)| device.robot.is_some())
+            .map(|(_, index)| self.joint_name(index, joint));
+        let first = names.next();
+        first
+            .filter(|first| names.all(|name| name == *first))
+            .unwrap_or_else(|| format!("joint {joint}"))
+    }
+
     fn channel_name(&self, device: u32, kind: ChannelKind, channel: u32) -> String {
         let name = self.device(device).and_then(|device| {
             device
@@ -190,7 +202,7 @@ impl Namer<'_> {
                 "nothing was written to the devices; correct the net or its parameters and load it again".into(),
             ),
             Refusal::Plan(error) => self.plan((id, &net), error),
-            Refusal::Prepare(fault) => self.prepare(&net, fault),
+            Refusal::Prepare(fault) => self.prepare((id, &net), fault),
             Refusal::Foreseen(foreseen) => self.foreseen(id, &foreseen),
             Refusal::Budget {
                 needed_ns,
@@ -366,7 +378,7 @@ impl Namer<'_> {
         )
     }
 
-    fn prepare(&self, net: &str, fault: PrepareFault) -> (Code, String, String) {
+    fn prepare(&self, (id, net): (u64, &str), fault: PrepareFault) -> (Code, String, String) {
         let (message, help) = match fault {
             PrepareFault::HoldUnknown { device } => {
                 let name = self.device_name(device);
@@ -381,7 +393,15 @@ impl Namer<'_> {
                 format!("{} has no arm", self.device_name(device)),
                 "name a device with `robot:` in the cell's configuration".to_owned(),
             ),
-            PrepareFault::Motion { leg, fault, .. } => motion(leg, fault),
+            PrepareFault::Motion {
+                motion: number,
+                leg,
+                fault,
+            } => {
+                let (why, help) = motion(fault, |joint| self.joint_of_any(joint));
+                let id = self.motion(id, number);
+                (format!("{id}, leg {}: {why}", leg + 1), help)
+            }
         };
         (
             codes::NOT_PREPARED,
@@ -523,11 +543,11 @@ fn first_set_point(
 const BEGIN_THERE: &str = "begin where the device is held (a motion without `from` does, wherever that is at START), or bring the device \
                 to where the net begins; there is deliberately no flag to skip this check";
 
-/// Why a leg of a motion cannot be gone along, and what helps.
-fn motion(leg: u32, fault: MotionFault) -> (String, String) {
+/// Why a leg of a motion cannot be gone along, and what helps; `joint_name` names joints, counted from 1.
+fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, String) {
     let place = |fraction: f64| format!("at {:.0} % of its way", fraction * 100.0);
-    let joint = |joint: u8| format!("A{}", joint + 1);
-    let (why, help) = match fault {
+    let joint = |joint: u8| joint_name(u32::from(joint) + 1);
+    match fault {
         MotionFault::AmbiguousRotation => (
             "it turns by 180°, and both ways are equally short".to_owned(),
             "divide it into two motions, or change the orientation a little".to_owned(),
@@ -591,11 +611,14 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
             limit,
         } => (
             format!(
-                "{} would be at {value:.3} rad {}, its limit is {limit:.3} rad",
+                "{} would be at {} {}, its limit is {}",
                 joint(which),
-                place(fraction)
+                angle(value, ""),
+                place(fraction),
+                angle(limit, "")
             ),
-            "let the elbow turn (`elbow: middle`, or `arm_angle`), or begin with another arm angle or branch (a `ptp` to joints says both)"
+            "of a `ptp` choose another end, or another `branch`; on another path let the elbow turn (`elbow: middle`, or `arm_angle`), or \
+             begin with another arm angle or branch (a `ptp` to joints says both)"
                 .to_owned(),
         ),
         MotionFault::Singular {
@@ -617,20 +640,26 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
             limit,
             possible,
         } => {
-            let (what, unit) = match quantity {
-                Quantity::Line => ("the flange".to_owned(), "m"),
-                Quantity::Turn => ("the turn of the flange".to_owned(), "rad"),
-                Quantity::Joint(which) => (joint(which), "rad"),
+            let what = match quantity {
+                Quantity::Line => "the flange".to_owned(),
+                Quantity::Turn => "the turn of the flange".to_owned(),
+                Quantity::Joint(which) => joint(which),
             };
-            let per = ["s", "s²", "s³"][usize::from(order.clamp(1, 3)) - 1];
+            let per = ["/s", "/s²", "/s³"][usize::from(order.clamp(1, 3)) - 1];
+            let told = |value: f64| match quantity {
+                Quantity::Line => format!("{value:.3} m{per}"),
+                Quantity::Turn | Quantity::Joint(_) => angle(value, per),
+            };
             let rest = match value > limit {
                 true => "",
                 false => ", and what it leaves is too little to slow down with",
             };
             (
                 format!(
-                    "at the given speed {what} would come to {value:.3} {unit}/{per} {}, its limit is {limit:.3} {unit}/{per}{rest}",
-                    place(fraction)
+                    "at the given speed {what} would come to {} {}, its limit is {}{rest}",
+                    told(value),
+                    place(fraction),
+                    told(limit)
                 ),
                 format!(
                     "at most {:.0} % of the speed is possible; without `velocity` it goes as fast as the joints allow",
@@ -638,8 +667,7 @@ fn motion(leg: u32, fault: MotionFault) -> (String, String) {
                 ),
             )
         }
-    };
-    (format!("leg {} of a motion: {why}", leg + 1), help)
+    }
 }
 
 fn over_budget(net: &str, times_ns: [u64; 3]) -> (Code, String, String) {
