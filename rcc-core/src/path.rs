@@ -67,6 +67,12 @@ impl Drive {
         pause: false,
         speed: 1.0,
     };
+
+    /// Come to rest for good.
+    pub const STOP: Drive = Drive {
+        stop: true,
+        ..Drive::RUN
+    };
 }
 
 /// Where a motion is in this cycle.

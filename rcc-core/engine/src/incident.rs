@@ -30,7 +30,7 @@ pub const EXTENSION: &str = "rcc-incident";
 /// The first word of an incident file.
 const MARK: u64 = u64::from_le_bytes(*b"RCC-incd");
 /// The form of the file.
-pub const FORMAT: u32 = 6;
+pub const FORMAT: u32 = 7;
 /// Longest head, bytes.
 const HEAD_MAX: u64 = 4 << 20;
 /// Longest command file, bytes; a longer one is left out.

@@ -11,7 +11,8 @@ use rcc_core::path::{
 
 use crate::goal;
 use crate::path_clock::{CLOCK_WORDS, PathClock};
-use crate::track::{Section, Shortened, Track, Traveller, build};
+use crate::track::bounds::Stop;
+use crate::track::{Place, Section, Shortened, Track, Traveller, build};
 
 /// A motion along a path.
 #[derive(Debug, Clone)]
@@ -21,30 +22,46 @@ pub struct Motion {
     sections: Box<[Section]>,
     section: usize,
     clock: PathClock,
+    /// The clock counts the way itself and brings it to rest, instead of the time of the section's law.
+    braking: Option<Braking>,
     /// s at the end.
     length: f64,
 }
 
-/// Words of one motion: the section and its clock.
-const WORDS: usize = CLOCK_WORDS + 1;
+/// Since when a motion brakes, and how.
+#[derive(Debug, Clone, Copy)]
+struct Braking {
+    /// What had been counted then.
+    counted: f64,
+    /// Which of the section's stops it is.
+    stop: usize,
+}
+
+/// Words of one motion: the section, since when it brakes and how, and its clock.
+const WORDS: usize = CLOCK_WORDS + 3;
 
 impl Motion {
     fn reset(&mut self) {
-        (self.section, self.clock) = (0, PathClock::new());
+        (self.section, self.clock, self.braking) = (0, PathClock::new(), None);
     }
 
     fn step(&mut self, drive: Drive) -> MotionState {
+        let stopping = drive.stop || self.clock.last().stopping;
+        if stopping && let Some(state) = self.brake() {
+            return state;
+        }
         let Some(section) = self.sections.get(self.section) else {
             return self.state(Default::default());
         };
         let Section { begin, bounds, .. } = section;
-        if section.rolls {
+        let by_law = section.stops.is_some();
+        if by_law {
             self.clock.roll(bounds, drive);
         }
         let mut path = self.clock.step(bounds, drive);
         let next = self.sections.get(self.section + 1);
         let end = next.map_or(self.length, |next| next.begin);
-        if section.rolls && path.s >= section.length {
+        if by_law && path.s >= section.length {
             path = rest(path, section.length);
         }
         // The sum may be one rounding beyond where the next section begins.
@@ -57,8 +74,40 @@ impl Motion {
         self.state(path)
     }
 
+    /// Stops the way of a law by a clock of its own, from the first cycle on in which the law is slow enough for its limits:
+    /// a law goes on to speed up while its time is slowed down.
+    fn brake(&mut self) -> Option<MotionState> {
+        let Section { begin, stops, .. } = self.sections.get(self.section)?;
+        let (begin, stops) = (*begin, stops.as_ref()?);
+        let begin_s = self.track.begins_at(begin);
+        if self.braking.is_none() {
+            let now = self.clock.last();
+            let rates = [now.velocity, now.acceleration];
+            let mut way = self.track.way_at(begin + now.s, rates);
+            way.position -= begin_s;
+            let mut near = stops.iter();
+            let allows = |stop: &Stop| stop.begins_at(way.position) && stop.bounds.allows_stop(way);
+            let stop = near.position(allows).filter(|_| !now.done)?;
+            let counted = begin + now.s;
+            self.braking = Some(Braking { counted, stop });
+            self.clock = PathClock::moving(way);
+        }
+        let Braking { counted, stop } = self.braking?;
+        let way = self.clock.step(&stops.get(stop)?.bounds, Drive::STOP);
+        let s = begin_s + way.s;
+        let path = PathState {
+            // There and back is not exact.
+            s: self.track.counted(begin, s).max(counted),
+            ..way
+        };
+        Some(self.at(path, self.track.on_way(s)))
+    }
+
     fn state(&self, path: PathState) -> MotionState {
-        let place = self.track.at(path.s);
+        self.at(path, self.track.at(path.s))
+    }
+
+    fn at(&self, path: PathState, place: Place) -> MotionState {
         let progress = if self.length > 0.0 {
             path.s / self.length
         } else {
@@ -118,7 +167,11 @@ impl MotionSet {
     /// Gives what changes while they run, piece by piece, for the flight recorder; allocates nothing.
     pub fn save(&self, mut each: impl FnMut(&[u64])) {
         for motion in &self.0 {
-            each(&[motion.section as u64]);
+            let braking = motion
+                .braking
+                .map(|of| [of.counted.to_bits(), of.stop as u64]);
+            let [counted, stop] = braking.unwrap_or([f64::NAN.to_bits(), 0]);
+            each(&[motion.section as u64, counted, stop]);
             each(&motion.clock.words());
         }
     }
@@ -129,9 +182,14 @@ impl MotionSet {
         if motions.len() != self.0.len() || !rest.is_empty() {
             return None;
         }
-        for (motion, [section, clock @ ..]) in self.0.iter_mut().zip(motions) {
+        for (motion, [section, counted, stop, clock @ ..]) in self.0.iter_mut().zip(motions) {
             // A section that there is not leaves the motion where it begins.
             motion.section = usize::try_from(*section).unwrap_or(usize::MAX);
+            let counted = Some(f64::from_bits(*counted)).filter(|counted| !counted.is_nan());
+            motion.braking = counted.map(|counted| Braking {
+                counted,
+                stop: usize::try_from(*stop).unwrap_or(usize::MAX),
+            });
             motion.clock = PathClock::from_words(clock);
         }
         Some(())
@@ -211,6 +269,7 @@ impl Builder<'_> {
             sections,
             section: 0,
             clock: PathClock::new(),
+            braking: None,
         })
     }
 }

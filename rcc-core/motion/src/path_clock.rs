@@ -115,6 +115,25 @@ impl PathClock {
         Self::default()
     }
 
+    /// A clock that goes on from a state into which something else has brought the path.
+    pub(crate) fn moving(from: State) -> Self {
+        Self {
+            demand: Demand::Run(1.0),
+            last: PathState {
+                s: from.position,
+                velocity: from.velocity,
+                acceleration: from.acceleration,
+                ..PathState::default()
+            },
+            ..Self::default()
+        }
+    }
+
+    /// What it told last; at rest at 0 before.
+    pub(crate) fn last(&self) -> PathState {
+        self.last
+    }
+
     /// Back to the state after [`PathClock::new`].
     pub fn reset(&mut self) {
         *self = Self::default();

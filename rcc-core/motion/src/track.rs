@@ -13,6 +13,8 @@ use rcc_core::vector;
 use crate::geometry::chain::{Chain, Piece, Where};
 use crate::geometry::jet::{Jet, Scalar};
 use crate::path_clock::PathBounds;
+use crate::profile::State;
+use bounds::Stop;
 use elbow::Elbow;
 use law::Law;
 
@@ -83,10 +85,11 @@ pub(crate) struct Section {
     pub(crate) begin: f64,
     /// What its clock counts from its beginning to its end.
     pub(crate) length: f64,
-    /// A law rests at both ends by itself: the clock passes them.
-    pub(crate) rolls: bool,
     /// What its clock keeps.
     pub(crate) bounds: PathBounds,
+    /// Of a section with a law, which rests at both ends by itself, so that its clock passes them: what a clock keeps that
+    /// counts the way itself and stops.
+    pub(crate) stops: Option<Box<[Stop]>>,
 }
 
 /// What a clock counts in a section: s of the chain, or the time of a law.
@@ -148,8 +151,7 @@ impl Track {
 
     /// s of the chain with its first two derivatives, where the clocks have counted `x`.
     fn s_at(&self, x: f64) -> [f64; 3] {
-        let number = self.stretches.partition_point(|stretch| stretch.begin <= x);
-        let Some(stretch) = self.stretches.get(number.saturating_sub(1)) else {
+        let Some(stretch) = self.stretch(x) else {
             return [x, 1.0, 0.0];
         };
         let way = x - stretch.begin;
@@ -164,7 +166,42 @@ impl Track {
 
     /// Where the motion is, where the clocks have counted `x`.
     pub(crate) fn at(&self, x: f64) -> Place {
-        let [s, slope, bend] = self.s_at(x);
+        self.place(self.s_at(x))
+    }
+
+    /// Where the motion is at s of the chain, whatever a law makes of it.
+    pub(crate) fn on_way(&self, s: f64) -> Place {
+        self.place([s, 1.0, 0.0])
+    }
+
+    /// s of the chain where the clocks have counted `x` and go on at `velocity` and `acceleration`.
+    pub(crate) fn way_at(&self, x: f64, [velocity, acceleration]: [f64; 2]) -> State {
+        let [position, slope, bend] = self.s_at(x);
+        State {
+            position,
+            velocity: slope * velocity,
+            acceleration: slope * acceleration + bend * velocity * velocity,
+        }
+    }
+
+    /// What the clocks have counted at s of the chain, in the stretch that begins where they have counted `begin`.
+    pub(crate) fn counted(&self, begin: f64, s: f64) -> f64 {
+        let stretch = self.stretch(begin);
+        let law = stretch.and_then(|stretch| stretch.law.as_ref());
+        law.map_or(begin, |law| begin + law.inverse(s))
+    }
+
+    /// s of the chain where the stretch begins that the clocks are in at `x`.
+    pub(crate) fn begins_at(&self, x: f64) -> f64 {
+        self.stretch(x).map_or(0.0, |stretch| stretch.begin_s)
+    }
+
+    fn stretch(&self, x: f64) -> Option<&Stretch> {
+        let number = self.stretches.partition_point(|stretch| stretch.begin <= x);
+        self.stretches.get(number.saturating_sub(1))
+    }
+
+    fn place(&self, [s, slope, bend]: [f64; 3]) -> Place {
         let number = self.chain.number(s);
         let nowhere = Place {
             pose: Pose::NULL,

@@ -22,7 +22,7 @@ pub(super) const INPUTS: &[Port] = &[
     Port::real(
         "speed",
         UnitRule::ONE,
-        "part of the speed, 0 to 1, at any time; 0 is a pause",
+        "part of the speed, 0 to 1, at any time; more counts as 1, and 0 or less is a pause",
     )
     .default(Literal::Real(1.0)),
 ];

@@ -19,7 +19,7 @@ const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitR
 /// A line may be hardly longer than nothing, and all turn: its speed would say nothing about that.
 const TURN: [Parameter; 3] = [
     Parameter {
-        doc: "largest angular speed",
+        doc: "largest angular speed; a line that turns by much on a short way keeps this instead of `velocity`",
         ..along::FLANGE[3].default(Literal::Real(1.0))
     },
     Parameter {

@@ -221,3 +221,87 @@ fn a_line_is_never_too_short_for_the_speed_that_is_given() {
         assert!(built.is_ok(), "{way} m: {built:?}");
     }
 }
+
+/// Over an obstacle: up, aside, down, with rounded corners.
+fn over(pace: Pace) -> MotionSet {
+    let (models, holds) = ([lwr()], [Some(START)]);
+    let mut builder = Builder::new(&models, &holds, DT, 1);
+    let mut to = from();
+    let legs = [[0.0, 0.0, 0.15], [-0.06, -0.3, 0.0], [0.0, 0.0, -0.15]].map(|way| {
+        let places = to.position.iter_mut().zip(way);
+        places.for_each(|(place, way)| *place += way);
+        Leg {
+            blend: 0.04,
+            ..Leg::new(Segment::Line { to })
+        }
+    });
+    let request = PathRequest {
+        device: 0,
+        from: None,
+        legs: &legs,
+        pace,
+    };
+    builder.path(0, &request).unwrap();
+    builder.finish().unwrap()
+}
+
+#[test]
+fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another() {
+    let duration = |mut motions: MotionSet| {
+        let cycle = (0..20_000).find(|_| step(&mut motions, false).path.done);
+        cycle.expect("an end")
+    };
+    let (sooner, later) = (duration(over(Pace::Fastest)), duration(over(Pace::Even)));
+    assert!(sooner < later, "a law is on its way: {sooner} {later}");
+    for (cycles, way_max) in [(1, 1e-9), (2, 1e-5), (10, 5e-4), (30, 5e-3), (50, 15e-3)] {
+        let mut motions = over(Pace::Fastest);
+        let mut begun = step(&mut motions, false);
+        for _ in 1..cycles {
+            begun = step(&mut motions, false);
+        }
+        // What jerk still adds to the speed while the acceleration goes to 0.
+        let rise = begun.acceleration * begun.acceleration / (2.0 * 2.0);
+        let mut words = Vec::new();
+        let mut state = step(&mut motions, true);
+        motions.save(|some| words.extend_from_slice(some));
+        let mut again = over(Pace::Fastest);
+        again.restore(&words).unwrap();
+        let mut last = begun;
+        while !state.path.done {
+            assert!(
+                state.speed <= begun.speed + rise + 1e-3,
+                "{cycles}: {state:?}"
+            );
+            assert!(state.path.s >= last.path.s && state.progress >= last.progress);
+            last = state;
+            state = step(&mut motions, true);
+            assert_eq!(step(&mut again, true), state, "goes on from its words");
+        }
+        let way = state.distance - begun.distance;
+        assert!((0.0..=way_max).contains(&way), "{cycles}: {way} m");
+        assert_eq!(step(&mut motions, false), state, "for good");
+    }
+}
+
+#[test]
+fn a_stop_at_any_time_of_a_time_optimal_motion_ends_before_its_end_or_there() {
+    let whole = {
+        let mut motions = over(Pace::Fastest);
+        let mut states = (0..20_000).map(|_| step(&mut motions, false));
+        states.find(|state| state.path.done).unwrap()
+    };
+    for cycles in (1..1700).step_by(61) {
+        let mut motions = over(Pace::Fastest);
+        let mut last = step(&mut motions, false);
+        for _ in 1..cycles {
+            last = step(&mut motions, false);
+        }
+        for _ in 0..4000 {
+            let state = step(&mut motions, true);
+            assert!(state.path.s >= last.path.s && state.distance >= last.distance - 1e-12);
+            last = state;
+        }
+        assert!(last.path.done && last.path.stopping, "{cycles}");
+        assert!(last.distance <= whole.distance + 1e-12);
+    }
+}

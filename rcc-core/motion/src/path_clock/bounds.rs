@@ -177,6 +177,29 @@ impl PathBounds {
         self.agility
     }
 
+    /// Whether who gets into this state otherwise may come to rest from it as fast as a clock does: what these limits are for
+    /// is then kept on the whole way.
+    pub(crate) fn allows_stop(&self, from: State) -> bool {
+        let Agility { acceleration, jerk } = self.agility;
+        let rise = from.acceleration * from.acceleration / (2.0 * jerk);
+        let (fastest, forward) = if from.acceleration > 0.0 {
+            (from.velocity + rise, true)
+        } else {
+            (from.velocity, from.velocity >= rise)
+        };
+        let stop = Change::new(from.velocity, from.acceleration, self.agility);
+        let rests = stop.end(from).position;
+        let mut pieces = self.piece_at(from.position)..=self.piece_at(rests);
+        // Asked so that a NaN allows nothing.
+        forward
+            && from.acceleration.abs() <= acceleration
+            && rests <= self.length()
+            && pieces.all(|index| {
+                let piece = self.piece(index);
+                piece.is_some_and(|piece| fastest <= piece.velocity)
+            })
+    }
+
     /// Positions closer than this are the same.
     pub(super) fn slack(&self) -> f64 {
         self.slack

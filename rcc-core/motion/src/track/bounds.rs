@@ -203,10 +203,7 @@ pub(crate) fn allowed(
     dt_s: f64,
     shares: &Shares,
 ) -> Result<PathBounds, Refused> {
-    let mut greatest = f64::INFINITY;
-    for ([first, ..], [_, a, _]) in parts.iter().flat_map(Part::all) {
-        greatest = least(greatest, a / first);
-    }
+    let greatest = greatest(parts);
     let mut best: Option<(f64, PathBounds)> = None;
     let mut too_fast = false;
     for acceleration in shares.trials.iter().map(|trial| trial * greatest) {
@@ -266,6 +263,65 @@ fn as_given(
         possible,
         ..room.fault
     }))
+}
+
+/// What a clock keeps that stops on a part of the path and a few behind it: near by more is allowed than on the whole path.
+#[derive(Debug, Clone)]
+pub(crate) struct Stop {
+    /// The part in which it begins.
+    from: f64,
+    until: f64,
+    /// Of that part and those behind it; their length is how far a stop may go.
+    pub(crate) bounds: PathBounds,
+}
+
+impl Stop {
+    /// It is for who is there.
+    pub(crate) fn begins_at(&self, s: f64) -> bool {
+        self.from <= s && s <= self.until
+    }
+}
+
+/// On how many parts a stop may take place, and with which parts of the greatest acceleration on them: one that may brake
+/// harder must be slower where the path bends.
+const STOPS: [(usize, [f64; 3]); 3] = [
+    (2, [0.9, 0.6, 0.3]),
+    (5, [0.9, 0.6, 0.3]),
+    (usize::MAX, [0.9, 0.6, 0.3]),
+];
+
+/// Limits for stops in each part; those first that are soonest at rest.
+pub(crate) fn stops(parts: &[Part], ends: &[f64], dt_s: f64) -> Box<[Stop]> {
+    let begins = core::iter::once(0.0).chain(ends.iter().copied());
+    let mut stops = Vec::new();
+    for ((first, from), until) in begins.enumerate().zip(ends) {
+        for (reach, trials) in STOPS {
+            let last = first.saturating_add(reach).min(parts.len());
+            let (Some(near), Some(ends)) = (parts.get(first..last), ends.get(first..last)) else {
+                continue;
+            };
+            let greatest = greatest(near);
+            for acceleration in trials.map(|trial| trial * greatest) {
+                let velocities: Vec<f64> = (near.iter())
+                    .map(|part| speed(part, acceleration, &EVEN))
+                    .collect();
+                let bounds = clock((near, ends), &velocities, acceleration, dt_s, &EVEN);
+                stops.extend(bounds.map(|bounds| Stop {
+                    from,
+                    until: *until,
+                    bounds,
+                }));
+            }
+        }
+    }
+    stops.into()
+}
+
+/// The greatest acceleration along these parts that no quantity forbids at rest.
+fn greatest(parts: &[Part]) -> f64 {
+    let rows = parts.iter().flat_map(Part::all);
+    rows.map(|([first, ..], [_, a, _])| a / first)
+        .fold(f64::INFINITY, least)
 }
 
 /// What given speeds leave.

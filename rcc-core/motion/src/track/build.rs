@@ -9,7 +9,7 @@ use rcc_core::message::Joints;
 use rcc_core::path::{Leg, MotionFault, Pace};
 use rcc_core::pose::Pose;
 
-use super::bounds::{self, Bounds, EVEN, Refused, TooFast, allowed};
+use super::bounds::{self, Bounds, EVEN, Refused, Stop, TooFast, allowed};
 use super::draft::{Draft, Zone, drafts};
 use super::fastest::fastest;
 use super::look::{Look, look};
@@ -194,16 +194,16 @@ impl<'a> Road<'a> {
                 Pace::Even => None,
                 Pace::Fastest => fastest(self, range.clone(), duration_s(&bounds)),
             };
-            let (bounds, law) = match by_law {
-                Some((law, bounds)) => (bounds, Some(law)),
-                None => (bounds, None),
+            let (bounds, stops, law) = match by_law {
+                Some((law, bounds)) => (bounds, Some(gather.stops(self.dt_s)), Some(law)),
+                None => (bounds, None, None),
             };
             let length = law.as_ref().map_or(bounds.length(), |law| law.duration());
             sections.push(Section {
                 begin,
                 length,
-                rolls: law.is_some(),
                 bounds,
+                stops,
             });
             stretches.push(Stretch {
                 begin,
@@ -231,7 +231,7 @@ impl<'a> Road<'a> {
         Ok(Section {
             begin: 0.0,
             length: 0.0,
-            rolls: false,
+            stops: None,
             bounds: bounds.map_err(|_| (0, MotionFault::NotFinite))?,
         })
     }
@@ -283,6 +283,10 @@ impl<'a> Gather<'a> {
             Refused::TooFast(fast) => self.too_fast(fast),
             Refused::Clock => (leg, MotionFault::Limits),
         })
+    }
+
+    fn stops(&self, dt_s: f64) -> Box<[Stop]> {
+        bounds::stops(&self.parts, &self.ends, dt_s)
     }
 
     fn too_fast(&self, fast: TooFast) -> Fault {
