@@ -8,8 +8,9 @@ use super::jet::Scalar;
 use super::line::{Turn, distance};
 use super::{COINCIDENT_M, GeometryError, Metric, Placement, finite};
 
-/// Three points whose triangle has a sine below this lie on a line.
-const COLLINEAR_SINE: f64 = 1e-6;
+/// Three points whose triangle has a sine below this lie on a line: its radius would be more than 2000 times the way, and what
+/// rounding leaves of its derivatives would slow a motion down to a crawl.
+const COLLINEAR_SINE: f64 = 2.5e-4;
 
 /// What the orientation does on a circle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -305,6 +305,35 @@ fn a_bend_may_take_nearly_all_of_the_jerk_limit_if_a_speed_is_given() {
 }
 
 #[test]
+fn an_arc_that_is_nearly_a_line_is_as_fast_as_one_or_refused() {
+    let from = start();
+    let at = |x, y| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [0.0; 3]));
+    let arc = |aside: f64| {
+        let leg = Leg::new(Segment::Circle {
+            via: at(aside, 0.02).position,
+            to: at(0.0, 0.05),
+            orientation: ArcOrientation::Even,
+            angle: None,
+        });
+        motion(&[leg]).map(|motion| run(motion, free).states.len())
+    };
+    let line = motion(&[Leg::new(Segment::Line { to: at(0.0, 0.05) })]).unwrap();
+    let line = run(line, free).states.len();
+    let mut made = 0;
+    for exponent in 0..36 {
+        let aside = 1e-7 * 1.3_f64.powi(exponent);
+        match arc(aside) {
+            Ok(cycles) => {
+                assert!(cycles < line + line / 10, "{aside}: {cycles} {line}");
+                made += 1;
+            }
+            Err(fault) => assert_eq!(fault, (0, MotionFault::Collinear), "{aside}"),
+        }
+    }
+    assert!((5..31).contains(&made), "{made}");
+}
+
+#[test]
 fn a_whole_circle_comes_back_and_a_spline_passes_its_poses() {
     let from = start();
     let at = |x, y, turn| from.compose(&Pose::from_xyz_rpy([x, y, 0.0], [turn, 0.0, 0.0]));
