@@ -282,26 +282,25 @@ impl Stop {
     }
 }
 
-/// On how many parts a stop may take place, and with which parts of the greatest acceleration on them: one that may brake
-/// harder must be slower where the path bends.
-const STOPS: [(usize, [f64; 3]); 3] = [
-    (2, [0.9, 0.6, 0.3]),
-    (5, [0.9, 0.6, 0.3]),
-    (usize::MAX, [0.9, 0.6, 0.3]),
-];
+/// On how many parts a stop may take place; more would cost building time and memory, and stops that long are few.
+const STOP_PARTS: [usize; 2] = [2, 8];
 
-/// Limits for stops in each part; those first that are soonest at rest.
-pub(crate) fn stops(parts: &[Part], ends: &[f64], dt_s: f64) -> Box<[Stop]> {
+/// Of the greatest acceleration on them: who may brake harder must be slower where the path bends.
+const STOP_ACCELERATIONS: [f64; 3] = [0.9, 0.6, 0.3];
+
+/// Limits for stops in each part, those first that are soonest at rest; the last are `even`, those of the whole path.
+pub(crate) fn stops(parts: &[Part], ends: &[f64], even: PathBounds) -> Box<[Stop]> {
+    let dt_s = even.dt_s();
     let begins = core::iter::once(0.0).chain(ends.iter().copied());
     let mut stops = Vec::new();
     for ((first, from), until) in begins.enumerate().zip(ends) {
-        for (reach, trials) in STOPS {
+        for reach in STOP_PARTS {
             let last = first.saturating_add(reach).min(parts.len());
             let (Some(near), Some(ends)) = (parts.get(first..last), ends.get(first..last)) else {
                 continue;
             };
             let greatest = greatest(near);
-            for acceleration in trials.map(|trial| trial * greatest) {
+            for acceleration in STOP_ACCELERATIONS.map(|trial| trial * greatest) {
                 let velocities: Vec<f64> = (near.iter())
                     .map(|part| speed(part, acceleration, &EVEN))
                     .collect();
@@ -314,6 +313,11 @@ pub(crate) fn stops(parts: &[Part], ends: &[f64], dt_s: f64) -> Box<[Stop]> {
             }
         }
     }
+    stops.push(Stop {
+        from: 0.0,
+        until: even.length(),
+        bounds: even,
+    });
     stops.into()
 }
 

@@ -195,7 +195,7 @@ impl<'a> Road<'a> {
                 Pace::Fastest => fastest(self, range.clone(), duration_s(&bounds)),
             };
             let (bounds, stops, law) = match by_law {
-                Some((law, bounds)) => (bounds, Some(gather.stops(self.dt_s)), Some(law)),
+                Some((law, by_law)) => (by_law, Some(gather.stops(bounds)), Some(law)),
                 None => (bounds, None, None),
             };
             let length = law.as_ref().map_or(bounds.length(), |law| law.duration());
@@ -285,8 +285,8 @@ impl<'a> Gather<'a> {
         })
     }
 
-    fn stops(&self, dt_s: f64) -> Box<[Stop]> {
-        bounds::stops(&self.parts, &self.ends, dt_s)
+    fn stops(&self, even: PathBounds) -> Box<[Stop]> {
+        bounds::stops(&self.parts, &self.ends, even)
     }
 
     fn too_fast(&self, fast: TooFast) -> Fault {
