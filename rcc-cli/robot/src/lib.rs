@@ -61,6 +61,9 @@ pub enum ImportError {
         /// The tip.
         tip: String,
     },
+    /// A text from which URDF is made.
+    #[error("this is xacro, from which URDF is made: expand it first (`xacro FILE -o robot.urdf`)")]
+    Xacro,
     /// A joint of the chain that is no hinge.
     #[error("joint `{joint}` is {kind}; an arm has hinges only")]
     NoHinge {
@@ -120,8 +123,11 @@ pub enum ImportError {
 /// Recognises the arm between two links; without names from the root to the only leaf (or to `tool0`, `flange`, `ee`).
 ///
 /// # Errors
-/// The text is no URDF, or the chain is no arm that the core knows, with the joint that does not fit.
+/// The text is no URDF, or xacro, or the chain is no arm that the core knows, with the joint that does not fit.
 pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Imported, ImportError> {
+    if text.contains("<xacro:") {
+        return Err(ImportError::Xacro);
+    }
     let robot =
         urdf_rs::read_from_string(text).map_err(|error| ImportError::NotUrdf(Box::new(error)))?;
     let chain = Chain::of(&robot, base, tip)?;

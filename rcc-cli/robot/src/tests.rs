@@ -148,6 +148,9 @@ fn links_are_named_where_it_is_not_clear_which() {
     assert!(refusal.contains("the chain has 5 hinges"), "{refusal}");
     let more = text.replacen("</robot>", "<link name=\"camera\"/><joint name=\"jc\" type=\"fixed\"><parent link=\"l6\"/><child link=\"camera\"/></joint></robot>", 1);
     assert!(import(&more, None, None).is_ok(), "flange is usual");
+    let xacro = text.replacen("<link", "<xacro:arm prefix=\"left\"/><link", 1);
+    let refusal = import(&xacro, None, None).unwrap_err().to_string();
+    assert!(refusal.contains("expand it first"), "{refusal}");
     let refusal = import("<robot", None, None).unwrap_err().to_string();
     assert!(refusal.contains("cannot be read as URDF"), "{refusal}");
 }

@@ -181,6 +181,7 @@ impl Stage {
         match first {
             Some((foreseen, at)) => Err(Foreseen {
                 speed: watch::speed(&peaks),
+                near: watch::near(&self.watches),
                 place: at.map(|(place, s)| self.placed(place, s)),
                 ..foreseen
             }),
@@ -189,7 +190,7 @@ impl Stage {
                 time_s: (step - still.min(step)) as f64 * scene.dt_s,
                 end,
                 peaks,
-                singularity: watch::singularity(&self.watches),
+                singularity: watch::near(&self.watches).map_or(f64::NAN, |near| near.distance),
                 shortened: 0,
                 most_shortened: None,
                 took_ns: 0,

@@ -89,6 +89,17 @@ pub struct Foreseen {
     /// With so much of its speed the motion would keep all limits of speed, acceleration and jerk; 1 = speed is not the
     /// reason.
     pub speed: f64,
+    /// The singular position that an arm came nearest to on the whole way; `None` = not known.
+    pub near: Option<Near>,
+}
+
+/// A singular position.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Near {
+    /// As [`rcc_core::kinematics::SingularityKind::number`] counts.
+    pub kind: u32,
+    /// How far it is, as [`rcc_core::kinematics::Singularity::distance`] says.
+    pub distance: f64,
 }
 
 /// Where a motion is.

@@ -69,7 +69,7 @@ rules! {
         "add it to the `parameters` of the fragment, or write the value";
     MISSING_PARAMETER = "RCC1301", "A parameter that must be given is missing.",
         "add it under `parameters`";
-    OUT_OF_RANGE = "RCC1302", "A parameter is outside of its range.",
+    OUT_OF_RANGE = "RCC1302", "A parameter, or a constant at an input, is outside of its range.",
         "choose a value inside of the range";
     TYPE_MISMATCH = "RCC1303", "A value is of another type than its place needs.",
         "connect a value of the type that is wanted";

@@ -57,7 +57,7 @@ fn text(spec: &Spec, open: Type, chance: &mut Chance) -> Option<String> {
     let mut discard: Vec<String> = spec
         .outputs
         .iter()
-        .filter(|port| !port.diagnostic)
+        .filter(|port| !port.diagnostic || (spec.role == Role::Motion && port.name == "joints"))
         .map(|port| format!("it.{}", port.name))
         .collect();
     // A list of numbers is no Vector3 by itself: what reads the output says so.

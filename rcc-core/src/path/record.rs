@@ -36,6 +36,9 @@ pub const THROUGH: f64 = 4.0;
 /// The last point of a `spline`.
 pub const SPLINE: f64 = 5.0;
 
+/// The column of KUKA's Turn, in a row of [`PTP_POSE`].
+pub const TURN: usize = 10;
+
 /// What the orientation does on an arc, by its number in a row.
 pub const ORIENTATIONS: &[&str] = &["even", "constant", "path"];
 /// What the elbow does, by its number in a row.

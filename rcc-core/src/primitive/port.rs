@@ -292,7 +292,7 @@ impl Port {
         }
     }
 
-    /// This output is null or in this range, whatever the inputs are.
+    /// This output is null or in this range, whatever the inputs are; a constant at this input must be in it.
     pub const fn within(self, least: f64, greatest: f64) -> Port {
         Port {
             least: Some(least),

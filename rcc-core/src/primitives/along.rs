@@ -22,9 +22,9 @@ pub(super) const INPUTS: &[Port] = &[
     Port::real(
         "speed",
         UnitRule::ONE,
-        "part of the speed, 0 to 1, at any time; more counts as 1, and 0 or less is a pause",
+        "part of the speed, at any time; what is computed above 1 counts as 1, and 0 or less is a pause",
     )
-    .default(Literal::Real(1.0)),
+    .default(Literal::Real(1.0)).within(0.0, 1.0),
 ];
 
 /// What null at the inputs means.

@@ -45,9 +45,9 @@ pub const ENTRY: Entry = Entry::new(
             Port::real(
                 "speed",
                 UnitRule::ONE,
-                "share of the greatest velocity: above 1 it is 1, below 0.0001 it is 0, a stop",
+                "share of the greatest velocity: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
             )
-            .default(Literal::Real(1.0)),
+            .default(Literal::Real(1.0)).within(0.0, 1.0),
             Port::bool("stop", "while true all joints brake to rest and stay; then they go on")
                 .default(Literal::Bool(false)),
         ],

@@ -90,7 +90,10 @@ fn ports(text: &mut String, kind: &str, ports: &[PortView]) {
     );
     for port in ports {
         let more = match (&port.default, port.diagnostic) {
-            (Some(default), _) => default.clone(),
+            (Some(default), _) => match range(port) {
+                range if range.is_empty() => default.clone(),
+                range => format!("{default}; {range}"),
+            },
             (None, true) => "may be left unread".to_owned(),
             (None, false) => range(port),
         };
@@ -106,7 +109,7 @@ fn range_title(kind: &str) -> &'static str {
     if kind == "input" { "default" } else { "range" }
 }
 
-/// The range of an output, if it has one.
+/// The range of an output, or of constants at an input, if it has one.
 #[must_use]
 pub fn range(port: &PortView) -> String {
     match (port.least, port.greatest) {

@@ -11,6 +11,8 @@ use super::words::Namer;
 
 /// Nearer to a singularity than this (sine of the angle that is left) is worth a word.
 const NEAR: f64 = 0.05;
+/// Nearer than this, joints are several times as fast as far away from it.
+const SINGULAR: f64 = 0.2;
 const QUANTITIES: [&str; 3] = ["speed", "acceleration", "jerk"];
 
 impl Namer<'_> {
@@ -186,16 +188,26 @@ fn roundings(rehearsed: &Rehearsed) -> String {
     }
 }
 
+/// The singular position that the way passes.
+fn singular(foreseen: &Foreseen) -> Option<String> {
+    let near = foreseen.near.filter(|near| near.distance < SINGULAR)?;
+    let kind = SingularityKind::from_number(near.kind)?;
+    Some(format!("{kind}: {:.3}", near.distance))
+}
+
 fn help(foreseen: &Foreseen) -> String {
     let slower = format!(
         "at {:.0} % of its speed it would keep the limits",
         (100.0 * foreseen.speed).floor().max(1.0)
     );
     match foreseen.rule {
-        Rule::Velocity | Rule::Acceleration | Rule::Jerk => format!(
-            "go slower: {slower}; if that is very slow, the path passes near a singularity: take another arm angle or \
-             branch, or go around"
-        ),
+        Rule::Velocity | Rule::Acceleration | Rule::Jerk => match singular(foreseen) {
+            Some(singular) => format!(
+                "the way passes near a singular position ({singular}), where joints are fast and the flange is slow: take \
+                 another goal, branch or arm angle, or go around; {slower}"
+            ),
+            None => format!("go slower: {slower}"),
+        },
         Rule::Position => "begin with another branch or arm angle, or divide the motion and turn the joint back in between"
             .to_owned(),
         Rule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),

@@ -243,6 +243,7 @@ impl fmt::Display for Drawing<'_> {
         f.write_str(&self.row.message)?;
         match (&self.line, self.row.line) {
             (Some(_), _) => Ok(()),
+            (None, 0) if self.row.file.is_empty() => Ok(()),
             (None, 0) => write!(f, " [{}]", self.row.file),
             (None, line) => write!(f, " [{}:{line}:{}]", self.row.file, self.row.column),
         }

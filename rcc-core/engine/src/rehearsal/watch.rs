@@ -3,7 +3,7 @@
 use rcc_core::frame::{DeviceModel, DeviceOutput};
 use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
 use rcc_core::workspace::{Leaves, Stay};
-use rcc_ipc::rehearsal::{Foreseen, Peak, Rule};
+use rcc_ipc::rehearsal::{Foreseen, Near, Peak, Rule};
 
 /// A velocity or an acceleration may exceed its limit by this part of it, as for the guard.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
@@ -24,8 +24,8 @@ pub struct Watch {
     /// The last three set-points, newest first; `None` while nobody commands the arm.
     history: Option<[Joints; 3]>,
     peaks: [Peak; 3],
-    /// The smallest distance; NaN = not known.
-    singularity: f64,
+    /// The nearest singular position of all set-points; `None` = not known.
+    near: Option<Near>,
     /// As the guard will keep it; `None` = it may be anywhere.
     stay: Option<Stay>,
 }
@@ -65,7 +65,7 @@ impl Watch {
             hold,
             history: None,
             peaks: NO_PEAKS,
-            singularity: f64::NAN,
+            near: None,
             stay: (model.arm.zip(model.workspace)).map(|(arm, space)| Stay::new(arm, space)),
         }
     }
@@ -148,14 +148,26 @@ impl Watch {
             let found = self.check_joint(joint, asked, history, dt_s);
             broken = broken.or(found);
         }
-        let finite = asked.iter().all(|value| value.is_finite());
-        broken.or_else(|| {
-            if finite {
-                self.check_place(asked)
-            } else {
-                None
-            }
-        })
+        if asked.iter().all(|value| value.is_finite()) {
+            self.come_near(asked);
+            broken = broken.or_else(|| self.check_place(asked));
+        }
+        broken
+    }
+
+    /// Keeps the nearest singular position.
+    fn come_near(&mut self, asked: &Joints) {
+        let Some(arm) = self.model.arm else { return };
+        let singularity = arm.singularity(asked);
+        if self
+            .near
+            .is_none_or(|near| singularity.distance < near.distance)
+        {
+            self.near = Some(Near {
+                kind: singularity.kind.number(),
+                distance: singularity.distance,
+            });
+        }
     }
 
     fn check_joint(
@@ -218,10 +230,8 @@ impl Watch {
         broken
     }
 
-    /// Where the flange would be, and how near to a singularity.
+    /// Where the flange would be.
     fn check_place(&mut self, asked: &Joints) -> Option<Broken> {
-        let arm = self.model.arm?;
-        self.singularity = self.singularity.min(arm.singularity(asked).distance);
         match self.stay.as_mut()?.check(asked).err()? {
             Leaves::Box { axis, value, limit } => {
                 Some(self.broken(Rule::Workspace, u32::from(axis) + 1, value, limit))
@@ -245,6 +255,7 @@ pub fn fault(code: FaultCode, time_s: f64) -> Foreseen {
         time_s,
         place: None,
         speed: 1.0,
+        near: None,
     }
 }
 
@@ -266,6 +277,7 @@ pub fn foreseen(broken: Broken, time_s: f64) -> Foreseen {
         time_s,
         place: None,
         speed: 1.0,
+        near: None,
     }
 }
 
@@ -282,12 +294,10 @@ pub fn peaks(watches: &[Watch]) -> [Peak; 3] {
     peaks
 }
 
-/// The smallest distance to a singularity; NaN if none is known.
-pub fn singularity(watches: &[Watch]) -> f64 {
-    watches
-        .iter()
-        .map(|watch| watch.singularity)
-        .fold(f64::NAN, f64::min)
+/// The singular position that an arm came nearest to; `None` if none is known.
+pub fn near(watches: &[Watch]) -> Option<Near> {
+    let all = watches.iter().filter_map(|watch| watch.near);
+    all.min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
 /// The part of its speed at which a motion on the same path would keep the limits: velocity goes with it, acceleration

@@ -29,7 +29,7 @@ pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// All outputs that something reads.
-fn read(net: Typed<'_>) -> BTreeSet<Output> {
+pub(super) fn read(net: Typed<'_>) -> BTreeSet<Output> {
     let wires = net.graph.items.iter().flat_map(|item| item.wires());
     let wires = wires.map(|(_, wire)| wire);
     let regions = net.graph.regions.iter();

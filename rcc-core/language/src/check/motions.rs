@@ -2,10 +2,15 @@
 //! The loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
+use rcc_core::frame::DeviceModel;
+use rcc_core::path::record;
+use rcc_core::primitive::{ParameterKind, Role};
 
 use super::Typed;
+use super::connections::read;
+use super::values::constant;
 use crate::fault;
-use crate::resolve::Item;
+use crate::resolve::{Item, Output};
 use crate::syntax::literal::{Literal, Shape};
 
 /// Parameters of which a motion takes one only, and why.
@@ -63,5 +68,108 @@ pub fn motions_have_an_end(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let span = item.primitive.type_name.span;
         let fault = Diagnostic::error(fault::MISSING_PARAMETER, span, message);
         faults.push(fault.help("add `to`, the joints at the end, or `pose`, the flange there"));
+    }
+}
+
+/// The arm of an item, and its name.
+fn arm<'a>(net: Typed<'a>, item: &Item<'_>) -> Option<(&'a str, &'a DeviceModel)> {
+    let device = net.graph.cell.devices.get(item.device?)?;
+    Some((&device.name, &device.model))
+}
+
+/// KUKA's Turn has a bit for each joint that the arm has, and no other.
+pub fn turns_are_of_joints(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for item in &net.graph.items {
+        let Some((name, model)) = arm(net, item) else {
+            continue;
+        };
+        let parameters = item.spec().parameters.iter().zip(&item.parameters);
+        let paths =
+            parameters.filter(|(parameter, _)| matches!(parameter.kind, ParameterKind::Path(_)));
+        let rows = paths.filter_map(|(_, given)| match &given.as_ref()?.shape {
+            Shape::List(rows) => Some(rows.iter().filter_map(turn_of_leg)),
+            _ => None,
+        });
+        let of_motion = given(item, "turn").and_then(|turn| Some((turn.number()?, turn)));
+        for (turn, literal) in rows.flatten().chain(of_motion) {
+            let most = f64::from((1_u32 << model.joints) - 1);
+            if turn <= most {
+                continue;
+            }
+            let message = format!(
+                "`turn` of `{}` is {turn}: `{name}` has {} joints, and a bit for each makes {most} at most",
+                item.id(),
+                model.joints
+            );
+            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
+            faults.push(fault.help("bit i is set if joint i + 1 is negative at the end"));
+        }
+    }
+}
+
+/// The Turn of a leg, see [`record`].
+fn turn_of_leg(row: &Literal) -> Option<(f64, &Literal)> {
+    let Shape::List(columns) = &row.shape else {
+        return None;
+    };
+    let number = |column: usize| columns.get(column)?.number();
+    (number(0)? == record::PTP_POSE).then_some((number(record::TURN)?, row))
+}
+
+/// A goal that never changes can be reached by every joint: beyond its range it is no goal, and the net would wait for ever.
+pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for item in net
+        .graph
+        .items
+        .iter()
+        .filter(|item| item.spec().name == "JointGoal")
+    {
+        let (Some((name, model)), Some(goal)) = (arm(net, item), item.inputs.first()) else {
+            continue;
+        };
+        let Some(goal) = constant(net, goal) else {
+            continue;
+        };
+        let ranges = model.limits.lower.iter().zip(&model.limits.upper);
+        for (joint, (value, (lower, upper))) in (1..).zip(goal.numbers().into_iter().zip(ranges)) {
+            if (*lower..=*upper).contains(&value) {
+                continue;
+            }
+            let [value, lower, upper] = [value, *lower, *upper].map(f64::to_degrees);
+            let message = format!(
+                "`{}.goal` cannot be reached: J{joint} of `{name}` goes from {lower:.3}° to {upper:.3}°, this is {value:.3}°",
+                item.id()
+            );
+            let fault = Diagnostic::error(fault::OUT_OF_RANGE, goal.span, message);
+            faults.push(fault.help("bare angles are in rad: write `deg(30)` for degrees"));
+        }
+    }
+}
+
+/// Somebody reads where a motion is: the net would go through it, and no arm would move.
+pub fn motions_lead_somewhere(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    let read = read(net);
+    let discarded: Vec<Output> = net
+        .graph
+        .discarded
+        .iter()
+        .map(|(output, _)| *output)
+        .collect();
+    for (number, item) in net.graph.items.iter().enumerate() {
+        let outputs = item.spec().outputs;
+        let place = |name: &str| outputs.iter().position(|port| port.name == name);
+        let places = ["joints", "pose"].into_iter().filter_map(place);
+        let mut places = places.map(|port| Output { item: number, port });
+        if item.spec().role != Role::Motion
+            || places.any(|output| read.contains(&output) || discarded.contains(&output))
+        {
+            continue;
+        }
+        let id = item.id();
+        let message = format!("nobody reads `{id}.joints` or `{id}.pose`: the motion moves no arm");
+        let fault = Diagnostic::error(fault::NOT_READ, item.primitive.id.span, message);
+        faults.push(fault.help(format!(
+            "add `{{type: JointPositionCommand, parameters: {{device: …}}, inputs: {{position: {id}.joints}}}}`, or say that it is meant: `discard: [{id}.joints]`"
+        )));
     }
 }

@@ -2,7 +2,7 @@
 //! The loader's threads.
 
 use rcc_config::diagnostic::Diagnostic;
-use rcc_core::primitive::{Parameter, ParameterKind, PortType, UnitRule};
+use rcc_core::primitive::{Parameter, ParameterKind, PortType, Role, UnitRule};
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 
@@ -420,6 +420,40 @@ pub fn parameters_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
             let message = format!("`{}.{}` {message}", item.id(), parameter.name);
             let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
             faults.push(fault.help(format!("{}: {}", parameter.name, parameter.doc)));
+        }
+    }
+}
+
+/// What feeds an input for ever, if it is known: a constant there, or that of a `Constant`.
+pub(super) fn constant<'a>(net: Typed<'a>, feed: &Feed<'a>) -> Option<&'a Literal> {
+    match feed {
+        Feed::Literal(literal) => Some(literal),
+        Feed::Wire(wire) if wire.part.is_none() && wire.initial.is_none() => {
+            let source = net.graph.items.get(wire.from.item)?;
+            let value = source.parameters.first().copied().flatten();
+            value.filter(|_| source.spec().role == Role::Constant)
+        }
+        _ => None,
+    }
+}
+
+/// Constants at inputs are as their primitives need them: what is computed may be limited there, a constant is a mistake.
+pub fn constants_are_in_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for item in &net.graph.items {
+        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let (Some(least), Some(greatest)) = (port.least, port.greatest) else {
+                continue;
+            };
+            let Some(literal) = constant(net, feed) else {
+                continue;
+            };
+            let Some(value) = literal.number().filter(|it| *it < least || *it > greatest) else {
+                continue;
+            };
+            let (id, name) = (item.id(), port.name);
+            let message = format!("`{id}.{name}` must be {least} to {greatest}, this is {value}");
+            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
+            faults.push(fault.help(format!("{name}: {}", port.doc)));
         }
     }
 }

@@ -59,6 +59,11 @@ pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<L
     for node in nodes {
         leg(node, &mut rows, faults);
     }
+    if let Some(blend) = nodes.last().and_then(|node| node.get("blend")) {
+        let message = "`blend` of the last leg: there is no leg to go over into";
+        let fault = Diagnostic::error(fault::CONTRADICTION, blend.span, message);
+        faults.push(fault.help("take `blend` out: the path ends at rest"));
+    }
     (faults.len() == before).then_some(rows)
 }
 
@@ -144,7 +149,11 @@ fn ptp(node: &Node, row: &mut Row, faults: &mut Vec<Diagnostic>) {
         let keys = &["xyz", "rpy", "quat", "branch", "status", "turn"];
         report_unknown_keys(node, keys, "a `ptp`", faults);
         either(node, ["branch", "status"], faults);
-        for (key, column, most) in [("branch", 22, 7), ("status", 9, 31), ("turn", 10, 255)] {
+        for (key, column, most) in [
+            ("branch", 22, 7),
+            ("status", 9, 31),
+            ("turn", record::TURN, 255),
+        ] {
             if let Some(node) = node.get(key) {
                 row[column] = whole(node, key, most, faults);
             }
@@ -421,11 +430,11 @@ mod tests {
                 fault::WRONG_SHAPE,
             ),
             (
-                &format!("[{{lin: {{{GOAL}}}, blend: 20 N}}]"),
+                &format!("[{{lin: {{{GOAL}}}, blend: 20 N}}, {{lin: {{{GOAL}}}}}]"),
                 fault::UNIT_MISMATCH,
             ),
             (
-                &format!("[{{lin: {{{GOAL}}}, blend: -1 mm}}]"),
+                &format!("[{{lin: {{{GOAL}}}, blend: -1 mm}}, {{lin: {{{GOAL}}}}}]"),
                 fault::OUT_OF_RANGE,
             ),
             (
@@ -465,6 +474,10 @@ mod tests {
             (
                 &format!("[{{circ: {{via: {{xyz: [0, 0, 1], rpy: [0, 0, 0]}}, to: {{{GOAL}}}}}}}]"),
                 fault::UNKNOWN_KEY,
+            ),
+            (
+                &format!("[{{lin: {{{GOAL}}}, blend: 20 mm}}]"),
+                fault::CONTRADICTION,
             ),
             ("[{spline: []}]", fault::WRONG_SHAPE),
             (

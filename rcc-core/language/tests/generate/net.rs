@@ -26,6 +26,7 @@ struct Source {
     name: String,
     unit: Unit,
     read: bool,
+    constant: bool,
 }
 
 #[derive(Default)]
@@ -162,8 +163,12 @@ impl Growing {
                 (Some(ty), Some(unit)) => {
                     let sources = &mut self.sources;
                     self.of_type.entry(ty).or_default().push(sources.len());
-                    let read = port.diagnostic;
-                    sources.push(Source { name, unit, read });
+                    sources.push(Source {
+                        name,
+                        unit,
+                        read: port.diagnostic,
+                        constant: spec.role == Role::Constant,
+                    });
                 }
                 _ if port.diagnostic => {}
                 _ => self.discard.push(name),
@@ -203,7 +208,8 @@ impl Growing {
                 break;
             };
             let source = &self.sources[number];
-            if !feeds.fits(port.unit, source.unit) {
+            // A constant must be in the range of a port that has one.
+            if (source.constant && port.least.is_some()) || !feeds.fits(port.unit, source.unit) {
                 continue;
             }
             feeds.read.push(number);
@@ -219,7 +225,12 @@ impl Growing {
         }
         // A bare number takes the unit of its place; one that nothing ties has none.
         feeds.fits(port.unit, Unit::ONE);
-        constant(ty, chance)
+        match (port.least, port.greatest) {
+            (Some(least), Some(greatest)) => {
+                (least + chance.share() * (greatest - least)).to_string()
+            }
+            _ => constant(ty, chance),
+        }
     }
 }
 
