@@ -150,7 +150,7 @@ impl Executor {
             late_in_a_row_max: 0,
             models,
         };
-        let engine = Engine::new(config, rt, 0).recorded_by(recorder);
+        let engine = Engine::new(config, rt).recorded_by(recorder);
         let mut executor = Executor {
             engine,
             boards,

@@ -105,7 +105,7 @@ impl Cell {
             .iter()
             .map(|device| Device::new(device, &config.simulators, period_ns));
         Cell {
-            engine: Engine::new(engine, rt, 0),
+            engine: Engine::new(engine, rt),
             ends,
             devices: devices.collect(),
             now_ns: 0,

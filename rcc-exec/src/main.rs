@@ -254,13 +254,16 @@ fn start_rt(
     let rt = thread::Builder::new()
         .name("rcc-rt".into())
         .spawn(move || {
-            promote_thread(executor.priority, executor.core, &mut grants);
-            prefault_stack();
-            let engine = Engine::new(engine_config, ends, grants.bits).with_budget(budget_ns);
+            let engine = Engine::new(engine_config, ends).with_budget(budget_ns);
             let engine = match flight {
                 Some(flight) => engine.recorded_by(flight),
                 None => engine,
             };
+            prefault_stack();
+            // Last: what is made above takes milliseconds, and would keep another cell's executor of this priority from
+            // its core.
+            promote_thread(executor.priority, executor.core, &mut grants);
+            let engine = engine.with_grants(grants.bits);
             // The receiver waits for it; if it is gone the process is ending.
             let _ = told.send(grants);
             drop(told);

@@ -62,7 +62,9 @@ pub struct Late {
     pub from_ns: u64,
     /// Wake-up of the cycle after, CLOCK_MONOTONIC.
     pub to_ns: u64,
-    /// How long it computed, if it is the last one before the look.
+    /// How long after its time the last of them woke.
+    pub wake_ns: u64,
+    /// How long that one computed.
     pub exec_ns: u64,
     /// Why.
     pub cause: Cause,
@@ -209,7 +211,8 @@ fn watch(
                     count: now.late - newest.late,
                     from_ns: before.stamp_ns,
                     to_ns: now.stamp_ns,
-                    exec_ns: now.exec_last_ns,
+                    wake_ns: now.last_late.wake_ns,
+                    exec_ns: now.last_late.exec_ns,
                     cause: Cause::Unexplained,
                     beside: Vec::new(),
                 };

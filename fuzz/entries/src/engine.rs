@@ -75,7 +75,7 @@ impl Bench {
             models,
         };
         let mut bench = Bench {
-            engine: Engine::new(config, rt, 0),
+            engine: Engine::new(config, rt),
             ends,
             measured,
             attached: true,

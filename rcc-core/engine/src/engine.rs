@@ -123,12 +123,11 @@ pub struct Engine {
 
 impl Engine {
     /// All memory of the real-time thread. `first_id` is the first command id that will be given out.
-    pub fn new(config: EngineConfig, ends: RtEnds, grants: u32) -> Engine {
+    pub fn new(config: EngineConfig, ends: RtEnds) -> Engine {
         let mut status = CycleStatus::zeroed();
         status.magic = MAGIC;
         status.incarnation = config.incarnation;
         status.period_ns = config.period_ns;
-        status.grants = grants;
         status.clock = ClockStatus::OWN;
         let mut tables: Box<Tables> = bytemuck::zeroed_box();
         tables.magic = MAGIC;
@@ -173,6 +172,13 @@ impl Engine {
             recorder: None,
             config,
         }
+    }
+
+    /// The same engine, which tells what its thread was granted (bits, see [`CycleStatus::grants`]).
+    #[must_use]
+    pub fn with_grants(mut self, grants: u32) -> Engine {
+        self.status.grants = grants;
+        self
     }
 
     /// Records everything that replay needs.

@@ -12,7 +12,7 @@ use rcc_ipc::{Role, clean};
 
 use super::{Case, Outcome, Phase, Target, Way};
 use crate::census::Census;
-use crate::endurance::{CORE, PRIORITY};
+use crate::endurance::{self, CORE};
 use crate::journal::{Journal, Random};
 use crate::lateness::Judge;
 use crate::place::Place;
@@ -27,6 +27,9 @@ const LOST: i64 = 1;
 const STILL: f64 = 4e-3;
 /// How long a stopped process stands still: longer than any deadline of a driver, shorter than a watchdog's.
 const STOPPED: Duration = Duration::from_millis(300);
+/// Below that of the endurance run, which may go on beside it: of two executors of one priority on a core one waits for the
+/// other, and the reference thread above them does not see it.
+const PRIORITY: u8 = endurance::PRIORITY - 4;
 /// Primitives of the big net.
 const BIG: usize = 1500;
 

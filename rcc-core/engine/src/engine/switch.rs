@@ -342,7 +342,7 @@ mod tests {
             late_in_a_row_max: 3,
             models: Vec::new(),
         };
-        let mut engine = Engine::new(config, rt, 0);
+        let mut engine = Engine::new(config, rt);
         let mut ask = |engine: &mut Engine, order: Order| {
             ends.orders.push(order).unwrap();
             engine.cycle(1);

@@ -153,7 +153,7 @@ impl Bench {
             waited: 0,
         };
         let mut bench = Bench {
-            engine: Engine::new(config, rt, 0),
+            engine: Engine::new(config, rt),
             ends,
             driver,
             now_ns: 1_000_000_000,
