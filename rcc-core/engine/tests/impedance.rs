@@ -7,7 +7,10 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::guard::{ViolationKind, axis};
 use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
+use rcc_engine::net::Net;
+use rcc_engine::rehearsal::{Scene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
+use rcc_ipc::rehearsal::Rule;
 
 const CARTESIAN: u64 = Strategy::CartesianImpedance as u64;
 
@@ -183,4 +186,61 @@ fn a_null_wrench_lets_the_arm_go() {
     assert_eq!(bench.state(id), CommandState::Running);
     let told = bench.told();
     assert_eq!((told.has_position, told.impedance), (0, Impedance::NONE));
+}
+
+/// What a rehearsal tells of a net: which rule of impedance it breaks, of which axis, by which value, and when.
+fn foreseen(plan: PlanData) -> Option<(ViolationKind, &'static str, f64, f64)> {
+    let models = [DeviceModel {
+        impedance: Some(LIMITS),
+        ..model()
+    }];
+    let mut net = Net::build(plan, &models, 5, &[Some(HOLD)], 1e-3).expect("a good plan");
+    let scene = Scene {
+        models: &models,
+        devices: &[],
+        holds: &[Some(HOLD)],
+        values: &[],
+        dt_s: 1e-3,
+    };
+    match rehearse(&mut net, &scene) {
+        Ok(_) => None,
+        Err(Refusal::Foreseen(foreseen)) => {
+            let Rule::Impedance { kind } = foreseen.rule else {
+                panic!("{foreseen:?}");
+            };
+            let axis = axis(foreseen.joint as usize - 1).expect("an axis");
+            let kind = ViolationKind::from_number(kind).expect("a rule");
+            Some((kind, axis, foreseen.value, foreseen.time_s))
+        }
+        Err(other) => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_rehearsal_foresees_what_the_guard_would_refuse() {
+    assert_eq!(foreseen(soft_net(500.0, 0.0, -5.0)), None);
+    let (kind, axis, value, time_s) = foreseen(soft_net(500.0, 0.0, 60.0)).expect("a refusal");
+    assert_eq!(
+        (kind, axis, value, time_s),
+        (ViolationKind::Added, "z", 60.0, 0.0)
+    );
+    let (kind, axis, value, time_s) = foreseen(soft_net(9000.0, 0.0, 0.0)).expect("a refusal");
+    assert_eq!(
+        (kind, axis, value, time_s),
+        (ViolationKind::Stiffness, "z", 9000.0, 0.0)
+    );
+    // Twice the greatest stiffness a second is allowed, 10,000 N/m/s.
+    let (kind, axis, value, time_s) = foreseen(soft_net(500.0, 20_000.0, 0.0)).expect("a refusal");
+    assert_eq!(
+        (kind, axis, time_s),
+        (ViolationKind::StiffnessRate, "z", 1e-3)
+    );
+    assert!((value - 20_000.0).abs() < 1e-3, "{value}");
+    // 5000 N/m is the greatest.
+    let (kind, axis, value, time_s) = foreseen(soft_net(4500.0, 5000.0, 0.0)).expect("a refusal");
+    assert_eq!((kind, axis), (ViolationKind::Stiffness, "z"));
+    assert!(
+        (0.1..0.102).contains(&time_s) && value > 5000.0,
+        "{time_s} s, {value}"
+    );
 }

@@ -134,6 +134,11 @@ pub enum Rule {
     Singularity,
     /// An arm is not let go of while it moves: a set-point that becomes null, mostly of a pose that cannot be reached.
     LetsGo,
+    /// Stiffness, damping, or what is added to them. Value and limit are in the unit of the kind.
+    Impedance {
+        /// [`rcc_core::guard::ViolationKind`] as a number; its axis or joint is in [`Foreseen::joint`], from 1.
+        kind: u32,
+    },
     /// No fault of the net itself, [`rcc_core::message::FaultCode`] as a number in `value`.
     Fault,
 }

@@ -4,6 +4,10 @@
 use rcc_core::guard::{Violation, ViolationKind};
 use rcc_core::impedance::Strategy;
 
+/// What helps whoever breaks a rule of impedance.
+pub(super) const STAY_WITHIN: &str =
+    "stay within `impedance:` of the robot's file; nothing is clamped in silence";
+
 /// A broken rule with its axis or joint (from 1), value, limit and unit.
 pub(super) fn rule(kind: ViolationKind, joint: u32, value: f64, limit: f64) -> String {
     let joint = u8::try_from(joint.saturating_sub(1)).unwrap_or(u8::MAX);

@@ -7,6 +7,7 @@ use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed, Rule};
 
 use super::api::{PeakView, RehearsalView};
 use super::codes::{self, Code};
+use super::impedance;
 use super::words::Namer;
 
 /// Nearer to a singularity than this (sine of the angle that is left) is worth a word.
@@ -103,6 +104,7 @@ impl Namer<'_> {
                     kind.unwrap_or_default()
                 )
             }
+            Rule::Impedance { kind } => self.violation(device, joint, value, limit, kind),
             Rule::LetsGo => format!(
                 "{} has no set-point any more while it moves",
                 self.device_name(device)
@@ -213,6 +215,7 @@ fn help(foreseen: &Foreseen) -> String {
         Rule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
         Rule::Singularity => "begin with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
             .to_owned(),
+        Rule::Impedance { .. } => impedance::STAY_WITHIN.to_owned(),
         Rule::LetsGo | Rule::NotFinite => {
             "a pose on the path cannot be reached, or only with a joint beyond its limits (`reason` and `joint` of \
              InverseKinematics say which: monitor them and `rcc-cli simulate`): choose another start, goal or arm angle"

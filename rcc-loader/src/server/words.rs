@@ -411,7 +411,14 @@ impl Namer<'_> {
     }
 
     /// A broken rule of the guard in words.
-    fn violation(&self, device: u32, joint: u32, value: f64, limit: f64, kind: u32) -> String {
+    pub(super) fn violation(
+        &self,
+        device: u32,
+        joint: u32,
+        value: f64,
+        limit: f64,
+        kind: u32,
+    ) -> String {
         let name = self.device_name(device);
         let what = format!("{name} joint {}", self.joint_name(device, joint));
         let kind = ViolationKind::from_number(kind);
@@ -530,7 +537,7 @@ fn first_set_point(
             | ViolationKind::StiffnessRate
             | ViolationKind::Damping
             | ViolationKind::Added,
-        ) => "stay within `impedance:` of the robot's file; nothing is clamped in silence",
+        ) => impedance::STAY_WITHIN,
         _ => BEGIN_THERE,
     };
     (

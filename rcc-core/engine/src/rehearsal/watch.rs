@@ -1,6 +1,8 @@
 //! Who watches one arm in a rehearsal: what it would be told, against its limits. Off the real-time thread.
 
 use rcc_core::frame::{DeviceModel, DeviceOutput};
+use rcc_core::guard::Guard;
+use rcc_core::impedance::Impedance;
 use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
 use rcc_core::workspace::{Leaves, Stay};
 use rcc_ipc::rehearsal::{Foreseen, Near, Peak, Rule};
@@ -28,6 +30,8 @@ pub struct Watch {
     near: Option<Near>,
     /// As the guard will keep it; `None` = it may be anywhere.
     stay: Option<Stay>,
+    /// Of it only what it says of impedance: it knows nothing of jerk, and tells the first fault alone.
+    guard: Guard,
 }
 
 /// A rule that a set-point breaks.
@@ -66,6 +70,7 @@ impl Watch {
             history: None,
             peaks: NO_PEAKS,
             near: None,
+            guard: fresh(&model),
             stay: (model.arm.zip(model.workspace)).map(|(arm, space)| Stay::new(arm, space)),
         }
     }
@@ -92,6 +97,7 @@ impl Watch {
             };
         }
         let broken = self.check(&output.position, &history, dt_s);
+        let broken = broken.or_else(|| self.check_impedance(&output.impedance, dt_s));
         let [last, before, _] = history;
         self.history = Some([output.position, last, before]);
         Seen {
@@ -116,6 +122,8 @@ impl Watch {
             stay.begin(&output.position);
         }
         let broken = self.check(&output.position, &[output.position; 3], 1.0);
+        self.guard = fresh(&self.model);
+        let broken = broken.or_else(|| self.check_impedance(&output.impedance, 1.0));
         Seen {
             moves: false,
             // Later it is a jump, which the guard tells; where the arm rests then, the rehearsal only supposes.
@@ -130,6 +138,17 @@ impl Watch {
         steps
             .take(limits.joints)
             .any(|((now, last), limit)| (now - last).abs() > STILL * limit * dt_s)
+    }
+
+    /// Which strategy the controller runs is known at START.
+    fn check_impedance(&mut self, asked: &Impedance, dt_s: f64) -> Option<Broken> {
+        let checked = self.guard.check_impedance(asked, asked.strategy, dt_s);
+        let violation = checked.err()?;
+        let rule = Rule::Impedance {
+            kind: violation.kind.number(),
+        };
+        let joint = u32::from(violation.joint) + 1;
+        Some(self.broken(rule, joint, violation.value, violation.limit))
     }
 
     fn broken(&self, rule: Rule, joint: u32, value: f64, limit: f64) -> Broken {
@@ -242,6 +261,11 @@ impl Watch {
             }
         }
     }
+}
+
+/// A guard that has seen nothing yet.
+fn fresh(model: &DeviceModel) -> Guard {
+    Guard::new(model.limits, model.first_tolerance_rad).with_impedance(model.impedance)
 }
 
 /// The net ends by itself.
