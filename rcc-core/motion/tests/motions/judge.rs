@@ -9,6 +9,10 @@ use super::*;
 /// More than this off the path is off the path, m or rad.
 const OFF_MAX: f64 = 1e-9;
 
+/// A reference's places are at most so many of its steps apart on the flange's way: s of joints is no way, and of a leg of the
+/// wrist the flange goes 300 m for one of s.
+const WAY: f64 = 10.0;
+
 /// Poses that a third difference takes.
 const WINDOW: usize = 4;
 
@@ -91,11 +95,11 @@ impl Reference {
                 // A place nearer than this would make the polynomial one of rounding.
                 places.retain(|(s, _)| here.0 - s > closely.step / 20.0);
             }
-            if rests
-                || places
-                    .last()
-                    .is_none_or(|(last, _)| here.0 - last > closely.step)
-            {
+            let far = places.last().is_none_or(|(s, [px, py, pz, ..])| {
+                let way = norm(subtract([x, y, z], [*px, *py, *pz]));
+                here.0 - s > closely.step || way > WAY * closely.step
+            });
+            if rests || far {
                 places.push(here);
             }
             if state.path.done {
