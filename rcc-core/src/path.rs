@@ -105,17 +105,18 @@ pub trait Motions {
     fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState>;
 
     /// The way of one axis from any state to rest at `goal`, as fast as `limits` allow; it keeps nothing.
-    ///
-    /// Without a planner: to rest first, and on from there.
-    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
-        stop_and_go(from, goal, limits)
-    }
+    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases;
 }
 
 impl Motions for () {
     /// A net without motions.
     fn step(&mut self, _index: usize, _drive: Drive) -> Option<MotionState> {
         None
+    }
+
+    /// Without a planner: to rest first, and on from there.
+    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+        stop_and_go(from, goal, limits)
     }
 }
 

@@ -7,12 +7,13 @@ use std::vec::Vec;
 
 use bytemuck::Zeroable;
 
+use crate::axis::{AxisState, Phases, stop_and_go};
 use crate::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use crate::guard::JointLimits;
 use crate::impedance::ImpedanceLimits;
 use crate::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use crate::message::{JOINTS_MAX, Joints, Measurement};
-use crate::path::{Drive, MotionBuilder, MotionState, Motions, PathRequest, PathState};
+use crate::path::{Drive, Limits, MotionBuilder, MotionState, Motions, PathRequest, PathState};
 use crate::pose::Pose;
 use crate::primitive::{Entry, Kernel, Operand, Size, Sizes};
 use crate::primitives;
@@ -52,6 +53,10 @@ impl Motions for Endless {
             acceleration: 0.0,
         };
         self.built.then_some(state)
+    }
+
+    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+        stop_and_go(from, goal, limits)
     }
 }
 

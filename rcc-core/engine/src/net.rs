@@ -3,10 +3,11 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use rcc_core::axis::{AxisState, Phases};
 use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
-use rcc_core::path::{Drive, MotionState, Motions};
+use rcc_core::path::{Drive, Limits, MotionState, Motions};
 use rcc_core::plan::{
     Checked, InputPoint, MonitorPoint, Plan, PublishPoint, Rate, Resources, Run, ValuePoint,
 };
@@ -565,6 +566,10 @@ impl<F: FnMut(usize, &MotionState)> Motions for Seen<'_, F> {
         let state = self.motions.step(index, drive)?;
         (self.seen)(index, &state);
         Some(state)
+    }
+
+    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+        self.motions.way(from, goal, limits)
     }
 }
 

@@ -2,7 +2,8 @@
 
 mod common;
 
-use common::{Bench, HOLD, drift_net, input_net, line_net, model, motion_net, output_net};
+use common::{Bench, HOLD, Plan, drift_net, input_net, line_net, model, motion_net, output_net};
+use rcc_core::axis::AXIS_WORDS;
 use rcc_core::frame::{DeviceInput, DeviceModel, PrepareFault};
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::{CommandState, EndReason};
@@ -126,6 +127,47 @@ fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not
     ];
     let told = rehearsed(&mut build(line(0.3, slower), &[faster()]), &models);
     assert_eq!(told.unwrap().unwrap().end, RehearsalEnd::Finished);
+}
+
+/// Joint 1 follows a goal that goes away from where it is held by 0.1 rad/s, and is another one in each cycle.
+fn moving_goal_net() -> PlanData {
+    let mut plan = Plan::new();
+    let [no, done] = [0, 2].map(|value| plan.bool(value));
+    let reals = [HOLD[0], 0.1, 1.0, 1.0, 5.0, 50.0];
+    let [from, rate, speed, velocity, acceleration, jerk] = reals.map(|value| plan.reals(&[value]));
+    let [time, way, goal, v, a, initial] = [f64::NAN; 6].map(|value| plan.reals(&[value]));
+    let state = plan.reals(&[f64::NAN; AXIS_WORDS]);
+    let joints = plan.reals(&HOLD[..7]);
+    plan.add("Time", &[time]);
+    plan.add("Multiply", &[time, rate, way]);
+    plan.add("Add", &[from, way, goal]);
+    let ports = [goal, speed, no, joints, v, a, done];
+    let rest = [velocity, acceleration, jerk, initial, state];
+    plan.add("ScalarGoal", &[&ports[..], &rest[..]].concat());
+    plan.add("JointPositionCommand", &[joints, 0, 7]);
+    plan.add("Termination", &[no]);
+    plan.data
+}
+
+#[test]
+fn a_goal_that_moves_is_rehearsed_as_it_is_run() {
+    let models = [model()];
+    let mut net = build(moving_goal_net(), &models);
+    let rehearsed = rehearsed(&mut net, &models).expect("fine").expect("an arm");
+    let limits = models[0].limits;
+    let told = rehearsed.peaks[0].share * limits.velocity_max[0];
+
+    let mut run = build(moving_goal_net(), &models);
+    let mut position = HOLD[0];
+    let mut fastest = 0.0_f64;
+    for _ in 0..(rehearsed.time_s / DT_S).round() as usize {
+        run.evaluate(&models, &[], DT_S);
+        let now = run.outputs()[0].position[0];
+        fastest = fastest.max((now - position).abs() / DT_S);
+        position = now;
+    }
+    assert!((0.1..0.3).contains(&fastest), "{fastest} rad/s");
+    assert!((told - fastest).abs() < 1e-9, "{told} rad/s of {fastest}");
 }
 
 #[test]
