@@ -319,6 +319,14 @@ pub fn duration_s(bounds: &PathBounds) -> f64 {
     sum_s
 }
 
+/// The greatest velocity of a motion along a whole path of one piece.
+pub(crate) fn peak(bounds: &PathBounds) -> f64 {
+    let mut clock = PathClock::new();
+    clock.hear(bounds, Demand::Run(1.0));
+    let corners = clock.making.profile.corners();
+    corners.map(|corner| corner.velocity).fold(0.0, f64::max)
+}
+
 /// Most cycles for which a rolling clock is watched: a quarter of an hour at 1 kHz.
 const ROLLING_MAX: usize = 1_000_000;
 

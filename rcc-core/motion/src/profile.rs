@@ -277,7 +277,6 @@ impl Profile {
 
     /// The states in which phases begin, where velocity and acceleration have their extrema (of the velocity those
     /// with an acceleration of 0), and where the last phase ends.
-    #[cfg(test)]
     pub(crate) fn corners(&self) -> impl Iterator<Item = State> + '_ {
         self.phases.iter().map(|phase| phase.start)
     }

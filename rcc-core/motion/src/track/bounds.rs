@@ -11,7 +11,7 @@
 
 use rcc_core::path::Quantity;
 
-use crate::path_clock::{PathBounds, PathPiece, duration_s};
+use crate::path_clock::{PathBounds, PathPiece, duration_s, peak};
 
 /// Line, turn and eight joints.
 pub(crate) const QUANTITIES: usize = 10;
@@ -224,11 +224,49 @@ pub(crate) fn allowed(
             best = Some((time, bounds));
         }
     }
-    match best {
-        Some((_, bounds)) => Ok(bounds),
-        None if too_fast => as_given((parts, ends), greatest, dt_s, shares),
-        None => Err(Refused::Clock),
+    let bounds = match best {
+        Some((_, bounds)) => bounds,
+        None if too_fast => as_given((parts, ends), greatest, dt_s, shares)?,
+        None => return Err(Refused::Clock),
+    };
+    Ok(sooner((parts, ends), &bounds, shares).unwrap_or(bounds))
+}
+
+/// Lower speeds that are tried where a given one is not reached, each this part of the one before.
+const LOWER: f64 = 0.85;
+const LOWER_MAX: usize = 16;
+
+/// A way that is too short for its given speed is not gone slower because of it: limits that leave no room for a speed that
+/// is not reached, if they bring it to its end sooner.
+fn sooner(
+    (parts, ends): (&[Part], &[f64]),
+    bounds: &PathBounds,
+    shares: &Shares,
+) -> Option<PathBounds> {
+    let [part] = parts else { return None };
+    let top = peak(bounds);
+    let wanted = given(part);
+    if !part.given || top >= wanted * (1.0 - 1e-6) {
+        return None;
     }
+    let lower = |times: f64| {
+        let mut part = part.clone();
+        part.given = false;
+        for [velocity, ..] in part.bounds.iter_mut().take(2) {
+            *velocity *= times;
+        }
+        part
+    };
+    let times = core::iter::successors(Some(1.0), |times| Some(times * LOWER));
+    let times = times
+        .take(LOWER_MAX)
+        .take_while(|times| times * wanted > 0.5 * top);
+    let tried = times.filter_map(|times| {
+        let bounds = allowed(&[lower(times)], ends, bounds.dt_s(), shares).ok()?;
+        Some((duration_s(&bounds), bounds))
+    });
+    let (time, free) = tried.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+    (time < duration_s(bounds)).then_some(free)
 }
 
 /// Limits for given speeds that do not go with the shares of the jerk limit: bends take what they need, and half of what they

@@ -69,7 +69,7 @@ pub(crate) fn build(
         seen: Vec::new(),
         dt_s,
     };
-    road.look()?;
+    road.look(pace)?;
     let (sections, stretches) = road.sections(pace)?;
     let mut begin_m = 0.0;
     let parts = road.seen.into_iter().map(|seen| {
@@ -131,7 +131,7 @@ type Sections = (Box<[Section]>, Box<[Stretch]>);
 
 impl<'a> Road<'a> {
     /// Looks at all pieces.
-    fn look(&mut self) -> Result<(), Fault> {
+    fn look(&mut self, pace: Pace) -> Result<(), Fault> {
         let mut joints = self.traveller.joints;
         for piece in self.chain.pieces() {
             let none = (0, MotionFault::NoMotion);
@@ -147,7 +147,8 @@ impl<'a> Road<'a> {
                     joints: core::mem::take(&mut look.joints).into(),
                 }),
                 bounds: next.map_or(draft.bounds, |next| tighter(&draft.bounds, &next.bounds)),
-                given: draft.given && !piece.blend,
+                // Who wants to be there soonest gives a limit, no speed.
+                given: draft.given && !piece.blend && matches!(pace, Pace::Even),
                 look,
             });
         }

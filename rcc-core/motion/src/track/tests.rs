@@ -59,13 +59,17 @@ pub(super) fn start() -> Pose {
 }
 
 pub(super) fn motion(legs: &[Leg<'_>]) -> Result<MotionSet, (u32, MotionFault)> {
+    paced(legs, Pace::Even)
+}
+
+fn paced(legs: &[Leg<'_>], pace: Pace) -> Result<MotionSet, (u32, MotionFault)> {
     let (models, holds) = ([lwr()], [Some(START)]);
     let mut builder = Builder::new(&models, &holds, DT, 1);
     let request = PathRequest {
         device: 0,
         from: None,
         legs,
-        pace: Pace::Even,
+        pace,
     };
     match builder.path(0, &request) {
         Ok(()) => Ok(builder.finish().unwrap()),
@@ -275,6 +279,72 @@ fn a_given_speed_is_kept_on_an_arc_and_refused_where_a_joint_cannot_follow() {
         ),
         "{fault:?}"
     );
+}
+
+#[test]
+fn a_greater_velocity_makes_no_line_slower_even_if_the_way_is_too_short_for_it() {
+    let from = start();
+    for (way, turn) in [(0.05, 0.0), (0.05, 0.3), (0.2, 0.2), (0.4, 0.0)] {
+        let line = |velocity: f64| {
+            motion(&[Leg {
+                line: Limits {
+                    velocity,
+                    ..Limits::NONE
+                },
+                ..Leg::new(Segment::Line {
+                    to: from.compose(&Pose::from_xyz_rpy([0.0, way, 0.0], [0.0, turn, 0.0])),
+                })
+            }])
+        };
+        let mut before = f64::INFINITY;
+        let mut made = 0;
+        for velocity in [0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0] {
+            let Ok(line) = line(velocity) else { continue };
+            let done = run(line, free);
+            done.judge(1.0);
+            let fastest = (done.states.iter()).fold(0.0_f64, |most, state| most.max(state.speed));
+            assert!(
+                fastest <= velocity * (1.0 + 1e-9),
+                "{fastest} of {velocity}"
+            );
+            let cycles = done.states.len();
+            assert!(
+                // The speeds that are tried are 15 % apart.
+                cycles as f64 <= 1.02 * before,
+                "{way} m at {velocity}: {before} {cycles}"
+            );
+            before = before.min(cycles as f64);
+            made += 1;
+        }
+        assert!(made > 3, "{made}");
+    }
+}
+
+#[test]
+fn a_velocity_that_cannot_be_kept_is_a_limit_if_the_soonest_way_is_wanted() {
+    let from = start();
+    let arc = |velocity| Leg {
+        line: Limits {
+            velocity,
+            ..Limits::NONE
+        },
+        ..Leg::new(Segment::Circle {
+            via: from
+                .compose(&Pose::from_xyz_rpy([0.05, 0.05, 0.0], [0.0; 3]))
+                .position,
+            to: from.compose(&Pose::from_xyz_rpy([0.0, 0.1, 0.0], [0.0; 3])),
+            orientation: ArcOrientation::Even,
+            angle: None,
+        })
+    };
+    assert!(motion(&[arc(5.0)]).is_err());
+    for velocity in [0.05, 5.0] {
+        let done = run(paced(&[arc(velocity)], Pace::Fastest).unwrap(), free);
+        done.judge(1.0);
+        let fastest = (done.states.iter()).fold(0.0_f64, |most, state| most.max(state.speed));
+        assert!(fastest <= velocity * 1.001, "{fastest} of {velocity}");
+        assert!(fastest > 0.04, "{fastest}");
+    }
 }
 
 #[test]
