@@ -18,6 +18,7 @@ use thiserror::Error;
 pub mod arm;
 pub mod device;
 pub mod script;
+pub mod settings;
 pub mod trace;
 pub mod tracks;
 pub mod wall;

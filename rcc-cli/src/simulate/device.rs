@@ -26,7 +26,7 @@ pub struct Wire {
 }
 
 /// The driver whose arm needs no simulator, and begins where its own settings say.
-const IDEAL_ARM: &str = "ideal-arm";
+pub(super) const IDEAL_ARM: &str = "ideal-arm";
 
 /// What an output does when nobody commands it: `None` keeps its value.
 type Release = Option<f64>;
@@ -53,11 +53,7 @@ impl Device {
     /// are what raw 0 means.
     #[must_use]
     pub fn new(config: &DeviceConfig, simulators: &[SimulatorConfig], period_ns: u64) -> Device {
-        let arguments: Vec<&str> = simulators
-            .iter()
-            .filter(|simulator| simulator.device.as_deref() == Some(&config.name))
-            .flat_map(|simulator| simulator.arguments.iter().map(String::as_str))
-            .collect();
+        let arguments = arguments_of(config, simulators);
         let mut measurement = Measurement::zeroed();
         measurement.magic = MAGIC;
         measurement.quality_permille = 1000;
@@ -255,6 +251,18 @@ fn springs(
         yielding.shift = vector::add(yielding.shift, moved);
     }
     Some(yielding)
+}
+
+/// The arguments of the simulators of a device.
+pub(super) fn arguments_of<'a>(
+    config: &DeviceConfig,
+    simulators: &'a [SimulatorConfig],
+) -> Vec<&'a str> {
+    simulators
+        .iter()
+        .filter(|simulator| simulator.device.as_deref() == Some(&config.name))
+        .flat_map(|simulator| simulator.arguments.iter().map(String::as_str))
+        .collect()
 }
 
 /// The control strategy that a simulator's arguments choose.

@@ -11,7 +11,7 @@ use rcc_language::devices::DeviceTable;
 use rcc_language::library::Files;
 use rcc_language::names::Names;
 use rcc_loader::server::api::{Finding, RehearsalView};
-use rcc_loader::server::codes::exit;
+use rcc_loader::server::codes::{self, exit};
 use rcc_loader::server::compile::{findings, name_of};
 use serde::Serialize;
 
@@ -20,6 +20,7 @@ use crate::context::{Context, Format, say};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::simulate::rehearse_at_start;
+use crate::simulate::settings::misunderstood;
 use crate::supervisor::places;
 use crate::table::grouped;
 
@@ -85,6 +86,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => places::config("cells/demo.yaml")?,
     };
     let config = load_config(&config)?;
+    if arguments.rehearse {
+        require_understood(&config)?;
+    }
     let cell = DeviceTable::from(&config);
     let stage = arguments.rehearse.then_some(&config);
     let context = Context {
@@ -274,6 +278,20 @@ pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
     let ports = auto_ports(path).map_err(invalid)?;
     let ports = ports.into_iter().map(|(name, _)| (name, 1)).collect();
     CellConfig::load(path, &ports).map_err(invalid)
+}
+
+/// Nothing that a simulation takes of a cell is passed over.
+pub(super) fn require_understood(config: &CellConfig) -> Result<(), Failure> {
+    let Some(wrong) = misunderstood(config) else {
+        return Ok(());
+    };
+    let mut failure = Failure::new(
+        codes::BAD_REQUEST,
+        format!("{}: {wrong}", config.source.display()),
+        "correct it in the cell's configuration; `rcc-cli up` refuses it, too",
+    );
+    failure.exit = exit::INVALID;
+    Err(failure)
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use rcc_loader::server::compile::compile;
 use rcc_loader::server::words::Namer;
 use serde::Serialize;
 
-use super::check::load_config;
+use super::check::{load_config, require_understood};
 use super::plot;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
@@ -134,6 +134,7 @@ impl Scenario {
             None => places::config("cells/demo.yaml")?,
         };
         let config = load_config(&path)?;
+        require_understood(&config)?;
         let options = self.options(&config)?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {

@@ -1,0 +1,150 @@
+//! What a simulation takes from a cell's drivers and simulators is refused where their programs would refuse it: a start or
+//! a wall that is passed over would be another cell than the one that is written. Pure.
+
+use rcc_config::{CellConfig, DeviceConfig, RobotConfig};
+
+use super::device::{IDEAL_ARM, arguments_of};
+use super::wall::Wall;
+
+/// Settings of `ideal-arm`.
+const KNOWN: [&str; 2] = ["period", "start"];
+/// Words of `--strategy=`.
+const STRATEGIES: [&str; 3] = ["position", "cartesian-impedance", "joint-impedance"];
+
+/// The first setting that its program would not take, with what is wrong.
+#[must_use]
+pub fn misunderstood(config: &CellConfig) -> Option<String> {
+    config.devices.iter().find_map(|device| {
+        let robot = device.robot.as_ref()?;
+        let wrong = match device.driver == IDEAL_ARM {
+            true => of_driver(device, robot),
+            false => of_simulator(&arguments_of(device, &config.simulators), robot),
+        };
+        Some(format!("device `{}`: {}", device.name, wrong?))
+    })
+}
+
+fn of_driver(device: &DeviceConfig, robot: &RobotConfig) -> Option<String> {
+    let mut names = device
+        .settings
+        .as_object()
+        .into_iter()
+        .flat_map(|map| map.keys());
+    if let Some(name) = names.find(|name| !KNOWN.contains(&name.as_str())) {
+        return Some(format!(
+            "{IDEAL_ARM} has no setting `{name}`: it has {}",
+            KNOWN.join(" and ")
+        ));
+    }
+    let start = device.settings.get("start")?;
+    robot.positions(start).is_none().then(|| {
+        format!(
+            "`start: {start}` must be {} joint positions inside of their ranges, such as [0, \"-30 deg\", 0.5] (rad, or with a unit)",
+            robot.joints.len()
+        )
+    })
+}
+
+fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
+    let value = |option: &str| {
+        arguments
+            .iter()
+            .find_map(|argument| argument.strip_prefix(option))
+    };
+    if let Some(start) = value("--start=") {
+        let numbers: Vec<f64> = start
+            .split(',')
+            .filter_map(|part| part.trim().parse().ok())
+            .collect();
+        let ranges = robot.joints.iter().zip(&numbers);
+        let inside = |(joint, number): (&rcc_config::JointConfig, &f64)| {
+            (joint.lower_rad..=joint.upper_rad).contains(number)
+        };
+        let whole =
+            numbers.len() == robot.joints.len() && start.split(',').count() == numbers.len();
+        if !whole || !ranges.map(inside).all(|inside| inside) {
+            return Some(format!(
+                "`--start={start}` must be {} joint positions inside of their ranges, rad",
+                robot.joints.len()
+            ));
+        }
+    }
+    if let Some(wall) = value("--wall=").filter(|_| Wall::of(arguments).is_none()) {
+        return Some(format!(
+            "`--wall={wall}` must be PX,PY,PZ,NX,NY,NZ,K,D: a point (m), a direction to the free side, N/m and N·s/m, 0 or more"
+        ));
+    }
+    let strategy = value("--strategy=").filter(|word| !STRATEGIES.contains(word))?;
+    Some(format!(
+        "`--strategy={strategy}` must be one of {}",
+        STRATEGIES.join(", ")
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn cell(name: &str) -> CellConfig {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../configs/cells")
+            .join(name);
+        CellConfig::load_offline(&path).unwrap_or_else(|faults| panic!("{faults}"))
+    }
+
+    /// Of the cell with a table, whose arm's simulator has this argument before the others.
+    fn told(argument: &str) -> String {
+        let mut cell = cell("table.yaml");
+        cell.simulators[0].arguments.insert(0, argument.to_owned());
+        misunderstood(&cell).unwrap_or_else(|| panic!("{argument} is taken"))
+    }
+
+    #[test]
+    fn what_a_program_would_not_take_is_told() {
+        for name in [
+            "demo.yaml",
+            "table.yaml",
+            "two-arms.yaml",
+            "impedance.yaml",
+            "lwr.yaml",
+        ] {
+            assert_eq!(misunderstood(&cell(name)), None, "{name}");
+        }
+        let degrees = "--start=0,-30,0,90,0,-60,0";
+        for start in [
+            degrees,
+            "--start=0,0,0",
+            "--start=nan,0,0,0,0,0,0",
+            "--start=0,0,0,0,0,0,x",
+        ] {
+            assert!(told(start).contains("7 joint positions"), "{}", told(start));
+        }
+        for wall in [
+            "--wall=0,0,1,0,0,1,500",
+            "--wall=0,0,1,0,0,0,500,1",
+            "--wall=0,0,1,0,0,1,-500,1",
+        ] {
+            assert!(told(wall).contains("PX,PY,PZ"), "{}", told(wall));
+        }
+        assert!(told("--strategy=joint-imp").contains("one of position"));
+    }
+
+    #[test]
+    fn an_ideal_arm_begins_where_it_is_told_or_nowhere() {
+        for (name, value) in [
+            ("start", "[0, -90, 90, 0, 45, 0]"),
+            ("start", "[0, 0, 0]"),
+            ("start", "null"),
+            ("strat", "[0, 0, 0, 0, 0, 0, 0]"),
+        ] {
+            let mut cell = cell("table.yaml");
+            let device = &mut cell.devices[0];
+            device.driver = IDEAL_ARM.to_owned();
+            device.settings = serde_json::from_str(&format!("{{\"{name}\": {value}}}")).unwrap();
+            let told = misunderstood(&cell).unwrap_or_else(|| panic!("{name}: {value} is taken"));
+            assert!(told.contains("`lwr`") && told.contains(name), "{told}");
+        }
+    }
+}
