@@ -19,6 +19,9 @@ pub const DIFFERENT_RAD: f64 = 0.0873;
 /// The least spread of the directions of gravity, see [`Identified::spread`], that separates the weight from the offset.
 pub const SPREAD_MIN: f64 = 0.15;
 
+/// More than this part of the weight left over in the forces is no noise any more.
+pub const LEFT_MAX: f64 = 0.1;
+
 /// One reading at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
@@ -97,6 +100,22 @@ pub enum IdentifyError {
         mass: f64,
         /// kg.
         deviation: f64,
+    },
+    /// The readings are not those of one mass on a good sensor.
+    #[error(
+        "the readings do not fit one mass: {left:.2} N are left over of a weight of {weight:.2} N, most by reading {number} \
+         ({most:.2} N): leave that reading out if it was disturbed (motion, a touch); otherwise the sensor's scale, its axes or \
+         the rotations are wrong"
+    )]
+    Misfit {
+        /// Root of the mean square of the force's elements, N.
+        left: f64,
+        /// N.
+        weight: f64,
+        /// The reading that fits least, from 1.
+        number: usize,
+        /// Its largest element, N.
+        most: f64,
     },
 }
 
@@ -218,6 +237,23 @@ fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, Ident
             deviation: mass_deviation,
         });
     }
+    let residual = sums.map(|sum| (sum / (3.0 * count)).sqrt());
+    let (weight, [left_over, _]) = (mass * fall, residual);
+    if left_over > LEFT_MAX * weight {
+        let most = (1..)
+            .zip(rows)
+            .map(|(number, row)| (number, left(row)[0].amax()));
+        let (number, most) = most.fold(
+            (1, 0.0),
+            |worst, next| if next.1 > worst.1 { next } else { worst },
+        );
+        return Err(IdentifyError::Misfit {
+            left: left_over,
+            weight,
+            number,
+            most,
+        });
+    }
     Ok(Identified {
         mass,
         centre: (moment / mass).into(),
@@ -227,7 +263,7 @@ fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, Ident
         orientations,
         spread,
         condition: (most / least).sqrt(),
-        residual: sums.map(|sum| (sum / (3.0 * count)).sqrt()),
+        residual,
         residual_max,
         deviation: [mass_deviation, (torque_sum / free[1] / least).sqrt() / mass],
     })

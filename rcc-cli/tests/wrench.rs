@@ -188,6 +188,36 @@ fn a_sensor_with_nothing_on_it_or_of_the_other_sign_is_refused() {
 }
 
 #[test]
+fn a_disturbed_reading_or_a_wrong_scale_is_refused_and_the_reading_named() {
+    let mut all = readings(SIX, 0.05);
+    assert!(identify(&all, DOWN).is_ok());
+    all[4].wrench[0] += 60.0;
+    let error = identify(&all, DOWN);
+    assert!(
+        matches!(
+            error,
+            Err(IdentifyError::Misfit { number: 5, .. } | IdentifyError::Mass { .. })
+        ),
+        "{error:?}"
+    );
+    all[4].wrench[0] -= 50.0;
+    let error = identify(&all, DOWN);
+    assert!(
+        matches!(error, Err(IdentifyError::Misfit { number: 5, .. })),
+        "{error:?}"
+    );
+    let scaled = readings(SIX, 0.0).into_iter().map(|mut reading| {
+        reading.wrench[0] *= 2.0;
+        reading
+    });
+    let error = identify(&scaled.collect::<Vec<_>>(), DOWN);
+    assert!(
+        matches!(error, Err(IdentifyError::Misfit { .. })),
+        "{error:?}"
+    );
+}
+
+#[test]
 fn what_is_no_number_is_refused_by_its_place() {
     let mut all = readings(SIX, 0.0);
     all[3].wrench[2] = f64::NAN;

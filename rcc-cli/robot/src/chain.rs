@@ -65,6 +65,7 @@ impl Chain {
         let (mut hinges, mut between) = (Vec::new(), Isometry3::identity());
         for joint in upwards.into_iter().rev() {
             between *= isometry(&joint.origin);
+            usable(joint, robot)?;
             let range = match joint.joint_type {
                 JointType::Fixed => continue,
                 JointType::Revolute => {
@@ -76,7 +77,8 @@ impl Chain {
                             upper,
                         });
                     }
-                    (lower < upper).then_some([lower, upper])
+                    let range = (lower < upper).then_some([lower, upper]);
+                    within_soft_limits(joint, range)?
                 }
                 JointType::Continuous => None,
                 ref other => {
@@ -129,6 +131,67 @@ impl Chain {
     }
 }
 
+/// Nothing that is said of a joint is passed over.
+fn usable(joint: &urdf_rs::Joint, robot: &Robot) -> Result<(), ImportError> {
+    let unusable = |what: String| {
+        Err(ImportError::Unusable {
+            joint: joint.name.clone(),
+            what,
+        })
+    };
+    let same = robot.joints.iter().filter(|other| other.name == joint.name);
+    if same.count() > 1 {
+        return unusable("is there twice: rename one of the two".to_owned());
+    }
+    if matches!(joint.joint_type, JointType::Fixed) {
+        return Ok(());
+    }
+    if let Some(mimic) = &joint.mimic {
+        return unusable(format!(
+            "follows `{}` (`mimic`): joints of an arm are commanded one by one; take `mimic` out if this one is, too",
+            mimic.joint
+        ));
+    }
+    let length = joint.axis.xyz.0.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length.is_nan() || length < 1e-9 {
+        return unusable("has an axis without direction: give `<axis xyz=\"0 0 1\"/>`".to_owned());
+    }
+    let limit = &joint.limit;
+    let numbers = [limit.lower, limit.upper, limit.velocity];
+    if !numbers.iter().all(|number| number.is_finite()) || limit.velocity < 0.0 {
+        return unusable(format!(
+            "has limits that are none: lower {}, upper {} rad, velocity {} rad/s; without an end it is `continuous`",
+            limit.lower, limit.upper, limit.velocity
+        ));
+    }
+    Ok(())
+}
+
+/// The range that soft limits leave, if there are any.
+fn within_soft_limits(
+    joint: &urdf_rs::Joint,
+    range: Option<[f64; 2]>,
+) -> Result<Option<[f64; 2]>, ImportError> {
+    let (Some([lower, upper]), Some(soft)) = (range, &joint.safety_controller) else {
+        return Ok(range);
+    };
+    let [from, to] = [soft.soft_lower_limit, soft.soft_upper_limit];
+    // Without them in the URDF both are 0.
+    if from == 0.0 && to == 0.0 {
+        return Ok(range);
+    }
+    let [least, most] = [lower.max(from), upper.min(to)];
+    match least < most {
+        true => Ok(Some([least, most])),
+        false => Err(ImportError::Unusable {
+            joint: joint.name.clone(),
+            what: format!(
+                "has soft limits from {from} to {to} rad, which leave nothing of {lower} to {upper}"
+            ),
+        }),
+    }
+}
+
 fn find(
     robot: &Robot,
     named: Option<&str>,
@@ -150,6 +213,7 @@ fn find(
     match (found.as_slice(), usual) {
         ([one], _) => Ok((*one).to_owned()),
         (_, Some(tip)) => Ok((*tip).to_owned()),
+        ([], None) => Err(ImportError::Loop { what }),
         (several, None) => Err(ImportError::Ambiguous {
             what,
             links: several.join(", "),

@@ -61,6 +61,14 @@ pub enum ImportError {
         /// The tip.
         tip: String,
     },
+    /// No link begins or ends the robot.
+    #[error(
+        "no link could be the {what}: the joints go round in a loop; an arm is a chain from its base to its flange"
+    )]
+    Loop {
+        /// `base` or `tip`.
+        what: &'static str,
+    },
     /// A text from which URDF is made.
     #[error("this is xacro, from which URDF is made: expand it first (`xacro FILE -o robot.urdf`)")]
     Xacro,
@@ -71,6 +79,14 @@ pub enum ImportError {
         joint: String,
         /// What it is.
         kind: String,
+    },
+    /// A joint of which the URDF says what no arm can be.
+    #[error("joint `{joint}` {what}")]
+    Unusable {
+        /// The joint.
+        joint: String,
+        /// What is said, and what to do.
+        what: String,
     },
     /// The range of a joint ends before it begins.
     #[error(

@@ -131,6 +131,37 @@ fn a_robot_turned_mirrored_and_with_other_zeros_is_recognised() {
 }
 
 #[test]
+fn nothing_that_is_said_of_a_joint_is_passed_over() {
+    let text = data("kr6_r900_2.urdf");
+    let refused = |from: &str, to: &str| {
+        let changed = text.replacen(from, to, 1);
+        assert_ne!(changed, text, "{from}");
+        import(&changed, None, None).unwrap_err().to_string()
+    };
+    let limit = "<limit";
+    let mimic = refused(limit, "<mimic joint=\"j2\"/><limit");
+    assert!(mimic.contains("follows `j2`"), "{mimic}");
+    let infinite = text.find("upper=\"").unwrap() + "upper=\"".len();
+    let close = infinite + text[infinite..].find('"').unwrap();
+    let upper = &text[infinite..close];
+    for number in ["inf", "nan"] {
+        let message = refused(
+            &format!("upper=\"{upper}\""),
+            &format!("upper=\"{number}\""),
+        );
+        assert!(message.contains("limits that are none"), "{message}");
+    }
+    let soft = text.replacen(limit, "<safety_controller soft_lower_limit=\"-1\" soft_upper_limit=\"1.25\" k_velocity=\"1\"/><limit", 1);
+    let arm = import(&soft, None, None).unwrap();
+    assert_eq!(arm.chain.hinges[0].range, Some([-1.0, 1.25]));
+    let nothing = refused(
+        limit,
+        "<safety_controller soft_lower_limit=\"50\" soft_upper_limit=\"51\" k_velocity=\"1\"/><limit",
+    );
+    assert!(nothing.contains("leave nothing"), "{nothing}");
+}
+
+#[test]
 fn links_are_named_where_it_is_not_clear_which() {
     let text = data("kr6_r900_2.urdf");
     let refusal = import(&text, Some("nowhere"), None)

@@ -135,7 +135,10 @@ pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<Shown>, ApiE
         if shown.len() > READ_MAX {
             break;
         }
+        // What a motion's `speed` is stands at its output; the input of that name is what feeds it, where it comes from.
+        let is_output = |name: &str| primitive.outputs.iter().any(|port| port.name == name);
         let inputs = primitive.inputs.iter().map(|port| (port, true));
+        let inputs = inputs.filter(|(port, _)| !is_output(&port.name));
         let outputs = primitive.outputs.iter().map(|port| (port, false));
         for (port, is_input) in inputs.chain(outputs) {
             let name = format!("{}.{}", primitive.id, port.name);
@@ -304,10 +307,14 @@ mod tests {
             primitives: vec![
                 primitive(
                     "move",
-                    vec![port("stop", "Bool", Store::Bool, 1, 1)],
+                    vec![
+                        port("stop", "Bool", Store::Bool, 1, 1),
+                        port("speed", "Real", Store::Real, 20, 1),
+                    ],
                     vec![
                         port("pose", "Pose", Store::Real, 0, 7),
                         port("done", "Bool", Store::Bool, 0, 1),
+                        port("speed", "Real", Store::Real, 9, 1),
                     ],
                 ),
                 primitive(
@@ -328,10 +335,19 @@ mod tests {
 
     #[test]
     fn patterns_name_ports_elements_and_what_is_in_fragments() {
-        let all = ["move.pose", "move.done", "a/filter.out"].map(str::to_owned);
+        let all = ["move.pose", "move.done", "move.speed", "a/filter.out"].map(str::to_owned);
         assert_eq!(ports(&[]).as_deref(), Ok(&all[..]));
         assert_eq!(ports(&["move.stop"]), Ok(vec!["move.stop".to_owned()]));
-        assert_eq!(ports(&["line/move.*"]).map(|found| found.len()), Ok(3));
+        assert_eq!(ports(&["line/move.*"]).map(|found| found.len()), Ok(4));
+        // Not what feeds the input of that name.
+        let speed = select(&names(), &["move.speed".to_owned()]).unwrap_or_default();
+        assert_eq!(
+            speed
+                .iter()
+                .map(|shown| shown.point.slot)
+                .collect::<Vec<_>>(),
+            [9]
+        );
         assert_eq!(
             ports(&["a/filter.out[1]"]),
             Ok(vec!["a/filter.out[1]".to_owned()])
@@ -359,6 +375,7 @@ mod tests {
         let shown = select(&names, &[]).unwrap_or_default();
         let mut words = vec![f64::NAN.to_bits(); 7];
         words.push(2);
+        words.push(1.5_f64.to_bits());
         words.extend([f64::NAN.to_bits(), f64::INFINITY.to_bits()]);
         let values = Values {
             every: 2,
@@ -369,7 +386,8 @@ mod tests {
         let view = view(3, "line", 1_000_000, &shown, &values);
         let shown: Vec<&Value> = view.values.iter().map(|value| &value.value).collect();
         let last = serde_json::json!([null, "inf"]);
-        assert_eq!(shown, [&Value::Null, &Value::Null, &last]);
+        let speed = serde_json::json!(1.5);
+        assert_eq!(shown, [&Value::Null, &Value::Null, &speed, &last]);
         assert_eq!(view.time_s, 0.006);
     }
 }

@@ -1,6 +1,8 @@
 //! Words for numbers: why the executor refused a call, and what ended a net, with the names of this cell.
 //! Pure; used by the server's threads.
 
+use std::f64::consts::PI;
+
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
 use rcc_core::guard::{ViolationKind, axis};
@@ -601,7 +603,8 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
         ),
         MotionFault::NoRoomForElbow => (
             "the roundings at its ends leave no way on which the elbow could turn".to_owned(),
-            "make `blend` smaller here or on the leg before, or turn the elbow on another leg".to_owned(),
+            "make `blend` smaller here or on the leg before, or turn the elbow on another leg"
+                .to_owned(),
         ),
         MotionFault::NoStatus => (
             "it gives a `status`, which is KUKA's word for arms of six joints".to_owned(),
@@ -624,9 +627,16 @@ fn motion(fault: MotionFault, joint_name: impl Fn(u32) -> String) -> (String, St
                 place(fraction),
                 angle(limit, "")
             ),
-            "of a `ptp` choose another end, or another `branch`; on another path let the elbow turn (`elbow: middle`, or `arm_angle`), or \
-             begin with another arm angle or branch (a `ptp` to joints says both)"
-                .to_owned(),
+            format!(
+                "{}of a `ptp` choose another end, `branch` or `turn`; on another path begin in another branch (a `ptp` to joints says \
+                 it), or, with seven joints, let the elbow turn (`elbow: middle`, or `arm_angle`)",
+                // No arm turns twice.
+                if value.abs() > 4.0 * PI {
+                    "bare angles are in rad, write `deg(30)` for degrees; "
+                } else {
+                    ""
+                }
+            ),
         ),
         MotionFault::Singular {
             fraction,
