@@ -46,6 +46,8 @@ const CHECKS: &[Check] = &[
     motions::turns_are_of_joints,
     motions::goals_are_within_range,
     motions::motions_lead_somewhere,
+    motions::commands_are_known,
+    motions::axes_have_a_direction,
     fragments::inputs_are_as_fragments_say,
     fragments::conditions_are_truth_values,
     fragments::what_leaves_a_region_can_become_null,

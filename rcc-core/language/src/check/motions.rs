@@ -173,3 +173,51 @@ pub fn motions_lead_somewhere(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         )));
     }
 }
+
+/// A null at a command is no set-point: a constant one would never let the device be commanded.
+pub fn commands_are_known(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for item in &net.graph.items {
+        if !matches!(item.spec().role, Role::CommandsArm | Role::CommandsChannel) {
+            continue;
+        }
+        for (feed, port) in item.inputs.iter().zip(item.spec().inputs) {
+            let Some(literal) = constant(net, feed).filter(|literal| has_null(literal)) else {
+                continue;
+            };
+            let (id, name) = (item.id(), port.name);
+            let message = format!("`{id}.{name}` is null for ever: nothing would be commanded");
+            let fault = Diagnostic::error(fault::OUT_OF_RANGE, literal.span, message);
+            faults.push(fault.help(format!("give a value: {}", port.doc)));
+        }
+    }
+}
+
+fn has_null(literal: &Literal) -> bool {
+    match &literal.shape {
+        Shape::Null => true,
+        Shape::List(elements) => elements.iter().any(has_null),
+        _ => false,
+    }
+}
+
+/// What is turned about, or pressed along, has a direction.
+pub fn axes_have_a_direction(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
+    for item in &net.graph.items {
+        let input = item
+            .spec()
+            .inputs
+            .iter()
+            .position(|port| port.name == "axis");
+        let input = input.and_then(|place| constant(net, item.inputs.get(place)?));
+        let Some(axis) = given(item, "axis").or(input) else {
+            continue;
+        };
+        let numbers = axis.numbers();
+        if numbers.len() != 3 || numbers.iter().any(|number| *number != 0.0) {
+            continue;
+        }
+        let message = format!("`{}.axis` has no direction: its length is 0", item.id());
+        let fault = Diagnostic::error(fault::OUT_OF_RANGE, axis.span, message);
+        faults.push(fault.help("give any length but 0, such as [0, 0, -1]"));
+    }
+}
