@@ -56,13 +56,13 @@ fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
             .split(',')
             .filter_map(|part| part.trim().parse().ok())
             .collect();
-        let ranges = robot.joints.iter().zip(&numbers);
+        let mut ranges = robot.joints.iter().zip(&numbers);
         let inside = |(joint, number): (&rcc_config::JointConfig, &f64)| {
             (joint.lower_rad..=joint.upper_rad).contains(number)
         };
         let whole =
             numbers.len() == robot.joints.len() && start.split(',').count() == numbers.len();
-        if !whole || !ranges.map(inside).all(|inside| inside) {
+        if !whole || !ranges.all(inside) {
             return Some(format!(
                 "`--start={start}` must be {} joint positions inside of their ranges, rad",
                 robot.joints.len()

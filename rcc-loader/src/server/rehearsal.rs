@@ -181,7 +181,7 @@ fn roundings(rehearsed: &Rehearsed) -> String {
     let (leg, asked) = (most.leg + 1, mm(most.asked_m));
     match most.made_m {
         0.0 => format!(
-            "; no rounding behind leg {leg} ({asked} asked for): the flange turns too far there, and rests{others}"
+            "; no rounding behind leg {leg} ({asked} asked for): a leg there has no length, or the flange turns too far on it; it rests there{others}"
         ),
         made => format!(
             "; the rounding behind leg {leg} takes {} instead of {asked}: half of a leg at most{others}",

@@ -324,7 +324,8 @@ impl Fault {
                 "when it is ready again (rcc-cli devices), load and start the net again"
             }
             "jump" => "begin where the device is held",
-            "limit" => "correct the net's speeds or its path",
+            "limit" if self.joint.is_some() => "correct the net's speeds or its path",
+            "limit" => "stay within what the robot's file and the cell's configuration allow",
             "overrun" => "make the net cheaper, or the machine quieter (rcc-cli doctor)",
             "panic" => "a fault of ours: report it with the net",
             _ => "correct the net's parameters",
