@@ -157,10 +157,10 @@ fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
     cell.assert_ends(id, "canceled");
     await_angle(0.0);
     cell.await_device("lwr", "ready");
-    let id = cell.load(&JOINTS.replace("0, 2]", "0, 1000]"));
-    let words = cell.operate(id, "start").body.to_string();
+    let (_, row) = cell.load_any(&JOINTS.replace("0, 2]", "0, 1000]"));
+    let words = row.to_string();
     assert!(
-        words.contains("lwr joint 7: 1000 N·m on top exceed 15 N·m"),
+        row["state"] == "rejected" && words.contains("lwr joint 7: 1000 N·m on top exceed 15 N·m"),
         "{words}"
     );
     cell.stop();
@@ -194,13 +194,11 @@ fn a_net_for_another_strategy_is_refused_in_words_and_nothing_moves() {
 fn a_stiffness_beyond_the_robots_is_refused_with_its_axis() {
     let cell = cell();
     cell.await_devices();
-    let id = cell.load(&press().replace("[2000, 2000, 500]", "[2000, 2000, 5001]"));
-    await_some("the net to be ready", || {
-        (cell.state(id)["state"] == "ready").then_some(())
-    });
-    let words = cell.operate(id, "start").body.to_string();
+    let (_, row) = cell.load_any(&press().replace("[2000, 2000, 500]", "[2000, 2000, 5001]"));
+    let words = row.to_string();
     assert!(
-        words.contains("lwr axis z: stiffness 5001 N/m is beyond the limit 5000 N/m"),
+        row["state"] == "rejected"
+            && words.contains("lwr axis z: stiffness 5001 N/m is beyond the limit 5000 N/m"),
         "{words}"
     );
     cell.stop();

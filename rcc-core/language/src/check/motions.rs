@@ -127,7 +127,8 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
         let (Some((name, model)), Some(goal)) = (arm(net, item), item.inputs.first()) else {
             continue;
         };
-        let Some(goal) = constant(net, goal) else {
+        // A null element is no goal at all, which is a stop.
+        let Some(goal) = constant(net, goal).filter(|goal| !has_null(goal)) else {
             continue;
         };
         let ranges = model.limits.lower.iter().zip(&model.limits.upper);

@@ -59,7 +59,13 @@ pub(super) fn read(nodes: &[Node], faults: &mut Vec<Diagnostic>) -> Option<Vec<L
     for node in nodes {
         leg(node, &mut rows, faults);
     }
-    if let Some(blend) = nodes.last().and_then(|node| node.get("blend")) {
+    let blend = nodes.last().and_then(|node| node.get("blend"));
+    // A wrong one has its fault already.
+    let is_zone = |node: &&Node| {
+        let read = super::literal::read_quantity(node, &mut Vec::new());
+        read.is_some_and(|blend| blend.value > 0.0)
+    };
+    if let Some(blend) = blend.filter(is_zone) {
         let message = "`blend` of the last leg: there is no leg to go over into";
         let fault = Diagnostic::error(fault::CONTRADICTION, blend.span, message);
         faults.push(fault.help("take `blend` out: the path ends at rest"));
