@@ -240,18 +240,14 @@ fn fit(rows: &[Row], orientations: usize, fall: f64) -> Result<Identified, Ident
     let residual = sums.map(|sum| (sum / (3.0 * count)).sqrt());
     let (weight, [left_over, _]) = (mass * fall, residual);
     if left_over > LEFT_MAX * weight {
-        let most = (1..)
-            .zip(rows)
-            .map(|(number, row)| (number, left(row)[0].amax()));
-        let (number, most) = most.fold(
-            (1, 0.0),
-            |worst, next| if next.1 > worst.1 { next } else { worst },
-        );
+        let off = |row: &Row| left(row)[0].amax();
+        let numbered = (1..).zip(rows);
+        let worst = numbered.max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)));
         return Err(IdentifyError::Misfit {
             left: left_over,
             weight,
-            number,
-            most,
+            number: worst.map_or(0, |(number, _)| number),
+            most: residual_max[0],
         });
     }
     Ok(Identified {

@@ -265,16 +265,26 @@ pub(super) fn arguments_of<'a>(
         .collect()
 }
 
+/// What a simulator's arguments give for an option such as `--start=`.
+pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a str> {
+    let mut values = arguments
+        .iter()
+        .filter_map(|argument| argument.strip_prefix(option));
+    values.next()
+}
+
+/// Control strategies as `--strategy=` names them.
+pub(super) const STRATEGIES: [(&str, Strategy); 3] = [
+    ("position", Strategy::Position),
+    ("cartesian-impedance", Strategy::CartesianImpedance),
+    ("joint-impedance", Strategy::JointImpedance),
+];
+
 /// The control strategy that a simulator's arguments choose.
 fn strategy(arguments: &[&str]) -> Strategy {
-    let chosen = arguments
-        .iter()
-        .find_map(|argument| argument.strip_prefix("--strategy="));
-    match chosen {
-        Some("cartesian-impedance") => Strategy::CartesianImpedance,
-        Some("joint-impedance") => Strategy::JointImpedance,
-        _ => Strategy::Position,
-    }
+    let chosen = value_of(arguments, "--strategy=");
+    let row = STRATEGIES.iter().find(|(word, _)| Some(*word) == chosen);
+    row.map_or(Strategy::Position, |(_, strategy)| *strategy)
 }
 
 /// The lowest bits, so many of them.
@@ -296,9 +306,7 @@ fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Join
             .and_then(|given| robot.positions(given))
             .unwrap_or_else(|| robot.nearest_to_zero());
     }
-    let given = arguments
-        .iter()
-        .find_map(|argument| argument.strip_prefix("--start="));
+    let given = value_of(arguments, "--start=");
     let given: Vec<f64> = given
         .iter()
         .flat_map(|list| list.split(','))

@@ -3,13 +3,11 @@
 
 use rcc_config::{CellConfig, DeviceConfig, RobotConfig};
 
-use super::device::{IDEAL_ARM, arguments_of};
+use super::device::{IDEAL_ARM, STRATEGIES, arguments_of, value_of};
 use super::wall::Wall;
 
 /// Settings of `ideal-arm`.
 const KNOWN: [&str; 2] = ["period", "start"];
-/// Words of `--strategy=`.
-const STRATEGIES: [&str; 3] = ["position", "cartesian-impedance", "joint-impedance"];
 
 /// The first setting that its program would not take, with what is wrong.
 #[must_use]
@@ -46,12 +44,7 @@ fn of_driver(device: &DeviceConfig, robot: &RobotConfig) -> Option<String> {
 }
 
 fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
-    let value = |option: &str| {
-        arguments
-            .iter()
-            .find_map(|argument| argument.strip_prefix(option))
-    };
-    if let Some(start) = value("--start=") {
+    if let Some(start) = value_of(arguments, "--start=") {
         let numbers: Vec<f64> = start
             .split(',')
             .filter_map(|part| part.trim().parse().ok())
@@ -69,15 +62,19 @@ fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
             ));
         }
     }
-    if let Some(wall) = value("--wall=").filter(|_| Wall::of(arguments).is_none()) {
+    if let Some(wall) = value_of(arguments, "--wall=").filter(|_| Wall::of(arguments).is_none()) {
         return Some(format!(
             "`--wall={wall}` must be PX,PY,PZ,NX,NY,NZ,K,D: a point (m), a direction to the free side, N/m and N·s/m, 0 or more"
         ));
     }
-    let strategy = value("--strategy=").filter(|word| !STRATEGIES.contains(word))?;
+    let strategy = value_of(arguments, "--strategy=")?;
+    let words = STRATEGIES.map(|(word, _)| word);
+    if words.contains(&strategy) {
+        return None;
+    }
     Some(format!(
         "`--strategy={strategy}` must be one of {}",
-        STRATEGIES.join(", ")
+        words.join(", ")
     ))
 }
 

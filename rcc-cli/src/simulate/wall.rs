@@ -3,6 +3,8 @@
 
 use rcc_core::vector::{self, Vector};
 
+use super::device::value_of;
+
 /// A plane that pushes back and never pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
@@ -22,9 +24,7 @@ impl Wall {
     /// Reads `--wall=PX,PY,PZ,NX,NY,NZ,K,D` among a simulator's arguments; `None` without one that its program would take.
     #[must_use]
     pub fn of(arguments: &[&str]) -> Option<Wall> {
-        let given = arguments
-            .iter()
-            .find_map(|argument| argument.strip_prefix("--wall="))?;
+        let given = value_of(arguments, "--wall=")?;
         let numbers: Result<Vec<f64>, _> =
             given.split(',').map(|part| part.trim().parse()).collect();
         let [px, py, pz, nx, ny, nz, stiffness, damping] = numbers.ok()?.try_into().ok()?;

@@ -29,7 +29,7 @@ pub fn inputs_are_connected(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 }
 
 /// All outputs that something reads.
-pub(super) fn read(net: Typed<'_>) -> BTreeSet<Output> {
+fn read(net: Typed<'_>) -> BTreeSet<Output> {
     let wires = net.graph.items.iter().flat_map(|item| item.wires());
     let wires = wires.map(|(_, wire)| wire);
     let regions = net.graph.regions.iter();
@@ -41,15 +41,15 @@ pub(super) fn read(net: Typed<'_>) -> BTreeSet<Output> {
     read.chain(net.graph.read_in_vain.iter().copied()).collect()
 }
 
+/// All outputs that something reads, or that are discarded on purpose.
+pub(super) fn read_or_discarded(net: Typed<'_>) -> BTreeSet<Output> {
+    let discarded = net.graph.discarded.iter().map(|(output, _)| *output);
+    read(net).into_iter().chain(discarded).collect()
+}
+
 /// An output that nobody reads is named in `discard`, unless it is diagnostic.
 pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let read = read(net);
-    let discarded: BTreeSet<Output> = net
-        .graph
-        .discarded
-        .iter()
-        .map(|(output, _)| *output)
-        .collect();
+    let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
         let forgotten: Vec<String> = item
             .spec()
@@ -61,7 +61,7 @@ pub fn outputs_are_read_or_discarded(net: Typed<'_>, faults: &mut Vec<Diagnostic
                     item: number,
                     port: *port,
                 };
-                !spec.diagnostic && !read.contains(&output) && !discarded.contains(&output)
+                !spec.diagnostic && !used.contains(&output)
             })
             .map(|(_, spec)| format!("{}.{}", item.id(), spec.name))
             .collect();

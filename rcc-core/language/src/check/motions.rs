@@ -7,7 +7,7 @@ use rcc_core::path::record;
 use rcc_core::primitive::{ParameterKind, Role};
 
 use super::Typed;
-use super::connections::read;
+use super::connections::read_or_discarded;
 use super::values::constant;
 use crate::fault;
 use crate::resolve::{Item, Output};
@@ -149,21 +149,13 @@ pub fn goals_are_within_range(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
 
 /// Somebody reads where a motion is: the net would go through it, and no arm would move.
 pub fn motions_lead_somewhere(net: Typed<'_>, faults: &mut Vec<Diagnostic>) {
-    let read = read(net);
-    let discarded: Vec<Output> = net
-        .graph
-        .discarded
-        .iter()
-        .map(|(output, _)| *output)
-        .collect();
+    let used = read_or_discarded(net);
     for (number, item) in net.graph.items.iter().enumerate() {
         let outputs = item.spec().outputs;
         let place = |name: &str| outputs.iter().position(|port| port.name == name);
         let places = ["joints", "pose"].into_iter().filter_map(place);
         let mut places = places.map(|port| Output { item: number, port });
-        if item.spec().role != Role::Motion
-            || places.any(|output| read.contains(&output) || discarded.contains(&output))
-        {
+        if item.spec().role != Role::Motion || places.any(|output| used.contains(&output)) {
             continue;
         }
         let id = item.id();
