@@ -447,7 +447,8 @@ fn take(cell: &Cell) -> Result<Announced, Failure> {
         WipeError::InUse { .. } => Failure::new(codes::CELL_LIVES, error.to_string(), ""),
         _ => Failure::new(codes::PROCESS_FAILED, error.to_string(), ""),
     })?;
-    let life = ProcessLife::current();
+    let life = ProcessLife::current()
+        .map_err(|error| Failure::new(codes::PROCESS_FAILED, error.to_string(), ""))?;
     let presence = Announcement {
         role: Role::Cli,
         label: "up".to_owned(),

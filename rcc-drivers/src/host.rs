@@ -123,7 +123,7 @@ impl Host {
             driver,
             station,
             board,
-            watch: Watch::start(session, &device.name)?,
+            watch: Watch::start(session, &device.name, recorder.clone())?,
             commands: None,
             answer: leads.map(Answer::after),
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),

@@ -17,7 +17,7 @@ use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::rehearsal::Rehearsed;
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
-use rcc_ipc::{Announcement, BoardReader, Role, Session, monotonic_ns, wire};
+use rcc_ipc::{Announcement, BoardReader, Life, Liveness, Role, Session, monotonic_ns, wire};
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
@@ -87,6 +87,8 @@ pub struct Intake {
     next_ticket: u64,
     watched_at: Option<Instant>,
     complaints: Seldom,
+    /// About drivers that may live or not, or whose board cannot be opened.
+    doubts: Seldom,
     recorder: Option<Recorder>,
     scribe: Option<Sender<incidents::Made>>,
 }
@@ -148,6 +150,7 @@ impl Intake {
             next_ticket: 1,
             watched_at: None,
             complaints: Seldom::default(),
+            doubts: Seldom::default(),
             recorder: None,
             scribe: None,
         })
@@ -518,48 +521,92 @@ impl Intake {
         (input, hold)
     }
 
-    /// Attaches drivers that announced themselves and detaches dead ones.
+    /// Attaches drivers that announced themselves and detaches dead ones. Whoever may live stays attached.
     fn watch_drivers(&mut self) {
         for index in 0..self.devices.len() {
             let Some(device) = self.devices.get(index) else {
                 return;
             };
+            let attached = device.attached.as_ref().map(|(driver, _)| *driver);
             let announced = self.session.cell().announced(Role::Driver, &device.name);
-            let alive = announced
-                .ok()
-                .flatten()
-                .filter(|announcement| announcement.is_alive());
-            let attached = device
-                .attached
-                .as_ref()
-                .map(|(incarnation, _)| *incarnation);
-            match (alive, attached) {
-                (Some(announcement), attached) if attached != Some(announcement.incarnation) => {
-                    if let Some(service) = announcement.services.get(MEASUREMENT) {
-                        self.attach(index, &announcement, service);
+            match announced {
+                Ok(Some(announced)) if attached != Some(announced.incarnation) => {
+                    match announced.liveness() {
+                        Liveness::Alive => {
+                            if let Some(service) = announced.services.get(MEASUREMENT) {
+                                self.attach(index, &announced, service);
+                            }
+                        }
+                        // Not followed before it is known to live.
+                        Liveness::Unknown(error) => self.doubt(index, &error),
+                        Liveness::Dead => self.detach_dead(index),
                     }
                 }
-                (None, Some(incarnation)) => {
-                    info!("driver of {} is gone", device.name);
-                    let gone = Kind::DriverGone {
-                        device: device.name.clone(),
-                        driver: events::digits(incarnation),
-                    };
-                    if self
-                        .orders
-                        .push(Order::Detach {
-                            device: index,
-                            incarnation,
-                        })
-                        .is_ok()
-                    {
-                        self.record(gone);
-                        self.devices[index].attached = None;
-                    }
+                Ok(Some(_)) => self.detach_dead(index),
+                // A driver takes its announcement back when its device rests and it ends.
+                Ok(None) => self.detach(index),
+                Err(error) => {
+                    self.doubt(index, &error);
+                    self.detach_dead(index);
                 }
-                _ => {}
             }
         }
+    }
+
+    /// Detaches the driver of a device if it is known to be dead.
+    fn detach_dead(&mut self, index: usize) {
+        let attached = self
+            .devices
+            .get(index)
+            .and_then(|one| one.attached.as_ref());
+        let Some((driver, _)) = attached else {
+            return;
+        };
+        match Life::from_incarnation(*driver).liveness() {
+            Liveness::Alive => {}
+            Liveness::Dead => self.detach(index),
+            Liveness::Unknown(error) => self.doubt(index, &error),
+        }
+    }
+
+    fn detach(&mut self, index: usize) {
+        let Some(device) = self.devices.get_mut(index) else {
+            return;
+        };
+        let Some((incarnation, _)) = device.attached else {
+            return;
+        };
+        let order = Order::Detach {
+            device: index,
+            incarnation,
+        };
+        // A full ring leaves it attached; the next look tries again.
+        if self.orders.push(order).is_err() {
+            return;
+        }
+        device.attached = None;
+        let gone = Kind::DriverGone {
+            device: device.name.clone(),
+            driver: events::digits(incarnation),
+        };
+        info!("driver of {} is gone", device.name);
+        self.record(gone);
+    }
+
+    /// Whether a driver lives is not known: that is told, and nothing else is done.
+    fn doubt(&mut self, index: usize, why: &dyn std::fmt::Display) {
+        let Some(others) = self.doubts.say(Instant::now()) else {
+            return;
+        };
+        let name = self.devices.get(index).map_or("", |device| &device.name);
+        let what = Kind::LifeUnknown {
+            process: format!("driver/{name}"),
+            why: events::text(&why.to_string()),
+        };
+        warn!(
+            "whether driver/{name} lives is not known ({why}); looked at again; {others} more such looks"
+        );
+        self.record(what);
     }
 
     fn attach(&mut self, index: usize, driver: &Announcement, service: &str) {
@@ -586,11 +633,12 @@ impl Intake {
                     self.devices[index].attached = Some((incarnation, mine));
                 }
             }
+            // Tried again at the next look.
             (Err(error), _) | (_, Err(error)) => {
-                warn!(
-                    "the board of {} cannot be opened: {error}",
-                    self.devices[index].name
-                );
+                if self.doubts.say(Instant::now()).is_some() {
+                    let name = &self.devices[index].name;
+                    warn!("the board of {name} cannot be opened: {error}");
+                }
             }
         }
     }

@@ -23,6 +23,9 @@ pub enum StreamError {
     /// Places of dead monitors cannot be freed.
     #[error("all places of the stream are taken, and the janitor did not help: {0}")]
     Janitor(#[from] clean::CleanError),
+    /// The announcement cannot be read.
+    #[error(transparent)]
+    Announcement(#[from] rcc_ipc::AnnounceError),
     /// It offers no stream.
     #[error("the executor offers no `{RECORDS}`: are both programs of one build?")]
     NotOffered,
@@ -84,14 +87,14 @@ impl Follower {
             }
             Some(attached) => {
                 // In this order: what it sent before its death is read.
-                let alive = attached.announcement.is_alive();
+                let dead = attached.announcement.liveness().is_dead();
                 while attached.records.read_into(&mut look.records)? {}
                 for record in &look.records {
                     let expected = attached.next_sequence.unwrap_or(record.sequence);
                     look.lost += record.sequence.saturating_sub(expected);
                     attached.next_sequence = Some(record.sequence + 1);
                 }
-                if !alive && look.records.is_empty() {
+                if dead && look.records.is_empty() {
                     self.attached = None;
                     look.changed = Some(false);
                 }
@@ -113,7 +116,9 @@ fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
         Err(error) => return Err(rcc_ipc::SessionError::from(error).into()),
     };
     let announced = cell.announced(Role::Executor, EXECUTOR_LABEL);
-    let Some(announcement) = announced.ok().flatten().filter(Announcement::is_alive) else {
+    // Not known yet whether it lives: the next look tries again.
+    let living = |announcement: &Announcement| announcement.liveness().is_alive();
+    let Some(announcement) = announced?.filter(living) else {
         return Ok(None);
     };
     let service = announcement.services.get(RECORDS);
@@ -132,7 +137,7 @@ fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
     let records = match records {
         Ok(records) => records,
         // It died between its announcement and now.
-        Err(_) if !announcement.is_alive() => return Ok(None),
+        Err(_) if announcement.liveness().is_dead() => return Ok(None),
         Err(error) => return Err(error.into()),
     };
     Ok(Some(Attached {

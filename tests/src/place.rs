@@ -262,7 +262,7 @@ impl Place {
     pub fn await_successor(&self, role: Role, label: &str, dead: u64) -> Announcement {
         await_some(&format!("a successor of {role} {label}"), || {
             let announced = self.cell.announced(role, label).ok().flatten()?;
-            (announced.incarnation != dead && announced.is_alive()).then_some(announced)
+            (announced.incarnation != dead && announced.liveness().is_alive()).then_some(announced)
         })
     }
 
@@ -304,7 +304,7 @@ impl Place {
     pub fn await_dead(&self) {
         await_some("all processes to be dead", || {
             let announced = self.cell.announced_all().expect("a list");
-            let dead = announced.iter().all(|announced| !announced.is_alive());
+            let dead = announced.iter().all(|announced| announced.liveness().is_dead());
             (dead && processes::of_folder(&self.base).is_empty()).then_some(())
         });
     }

@@ -39,7 +39,7 @@ fn two_cells_side_by_side_do_not_see_each_other() {
     one.kill(Role::Driver, "lwr");
     one.kill(Role::Executor, "exec");
     one.stop();
-    assert!(driver.is_alive() && executor.is_alive());
+    assert!(driver.liveness().is_alive() && executor.liveness().is_alive());
     assert_eq!(two.device("lwr").expect("a row")["losses"], 0);
     assert!(
         still

@@ -7,6 +7,7 @@ mod cells;
 mod clock;
 mod crash;
 mod crash_others;
+mod descriptors;
 mod doctor;
 mod endurance;
 mod events;

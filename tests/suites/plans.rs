@@ -195,7 +195,7 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
         .find(|row| row.id == lamp)
         .expect("the lamp's row");
     assert_eq!(CommandState::from_number(row.state), CommandState::Running);
-    assert!(executor.is_alive(), "the same executor");
+    assert!(executor.liveness().is_alive(), "the same executor");
     drop((watch, control));
     cell.done(lamp, "cancel");
     cell.stop();

@@ -18,7 +18,7 @@ const CALLS_MAX: usize = 32;
 /// Each request is made of bytes, or a good one of which some bytes are changed.
 pub fn run(data: &[u8]) {
     if let Ok(announcement) = serde_json::from_slice::<Announcement>(data) {
-        let _ = announcement.is_alive();
+        let _ = announcement.liveness();
         let again =
             serde_json::to_vec(&announcement).and_then(|text| serde_json::from_slice(&text));
         assert!(again.is_ok_and(|again: Announcement| again == announcement));

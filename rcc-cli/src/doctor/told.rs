@@ -101,7 +101,7 @@ impl Told {
         let path = cell.drivers_dir().join(format!("{device}.json"));
         let told: Told = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
         // The file of a predecessor is history of somebody else.
-        (announced.is_alive() && announced.pid == told.pid).then_some(told)
+        (!announced.liveness().is_dead() && announced.pid == told.pid).then_some(told)
     }
 
     /// The last minute in figures.

@@ -8,7 +8,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_config::CellConfig;
 use rcc_ipc::events::{self, Kind, Origin};
-use rcc_ipc::{Cell, Role};
+use rcc_ipc::{Cell, Liveness, Role};
 use rcc_loader::server::codes;
 use rcc_loader::server::executor::EXECUTOR_LABEL;
 use serde_json::{Value, json};
@@ -172,9 +172,16 @@ fn send(
     if let Some(real) = real {
         return Err(not_simulated(real));
     }
-    let found = cell.announced(role, label).ok().flatten();
+    let not_known = |why: String| Failure::new(codes::PROCESS_FAILED, why, "try again");
+    let found = cell.announced(role, label);
+    let found = found.map_err(|error| not_known(error.to_string()))?;
+    if let Some(Liveness::Unknown(error)) = found.as_ref().map(|found| found.liveness()) {
+        return Err(not_known(format!(
+            "whether {target} runs is not known: {error}"
+        )));
+    }
     let announced = found
-        .filter(rcc_ipc::Announcement::is_alive)
+        .filter(|found| found.liveness().is_alive())
         .ok_or_else(|| {
             Failure::new(
                 codes::PROCESS_FAILED,
@@ -193,7 +200,7 @@ fn send(
     })?;
     // The first one only takes away the handler with which Rust tells of a full stack.
     for _ in 0..SEGV_TRIES {
-        if signal != Signal::SIGSEGV || !announced.is_alive() {
+        if signal != Signal::SIGSEGV || announced.liveness().is_dead() {
             break;
         }
         std::thread::sleep(Duration::from_millis(10));

@@ -10,7 +10,7 @@ use nix::fcntl::Flock;
 
 use crate::cell::{Cell, CellError};
 use crate::clean::write_private;
-use crate::life::Life;
+use crate::life::{Life, Liveness};
 use crate::lock::{self, LockError};
 use crate::session::{Role, Session};
 
@@ -75,10 +75,10 @@ impl Announcement {
         }
     }
 
-    /// True while that very process runs (a zombie does not).
+    /// Whether that very process runs (a zombie does not), as far as the system tells.
     #[must_use]
-    pub fn is_alive(&self) -> bool {
-        self.life().is_alive()
+    pub fn liveness(&self) -> Liveness {
+        self.life().liveness()
     }
 }
 
@@ -219,7 +219,7 @@ impl Cell {
     /// out here (asked for by name they are an error), so that one of them does not hide the others.
     ///
     /// # Errors
-    /// The folder cannot be read; a missing one is empty.
+    /// The folder (a missing one is empty) or a file cannot be read: a list that lacks processes would be an untrue one.
     pub fn announced_all(&self) -> Result<Vec<Announcement>, AnnounceError> {
         let folder = self.processes_dir();
         let failed = |source| AnnounceError::File {
@@ -234,12 +234,13 @@ impl Cell {
         let mut all = Vec::new();
         for entry in entries {
             let path = entry.map_err(failed)?.path();
-            if path
-                .extension()
-                .is_some_and(|extension| extension == "json")
-                && let Ok(Some(announcement)) = read(&path)
-            {
-                all.push(announcement);
+            if path.extension().is_none_or(|extension| extension != "json") {
+                continue;
+            }
+            match read(&path) {
+                Ok(announcement) => all.extend(announcement),
+                Err(AnnounceError::Malformed { .. }) => {}
+                Err(error) => return Err(error),
             }
         }
         all.sort_by(|a, b| (a.role, &a.label).cmp(&(b.role, &b.label)));

@@ -121,7 +121,7 @@ impl<T: Pod> BoardReader<T> {
         &self.service
     }
 
-    /// The life of the process that writes it. Ask it with [`Life::is_alive`], not in a real-time thread.
+    /// The life of the process that writes it. Ask it with [`Life::liveness`], not in a real-time thread.
     #[must_use]
     pub fn writer(&self) -> Option<Life> {
         owner_of(&self.service)

@@ -426,9 +426,10 @@ fn wipe_alone(cell: &Cell) -> Result<(WipeReport, impl Drop), WipeError> {
 }
 
 fn refuse_living(cell: &Cell, announced: &[Announcement]) -> Result<(), WipeError> {
+    // Whoever may live counts as living.
     match announced
         .iter()
-        .find(|announcement| announcement.is_alive())
+        .find(|announcement| !announcement.liveness().is_dead())
     {
         None => Ok(()),
         Some(living) => Err(WipeError::Living {

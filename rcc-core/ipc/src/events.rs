@@ -4,8 +4,8 @@
 //! Several writers: a line is at most [`LINE_MAX`] bytes and written by one `write` to a file opened with `O_APPEND`,
 //! so that lines of different processes never mix (Linux holds the file's lock for the whole call). A process that is
 //! killed within that call may leave a torn line, which readers skip. Who finds the file full ([`FILE_MAX`]) moves it
-//! to `events.1.jsonl` under a lock; the file is opened anew for each line, so that nobody writes to a moved one for
-//! longer than one line.
+//! to `events.1.jsonl` under a lock; before each line a writer looks whether the file that it has open is still the one at
+//! that name, so that nobody writes to a moved one for longer than one line.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -105,7 +105,11 @@ impl Source {
     /// This process, in this role.
     #[must_use]
     pub fn this(role: Origin, label: &str) -> Source {
-        let life = Life::current();
+        // Unknown only to a program that is in no session: its events still have its process id.
+        let life = Life::current().unwrap_or(Life {
+            pid: std::process::id(),
+            start_time_ticks: 0,
+        });
         Source {
             role,
             label: label.to_owned(),
@@ -207,22 +211,42 @@ impl Cell {
 /// # Errors
 /// The folder is gone (the cell has ended), the disk is full, or the event is too long.
 pub fn append(cell: &Cell, event: &Event) -> io::Result<()> {
+    append_to(&mut None, cell, event)
+}
+
+/// As [`append`]; `kept` is the file of the last time, used as long as it is the one that readers find. Who keeps it can
+/// write when no descriptor is free.
+fn append_to(kept: &mut Option<File>, cell: &Cell, event: &Event) -> io::Result<()> {
     let line = event
         .line()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "the event is too long"))?;
     // Once more if the file was moved aside twice between opening and writing, and with it the line out of sight.
     for _ in 0..2 {
-        let mut file = opened(&cell.events_file())?;
+        let mut file = match kept.take().filter(|file| is_at(file, &cell.events_file())) {
+            Some(file) => file,
+            None => opened(&cell.events_file())?,
+        };
         file.write_all(&line)?;
         let found = file.metadata()?;
         if found.len() > FILE_MAX {
             rotate(cell, found.ino());
         }
         if found.nlink() > 0 {
+            *kept = Some(file);
             break;
         }
     }
     Ok(())
+}
+
+/// True if this open file lies at `path`.
+fn is_at(file: &File, path: &Path) -> bool {
+    let numbers = |found: fs::Metadata| (found.dev(), found.ino());
+    let (ours, there) = (
+        file.metadata().map(numbers),
+        fs::metadata(path).map(numbers),
+    );
+    matches!((ours, there), (Ok(ours), Ok(there)) if ours == there)
 }
 
 /// Appends an event of this process, written at once.
@@ -280,7 +304,7 @@ pub fn begin(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
 pub fn predecessor(cell: &Cell, role: Role, label: &str) -> Option<Former> {
     let dead = cell.announced(role, label).ok().flatten()?;
     let ours = dead.pid == std::process::id();
-    (!ours && !dead.is_alive()).then(|| Former {
+    (!ours && dead.liveness().is_dead()).then(|| Former {
         pid: dead.pid,
         incarnation: digits(dead.incarnation),
     })
@@ -292,7 +316,7 @@ pub fn cleaned(cell: &Cell, report: &CleanReport) {
         return;
     }
     let announced = cell.announced_all().unwrap_or_default();
-    let dead = announced.iter().filter(|one| !one.is_alive());
+    let dead = announced.iter().filter(|one| one.liveness().is_dead());
     let what = Kind::Cleaned {
         half_created: report.half_created,
         dead_nodes: report.dead_nodes,

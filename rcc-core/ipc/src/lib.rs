@@ -45,7 +45,7 @@ pub use board::{BoardError, BoardReader, BoardWriter};
 pub use cell::{Cell, CellError};
 pub use clock::{monotonic_ns, sleep_until};
 pub use commands::{CommandReader, CommandWriter};
-pub use life::Life;
+pub use life::{Life, Liveness};
 pub use request::{
     AnswerError, CallError, Client, PollError, REQUEST_MAX, RESPONSE_MAX, Request, RequestError,
     Server,

@@ -72,7 +72,11 @@ impl Parcel {
         request: &[u8],
     ) -> Result<(Vec<u8>, Parcel), ParcelError> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let incarnation = Life::current().incarnation();
+        let life = Life::current().map_err(|source| ParcelError::File {
+            path: folder.to_owned(),
+            source,
+        })?;
+        let incarnation = life.incarnation();
         // Relaxed: only different numbers are wanted.
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = folder.join(name(incarnation, number));
@@ -192,7 +196,7 @@ mod tests {
             .unwrap_or_default()
             .to_string_lossy()
             .into_owned();
-        assert_eq!(owner_of(&name), Some(Life::current()));
+        assert_eq!(owner_of(&name), Life::current().ok());
         drop(parcel);
         assert!(matches!(
             open(&folder.0, &message),

@@ -33,10 +33,11 @@ impl Id {
         }
     }
 
-    /// True while the process lives that made this number. Its process id alone may belong to another one by now: that
-    /// one started after the number was made.
-    fn maker_is_alive(self) -> bool {
-        started_ns(self.pid).is_some_and(|started| started <= self.made_ns + CLOCK_SLACK_NS)
+    /// True if the process that made this number is known to be dead; whoever may live keeps its files. Its process id
+    /// alone may belong to another one by now: that one started after the number was made.
+    fn maker_is_dead(self) -> bool {
+        let made_by = |started| started <= self.made_ns + CLOCK_SLACK_NS;
+        started_ns(self.pid).is_ok_and(|started| !started.is_some_and(made_by))
     }
 }
 
@@ -70,7 +71,7 @@ impl Dead {
             let text = fs::read_to_string(path).unwrap_or_default();
             ids.extend(service_id(&text).map(Id::from_value));
         }
-        ids.retain(|id| !id.maker_is_alive());
+        ids.retain(|id| id.maker_is_dead());
         Ok(Dead(ids))
     }
 
@@ -94,7 +95,9 @@ pub(crate) fn reap(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Erro
 /// Files of long requests whose sender is dead.
 fn reap_parcels(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let mut dead = files_in(&cell.iox_root())?;
-    dead.retain(|path| parcel::owner_of(&name_of(path)).is_some_and(|life| !life.is_alive()));
+    dead.retain(|path| {
+        parcel::owner_of(&name_of(path)).is_some_and(|life| life.liveness().is_dead())
+    });
     remove_all(dead)
 }
 
@@ -164,7 +167,7 @@ fn reap_configurations(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
             .strip_prefix("janitor-")
             .and_then(|rest| rest.strip_suffix(".toml"));
         pid.and_then(|pid| pid.parse().ok())
-            .is_some_and(|pid| started_ns(pid).is_none())
+            .is_some_and(|pid| matches!(started_ns(pid), Ok(None)))
     });
     remove_all(dead)
 }
@@ -270,12 +273,12 @@ mod tests {
     #[test]
     fn a_reused_process_id_is_not_its_maker() {
         let pid = std::process::id();
-        assert!(Id::from_value(id_of(pid, monotonic_ns())).maker_is_alive());
+        assert!(!Id::from_value(id_of(pid, monotonic_ns())).maker_is_dead());
         assert!(
-            !Id::from_value(id_of(pid, 1)).maker_is_alive(),
+            Id::from_value(id_of(pid, 1)).maker_is_dead(),
             "made before this process began"
         );
-        assert!(!Id::from_value(id_of(u32::MAX, monotonic_ns())).maker_is_alive());
+        assert!(Id::from_value(id_of(u32::MAX, monotonic_ns())).maker_is_dead());
     }
 
     #[test]

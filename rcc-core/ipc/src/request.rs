@@ -307,7 +307,7 @@ impl Client {
             let now = Instant::now();
             if now.duration_since(life_checked) >= LIFE_CHECK {
                 life_checked = now;
-                if !self.server_is_alive() {
+                if self.server_is_dead() {
                     return Err(CallError::ServerGone {
                         service: self.service.clone(),
                     });
@@ -331,10 +331,10 @@ impl Client {
         &self.service
     }
 
-    /// True while the process lives that made the server.
+    /// True if the process that made the server is known to be dead.
     #[must_use]
-    pub fn server_is_alive(&self) -> bool {
-        self.server.is_none_or(Life::is_alive)
+    pub fn server_is_dead(&self) -> bool {
+        self.server.is_some_and(|life| life.liveness().is_dead())
     }
 
     fn send(&self, request: &[u8]) -> Result<(Pending, Option<Parcel>), CallError> {
@@ -345,7 +345,7 @@ impl Client {
                 max: REQUEST_MAX,
             });
         }
-        if !self.server_is_alive() {
+        if self.server_is_dead() {
             return Err(CallError::ServerGone {
                 service: self.service.clone(),
             });
@@ -396,7 +396,7 @@ impl Client {
     /// The request was dropped on the other side: by a server that lives on, or together with the server.
     fn no_answer(&self) -> CallError {
         let service = self.service.clone();
-        if self.server_is_alive() && self.servers() > 0 {
+        if !self.server_is_dead() && self.servers() > 0 {
             CallError::Unanswered { service }
         } else {
             CallError::ServerGone { service }

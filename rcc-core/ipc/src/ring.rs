@@ -79,7 +79,7 @@ impl<H: Pod, T: Pod> RingReader<H, T> {
         &self.service
     }
 
-    /// The life of the process that writes it. Ask it with [`Life::is_alive`], not in a real-time thread.
+    /// The life of the process that writes it. Ask it with [`Life::liveness`], not in a real-time thread.
     #[must_use]
     pub fn writer(&self) -> Option<Life> {
         owner_of(&self.service)

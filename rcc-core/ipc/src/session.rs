@@ -100,6 +100,9 @@ pub enum SessionError {
     /// The runtime folder cannot be used.
     #[error(transparent)]
     Cell(#[from] CellError),
+    /// The start time of this process cannot be read.
+    #[error("this process cannot tell itself from others: {0}; it needs /proc and a free file descriptor")]
+    Life(std::io::Error),
     /// The cell is being wiped, and that takes too long.
     #[error("cell '{cell}': {source}")]
     Lock {
@@ -168,7 +171,7 @@ impl Session {
             cell: cell.clone(),
             role,
             label: label.to_owned(),
-            life: Life::current(),
+            life: Life::current().map_err(SessionError::Life)?,
             // Relaxed: only different numbers are wanted.
             serial: SERIAL.fetch_add(1, Ordering::Relaxed),
             node,

@@ -12,7 +12,6 @@ use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateEr
 use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
-use crate::life::Life;
 use crate::room::{self, NoRoom};
 use crate::session::{Cause, Membership, Session, owner_of};
 use crate::shared::Shared;
@@ -189,10 +188,10 @@ impl<T: Pod> Subscriber<T> {
         &self.service
     }
 
-    /// True while the process lives that made the stream; what it sent can be read after its death.
+    /// True if the process that made the stream is known to be dead; what it sent can still be read.
     #[must_use]
-    pub fn publisher_is_alive(&self) -> bool {
-        owner_of(&self.service).is_none_or(Life::is_alive)
+    pub fn publisher_is_dead(&self) -> bool {
+        owner_of(&self.service).is_some_and(|life| life.liveness().is_dead())
     }
 }
 

@@ -206,7 +206,7 @@ fn a_killed_writer_is_replaced_fifty_times_and_leaves_nothing() {
             .unwrap();
         wait_for(|| (reader.read().sequence > 2).then_some(()));
         peer.kill();
-        assert!(!announcement.is_alive());
+        assert!(announcement.liveness().is_dead());
         let value = reader.read();
         assert_eq!(
             value,

@@ -37,7 +37,7 @@ fn peer() {
 }
 
 fn of_this_process(label: &str) -> Announcement {
-    let life = Life::current();
+    let life = Life::current().unwrap();
     Announcement {
         role: Role::Driver,
         label: label.to_owned(),
@@ -97,19 +97,20 @@ fn a_second_living_process_of_the_same_role_and_label_is_refused() {
 fn a_dead_process_is_replaced() {
     let cell = TestCell::new();
     let (peer, announcement) = Peer::announced(&cell, "announced", "lwr");
-    assert!(announcement.is_alive());
+    assert!(announcement.liveness().is_alive());
     peer.kill();
     let dead = cell.announced(Role::Driver, "lwr").unwrap().unwrap();
     assert_eq!(
         dead, announcement,
         "its announcement stays until it is replaced"
     );
-    assert!(!dead.is_alive());
+    assert!(dead.liveness().is_dead());
     let _announced = cell.announce(&of_this_process("lwr")).unwrap();
     assert!(
         cell.announced(Role::Driver, "lwr")
             .unwrap()
             .unwrap()
+            .liveness()
             .is_alive()
     );
 }

@@ -235,7 +235,7 @@ impl Writer {
             device: &self.device,
             driver: &self.driver,
             pid: std::process::id(),
-            incarnation: format!("{:016x}", Life::current().incarnation()),
+            incarnation: format!("{:016x}", Life::current()?.incarnation()),
             since: self.since,
             at: now(),
             state: DeviceState::from_number(figures.state.load(Relaxed)).name(),

@@ -3,10 +3,12 @@
 
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rcc_ipc::control::command_board;
-use rcc_ipc::{Announcement, CommandReader, Role, Session};
+use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::seldom::Seldom;
+use rcc_ipc::{Announcement, CommandReader, Liveness, Role, Session};
 
 /// How often the announcements are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -28,13 +30,21 @@ impl Watch {
     ///
     /// # Errors
     /// The system refuses a thread.
-    pub fn start(session: Session, device: &str) -> std::io::Result<Self> {
+    pub fn start(session: Session, device: &str, recorder: Recorder) -> std::io::Result<Self> {
         let (tell, news) = channel();
         let (give_back, old) = channel();
-        let board = command_board(device);
+        let watched = Watched {
+            session,
+            board: command_board(device),
+            tell,
+            recorder,
+            followed: None,
+            complaint: String::new(),
+            doubts: Seldom::default(),
+        };
         let thread = thread::Builder::new()
             .name("watch".into())
-            .spawn(move || watch(&session, &board, &tell, &old))?;
+            .spawn(move || watch(watched, &old))?;
         Ok(Self {
             news,
             old: Some(give_back),
@@ -68,40 +78,10 @@ impl Drop for Watch {
     }
 }
 
-fn watch(session: &Session, board: &str, tell: &Sender<News>, old: &Receiver<CommandReader>) {
-    let mut followed: Option<Announcement> = None;
-    // The last complaint, so that it is made once.
-    let mut complaint = String::new();
+fn watch(mut watched: Watched, old: &Receiver<CommandReader>) {
     loop {
-        if followed.as_ref().is_some_and(|one| !one.is_alive()) {
-            tracing::info!("the executor has gone");
-            followed = None;
-            if tell.send(None).is_err() {
-                return;
-            }
-        }
-        let followed_now = followed.as_ref().map(|one| one.incarnation);
-        if let Some(executor) =
-            executor(session).filter(|one| Some(one.incarnation) != followed_now)
-            && let Some(service) = executor.services.get(board)
-        {
-            match session.open_commands(service) {
-                Ok(reader) => {
-                    tracing::info!(service, "follows the executor's board");
-                    complaint.clear();
-                    followed = Some(executor);
-                    if tell.send(Some(reader)).is_err() {
-                        return;
-                    }
-                }
-                Err(error) => {
-                    let words = error.to_string();
-                    if words != complaint {
-                        tracing::warn!("{words}");
-                        complaint = words;
-                    }
-                }
-            }
+        if watched.look().is_err() {
+            return;
         }
         thread::sleep(LOOK_EVERY);
         loop {
@@ -114,11 +94,96 @@ fn watch(session: &Session, board: &str, tell: &Sender<News>, old: &Receiver<Com
     }
 }
 
-fn executor(session: &Session) -> Option<Announcement> {
-    session
-        .cell()
-        .announced_all()
-        .ok()?
-        .into_iter()
-        .find(|one| one.role == Role::Executor && one.is_alive())
+/// The host's thread takes no news any more.
+struct Over;
+
+/// What the thread knows and tells.
+struct Watched {
+    session: Session,
+    /// Name of the device's commands.
+    board: String,
+    tell: Sender<News>,
+    recorder: Recorder,
+    followed: Option<Announcement>,
+    /// The last complaint, so that it is made once.
+    complaint: String,
+    doubts: Seldom,
+}
+
+impl Watched {
+    /// Lets go of an executor that is known to be dead, and follows one that is known to live.
+    fn look(&mut self) -> Result<(), Over> {
+        match self.followed.as_ref().map(Announcement::liveness) {
+            Some(Liveness::Dead) => {
+                tracing::info!("the executor has gone");
+                self.followed = None;
+                self.tell.send(None).map_err(|_| Over)?;
+            }
+            // It is followed on: without fresh commands the device is brought to rest anyway.
+            Some(Liveness::Unknown(error)) => self.doubt(&error),
+            Some(Liveness::Alive) | None => {}
+        }
+        let Some(executor) = self.executor() else {
+            return Ok(());
+        };
+        let followed = self.followed.as_ref().map(|one| one.incarnation);
+        let Some(service) = executor.services.get(&self.board) else {
+            return Ok(());
+        };
+        if Some(executor.incarnation) == followed {
+            return Ok(());
+        }
+        match self.session.open_commands(service) {
+            Ok(reader) => {
+                tracing::info!(service, "follows the executor's board");
+                self.complaint.clear();
+                self.followed = Some(executor);
+                self.tell.send(Some(reader)).map_err(|_| Over)?;
+            }
+            Err(error) => {
+                let words = error.to_string();
+                if words != self.complaint {
+                    tracing::warn!("{words}");
+                    self.complaint = words;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The executor that is known to live.
+    fn executor(&mut self) -> Option<Announcement> {
+        let announced = match self.session.cell().announced_all() {
+            Ok(announced) => announced,
+            Err(error) => {
+                self.doubt(&error);
+                return None;
+            }
+        };
+        let executors = announced
+            .into_iter()
+            .filter(|one| one.role == Role::Executor);
+        for executor in executors {
+            match executor.liveness() {
+                Liveness::Alive => return Some(executor),
+                Liveness::Dead => {}
+                Liveness::Unknown(error) => self.doubt(&error),
+            }
+        }
+        None
+    }
+
+    /// Whether the executor lives is not known: that is told, and nothing else is done.
+    fn doubt(&mut self, why: &dyn std::fmt::Display) {
+        let Some(others) = self.doubts.say(Instant::now()) else {
+            return;
+        };
+        tracing::warn!(
+            "whether the executor lives is not known ({why}); looked at again; {others} more such looks"
+        );
+        self.recorder.tell(Kind::LifeUnknown {
+            process: "executor".to_owned(),
+            why: events::text(&why.to_string()),
+        });
+    }
 }

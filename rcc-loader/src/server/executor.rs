@@ -7,7 +7,7 @@ use std::time::Duration;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
 use rcc_core::timing::Timing;
 use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES, TIMING};
-use rcc_ipc::{Announcement, BoardReader, Cell, Client, Role, Session, wire};
+use rcc_ipc::{Announcement, BoardReader, Cell, Client, Liveness, Role, Session, wire};
 
 use super::codes;
 use super::error::ApiError;
@@ -58,9 +58,9 @@ impl Attached {
         })
     }
 
-    /// True while that very process runs.
-    pub fn is_alive(&self) -> bool {
-        self.announcement.is_alive()
+    /// True if that very process is known to be dead.
+    pub fn is_dead(&self) -> bool {
+        self.announcement.liveness().is_dead()
     }
 
     fn call(&self, cell: &str, call: &Call) -> Result<Answer, ApiError> {
@@ -124,17 +124,30 @@ impl Executor {
     /// [`codes::NO_EXECUTOR`] when none lives or it cannot be reached.
     pub fn attach(&self) -> Result<(Arc<Attached>, bool), ApiError> {
         let mut attached = locked(&self.attached);
-        if let Some(known) = attached.as_ref().filter(|known| known.is_alive()) {
+        if let Some(known) = attached.as_ref().filter(|known| !known.is_dead()) {
             return Ok((Arc::clone(known), false));
         }
         *attached = None;
         let cell = self.session.cell();
+        let unknown = |why: String| {
+            ApiError::new(
+                codes::NO_EXECUTOR,
+                format!(
+                    "whether the executor of cell '{}' runs is not known: {why}",
+                    cell.name()
+                ),
+                "try again; if it stays so, the loader has too few file descriptors (LimitNOFILE=)",
+            )
+        };
         let announcement = cell
             .announced(Role::Executor, EXECUTOR_LABEL)
-            .ok()
-            .flatten()
-            .filter(Announcement::is_alive)
+            .map_err(|error| unknown(error.to_string()))?
             .ok_or_else(|| ApiError::no_executor(cell.name()))?;
+        match announcement.liveness() {
+            Liveness::Alive => {}
+            Liveness::Dead => return Err(ApiError::no_executor(cell.name())),
+            Liveness::Unknown(error) => return Err(unknown(error.to_string())),
+        }
         let found = Arc::new(self.open(announcement)?);
         *attached = Some(Arc::clone(&found));
         Ok((found, true))

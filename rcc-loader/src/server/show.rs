@@ -4,9 +4,10 @@
 use rcc_config::device::kind_name;
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
 use rcc_core::message::{ClockState, ClockStatus, DEVICES_MAX, DeviceEntry, DeviceState, MAGIC};
-use rcc_ipc::{Announcement, Role};
+use rcc_ipc::{AnnounceError, Announcement, Role};
 
 use super::api::{ChannelView, ClockView, DeviceView, ExecutorView, ProcessView, StatusView};
+use super::codes;
 use super::error::ApiError;
 use super::executor::Attached;
 use super::service::Service;
@@ -24,7 +25,7 @@ impl Service {
     pub fn devices(&self) -> Result<Vec<DeviceView>, ApiError> {
         let (attached, store) = self.attach()?;
         let rows = attached.tables().devices;
-        let drivers = self.announced(Role::Driver);
+        let drivers = self.announced(Role::Driver)?;
         let net = |id: u64| {
             let net = store.read(id).map(|file| file.net).unwrap_or_default();
             format!("{net}#{id}")
@@ -39,7 +40,7 @@ impl Service {
             };
             let driver = drivers
                 .iter()
-                .find(|driver| driver.label == device.name && driver.is_alive());
+                .find(|driver| driver.label == device.name && !driver.liveness().is_dead());
             let joints = device.robot.iter().flat_map(|robot| &robot.joints);
             DeviceView {
                 name: device.name.clone(),
@@ -65,7 +66,7 @@ impl Service {
     pub fn status(&self) -> Result<StatusView, ApiError> {
         let (attached, store) = self.attach()?;
         let cell = self.executor.cell();
-        let processes = cell.announced_all().unwrap_or_default();
+        let processes = cell.announced_all().map_err(|error| unread(&error))?;
         Ok(StatusView {
             cell: cell.name().to_owned(),
             config: self.config.source.display().to_string(),
@@ -134,11 +135,24 @@ impl Service {
         words.unwrap_or_else(|| format!("reason {reason}"))
     }
 
-    fn announced(&self, role: Role) -> Vec<Announcement> {
-        let mut all = self.executor.cell().announced_all().unwrap_or_default();
+    fn announced(&self, role: Role) -> Result<Vec<Announcement>, ApiError> {
+        let mut all = self
+            .executor
+            .cell()
+            .announced_all()
+            .map_err(|error| unread(&error))?;
         all.retain(|found| found.role == role);
-        all
+        Ok(all)
     }
+}
+
+/// A list that lacks processes would be an untrue one.
+fn unread(error: &AnnounceError) -> ApiError {
+    ApiError::new(
+        codes::PROCESS_FAILED,
+        format!("the announcements of the processes cannot be read: {error}"),
+        "try again; if it stays so, the loader has too few file descriptors (LimitNOFILE=)",
+    )
 }
 
 /// Drivers explain their reason numbers in their announcement's note, one `NUMBER TEXT` a line.
@@ -186,7 +200,8 @@ fn process(announcement: &Announcement) -> ProcessView {
         label: announcement.label.clone(),
         pid: announcement.pid,
         incarnation: format!("{:016x}", announcement.incarnation),
-        alive: announcement.is_alive(),
+        // Whoever may live is not shown as dead.
+        alive: !announcement.liveness().is_dead(),
         note: announcement.note.clone(),
     }
 }

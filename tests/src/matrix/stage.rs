@@ -365,7 +365,7 @@ impl Stage {
             // Struck while it started, it may still have announced itself before it died.
             await_some("another process", || {
                 let announced = self.cell.cell().announced(role, label).ok().flatten()?;
-                (announced.pid != scene.pid && announced.is_alive()).then_some(())
+                (announced.pid != scene.pid && announced.liveness().is_alive()).then_some(())
             });
         }
     }

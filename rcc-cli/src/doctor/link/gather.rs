@@ -30,7 +30,7 @@ pub fn gather(chosen: &Chosen, device: &DeviceConfig) -> LinkFacts {
         .cell
         .as_ref()
         .and_then(|cell| cell.announced(Role::Driver, &device.name).ok().flatten())
-        .filter(rcc_ipc::Announcement::is_alive);
+        .filter(|announced| !announced.liveness().is_dead());
     let unknown = auto_ports(&chosen.path).unwrap_or_default();
     let unknown = unknown.into_iter().map(|(name, _)| name);
     let mut facts = LinkFacts {

@@ -76,7 +76,14 @@ kinds! {
         /// Who or what asked.
         why: String,
     }
-    /// Events were not written because there were too many.
+    /// Whether another process lives could not be found out; nothing was done because of that, and it is tried again.
+    LifeUnknown = "life-unknown", "every process", Warning {
+        /// The process: executor, driver/lwr.
+        process: String,
+        /// What the system said.
+        why: String,
+    }
+    /// Events were not written because there were too many at once, or because the log could not be written.
     Suppressed = "suppressed", "every process", Warning {
         /// How many.
         count: u64,

@@ -1,6 +1,7 @@
 //! One process' pen: events are handed to a thread of its own, so that a slow disk holds nobody up, and no more of
 //! them than a person can read. The thread writes them in order and ends with the last handle.
 
+use std::fs::File;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,7 +12,7 @@ use std::time::{Duration, Instant};
 use crate::cell::Cell;
 use crate::session::Role;
 
-use super::{Event, Kind, Origin, Source, append};
+use super::{Event, Kind, Origin, Source, append_to, opened};
 
 /// Events that may wait for the thread.
 const WAITING: usize = 256;
@@ -61,6 +62,8 @@ impl Recorder {
             lost: Arc::clone(&lost),
             tokens: BURST,
             filled: Instant::now(),
+            // Now, while there are descriptors. If it cannot be opened, each line tries again.
+            file: opened(&cell.events_file()).ok(),
         };
         let thread = thread::Builder::new()
             .name("events".into())
@@ -132,6 +135,7 @@ struct Writer {
     lost: Arc<AtomicU64>,
     tokens: f64,
     filled: Instant,
+    file: Option<File>,
 }
 
 impl Writer {
@@ -160,15 +164,22 @@ impl Writer {
         }
         self.tokens -= 1.0;
         self.tell_lost();
-        // A log that cannot be written has nobody to be told to.
-        let _ = append(&self.cell, event);
+        self.append(event, 1);
     }
 
-    fn tell_lost(&self) {
+    fn tell_lost(&mut self) {
         let count = self.lost.swap(0, Ordering::Relaxed);
         if count > 0 {
             let what = Kind::Suppressed { count };
-            let _ = append(&self.cell, &Event::now(self.source.clone(), None, what));
+            let event = Event::now(self.source.clone(), None, what);
+            self.append(&event, count);
+        }
+    }
+
+    /// A line that cannot be written is counted, with what it stands for: the next one that can be tells of it.
+    fn append(&mut self, event: &Event, stands_for: u64) {
+        if append_to(&mut self.file, &self.cell, event).is_err() {
+            self.lost.fetch_add(stands_for, Ordering::Relaxed);
         }
     }
 }

@@ -103,8 +103,11 @@ impl Kind {
         match self {
             Kind::Started { note, predecessor } => started(note, predecessor.as_ref()),
             Kind::Stopping { why } => format!("stops: {why}"),
+            Kind::LifeUnknown { process, why } => format!(
+                "whether {process} lives is not known ({why}); it counts as living, and is looked at again"
+            ),
             Kind::Suppressed { count } => {
-                format!("{count} more events were not written: too many at once")
+                format!("{count} more events were not written: too many at once, or no disk")
             }
             Kind::Acknowledged { late } => {
                 format!("{late} late cycles are acknowledged: what is latched begins anew")
