@@ -12,7 +12,7 @@ use rcc_engine::net::Net;
 use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
 use rcc_engine::record::{Recorder, RecorderConfig, RecorderHelper};
 use rcc_exec::rt::{self, Boards};
-use rcc_ipc::control::{Answer, PlanData, Refusal, STATUS, TABLES, TIMING};
+use rcc_ipc::control::{Answer, HELPERS, PlanData, Refusal, STATUS, TABLES, TIMING};
 use rcc_ipc::{
     BoardError, BoardWriter, Cell, CellError, CommandReader, Role, Session, SessionError,
     monotonic_ns,
@@ -134,6 +134,8 @@ impl Executor {
             status: session.create_board(STATUS)?,
             tables: session.create_board(TABLES)?,
             timing: session.create_board(TIMING)?,
+            helpers: session.create_board(HELPERS)?,
+            beats: Box::default(),
             commands: commands.collect::<Result<_, _>>()?,
         };
         let recorder = RecorderConfig {

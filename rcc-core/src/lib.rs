@@ -23,6 +23,7 @@ pub mod cycle;
 pub mod filter;
 pub mod frame;
 pub mod guard;
+pub mod helper;
 pub mod histogram;
 pub mod impedance;
 pub mod kinematics;

@@ -13,6 +13,7 @@ use rcc_ipc::{
     AnnounceError, Announced, Announcement, BoardError, BoardWriter, Cell, CommandReader, Role,
     Session, SessionError, monotonic_ns,
 };
+use rcc_process::Helpers;
 use thiserror::Error;
 
 use crate::driver::{Driver, Inputs, LinkError};
@@ -46,6 +47,8 @@ use watch::Watch;
 
 /// Longest wait for the device: a stop that was asked for is seen after it.
 const WAIT_MAX: Duration = Duration::from_millis(10);
+/// How long a line of the event log may take on a slow disk.
+const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
 /// How long a device that was asked to leave command mode is still answered, ns.
 const FAREWELL_NS: u64 = 1_000_000_000;
 
@@ -82,8 +85,16 @@ pub struct Host {
     pulse: Arc<Pulse>,
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
     farewell_ns: Option<u64>,
+    helpers: Helpers,
     /// Taken back when the host ends.
     _announced: Announced,
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        // Before its fields go: the helpers' ends of them are what the helpers end with.
+        self.helpers.end();
+    }
 }
 
 impl Host {
@@ -110,7 +121,13 @@ impl Host {
         let announcement = Announcement::of(&session)
             .service(MEASUREMENT, board.service())
             .note(&reason::note(reasons));
-        let recorder = Recorder::start(cell, Role::Driver, &device.name)?;
+        let helpers = Helpers::default();
+        let writer = helpers.helper("events", SLOW_TURN_MAX);
+        let turn = move || writer.turn();
+        let recorder = Recorder::watched(cell, Role::Driver, &device.name, turn)?;
+        // All threads are made before the device is announced; they begin with `Host::run`.
+        let watch = Watch::start(session, &device.name, recorder.clone(), &helpers)?;
+        let diagnosis = Diagnosis::start(cell, device, reasons, link, &helpers)?;
         let predecessor = events::predecessor(cell, Role::Driver, &device.name);
         let announced = cell.announce(&announcement)?;
         recorder.tell(Kind::Started {
@@ -123,15 +140,16 @@ impl Host {
             driver,
             station,
             board,
-            watch: Watch::start(session, &device.name, recorder.clone())?,
+            watch,
             commands: None,
             answer: leads.map(Answer::after),
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
             diary: Diary::new(recorder.clone(), device, reasons),
-            diagnosis: Diagnosis::start(cell, device, reasons, link)?,
+            diagnosis,
             recorder,
             pulse: Pulse::new(reasons),
             farewell_ns: None,
+            helpers,
             _announced: announced,
         })
     }
@@ -142,8 +160,21 @@ impl Host {
         Arc::clone(&self.pulse)
     }
 
+    /// The threads beside the one that exchanges with the device. They begin with [`Host::run`].
+    #[must_use]
+    pub fn helpers(&self) -> &Helpers {
+        &self.helpers
+    }
+
+    /// To both logs, as an event of this driver.
+    #[must_use]
+    pub fn recorder(&self) -> &Recorder {
+        &self.recorder
+    }
+
     /// Exchanges with the device until `stop` is set and the device has been brought to rest and let go.
     pub fn run(&mut self, stop: &AtomicBool) {
+        self.helpers.go();
         let mut inputs = Inputs::NONE;
         // Relaxed: nothing else is told with it.
         while !(stop.load(Ordering::Relaxed) && self.is_let_go()) {
@@ -171,8 +202,11 @@ impl Host {
             self.diary.look(&self.station);
             self.diagnosis.turn(self.station.measurement());
         }
-        self.recorder.tell(Kind::Stopping {
-            why: "asked to".to_owned(),
+        self.recorder.tell(match self.helpers.failure() {
+            None => Kind::Stopping {
+                why: "asked to".to_owned(),
+            },
+            Some(why) => Kind::HelperEnded { why },
         });
     }
 

@@ -3,11 +3,11 @@
 
 use std::collections::VecDeque;
 use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::io;
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use rcc_core::frame::DeviceModel;
@@ -16,8 +16,10 @@ use rcc_core::primitives;
 use rcc_engine::incident::{self, COMMAND_FILE_MAX, EXTENSION, FORMAT, Head, Overview, Parts};
 use rcc_engine::net::Origin;
 use rcc_engine::record::{Reason, RecorderHelper, Recording};
+use rcc_ipc::control::Recorded;
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::{Cell, monotonic_ns};
+use rcc_ipc::{Cell, Life, monotonic_ns};
+use rcc_process::Helper;
 use tracing::{info, warn};
 
 /// How often a frozen recording is looked for.
@@ -26,6 +28,67 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 const FORGET_EVERY: Duration = Duration::from_secs(1);
 /// Plans of commands that were unloaded are kept as long as a recording may have them, and no more than so many.
 const GONE_MAX: usize = 256;
+
+/// A file that is being written has this extension.
+const HALF: &str = "half";
+/// What became of so many recordings is remembered.
+const RECORDINGS_MAX: usize = 64;
+
+/// The life of the executor that wrote the incident file of this name, and whether it is a half-written one; nothing for
+/// files that are none of ours.
+fn writer_of(path: &Path) -> Option<(Life, bool)> {
+    let half = match path.extension()?.to_str()? {
+        EXTENSION => false,
+        HALF => true,
+        _ => return None,
+    };
+    // As `Scribe::write` names them: EXECUTOR-CYCLE-REASON.
+    let mut parts = path.file_stem()?.to_str()?.splitn(3, '-');
+    let (executor, cycle, reason) = (parts.next()?, parts.next()?, parts.next()?);
+    let digits = executor.len() == 16 && cycle.parse::<u64>().is_ok();
+    let known = digits && ["fault", "late", "request"].contains(&reason);
+    let executor = u64::from_str_radix(executor, 16).ok().filter(|_| known)?;
+    Some((Life::from_incarnation(executor), half))
+}
+
+/// What became of the last recordings: written by the thread that writes files, read by the intake thread.
+#[derive(Clone, Debug, Default)]
+pub struct Recordings(Arc<Mutex<VecDeque<(u64, Recorded)>>>);
+
+impl Recordings {
+    fn add(&self, last_cycle: u64, recorded: Recorded) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.push_back((last_cycle, recorded));
+        if all.len() > RECORDINGS_MAX {
+            all.pop_front();
+        }
+    }
+
+    /// What became of the recording that was frozen by a request in this cycle: the first that goes beyond it.
+    #[must_use]
+    pub fn of(&self, cycle: u64) -> Recorded {
+        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = all.iter().find(|(last_cycle, _)| *last_cycle >= cycle);
+        found.map_or(Recorded::NotYet, |(_, recorded)| recorded.clone())
+    }
+}
+
+/// A file whose writer shows that it lives with each piece: a disk may be slow.
+struct Turning<'a> {
+    file: &'a File,
+    helper: &'a Helper,
+}
+
+impl Write for Turning<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.helper.turn();
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
 
 /// A command that is about to be ready or to start: its id, and what its net begins from.
 pub type Made = (u64, Origin);
@@ -72,11 +135,12 @@ pub struct Scribe {
     kept: VecDeque<Kept>,
     forgot_at: Instant,
     log: Option<Recorder>,
+    recordings: Recordings,
 }
 
 impl Scribe {
     /// Writes what comes through `helper`; whoever makes commands tells them to the sender.
-    pub fn new(about: About, helper: RecorderHelper) -> (Scribe, Sender<Made>) {
+    pub fn new(about: About, helper: RecorderHelper) -> (Scribe, Sender<Made>, Recordings) {
         let (sender, made) = channel();
         let folder = about.recorder.folder.clone();
         // Of several cells that share a folder each has its own in it.
@@ -90,8 +154,10 @@ impl Scribe {
             forgot_at: Instant::now(),
             kept: VecDeque::new(),
             log: None,
+            recordings: Recordings::default(),
         };
-        (scribe, sender)
+        let recordings = scribe.recordings.clone();
+        (scribe, sender, recordings)
     }
 
     /// Writes what happens to the cell's event log, too.
@@ -101,9 +167,11 @@ impl Scribe {
         self
     }
 
-    /// Works until `over` says so; what was frozen by then is still written.
-    pub fn run(mut self, over: impl Fn() -> bool) {
-        while !over() {
+    /// Works until it is asked to end; what was frozen by then is still written.
+    pub fn run(mut self, helper: &Helper) {
+        self.remove_halves();
+        while !helper.is_over() {
+            helper.turn();
             match self.made.recv_timeout(LOOK_EVERY) {
                 Ok(made) => self.keep(made),
                 Err(RecvTimeoutError::Timeout) => {}
@@ -114,9 +182,9 @@ impl Scribe {
                 self.forgot_at = Instant::now();
                 self.forget();
             }
-            self.look();
+            self.look(helper);
         }
-        self.look();
+        self.look(helper);
     }
 
     fn keep(&mut self, (id, origin): Made) {
@@ -161,7 +229,7 @@ impl Scribe {
         });
     }
 
-    fn look(&mut self) {
+    fn look(&mut self, helper: &Helper) {
         while let Ok(recording) = self.helper.recordings.pop() {
             // Plans of nets that were made ready meanwhile.
             while let Ok(made) = self.made.try_recv() {
@@ -169,10 +237,12 @@ impl Scribe {
             }
             let overview = incident::overview(&recording.ring);
             let head = self.head(&recording, &overview);
-            match self.write(&recording, head.clone()) {
+            let last_cycle = head.last_cycle;
+            let recorded = match self.write(&recording, head.clone(), helper) {
                 Ok(path) => self.written(&recording, &head, &path),
                 Err(error) => self.lost(&error),
-            }
+            };
+            self.recordings.add(last_cycle, recorded);
             let mut ring = recording.ring;
             ring.clear();
             if self.helper.spare.push(ring).is_err() {
@@ -223,7 +293,7 @@ impl Scribe {
     }
 
     /// Writes the file whole or not at all.
-    fn write(&self, recording: &Recording, head: Head) -> io::Result<PathBuf> {
+    fn write(&self, recording: &Recording, head: Head, helper: &Helper) -> io::Result<PathBuf> {
         let mut folder = DirBuilder::new();
         folder.recursive(true).mode(0o700).create(&self.folder)?;
         self.link()?;
@@ -243,16 +313,23 @@ impl Scribe {
         };
         let name = format!("{}-{}-{}", head.executor, head.cycle, head.reason);
         let path = self.folder.join(name).with_extension(EXTENSION);
-        let half = path.with_extension("half");
+        let half = path.with_extension(HALF);
         let mut options = OpenOptions::new();
         options.write(true).create(true).truncate(true).mode(0o600);
         let written = options.open(&half).and_then(|file| {
-            incident::write(&file, head, &parts)?;
+            incident::write(
+                Turning {
+                    file: &file,
+                    helper,
+                },
+                head,
+                &parts,
+            )?;
             file.sync_all()?;
             fs::rename(&half, &path)
         });
         if let Err(error) = written {
-            // What is there of it is of no use; if it cannot be removed, the next one overwrites it.
+            // What is there of it is of no use; if it cannot be removed, it counts among the files.
             let _ = fs::remove_file(&half);
             return Err(error);
         }
@@ -269,12 +346,24 @@ impl Scribe {
         std::os::unix::fs::symlink(&self.folder, link)
     }
 
-    /// Removes the oldest files until there is room for one more.
+    /// Removes half-written files whose writer is dead: an executor that was killed while it wrote.
+    fn remove_halves(&self) {
+        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        for path in entries.map(|entry| entry.path()) {
+            let dead =
+                writer_of(&path).is_some_and(|(life, half)| half && life.liveness().is_dead());
+            if dead && let Err(error) = fs::remove_file(&path) {
+                warn!("{}: {error}; it counts among the incidents", path.display());
+            }
+        }
+    }
+
+    /// Removes the oldest files, whole or half, until there is room for one more.
     fn make_room(&self) -> io::Result<()> {
         let mut files = Vec::new();
         for entry in fs::read_dir(&self.folder)? {
             let path = entry?.path();
-            if path.extension().is_some_and(|is| is == EXTENSION) {
+            if writer_of(&path).is_some() {
                 let age = fs::metadata(&path).and_then(|file| file.modified());
                 files.push((age.ok(), path));
             }
@@ -288,7 +377,7 @@ impl Scribe {
         Ok(())
     }
 
-    fn written(&self, recording: &Recording, head: &Head, path: &Path) {
+    fn written(&self, recording: &Recording, head: &Head, path: &Path) -> Recorded {
         info!("incident written: {}", path.display());
         let cycles = head.last_cycle.saturating_sub(head.first_cycle) + 1;
         self.tell(
@@ -301,13 +390,17 @@ impl Scribe {
                 others: head.others,
             },
         );
+        Recorded::Written {
+            file: path.display().to_string(),
+        }
     }
 
-    fn lost(&self, error: &io::Error) {
+    fn lost(&self, error: &io::Error) -> Recorded {
         let why = format!("{}: {error}", self.folder.display());
         warn!("an incident was not written: {why}");
         let why = events::text(&why);
-        self.tell(0, Kind::IncidentLost { why });
+        self.tell(0, Kind::IncidentLost { why: why.clone() });
+        Recorded::Lost { why }
     }
 
     fn tell(&self, cycle: u64, what: Kind) {

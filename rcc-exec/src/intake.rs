@@ -18,10 +18,11 @@ use rcc_ipc::rehearsal::Rehearsed;
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
 use rcc_ipc::{Announcement, BoardReader, Life, Liveness, Role, Session, monotonic_ns, wire};
+use rcc_process::Helpers;
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
-use crate::incidents;
+use crate::incidents::{self, Recordings};
 use crate::maker::{Job, Made, Maker, Sight, Site, What};
 use rcc_engine::costs::Costs;
 use rcc_engine::net::{Net, Origin};
@@ -91,6 +92,7 @@ pub struct Intake {
     doubts: Seldom,
     recorder: Option<Recorder>,
     scribe: Option<Sender<incidents::Made>>,
+    recordings: Recordings,
 }
 
 /// What the intake thread must know about the cell.
@@ -107,6 +109,8 @@ pub struct IntakeConfig {
     pub stale_after_ns: u64,
     /// What primitives cost on this machine.
     pub costs: Costs,
+    /// Where the thread that makes nets belongs to.
+    pub helpers: Helpers,
 }
 
 impl Intake {
@@ -140,7 +144,7 @@ impl Intake {
             server,
             orders,
             outcomes,
-            maker: Maker::start(site)?,
+            maker: Maker::start(site, &config.helpers)?,
             stale_after_ns: config.stale_after_ns,
             devices,
             waiting: HashMap::new(),
@@ -153,13 +157,19 @@ impl Intake {
             doubts: Seldom::default(),
             recorder: None,
             scribe: None,
+            recordings: Recordings::default(),
         })
     }
 
-    /// Tells every net that it makes to whoever writes incident files.
+    /// Tells every net that it makes to whoever writes incident files, and answers what became of them.
     #[must_use]
-    pub fn telling(mut self, scribe: Option<Sender<incidents::Made>>) -> Intake {
+    pub fn telling(
+        mut self,
+        scribe: Option<Sender<incidents::Made>>,
+        recordings: Recordings,
+    ) -> Intake {
         self.scribe = scribe;
+        self.recordings = recordings;
         self
     }
 
@@ -328,6 +338,10 @@ impl Intake {
                 Order::Unload { ticket, id }
             }
             Call::Record => Order::Record { ticket },
+            Call::Recorded { cycle } => {
+                let recorded = self.recordings.of(cycle);
+                return reply(request, &Answer::Recorded(recorded));
+            }
             Call::Acknowledge => Order::Acknowledge { ticket },
             Call::Install { id, plan } => {
                 let sight = self.sight();

@@ -2,8 +2,8 @@
 //! as long as a net needs, while the intake thread goes on with other requests.
 
 use std::io;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::Duration;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, Joints};
@@ -12,6 +12,12 @@ use rcc_engine::net::{Net, Origin};
 use rcc_engine::rehearsal::{Scene, rehearse};
 use rcc_ipc::control::{InputValue, PlanData, Refusal};
 use rcc_ipc::rehearsal::Rehearsed;
+use rcc_process::{Helper, Helpers};
+
+/// How long one net may take: its paths are planned and it is rehearsed, both bounded in work, not in time.
+const MAKE_MAX: Duration = Duration::from_secs(60);
+/// How often it shows that it lives while there is nothing to do.
+const IDLE: Duration = Duration::from_millis(200);
 
 /// What nets are made for.
 #[derive(Debug)]
@@ -93,11 +99,17 @@ impl Maker {
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn start(site: Site) -> io::Result<Maker> {
+    pub fn start(site: Site, helpers: &Helpers) -> io::Result<Maker> {
         let (jobs, work) = channel::<Job>();
         let (done, made) = channel();
-        let work = move || {
-            for job in work {
+        let work = move |helper: &Helper| {
+            loop {
+                helper.turn();
+                let job = match work.recv_timeout(IDLE) {
+                    Ok(job) => job,
+                    Err(RecvTimeoutError::Timeout) => continue,
+                    Err(RecvTimeoutError::Disconnected) => return,
+                };
                 let (ticket, id) = (job.ticket, job.id);
                 let anew = matches!(job.what, What::Anew(..));
                 let net = site.make(job);
@@ -112,9 +124,7 @@ impl Maker {
                 }
             }
         };
-        thread::Builder::new()
-            .name("rcc-maker".into())
-            .spawn(work)?;
+        helpers.spawn("maker", MAKE_MAX, work)?;
         Ok(Maker { jobs, made })
     }
 

@@ -5,7 +5,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use rcc_core::message::{CycleStatus, Tables};
+use bytemuck::Zeroable;
+use rcc_core::helper::{Beat, HelperTable};
+use rcc_core::message::{CycleStatus, MAGIC, Tables};
 use rcc_core::timing::Timing;
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
 use rcc_ipc::{BoardWriter, CommandWriter};
@@ -26,8 +28,22 @@ pub struct Boards {
     pub tables: BoardWriter<Tables>,
     /// Histograms and what primitives cost.
     pub timing: BoardWriter<Timing>,
+    /// The helper threads.
+    pub helpers: BoardWriter<HelperTable>,
+    /// Their signs of life, of which the table is made.
+    pub beats: Box<[Arc<Beat>]>,
     /// Commands, by device.
     pub commands: Vec<CommandWriter>,
+}
+
+/// The helper threads as others see them: relaxed loads, and nothing else.
+fn helper_table(beats: &[Arc<Beat>]) -> HelperTable {
+    let mut table = HelperTable::zeroed();
+    table.magic = MAGIC;
+    for (row, beat) in table.helpers.iter_mut().zip(beats) {
+        *row = beat.entry();
+    }
+    table
 }
 
 /// Runs cycles until `stop` is set and no net is active any more.
@@ -91,6 +107,7 @@ pub fn write(engine: &Engine, boards: &mut Boards) {
     boards.status.write(engine.status());
     if engine.tables_due() {
         boards.tables.write(engine.tables());
+        boards.helpers.write(&helper_table(&boards.beats));
     }
     if engine.timing_due() {
         boards.timing.write(engine.timing());

@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::io::ErrorKind;
+use std::os::unix::fs::DirBuilderExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -26,11 +27,25 @@ struct Supervised {
 
 impl Supervised {
     fn start(name: &str, change: impl Fn(String) -> String) -> Supervised {
+        Supervised::start_with(name, change, |_, _| {})
+    }
+
+    /// `prepare` sees the folder before the executor starts, and may add to its command.
+    fn start_with(
+        name: &str,
+        change: impl Fn(String) -> String,
+        prepare: impl FnOnce(&Path, &mut Command),
+    ) -> Supervised {
         let folder = PathBuf::from(format!(
             "/dev/shm/rcc-exec-notify-{name}-{}",
             std::process::id()
         ));
-        fs::create_dir_all(&folder).unwrap();
+        // Only its owner may: it is a runtime folder.
+        fs::DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(&folder)
+            .unwrap();
         let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
         let robots = configs.join("robots").canonicalize().unwrap();
         let text = fs::read_to_string(configs.join("cells/demo.yaml")).unwrap();
@@ -40,16 +55,17 @@ impl Supervised {
         let path = folder.join("notify");
         let socket = UnixDatagram::bind(&path).unwrap();
         socket.set_read_timeout(Some(LIMIT)).unwrap();
-        let executor = Command::new(env!("CARGO_BIN_EXE_rcc-exec"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rcc-exec"));
+        command
             .args(["--cell", "demo", "--parent-death"])
             .env("RCC_CONFIG", config)
             .env("RCC_PORTS", "fri=1,fri_control=2,io=3,io_control=4")
             .env("RCC_RUNTIME_DIR", &folder)
             .env("NOTIFY_SOCKET", path)
             .env("WATCHDOG_USEC", WATCHDOG.as_micros().to_string())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+            .stderr(Stdio::piped());
+        prepare(&folder, &mut command);
+        let executor = command.spawn().unwrap();
         Supervised {
             folder,
             socket,
@@ -83,10 +99,14 @@ impl Supervised {
     }
 
     fn rt_thread(&self) -> Pid {
+        self.thread("rcc-rt")
+    }
+
+    fn thread(&self, wanted: &str) -> Pid {
         let tasks = fs::read_dir(format!("/proc/{}/task", self.executor.id())).unwrap();
         let found = tasks.flatten().find(|task| {
             let name = fs::read_to_string(task.path().join("comm")).unwrap_or_default();
-            name.trim() == "rcc-rt"
+            name.trim() == wanted
         });
         let name = found.expect("the thread runs").file_name();
         Pid::from_raw(name.to_str().unwrap().parse().unwrap())
@@ -95,6 +115,19 @@ impl Supervised {
     fn stop(&mut self) -> ExitStatus {
         kill(self.pid(), Signal::SIGTERM).unwrap();
         self.executor.wait().unwrap()
+    }
+
+    /// The end of the executor, with all that it wrote to stderr.
+    fn end(&mut self) -> (ExitStatus, String) {
+        let status = self.executor.wait().unwrap();
+        let mut words = String::new();
+        let mut stderr = self.executor.stderr.take().unwrap();
+        std::io::Read::read_to_string(&mut stderr, &mut words).unwrap();
+        (status, words)
+    }
+
+    fn events(&self) -> String {
+        fs::read_to_string(self.folder.join("demo/events.jsonl")).unwrap_or_default()
     }
 
     /// Nothing but status lines comes within the watchdog's time, twice.
@@ -176,4 +209,117 @@ fn required_real_time_that_is_not_granted_ends_for_good() {
     assert!(words.contains("rt: required"), "{words}");
     supervised.socket.set_nonblocking(true).unwrap();
     assert_eq!(supervised.words(), None, "READY must not come");
+}
+
+/// A thread of a running executor is stopped, and only that one, until its heartbeat is missed; then it goes on.
+fn hang(helper: &str) {
+    let mut supervised = Supervised::start(&format!("hang-{helper}"), |text| text);
+    supervised.await_words("READY=1");
+    let thread = supervised.thread(helper);
+    if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
+        eprintln!("skipped: the system lets no test stop a single thread ({error})");
+        return;
+    }
+    ptrace::interrupt(thread).unwrap();
+    wait::waitpid(thread, Some(wait::WaitPidFlag::__WALL)).unwrap();
+    let status =
+        supervised.await_words(&format!("STATUS=HANGS: the helper thread `{helper}` hangs"));
+    assert!(status.contains("1000 Hz"), "the cycle goes on: {status}");
+    supervised.assert_no_heartbeat();
+    ptrace::detach(thread, None).unwrap();
+    supervised.await_words("WATCHDOG=1");
+    assert!(supervised.stop().success());
+    let told = supervised.events();
+    let told = told
+        .lines()
+        .any(|line| line.contains("helper-hangs") && line.contains(helper));
+    assert!(told, "{}", supervised.events());
+}
+
+#[test]
+fn an_intake_thread_that_hangs_stops_the_heartbeat() {
+    hang("intake");
+}
+
+#[test]
+fn a_pump_thread_that_hangs_stops_the_heartbeat() {
+    hang("pump");
+}
+
+#[test]
+fn an_event_thread_that_hangs_stops_the_heartbeat() {
+    hang("events");
+}
+
+#[test]
+fn a_helper_that_panics_ends_the_executor_with_its_name() {
+    for helper in ["intake", "maker", "pump", "incidents", "events", "notify"] {
+        let mut trigger = PathBuf::new();
+        let mut supervised = Supervised::start_with(
+            &format!("panic-{helper}"),
+            |text| text,
+            |folder, command| {
+                trigger = folder.join("panic");
+                let wanted = format!("{helper}@{}", trigger.display());
+                command.env("RCC_TEST_PANIC", wanted);
+            },
+        );
+        supervised.await_words("READY=1");
+        fs::write(&trigger, "").unwrap();
+        let (status, words) = supervised.end();
+        assert_eq!(status.code(), Some(1), "{helper}: {status}: {words}");
+        let named = format!("the helper thread `{helper}` panicked");
+        assert!(words.contains(&named), "{words}");
+        // Without the thread that writes events there are none.
+        let told = supervised.events().contains(&named);
+        assert!(told || helper == "events", "{}", supervised.events());
+    }
+}
+
+/// Only files that an executor would write are looked at, and only those of dead ones are removed.
+#[test]
+fn half_written_incidents_of_dead_executors_are_removed_at_the_start() {
+    let own = rcc_ipc::Life::current().unwrap().incarnation();
+    // No process has this id and began at boot.
+    let dead = 1 << 40 | 1;
+    let name = |life: u64, rest: &str| format!("{life:016x}-7-{rest}");
+    let gone = [name(dead, "fault.half"), name(dead, "late.half")];
+    let stay = [
+        name(own, "fault.half"),
+        name(dead, "fault.rcc-incident"),
+        "notes.half".to_owned(),
+        "7-7-fault.half".to_owned(),
+    ];
+    let mut incidents = PathBuf::new();
+    let path = PathBuf::from(format!("/dev/shm/rcc-exec-halves-{}", std::process::id()));
+    let folder = path.display().to_string();
+    let mut supervised = Supervised::start_with(
+        "halves",
+        |text| format!("{text}\nrecorder: {{folder: {folder}}}\n"),
+        |_, _| {
+            incidents = path.join("demo");
+            fs::create_dir_all(&incidents).unwrap();
+            for name in gone.iter().chain(&stay) {
+                fs::write(incidents.join(name), "half").unwrap();
+            }
+        },
+    );
+    supervised.await_words("READY=1");
+    let begun = std::time::Instant::now();
+    while gone.iter().any(|name| incidents.join(name).exists()) && begun.elapsed() < LIMIT {
+        std::thread::yield_now();
+    }
+    let left: Vec<_> = fs::read_dir(&incidents)
+        .unwrap()
+        .flatten()
+        .map(|file| file.file_name())
+        .collect();
+    fs::remove_dir_all(&path).unwrap();
+    assert_eq!(left.len(), stay.len(), "{left:?}");
+    assert!(
+        stay.iter()
+            .all(|name| left.iter().any(|file| file.to_str() == Some(name))),
+        "{left:?}"
+    );
+    assert!(supervised.stop().success());
 }

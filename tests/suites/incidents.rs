@@ -129,3 +129,27 @@ fn a_cell_without_a_recorder_says_so() {
     assert!(words.contains("RCC3030"), "{words}");
     cell.stop();
 }
+
+#[test]
+fn a_recording_that_is_not_written_is_no_success() {
+    let cell = TestCell::changed(|text| {
+        // Below a file nobody can make a folder, root neither.
+        format!("{text}\nrecorder: {{folder: /proc/version/incidents}}\n")
+    });
+    let reply = cell.rest("POST", "/incidents", "");
+    assert_eq!(reply.status, 500, "{:?}", reply.body);
+    assert_eq!(reply.body["code"], "RCC4008", "{:?}", reply.body);
+    let words = reply.body["message"].as_str().unwrap_or_default();
+    assert!(words.contains("/proc/version/incidents"), "{words}");
+    cell.stop();
+
+    let cell = TestCell::demo();
+    let reply = cell.rest("POST", "/incidents", "");
+    assert_eq!(reply.status, 200, "{:?}", reply.body);
+    let file = reply.body["file"].as_str().expect("a path");
+    assert!(
+        fs::metadata(file).is_ok_and(|file| file.len() > 0),
+        "{file}"
+    );
+    cell.stop();
+}

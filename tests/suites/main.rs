@@ -22,5 +22,6 @@ mod rt_calls;
 mod services;
 mod several_arms;
 mod syscalls;
+mod threads;
 mod timing;
 mod values;

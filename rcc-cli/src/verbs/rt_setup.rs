@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use rcc_loader::server::codes;
-use rcc_process::{Notifier, Pulse, Stop};
+use rcc_process::{Helpers, Notifier, Pulse, Stop};
 
 use crate::context::{Context, say};
 use crate::failure::Failure;
@@ -52,7 +52,9 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
             progress: 0,
             status: status.clone(),
         };
-        let supervisor = Notifier::ready(look).map_err(|error| failed(&error))?;
+        let helpers = Helpers::default();
+        let supervisor = Notifier::start(&helpers, look).map_err(|error| failed(&error))?;
+        helpers.go();
         stop.wait().map_err(|error| failed(&error))?;
         supervisor.stopping();
     }

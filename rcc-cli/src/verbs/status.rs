@@ -1,7 +1,9 @@
 //! `status`: the executor's health, its late cycles until they are acknowledged, the RT grade it really obtained, and
 //! the processes of the cell.
 
-use rcc_loader::server::api::{Acknowledged, ClockView, ExecutorView, LateView, StatusView};
+use rcc_loader::server::api::{
+    Acknowledged, ClockView, ExecutorView, HelperView, LateView, StatusView,
+};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -84,7 +86,26 @@ fn human(status: &StatusView, measured: Option<&Record>) -> String {
             if process.alive { "up" } else { "dead" }.to_owned(),
         ]);
     }
-    format!("{head}\n{}", table::text(&rows))
+    format!(
+        "{head}\n{}\n\n{}",
+        table::text(&rows),
+        helpers(&status.helpers)
+    )
+}
+
+/// The helper threads of executor and loader: when each made its last turn, and how long one may take.
+fn helpers(helpers: &[HelperView]) -> String {
+    let mut rows = table::table(&["HELPER", "STATE", "TURNS", "LAST", "LIMIT"]);
+    for helper in helpers {
+        rows.add_row([
+            format!("{}/{}", helper.process, helper.name),
+            helper.state.clone(),
+            grouped(helper.turns),
+            format!("{} ago", time(helper.age_ns)),
+            time(helper.limit_ns),
+        ]);
+    }
+    table::text(&rows)
 }
 
 /// How many were late, and of them how many nobody has acknowledged.
@@ -92,7 +113,10 @@ fn late(executor: &ExecutorView) -> String {
     let new = executor.late.saturating_sub(executor.late_acknowledged);
     match (executor.late, new) {
         (0, _) => "no late cycle".to_owned(),
-        (all, 0) => format!("no late cycle since the last acknowledgement ({} before)", grouped(all)),
+        (all, 0) => format!(
+            "no late cycle since the last acknowledgement ({} before)",
+            grouped(all)
+        ),
         (all, new) => format!(
             "{} late cycles{}, {} periods skipped",
             grouped(new),
@@ -115,7 +139,12 @@ fn latched(executor: &ExecutorView) -> String {
     let last = executor.last_late.as_ref().map(|late| ("last", late));
     let last = last.filter(|(_, last)| first.is_none_or(|(_, first)| first.cycle != last.cycle));
     let hint = first.map(|_| "          (kept until `rcc-cli status --acknowledge`)\n".to_owned());
-    first.into_iter().chain(last).map(line).chain(hint).collect()
+    first
+        .into_iter()
+        .chain(last)
+        .map(line)
+        .chain(hint)
+        .collect()
 }
 
 /// A late cycle in words.
@@ -123,7 +152,11 @@ pub(super) fn late_words(late: &LateView) -> String {
     let net = late.net.as_ref().map_or_else(String::new, |net| {
         format!(", most of it {net} ({})", time(late.net_ns))
     });
-    let net = if late.cause == "computed long" { net } else { String::new() };
+    let net = if late.cause == "computed long" {
+        net
+    } else {
+        String::new()
+    };
     format!(
         "cycle {} {}: woke {} after its time, computed {}{net}",
         grouped(late.cycle),

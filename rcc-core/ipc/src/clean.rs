@@ -46,6 +46,9 @@ pub struct CleanReport {
 /// Why cleaning did not succeed.
 #[derive(Debug, thiserror::Error)]
 pub enum CleanError {
+    /// The system gives no thread.
+    #[error("the janitor gets no thread: {0}; raise TasksMax= or pids.max of its group")]
+    Thread(io::Error),
     /// The janitor's program is missing.
     #[error(
         "{JANITOR} is not at {looked:?}: install it beside this program, or set RCC_JANITOR to its path"
@@ -290,13 +293,14 @@ pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
     let half_created = remove_half_created(cell)?;
     let beside = cell.clone();
     // Files that were too young just now; the thread ends with the process.
-    thread::spawn(move || {
+    let sweeping = thread::Builder::new().name("sweep".into()).spawn(move || {
         loop {
             thread::sleep(SWEEP_STEP);
             // What cannot be removed now is tried again.
             let _ = remove_half_created(&beside);
         }
     });
+    sweeping.map_err(CleanError::Thread)?;
     cell.make_iox_root().map_err(SessionError::from)?;
     use_as_global_configuration(cell)?;
     let (_membership, node) = session::enter(cell)?;

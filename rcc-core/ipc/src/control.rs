@@ -18,6 +18,8 @@ pub const STATUS: &str = "status";
 pub const TABLES: &str = "tables";
 /// Name of the board with [`rcc_core::timing::Timing`].
 pub const TIMING: &str = "timing";
+/// Name of the board with [`rcc_core::helper::HelperTable`].
+pub const HELPERS: &str = "helpers";
 /// Name of the stream of [`rcc_core::message::MonitorRecord`].
 pub const RECORDS: &str = "records";
 /// Name of a driver's board with [`rcc_core::message::Measurement`].
@@ -207,8 +209,13 @@ pub enum Call {
         /// At most [`READ_MAX`] with together at most [`READ_ELEMENTS_MAX`] elements.
         points: Vec<ValuePoint>,
     },
-    /// Writes the flight recorder's last seconds to a file.
+    /// Freezes the flight recorder's last seconds, which are then written to a file: ask with [`Call::Recorded`].
     Record,
+    /// Whether the recording that was frozen in this cycle is in a file.
+    Recorded {
+        /// Of the answer to [`Call::Record`].
+        cycle: u64,
+    },
     /// Late cycles are acknowledged: what is latched begins anew.
     Acknowledge,
 }
@@ -233,6 +240,8 @@ pub enum Answer {
         /// What the rehearsal came to.
         rehearsed: Rehearsed,
     },
+    /// What became of a recording.
+    Recorded(Recorded),
     /// What was read.
     Values(Values),
     /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
@@ -243,6 +252,23 @@ pub enum Answer {
         id: u64,
         /// Why.
         refusal: Refusal,
+    },
+}
+
+/// What became of a recording.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Recorded {
+    /// It is not over yet, or is being written.
+    NotYet,
+    /// It is in this file.
+    Written {
+        /// Its path.
+        file: String,
+    },
+    /// It could not be written and is lost.
+    Lost {
+        /// Why.
+        why: String,
     },
 }
 

@@ -1,13 +1,15 @@
-//! What every program of a cell has in common: arguments, log, signals, exit codes, and words to its supervisor.
+//! What every program of a cell has in common: arguments, log, signals, exit codes, helper threads, and words to its supervisor.
 //! Used by main threads at start and end; [`notify`] has a thread of its own.
 
 pub mod arguments;
 pub mod ending;
+pub mod helpers;
 pub mod notify;
 pub mod signals;
 
 pub use arguments::CellArguments;
 pub use ending::Ending;
+pub use helpers::{Helper, Helpers};
 pub use notify::{Notifier, Pulse};
 pub use signals::Stop;
 

@@ -7,9 +7,14 @@ use std::io;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::helpers::{Helper, Helpers};
+
+/// Name of the thread.
+pub const HELPER: &str = "notify";
+/// How long it may take for a turn: it waits for a supervisor that does not read.
+const TURN_MAX: Duration = Duration::from_secs(10);
 /// How often it is looked, without a watchdog.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Within the time of the watchdog it is looked so often: two looks may be late, or may find nothing new.
@@ -32,21 +37,23 @@ pub struct Pulse {
     pub status: String,
 }
 
-/// The connection to the supervisor; does nothing without one (no `NOTIFY_SOCKET`).
+/// The connection to the supervisor; without one (no `NOTIFY_SOCKET`) it looks and tells nobody.
 #[derive(Debug)]
 pub struct Notifier {
-    farewell: Option<SyncSender<SyncSender<()>>>,
+    farewell: SyncSender<SyncSender<()>>,
 }
 
 impl Notifier {
-    /// Tells that the program is ready, and from now on what `look` finds.
+    /// Makes socket and thread. When `helpers` begin to work it tells that the program is ready, and from then on what
+    /// `look` finds.
     ///
     /// # Errors
     /// The system refuses a socket or a thread.
-    pub fn ready(look: impl FnMut() -> Pulse + Send + 'static) -> io::Result<Notifier> {
-        let Some(line) = Line::from_environment()? else {
-            return Ok(Notifier { farewell: None });
-        };
+    pub fn start(
+        helpers: &Helpers,
+        look: impl FnMut() -> Pulse + Send + 'static,
+    ) -> io::Result<Notifier> {
+        let line = Line::from_environment()?;
         let (farewell, farewells) = sync_channel(1);
         let voice = Voice {
             look: Box::new(look),
@@ -55,22 +62,17 @@ impl Notifier {
             said_at: None,
             line,
         };
-        thread::Builder::new()
-            .name("notify".into())
-            .spawn(move || voice.run(&farewells))?;
-        Ok(Notifier {
-            farewell: Some(farewell),
-        })
+        helpers.spawn(HELPER, TURN_MAX, move |helper| {
+            voice.run(&farewells, helper)
+        })?;
+        Ok(Notifier { farewell })
     }
 
     /// Tells that the program stops: no more heartbeats are sent.
     pub fn stopping(&self) {
-        let Some(farewell) = &self.farewell else {
-            return;
-        };
         let (done, told) = sync_channel(1);
         // A supervisor that does not listen will find out.
-        if farewell.try_send(done).is_ok() {
+        if self.farewell.try_send(done).is_ok() {
             let _ = told.recv_timeout(FAREWELL);
         }
     }
@@ -164,24 +166,33 @@ struct Voice {
     heart: Heart,
     said: String,
     said_at: Option<Instant>,
-    line: Line,
+    line: Option<Line>,
 }
 
 impl Voice {
-    fn run(mut self, farewells: &Receiver<SyncSender<()>>) {
+    fn run(mut self, farewells: &Receiver<SyncSender<()>>, helper: &Helper) {
         let every = watchdog().map_or(LOOK_EVERY, |time| (time / LOOKS).min(LOOK_EVERY));
         self.tell("READY=1\n");
-        loop {
+        while !helper.is_over() {
+            helper.turn();
             match farewells.recv_timeout(every) {
                 Err(RecvTimeoutError::Timeout) => self.tell(""),
                 Ok(done) => {
-                    self.line.send("STOPPING=1\nSTATUS=stopping\n");
+                    self.send("STOPPING=1\nSTATUS=stopping\n");
                     // Whoever waited may have given up.
                     let _ = done.try_send(());
-                    return;
+                    break;
                 }
-                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Disconnected) => break,
             }
+        }
+        // Nothing more is told, but the thread is one of the program's until all are asked to end.
+        while !helper.rest(LOOK_EVERY) {}
+    }
+
+    fn send(&mut self, words: &str) {
+        if let Some(line) = &mut self.line {
+            line.send(words);
         }
     }
 
@@ -200,7 +211,7 @@ impl Voice {
             words.push('\n');
         }
         if !words.is_empty() {
-            self.line.send(&words);
+            self.send(&words);
         }
         if news {
             self.said = status;

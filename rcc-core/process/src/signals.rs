@@ -90,6 +90,18 @@ pub fn request_stop() {
     }
 }
 
+/// Ends this process as SIGTERM does when the thread that holds it panics: without that thread it would only seem to work.
+#[derive(Debug)]
+pub struct StopsAtPanic;
+
+impl Drop for StopsAtPanic {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            request_stop();
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
 //! `rcc-driver`: hosts the driver of one device of a cell until it is asked to stop.
-//! The main thread exchanges with the device; one thread waits for signals, one watches the announcements.
+//! The main thread exchanges with the device; one thread waits for signals, one watches the announcements. All threads are
+//! made before the driver says that it is ready; a helper that panics brings the device to rest and ends the driver.
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +12,8 @@ use rcc_drivers::drivers;
 use rcc_drivers::host::Host;
 use rcc_drivers::priority::rise;
 use rcc_ipc::Cell;
-use rcc_process::{CellArguments, Ending, Notifier, Stop, ending};
+use rcc_ipc::events::Kind;
+use rcc_process::{CellArguments, Ending, Notifier, Stop, ending, helpers};
 
 /// Set by the signal thread; the host reads it.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -52,23 +54,36 @@ fn run(options: &Options) -> Result<(), Ending> {
     let cell = Cell::new(&options.cell.cell)?;
     let mut host = Host::join(&cell, (&config, device), (driver, row.reasons))?;
     let pulse = host.pulse();
-    let supervisor = Notifier::ready(move || pulse.look())?;
-    std::thread::Builder::new()
-        .name("signals".into())
-        .spawn(move || {
-            // A refusal ends the driver as well: nobody could stop it otherwise.
-            if let Err(error) = signals.wait() {
-                tracing::error!(%error, "cannot wait for signals");
-            }
+    let helpers = host.helpers().clone();
+    let recorder = host.recorder().clone();
+    let mut hangs = helpers.watch(move |hang| {
+        tracing::error!("{hang}");
+        recorder.tell(Kind::HelperHangs {
+            helper: hang.helper.to_owned(),
+            silent_ms: hang.silent.as_millis().try_into().unwrap_or(u64::MAX),
+            limit_ms: hang.limit.as_millis().try_into().unwrap_or(u64::MAX),
+        });
+    });
+    // READY comes when the host runs: then all threads are made.
+    let supervisor = Notifier::start(&helpers, move || hangs.look(pulse.look()))?;
+    let failed = helpers.clone();
+    helpers::thread("signals", move || {
+        // A refusal ends the driver as well: nobody could stop it otherwise.
+        if let Err(error) = signals.wait() {
+            tracing::error!(%error, "cannot wait for signals");
+        }
+        // Who ends because of a fault of its own stays under the watchdog until its device rests.
+        if failed.failure().is_none() {
             supervisor.stopping();
-            STOP.store(true, Ordering::Relaxed);
-        })?;
+        }
+        STOP.store(true, Ordering::Relaxed);
+    })?;
     // After the helper threads have been started, which would inherit it.
     if let Some(priority) = options.priority {
         rise(priority);
     }
     host.run(&STOP);
-    Ok(())
+    helpers.conclude()
 }
 
 fn device<'a>(config: &'a CellConfig, name: &str) -> Result<&'a DeviceConfig, Ending> {

@@ -10,18 +10,21 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rcc_config::DeviceConfig;
 use rcc_core::message::{DeviceState, Measurement};
 use rcc_ipc::{Cell, Life};
+use rcc_process::Helpers;
 use serde::Serialize;
 
 use super::reason::{self, Reason};
 use crate::driver;
 
+/// How long a file may take on a slow disk.
+const TURN_MAX: Duration = Duration::from_secs(60);
+/// How long the end waits for the thread.
+const FAREWELL: Duration = Duration::from_secs(2);
 /// Form of the file.
 const SCHEMA: u32 = 1;
 /// Time between two lines of the history.
@@ -104,13 +107,12 @@ struct Writer {
     lost_at: Option<u64>,
 }
 
-/// The figures of one driver's life; dropping it ends the thread, and the file goes.
+/// The figures of one driver's life; dropping it ends the helper threads, and the file goes.
 #[derive(Debug)]
 pub struct Diagnosis {
     figures: Arc<Figures>,
     path: PathBuf,
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    helpers: Helpers,
 }
 
 impl Diagnosis {
@@ -123,6 +125,7 @@ impl Diagnosis {
         device: &DeviceConfig,
         reasons: &'static [Reason],
         link: Option<Arc<dyn driver::Diagnosis>>,
+        helpers: &Helpers,
     ) -> io::Result<Diagnosis> {
         let figures = Arc::new(Figures::default());
         figures.quality_min.store(u32::MAX, Relaxed);
@@ -141,21 +144,17 @@ impl Diagnosis {
             losses: 0,
             lost_at: None,
         };
-        let (stop, stopped) = channel();
-        let thread = thread::Builder::new()
-            .name("diagnosis".into())
-            .spawn(move || {
-                while stopped.recv_timeout(EVERY) == Err(RecvTimeoutError::Timeout) {
-                    writer.next_second();
-                    // A full disk, or a folder that was wiped away: there is nobody to tell, and the next second comes.
-                    let _ = writer.write();
-                }
-            })?;
+        helpers.spawn("diagnosis", TURN_MAX, move |helper| {
+            while !helper.rest(EVERY) {
+                writer.next_second();
+                // A full disk, or a folder that was wiped away: there is nobody to tell, and the next second comes.
+                let _ = writer.write();
+            }
+        })?;
         Ok(Diagnosis {
             figures,
             path,
-            stop: Some(stop),
-            thread: Some(thread),
+            helpers: helpers.clone(),
         })
     }
 
@@ -183,11 +182,11 @@ impl Diagnosis {
 
 impl Drop for Diagnosis {
     fn drop(&mut self) {
-        self.stop = None;
-        if let Some(thread) = self.thread.take() {
-            // A panic there has been printed; nothing of the device depends on it.
-            let _ = thread.join();
-        }
+        // Otherwise it might write once more; a disk that hangs keeps no process from ending.
+        self.helpers.end();
+        let _ = self
+            .helpers
+            .join(FAREWELL, &["events", "notify", "signals"]);
         // An orderly end leaves nothing; it may not have been written yet.
         let _ = fs::remove_file(&self.path);
     }
@@ -306,8 +305,7 @@ mod tests {
         let book = Diagnosis {
             figures: Arc::clone(&writer.figures),
             path: PathBuf::new(),
-            stop: None,
-            thread: None,
+            helpers: Helpers::default(),
         };
         let measurement = Measurement {
             state: state as u32,

@@ -1,28 +1,29 @@
 //! Watches the announcements for the executor, and opens and closes its device's commands for the host's thread.
 //! One helper thread; the host's thread only takes finished boards from a channel and gives old ones back.
 
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
-use std::thread::{self, JoinHandle};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use rcc_ipc::control::command_board;
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::seldom::Seldom;
 use rcc_ipc::{Announcement, CommandReader, Liveness, Role, Session};
+use rcc_process::{Helper, Helpers};
 
+/// How long a look may take: announcements are read and boards opened.
+const TURN_MAX: Duration = Duration::from_secs(5);
 /// How often the announcements are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Where the executor writes the commands, or that it does no more.
 pub type News = Option<CommandReader>;
 
-/// The helper thread; dropping it ends the thread.
+/// The ends of the helper thread.
 #[derive(Debug)]
 pub struct Watch {
     news: Receiver<News>,
-    /// Where boards are given back to be closed; `None` once the thread is to end.
-    old: Option<Sender<CommandReader>>,
-    thread: Option<JoinHandle<()>>,
+    /// Where boards are given back to be closed.
+    old: Sender<CommandReader>,
 }
 
 impl Watch {
@@ -30,7 +31,12 @@ impl Watch {
     ///
     /// # Errors
     /// The system refuses a thread.
-    pub fn start(session: Session, device: &str, recorder: Recorder) -> std::io::Result<Self> {
+    pub fn start(
+        session: Session,
+        device: &str,
+        recorder: Recorder,
+        helpers: &Helpers,
+    ) -> std::io::Result<Self> {
         let (tell, news) = channel();
         let (give_back, old) = channel();
         let watched = Watched {
@@ -42,13 +48,12 @@ impl Watch {
             complaint: String::new(),
             doubts: Seldom::default(),
         };
-        let thread = thread::Builder::new()
-            .name("watch".into())
-            .spawn(move || watch(watched, &old))?;
+        helpers.spawn("watch", TURN_MAX, move |helper| {
+            watch(watched, &old, helper)
+        })?;
         Ok(Self {
             news,
-            old: Some(give_back),
-            thread: Some(thread),
+            old: give_back,
         })
     }
 
@@ -60,37 +65,17 @@ impl Watch {
 
     /// Gives a board back that is no longer read.
     pub fn give_back(&self, board: CommandReader) {
-        if let Some(old) = &self.old {
-            // Without its thread the board is closed here.
-            drop(old.send(board));
-        }
+        // Without its thread the board is closed here.
+        drop(self.old.send(board));
     }
 }
 
-impl Drop for Watch {
-    fn drop(&mut self) {
-        self.old = None;
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the watch has panicked");
-        }
-    }
-}
-
-fn watch(mut watched: Watched, old: &Receiver<CommandReader>) {
-    loop {
+fn watch(mut watched: Watched, old: &Receiver<CommandReader>, helper: &Helper) {
+    while !helper.rest(LOOK_EVERY) {
         if watched.look().is_err() {
             return;
         }
-        thread::sleep(LOOK_EVERY);
-        loop {
-            match old.try_recv() {
-                Ok(board) => drop(board),
-                Err(TryRecvError::Empty) => break,
-                Err(TryRecvError::Disconnected) => return,
-            }
-        }
+        old.try_iter().for_each(drop);
     }
 }
 

@@ -176,6 +176,8 @@ pub struct Frozen {
     pub cycle: u64,
     /// The executor's life, 16 hexadecimal digits: the file's name begins with it.
     pub executor: String,
+    /// The file, written whole.
+    pub file: String,
 }
 
 /// A command.
@@ -380,6 +382,26 @@ pub struct StatusView {
     pub executor: ExecutorView,
     /// All announced processes.
     pub processes: Vec<ProcessView>,
+    /// The helper threads of executor and loader.
+    #[serde(default)]
+    pub helpers: Vec<HelperView>,
+}
+
+/// A helper thread of a process.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct HelperView {
+    /// `executor` or `loader`.
+    pub process: String,
+    /// Its name.
+    pub name: String,
+    /// `waiting running hanging ended panicked`.
+    pub state: String,
+    /// Turns so far.
+    pub turns: u64,
+    /// Time since the last one.
+    pub age_ns: u64,
+    /// How long one may take: beyond it the process's heartbeat stops.
+    pub limit_ns: u64,
 }
 
 /// A late cycle.

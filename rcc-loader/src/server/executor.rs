@@ -4,9 +4,10 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use rcc_core::helper::{HelperEntry, HelperTable};
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
 use rcc_core::timing::Timing;
-use rcc_ipc::control::{Answer, CONTROL, Call, STATUS, TABLES, TIMING};
+use rcc_ipc::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
 use rcc_ipc::{Announcement, BoardReader, Cell, Client, Liveness, Role, Session, wire};
 
 use super::codes;
@@ -26,12 +27,21 @@ pub struct Attached {
     status: Mutex<BoardReader<CycleStatus>>,
     tables: Mutex<BoardReader<Tables>>,
     timing: Mutex<BoardReader<Timing>>,
+    helpers: Mutex<BoardReader<HelperTable>>,
 }
 
 impl Attached {
     /// The executor's counters.
     pub fn status(&self) -> CycleStatus {
         locked(&self.status).read()
+    }
+
+    /// The executor's helper threads; nothing before the first cycle.
+    pub fn helpers(&self) -> Vec<HelperEntry> {
+        let table = locked(&self.helpers).read();
+        let written = table.magic == MAGIC;
+        let is_there = |row: &HelperEntry| written && !row.name().is_empty();
+        table.helpers.into_iter().filter(is_there).collect()
     }
 
     /// Histograms and what primitives cost; boxed, as they are large. All zero before they are first written.
@@ -184,11 +194,13 @@ impl Executor {
         let status = self.session.open_board(service(STATUS)?);
         let tables = self.session.open_board(service(TABLES)?);
         let timing = self.session.open_board(service(TIMING)?);
+        let helpers = self.session.open_board(service(HELPERS)?);
         Ok(Attached {
             client: Mutex::new(client.map_err(|error| failed(&error))?),
             status: Mutex::new(status.map_err(|error| failed(&error))?),
             tables: Mutex::new(tables.map_err(|error| failed(&error))?),
             timing: Mutex::new(timing.map_err(|error| failed(&error))?),
+            helpers: Mutex::new(helpers.map_err(|error| failed(&error))?),
             announcement,
         })
     }

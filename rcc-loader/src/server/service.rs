@@ -3,13 +3,14 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
-use rcc_ipc::control::{Answer, Call};
+use rcc_ipc::control::{Answer, Call, Recorded};
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_language::devices::DeviceTable;
+use rcc_process::Helpers;
 
 use super::api::{CommandDetail, CommandView, Done, Finding, Frozen};
 use super::codes;
@@ -19,6 +20,10 @@ use super::executor::{Attached, Executor};
 use super::store::{CommandFile, Store};
 use super::words::{self, Namer};
 
+/// How long a recording may take until it is in a file.
+const RECORD_MAX: Duration = Duration::from_secs(8);
+/// How often it is asked for.
+const RECORD_LOOK: Duration = Duration::from_millis(50);
 /// A file of a command that is not in the table is removed when it is older than this.
 const SWEEP_AGE: Duration = Duration::from_secs(5);
 
@@ -29,6 +34,8 @@ pub struct Service {
     /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
     loading: Mutex<BTreeMap<u64, CommandFile>>,
     recorder: Option<Recorder>,
+    /// The helper threads of this process, for whoever asks how it does.
+    pub(super) helpers: Helpers,
     /// Process and incarnation of the executor that the event log was told of.
     told: Mutex<Option<(u32, u64)>>,
 }
@@ -75,6 +82,7 @@ impl Service {
             config,
             loading: Mutex::new(BTreeMap::new()),
             recorder: None,
+            helpers: Helpers::default(),
             told: Mutex::new(None),
         }
     }
@@ -83,6 +91,13 @@ impl Service {
     #[must_use]
     pub fn schema(&self) -> serde_json::Value {
         rcc_language::schema::schema(Some(&DeviceTable::from(&self.config)))
+    }
+
+    /// Shows these helper threads of this process to whoever asks how it does.
+    #[must_use]
+    pub fn watching(mut self, helpers: Helpers) -> Service {
+        self.helpers = helpers;
+        self
     }
 
     /// Writes what happens to the cell's event log.
@@ -279,7 +294,7 @@ impl Service {
         let handed_over =
             stored(&file).and_then(|()| self.executor.call(&Call::Install { id, plan }));
         let refused = match handed_over {
-            Ok(Answer::RefusedFor { .. } | Answer::Values(_)) => unexpected(),
+            Ok(Answer::RefusedFor { .. } | Answer::Values(_) | Answer::Recorded(_)) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
             Ok(Answer::Rehearsed { rehearsed, .. }) => {
                 file.rehearsal = Some(self.with_namer(None, |namer| namer.rehearsal(&rehearsed)));
@@ -350,21 +365,49 @@ impl Service {
         }
     }
 
-    /// Freezes the flight recorder: the executor writes its last seconds to a file, soon after.
+    /// Freezes the flight recorder, and waits until its last seconds are in a file.
     ///
     /// # Errors
-    /// There is no executor, or it records nothing.
+    /// There is no executor, it records nothing, or the file is not written.
     pub fn freeze(&self) -> Result<Frozen, ApiError> {
         let (attached, _) = self.attach()?;
-        match self.executor.call(&Call::Record)? {
-            Answer::Done { cycle } => Ok(Frozen {
-                cycle,
-                executor: events::digits(attached.announcement.incarnation),
-            }),
+        let incarnation = attached.announcement.incarnation;
+        let cycle = match self.executor.call(&Call::Record)? {
+            Answer::Done { cycle } => cycle,
             Answer::Refused(refusal) => {
-                Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
+                return Err(self.with_namer(None, |namer| namer.refusal(0, refusal)));
             }
-            _ => Err(unexpected()),
+            _ => return Err(unexpected()),
+        };
+        let limit = Instant::now() + RECORD_MAX;
+        // Asked again and again, so that no other request waits meanwhile.
+        loop {
+            let (attached, _) = self.attach()?;
+            if attached.announcement.incarnation != incarnation {
+                return Err(not_recorded(
+                    "the executor died before it was written".to_owned(),
+                ));
+            }
+            match self.executor.call(&Call::Recorded { cycle })? {
+                Answer::Recorded(Recorded::Written { file }) => {
+                    return Ok(Frozen {
+                        cycle,
+                        executor: events::digits(incarnation),
+                        file,
+                    });
+                }
+                Answer::Recorded(Recorded::Lost { why }) => return Err(not_recorded(why)),
+                Answer::Recorded(Recorded::NotYet) => {}
+                _ => return Err(unexpected()),
+            }
+            if Instant::now() >= limit {
+                return Err(ApiError::new(
+                    codes::EXECUTOR_SILENT,
+                    format!("the recording of cycle {cycle} is not in a file after {RECORD_MAX:?}"),
+                    "the disk is slow: `rcc-cli events` tells when it is written, `rcc-cli incidents` lists it then",
+                ));
+            }
+            std::thread::sleep(RECORD_LOOK);
         }
     }
 
@@ -482,6 +525,15 @@ impl Service {
 /// All faults of the text.
 pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Vec<Finding>> {
     compile::compile(text, file, config)
+}
+
+/// A recording that is in no file.
+fn not_recorded(why: String) -> ApiError {
+    ApiError::new(
+        codes::NOT_STORED,
+        format!("the recording was not written: {why}"),
+        "what it held is lost; see that the folder of incidents can be written (`recorder: {folder: …}`)",
+    )
 }
 
 pub(super) fn unexpected() -> ApiError {

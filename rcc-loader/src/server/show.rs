@@ -3,10 +3,13 @@
 
 use rcc_config::device::kind_name;
 use rcc_config::{ChannelConfig, DeviceConfig, OnRelease};
+use rcc_core::helper::{HelperEntry, HelperState};
 use rcc_core::message::{ClockState, ClockStatus, DEVICES_MAX, DeviceEntry, DeviceState, MAGIC};
-use rcc_ipc::{AnnounceError, Announcement, Role};
+use rcc_ipc::{AnnounceError, Announcement, Role, monotonic_ns};
 
-use super::api::{ChannelView, ClockView, DeviceView, ExecutorView, ProcessView, StatusView};
+use super::api::{
+    ChannelView, ClockView, DeviceView, ExecutorView, HelperView, ProcessView, StatusView,
+};
 use super::codes;
 use super::error::ApiError;
 use super::executor::Attached;
@@ -72,7 +75,17 @@ impl Service {
             config: self.config.source.display().to_string(),
             executor: self.executor_view(&attached, &store),
             processes: processes.iter().map(process).collect(),
+            helpers: self.helper_views(&attached),
         })
+    }
+
+    fn helper_views(&self, attached: &Attached) -> Vec<HelperView> {
+        let now_ns = monotonic_ns();
+        let theirs = attached.helpers().into_iter();
+        let theirs = theirs.map(|row| helper("executor", &row, now_ns));
+        let ours = self.helpers.beats().into_iter();
+        let ours = ours.map(|beat| helper("loader", &beat.entry(), now_ns));
+        theirs.chain(ours).collect()
     }
 
     fn executor_view(&self, attached: &Attached, store: &Store) -> ExecutorView {
@@ -203,6 +216,23 @@ fn process(announcement: &Announcement) -> ProcessView {
         // Whoever may live is not shown as dead.
         alive: !announcement.liveness().is_dead(),
         note: announcement.note.clone(),
+    }
+}
+
+fn helper(process: &str, row: &HelperEntry, now_ns: u64) -> HelperView {
+    let state = HelperState::from_number(u32::try_from(row.state).unwrap_or(u32::MAX));
+    let age_ns = match row.turns {
+        0 => 0,
+        _ => now_ns.saturating_sub(row.stamp_ns),
+    };
+    let hangs = state == HelperState::Running && age_ns > row.limit_ns;
+    HelperView {
+        process: process.to_owned(),
+        name: row.name().to_owned(),
+        state: if hangs { "hanging" } else { state.name() }.to_owned(),
+        turns: row.turns,
+        age_ns,
+        limit_ns: row.limit_ns,
     }
 }
 

@@ -76,6 +76,20 @@ kinds! {
         /// Who or what asked.
         why: String,
     }
+    /// A helper thread of a process panicked or ended by itself: the process brings everything to rest and ends.
+    HelperEnded = "helper-ended", "every process", Error {
+        /// Which one, and how.
+        why: String,
+    }
+    /// A helper thread of a process makes no progress: its heartbeat stops, so that its supervisor ends it.
+    HelperHangs = "helper-hangs", "every process", Error {
+        /// Its name.
+        helper: String,
+        /// How long it has made no turn, ms.
+        silent_ms: u64,
+        /// How long it may make none, ms.
+        limit_ms: u64,
+    }
     /// Whether another process lives could not be found out; nothing was done because of that, and it is tried again.
     LifeUnknown = "life-unknown", "every process", Warning {
         /// The process: executor, driver/lwr.

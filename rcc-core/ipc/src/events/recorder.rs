@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::{self, JoinHandle};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::cell::Cell;
@@ -14,6 +15,10 @@ use crate::session::Role;
 
 use super::{Event, Kind, Origin, Source, append_to, opened};
 
+/// The thread shows that it lives at least so often.
+const TURN_EVERY: Duration = Duration::from_millis(200);
+/// How long the last handle waits for what is still to be written.
+const FAREWELL: Duration = Duration::from_secs(2);
 /// Events that may wait for the thread.
 const WAITING: usize = 256;
 /// So many events at once …
@@ -44,7 +49,8 @@ struct Pen {
     queue: Option<SyncSender<Message>>,
     // Relaxed everywhere: a number that is only counted.
     lost: Arc<AtomicU64>,
-    thread: Option<JoinHandle<()>>,
+    /// Hangs up when the thread ends.
+    over: Mutex<Receiver<()>>,
 }
 
 impl Recorder {
@@ -53,6 +59,19 @@ impl Recorder {
     /// # Errors
     /// The system refuses a thread.
     pub fn start(cell: &Cell, role: Role, label: &str) -> io::Result<Recorder> {
+        Recorder::watched(cell, role, label, || {})
+    }
+
+    /// As [`Recorder::start`]; the thread calls `turn` several times a second, and drops it when it ends.
+    ///
+    /// # Errors
+    /// The system refuses a thread.
+    pub fn watched(
+        cell: &Cell,
+        role: Role,
+        label: &str,
+        turn: impl Fn() + Send + 'static,
+    ) -> io::Result<Recorder> {
         let source = Source::this(Origin::from(role), label);
         let (queue, events) = sync_channel(WAITING);
         let lost = Arc::new(AtomicU64::new(0));
@@ -65,16 +84,26 @@ impl Recorder {
             // Now, while there are descriptors. If it cannot be opened, each line tries again.
             file: opened(&cell.events_file()).ok(),
         };
-        let thread = thread::Builder::new()
-            .name("events".into())
-            .stack_size(STACK)
-            .spawn(move || writer.run(&events))?;
+        let (alive, over) = sync_channel(0);
+        let run = move || {
+            writer.run(&events, &turn);
+            drop(alive);
+        };
+        let thread = thread::Builder::new().name("events".into());
+        let thread = thread.stack_size(STACK).spawn(run);
+        thread.map_err(|error| {
+            let words = format!(
+                "the system gives no thread `events` ({error}): raise TasksMax= or pids.max of its group, or the limit \
+                 nproc of its user"
+            );
+            io::Error::new(error.kind(), words)
+        })?;
         Ok(Recorder {
             source,
             pen: Arc::new(Pen {
                 queue: Some(queue),
                 lost,
-                thread: Some(thread),
+                over: Mutex::new(over),
             }),
         })
     }
@@ -122,10 +151,9 @@ impl Recorder {
 impl Drop for Pen {
     fn drop(&mut self) {
         self.queue = None;
-        if let Some(thread) = self.thread.take() {
-            // A panic of the thread loses events and nothing else.
-            let _ = thread.join();
-        }
+        let over = self.over.get_mut().unwrap_or_else(PoisonError::into_inner);
+        // Late: the disk is slow or hangs, and the end of the process does not wait for it.
+        let _ = over.recv_timeout(FAREWELL);
     }
 }
 
@@ -139,11 +167,14 @@ struct Writer {
 }
 
 impl Writer {
-    fn run(mut self, messages: &Receiver<Message>) {
-        while let Ok(message) = messages.recv() {
-            match message {
-                Message::Event(event) => self.write(&event),
-                Message::Flush(done) => {
+    fn run(mut self, messages: &Receiver<Message>, turn: &impl Fn()) {
+        loop {
+            turn();
+            match messages.recv_timeout(TURN_EVERY) {
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+                Ok(Message::Event(event)) => self.write(&event),
+                Ok(Message::Flush(done)) => {
                     self.tell_lost();
                     // Who asked waits no more.
                     let _ = done.send(());

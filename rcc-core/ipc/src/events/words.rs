@@ -103,6 +103,15 @@ impl Kind {
         match self {
             Kind::Started { note, predecessor } => started(note, predecessor.as_ref()),
             Kind::Stopping { why } => format!("stops: {why}"),
+            Kind::HelperEnded { why } => why.clone(),
+            Kind::HelperHangs {
+                helper,
+                silent_ms,
+                limit_ms,
+            } => format!(
+                "its helper thread `{helper}` makes no turn for {silent_ms} ms, {limit_ms} ms are the most: its supervisor \
+                 ends it, devices come to rest, and it is started again"
+            ),
             Kind::LifeUnknown { process, why } => format!(
                 "whether {process} lives is not known ({why}); it counts as living, and is looked at again"
             ),

@@ -6,7 +6,7 @@ use super::image::Image;
 use super::options::Options;
 use crate::priority::rise;
 use crate::sim::lines;
-use rcc_process::signals::{SignalError, Stop, request_stop};
+use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 use std::future::Future;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -103,6 +103,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     thread::Builder::new()
         .name("modbus".into())
         .spawn(move || {
+            let _stops = StopsAtPanic;
             if let Some(priority) = priority {
                 rise(priority);
             }

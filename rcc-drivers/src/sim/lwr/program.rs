@@ -17,7 +17,7 @@ use nix::errno::Errno;
 use nix::sys::socket::{MsgFlags, SockaddrStorage, recvmsg};
 use nix::sys::time::TimeSpec;
 use nix::time::{ClockId, ClockNanosleepFlags, clock_gettime, clock_nanosleep};
-use rcc_process::signals::{SignalError, Stop, request_stop};
+use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::fd::AsRawFd;
@@ -111,7 +111,10 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         socket.set_read_timeout(Some(Duration::from_millis(100)))?;
         thread::Builder::new()
             .name("receive".into())
-            .spawn(move || receive(&socket, driver, &arrived, &ending))?
+            .spawn(move || {
+                let _stops = StopsAtPanic;
+                receive(&socket, driver, &arrived, &ending);
+            })?
     };
     let address = socket.local_addr()?;
     let clock = {
@@ -126,6 +129,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         };
         let priority = options.priority;
         thread::Builder::new().name("clock".into()).spawn(move || {
+            let _stops = StopsAtPanic;
             if let Some(priority) = priority {
                 rise(priority);
             }
