@@ -1,6 +1,7 @@
 //! What several verbs do with one command: load and wait, follow until it is over, tell its states.
 //! Runs on the caller's thread and asks the loader at a person's pace.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use rcc_language::bundle::bundle;
@@ -8,6 +9,8 @@ use rcc_language::library::Files;
 use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, Named, Switch, Switched};
 use rcc_loader::server::codes::{self, exit};
 use rcc_loader::server::compile::findings;
+
+use rcc_os::file;
 
 use crate::client::{Client, segment};
 use crate::failure::Failure;
@@ -22,14 +25,22 @@ pub const LOAD_LIMIT: Duration = Duration::from_secs(30);
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &str) -> Result<(String, String), Failure> {
-    let text = if path == "-" {
-        std::io::read_to_string(std::io::stdin())
-    } else {
-        std::fs::read_to_string(path)
-    };
     let name = if path == "-" { "standard input" } else { path };
-    text.map(|text| (name.to_owned(), text))
+    given(path, TEXT_MAX)
+        .map(|text| (name.to_owned(), text))
         .map_err(|error| Failure::unreadable(name, &error))
+}
+
+/// A text that was named on the command line, of at most `max` bytes; `-` is the standard input. A pipe is read (`<(…)`
+/// is one), something without end is not.
+///
+/// # Errors
+/// It cannot be read, is too long or is no text.
+pub fn given(path: &str, max: u64) -> std::io::Result<String> {
+    match path {
+        "-" => file::read_stream(std::io::stdin(), max),
+        path => file::read_given(Path::new(path), max),
+    }
 }
 
 /// Reads a net as one text: with the fragments of the libraries that it uses, which a cell could not read.
@@ -44,6 +55,9 @@ pub fn read_net(path: &str) -> Result<(String, String), Failure> {
     })?;
     Ok((name, bundled.into_owned()))
 }
+
+/// Longest text of a net, bytes; more is refused by the loader, too.
+pub const TEXT_MAX: u64 = rcc_loader::server::routes::TEXT_MAX as u64;
 
 /// What becomes of a command that is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

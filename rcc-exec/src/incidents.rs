@@ -205,8 +205,8 @@ impl Scribe {
     fn command_file(&self, id: u64) -> Option<Vec<u8>> {
         let folder = events::digits(self.about.incarnation);
         let path = self.about.cell.commands_dir().join(folder);
-        let bytes = fs::read(path.join(format!("{id}.json"))).ok()?;
-        (bytes.len() <= COMMAND_FILE_MAX).then_some(bytes)
+        let path = path.join(format!("{id}.json"));
+        rcc_os::file::read(&path, COMMAND_FILE_MAX as u64).ok()
     }
 
     /// Forgets plans that no recording can have any more, and the oldest of too many.

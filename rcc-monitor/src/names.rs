@@ -5,7 +5,11 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 
 use rcc_ipc::Cell;
+use rcc_os::file;
 use serde::Deserialize;
+
+/// Longest file of a command that is read, bytes.
+const COMMAND_FILE_MAX: u64 = 64 << 20;
 
 /// One monitor of a net. What the loader writes besides is left alone.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -67,7 +71,7 @@ impl Directory {
     pub fn command(&mut self, id: u64) -> &Command {
         let folder = &self.folder;
         self.known.entry(id).or_insert_with(|| {
-            let bytes = std::fs::read(folder.join(format!("{id}.json")));
+            let bytes = file::read(&folder.join(format!("{id}.json")), COMMAND_FILE_MAX);
             let file = bytes
                 .ok()
                 .and_then(|bytes| serde_json::from_slice::<File>(&bytes).ok());

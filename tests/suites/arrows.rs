@@ -38,13 +38,17 @@ fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
 const ARROWS: &[(&str, &[&str])] = &[
     ("rcc-core", &[]),
     ("rcc-motion", &["rcc-core"]),
-    ("rcc-config", &["rcc-core"]),
-    ("rcc-ipc", &["rcc-core"]),
-    ("rcc-engine", &["rcc-core", "rcc-motion", "rcc-ipc"]),
+    ("rcc-os", &[]),
+    ("rcc-config", &["rcc-core", "rcc-os"]),
+    ("rcc-ipc", &["rcc-core", "rcc-os"]),
+    (
+        "rcc-engine",
+        &["rcc-core", "rcc-motion", "rcc-os", "rcc-ipc"],
+    ),
     ("rcc-process", &["rcc-core", "rcc-config"]),
     (
         "rcc-language",
-        &["rcc-core", "rcc-motion", "rcc-config", "rcc-ipc"],
+        &["rcc-core", "rcc-os", "rcc-motion", "rcc-config", "rcc-ipc"],
     ),
     ("rcc-graph", &["rcc-language"]),
     ("rcc-robot", &["rcc-core"]),
@@ -53,6 +57,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-loader",
         &[
             "rcc-core",
+            "rcc-os",
             "rcc-config",
             "rcc-ipc",
             "rcc-process",
@@ -63,6 +68,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-exec",
         &[
             "rcc-core",
+            "rcc-os",
             "rcc-config",
             "rcc-ipc",
             "rcc-engine",
@@ -73,18 +79,23 @@ const ARROWS: &[(&str, &[&str])] = &[
         "rcc-drivers",
         &[
             "rcc-core",
+            "rcc-os",
             "rcc-motion",
             "rcc-config",
             "rcc-ipc",
             "rcc-process",
         ],
     ),
-    ("rcc-monitor", &["rcc-core", "rcc-config", "rcc-ipc"]),
+    (
+        "rcc-monitor",
+        &["rcc-core", "rcc-os", "rcc-config", "rcc-ipc"],
+    ),
     // The one program that uses another one's library: `check`, and the words of the REST interface.
     (
         "rcc-cli",
         &[
             "rcc-core",
+            "rcc-os",
             "rcc-motion",
             "rcc-config",
             "rcc-ipc",

@@ -6,8 +6,8 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
+use rcc_os::{file, wall};
 use serde::{Deserialize, Serialize};
 
 use super::grade::Grade;
@@ -17,6 +17,8 @@ use crate::table::{grouped, time};
 /// Where root's measurement lies; everybody reads it.
 const OF_ROOT: &str = "/var/lib/rcc";
 const FILE: &str = "doctor.json";
+/// Longest record that is read, bytes.
+const FILE_MAX: u64 = 64 << 10;
 /// Of this form.
 const SCHEMA: u32 = 1;
 
@@ -137,7 +139,7 @@ pub fn age(seconds: u64) -> String {
 }
 
 fn read(folder: &Path) -> Option<Record> {
-    let text = fs::read_to_string(folder.join(FILE)).ok()?;
+    let text = file::read_text(&folder.join(FILE), FILE_MAX).ok()?;
     serde_json::from_str(&text)
         .ok()
         .filter(|record: &Record| record.schema == SCHEMA)
@@ -161,9 +163,7 @@ fn state_dir() -> Option<PathBuf> {
 }
 
 fn now() -> u64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_secs())
+    wall::seconds()
 }
 
 fn boot() -> String {

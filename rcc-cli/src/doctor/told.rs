@@ -1,16 +1,16 @@
 //! What a device's driver tells about its connection: the file that it writes once a second, read with tolerance.
 //! Run by the main thread. The history begins with the driver's life, and says since when.
 
-use std::fs;
-use std::time::{SystemTime, UNIX_EPOCH};
-
 use rcc_ipc::{Cell, Role};
+use rcc_os::{file, wall};
 use serde::{Deserialize, Serialize};
 
 /// Bars of a sparkline, from worst to best.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 /// A second without any exchange.
 const NOTHING: char = '·';
+/// Longest file of a driver that is read, bytes; a minute has a few kilobytes.
+const FILE_MAX: u64 = 1 << 20;
 /// A driver that lives and has not written for so many seconds does not turn.
 const STALE_AFTER: u64 = 5;
 
@@ -99,7 +99,7 @@ impl Told {
     pub fn of(cell: &Cell, device: &str) -> Option<Told> {
         let announced = cell.announced(Role::Driver, device).ok().flatten()?;
         let path = cell.drivers_dir().join(format!("{device}.json"));
-        let told: Told = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
+        let told: Told = serde_json::from_slice(&file::read(&path, FILE_MAX).ok()?).ok()?;
         // The file of a predecessor is history of somebody else.
         (!announced.liveness().is_dead() && announced.pid == told.pid).then_some(told)
     }
@@ -160,9 +160,7 @@ pub fn sparkline(seconds: &[Second]) -> String {
 /// Seconds since the epoch.
 #[must_use]
 pub fn now() -> u64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_secs())
+    wall::seconds()
 }
 
 #[cfg(test)]

@@ -10,10 +10,14 @@ use std::path::PathBuf;
 use rcc_config::CellConfig;
 use rcc_ipc::Cell;
 use rcc_loader::server::codes;
+use rcc_os::file;
 use serde::{Deserialize, Serialize};
 
 use super::launch::Prepared;
 use crate::failure::Failure;
+
+/// Longest file that is read, bytes: a path and some ports.
+const RUNNING_MAX: u64 = 1 << 20;
 
 /// The file's content.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,7 +56,7 @@ pub fn write(cell: &Cell, prepared: &Prepared) -> Result<(), Failure> {
 /// Nobody has told, or the configuration is not valid any more.
 pub fn read(cell: &Cell) -> Result<CellConfig, Failure> {
     let path = cell.running_file();
-    let text = std::fs::read(&path).map_err(|_| {
+    let text = file::read(&path, RUNNING_MAX).map_err(|_| {
         Failure::new(
             codes::NO_LOADER,
             format!("cell '{}' has not told its configuration", cell.name()),

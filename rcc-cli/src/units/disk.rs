@@ -10,6 +10,9 @@ use rcc_loader::server::codes;
 use super::{DROP_IN, MARK, PACKAGED, SHIPPED, UNITS, UnitFile};
 use crate::failure::Failure;
 
+/// Longest unit that is read, bytes.
+const UNIT_MAX: u64 = 1 << 20;
+
 /// What became of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -133,7 +136,7 @@ fn drop_ins(root: &Path, cell: &str) -> Result<(Vec<PathBuf>, usize), Failure> {
 }
 
 fn read(path: &Path) -> Result<Option<String>, Failure> {
-    match fs::read_to_string(path) {
+    match rcc_os::file::read_text(path, UNIT_MAX) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(refused(path, &error)),

@@ -2,15 +2,18 @@
 //! The main thread.
 
 use std::fmt::Write;
-use std::io::Read;
 
 use rcc_loader::server::codes;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::failure::Failure;
+use crate::follow::given;
 use crate::identify::readings::{self, Wanted};
 use crate::identify::{GRAVITY, Identified, identify};
+
+/// Longest file of readings, bytes.
+const READINGS_MAX: u64 = 64 << 20;
 
 /// What to do with wrenches.
 #[derive(clap::Args, Debug)]
@@ -87,14 +90,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn content(file: &str) -> Result<String, Failure> {
-    let read = match file {
-        "-" => {
-            let mut text = String::new();
-            std::io::stdin().read_to_string(&mut text).map(|_| text)
-        }
-        path => std::fs::read_to_string(path),
-    };
-    read.map_err(|error| Failure::unreadable(file, &error))
+    given(file, READINGS_MAX).map_err(|error| Failure::unreadable(file, &error))
 }
 
 /// A primitive to paste; what it is worth stands in comments.

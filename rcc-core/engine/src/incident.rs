@@ -9,7 +9,6 @@
 mod words;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -265,7 +264,7 @@ pub fn write(out: impl Write, mut head: Head, parts: &Parts<'_>) -> io::Result<(
 /// # Errors
 /// It cannot be read, or is no incident.
 pub fn read_head(path: &Path) -> Result<(Head, Option<Vec<u8>>), IncidentError> {
-    let mut file = File::open(path)?;
+    let mut file = rcc_os::file::open(path)?;
     let mut start = [0; 16];
     file.read_exact(&mut start)
         .map_err(|_| IncidentError::NotOne)?;
@@ -313,7 +312,7 @@ impl Incident {
     /// # Errors
     /// It cannot be read, is no incident, is damaged, or is of a build whose nets this one cannot evaluate.
     pub fn read(path: &Path) -> Result<Incident, IncidentError> {
-        let mut file = File::open(path)?;
+        let mut file = rcc_os::file::open(path)?;
         let size = file.metadata()?.len();
         if size > FILE_MAX {
             return Err(IncidentError::TooLarge(size));

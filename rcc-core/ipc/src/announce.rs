@@ -14,6 +14,9 @@ use crate::life::{Life, Liveness};
 use crate::lock::{self, LockError};
 use crate::session::{Role, Session};
 
+/// Longest announcement that is read, bytes.
+const BYTES_MAX: u64 = 1 << 20;
+
 /// Who a process is, and the full names of its services.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Announcement {
@@ -253,7 +256,7 @@ impl Cell {
 }
 
 fn read(path: &Path) -> Result<Option<Announcement>, AnnounceError> {
-    match fs::read(path) {
+    match rcc_os::file::read(path, BYTES_MAX) {
         Ok(text) => {
             serde_json::from_slice(&text)
                 .map(Some)

@@ -255,11 +255,13 @@ pub fn tell(cell: &Cell, role: Origin, label: &str, what: Kind) {
     let _ = append(cell, &Event::now(Source::this(role, label), None, what));
 }
 
+/// A pipe in its place would be waited for, by every process of the cell.
 fn opened(path: &Path) -> io::Result<File> {
     OpenOptions::new()
         .append(true)
         .create(true)
         .mode(0o600)
+        .custom_flags(nix::fcntl::OFlag::O_NONBLOCK.bits())
         .open(path)
 }
 

@@ -2,8 +2,8 @@
 //! libraries come from; a text that came without files has none. The loader's threads and the command line.
 
 use std::collections::{HashSet, VecDeque};
-use std::fs::File;
 use std::io::{self, Read as _};
+use std::path::Path;
 
 use rcc_config::diagnostic::{Diagnostic, Span};
 use rcc_config::yaml::{self, Key};
@@ -46,9 +46,9 @@ pub struct NoFiles;
 
 impl Libraries for Files {
     fn read(&self, path: &str) -> Result<String, Unreadable> {
-        let file = File::open(path).map_err(Unreadable::Io)?;
+        let file = rcc_os::file::open(Path::new(path)).map_err(Unreadable::Io)?;
         let mut text = String::new();
-        // One byte more than is allowed is enough to be refused; a device file would never end.
+        // One byte more than is allowed is enough to be refused.
         let mut file = file.take(yaml::BYTES_MAX as u64 + 1);
         file.read_to_string(&mut text).map_err(Unreadable::Io)?;
         Ok(text)
@@ -180,7 +180,28 @@ pub fn joined(user: &str, path: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::joined;
+    use super::*;
+    use std::process::Command;
+
+    #[test]
+    fn a_library_that_is_no_regular_file_is_refused_and_not_waited_for() -> io::Result<()> {
+        let pipe = std::env::temp_dir().join(format!("rcc-library-pipe-{}", std::process::id()));
+        assert!(Command::new("mkfifo").arg(&pipe).status()?.success());
+        let pipe = pipe.to_string_lossy().into_owned();
+        for (path, kind) in [
+            (&*pipe, "a named pipe"),
+            ("/dev/zero", "a device"),
+            ("/", "a folder"),
+        ] {
+            match Files.read(path) {
+                Err(Unreadable::Io(error)) => {
+                    assert!(error.to_string().contains(kind), "{path}: {error}");
+                }
+                other => panic!("{path}: {other:?}"),
+            }
+        }
+        std::fs::remove_file(pipe)
+    }
 
     #[test]
     fn a_library_is_looked_for_beside_the_file_that_names_it() {

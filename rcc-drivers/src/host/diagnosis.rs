@@ -10,7 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use rcc_config::DeviceConfig;
 use rcc_core::message::{DeviceState, Measurement};
@@ -272,9 +272,7 @@ fn write_whole(path: &Path, text: &[u8]) -> io::Result<()> {
 }
 
 fn now() -> u64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_secs())
+    rcc_os::wall::seconds()
 }
 
 #[cfg(test)]

@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use rcc_ipc::Cell;
 use rcc_loader::server::api::ExecutorView;
 use rcc_loader::server::api::StatusView;
+use rcc_os::wall;
 
 use crate::client::Client;
 use crate::doctor::processes;
@@ -172,11 +173,12 @@ fn prefix_of(name: &str) -> Option<&str> {
 }
 
 fn is_young(found: &fs::Metadata) -> bool {
-    let age = found
+    // One of the future: the clock was set, and tells nothing about its age. It is not removed.
+    found
         .modified()
         .ok()
-        .and_then(|made| SystemTime::now().duration_since(made).ok());
-    age.is_none_or(|age| age < STRAY_AFTER)
+        .and_then(wall::age)
+        .is_none_or(|age| age < STRAY_AFTER)
 }
 
 /// Prefixes that occur in the maps, open files or folders of processes that we may look into.
@@ -239,7 +241,7 @@ mod tests {
         fs::write(folder.join("rcc_0123456789_b"), [1; 4096])?;
         fs::write(folder.join("other"), "")?;
         let found = strays(&folder, &folder.join("base"));
-        let old = SystemTime::now() - 2 * STRAY_AFTER;
+        let old = std::time::SystemTime::now() - 2 * STRAY_AFTER;
         for path in &found[0].paths {
             fs::File::options()
                 .write(true)

@@ -14,6 +14,8 @@ use rcc_core::primitives;
 
 use super::Costs;
 
+/// Longest file that is read; they have a few kilobytes.
+const BYTES_MAX: u64 = 1 << 20;
 /// Files that are kept; the oldest go.
 const FILES_MAX: usize = 8;
 const PREFIX: &str = "costs-";
@@ -44,7 +46,7 @@ pub fn costs(refresh: bool) -> (Costs, Origin) {
 pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, Origin) {
     let key = key();
     let path = folder.join(format!("{PREFIX}{:016x}", fnv(&key)));
-    let kept = fs::read_to_string(&path).ok();
+    let kept = rcc_os::file::read_text(&path, BYTES_MAX).ok();
     if let Some(costs) = kept.filter(|_| !refresh).and_then(|text| read(&text, &key)) {
         return (costs, Origin::Read(path));
     }

@@ -99,7 +99,7 @@ impl Reader {
 
 impl Tail {
     fn open(path: &Path) -> Option<Tail> {
-        let file = File::open(path).ok()?;
+        let file = rcc_os::file::open(path).ok()?;
         let inode = file.metadata().ok()?.ino();
         Some(Tail {
             file,

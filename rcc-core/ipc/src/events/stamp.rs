@@ -1,8 +1,9 @@
 //! Wall time as text. Run by any thread that is not real-time.
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
-/// The wall time now, UTC with microseconds: `2026-11-21T16:02:03.123456Z`. Such texts sort as their times do.
+/// The wall time now, UTC with microseconds: `2026-11-21T16:02:03.123456Z`. Such texts sort as their times do. A clock
+/// that shows a time before 1970 counts as the begin of 1970.
 #[must_use]
 pub fn wall_time() -> String {
     wall_time_before(Duration::ZERO)
@@ -11,10 +12,7 @@ pub fn wall_time() -> String {
 /// The wall time so long ago.
 #[must_use]
 pub fn wall_time_before(ago: Duration) -> String {
-    let since = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
-    format(since.saturating_sub(ago))
+    format(rcc_os::wall::since_epoch().saturating_sub(ago))
 }
 
 fn format(since_epoch: Duration) -> String {

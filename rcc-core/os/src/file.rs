@@ -1,0 +1,252 @@
+//! Reading files that may be anything: a pipe that nobody writes to, a device without end, a folder, ten gigabytes.
+//! Nothing here waits for another process, and nothing reads more than it was told to.
+
+use std::fmt;
+use std::fs::{File, FileType, Metadata, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::Path;
+
+/// Why a file was not read although the system would let us; inside of the [`io::Error`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// It is a folder, a pipe, a socket or a device.
+    NotRegular {
+        /// What it is, with its article.
+        kind: &'static str,
+    },
+    /// It is longer than what is read of such a file.
+    TooLarge {
+        /// Most bytes.
+        max: u64,
+    },
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Refused::NotRegular { kind } => {
+                write!(formatter, "it is {kind}, only regular files are read here")
+            }
+            Refused::TooLarge { max } => write!(formatter, "it has more than {max} bytes"),
+        }
+    }
+}
+
+impl std::error::Error for Refused {}
+
+impl From<Refused> for io::Error {
+    fn from(refused: Refused) -> io::Error {
+        let kind = match refused {
+            Refused::NotRegular { .. } => io::ErrorKind::InvalidInput,
+            Refused::TooLarge { .. } => io::ErrorKind::FileTooLarge,
+        };
+        io::Error::new(kind, refused)
+    }
+}
+
+/// Opens a regular file for reading. A pipe, a socket, a device or a folder is refused; none of them is waited for, and
+/// none is opened (opening a device may have an effect) unless it takes the place of a file in this very moment.
+///
+/// # Errors
+/// What the system says, or [`Refused::NotRegular`].
+pub fn open(path: &Path) -> io::Result<File> {
+    regular(&std::fs::metadata(path)?)?;
+    let file = OpenOptions::new()
+        .read(true)
+        .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY)
+        .open(path)?;
+    regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+/// All bytes of a regular file, at most `max`.
+///
+/// # Errors
+/// As [`open`]; [`Refused::TooLarge`].
+pub fn read(path: &Path, max: u64) -> io::Result<Vec<u8>> {
+    let file = open(path)?;
+    // Its length may change while it is read: this is a hint, the limit is kept below.
+    let length = file.metadata()?.len();
+    if length > max {
+        return Err(Refused::TooLarge { max }.into());
+    }
+    let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    take(file, max, &mut bytes)?;
+    Ok(bytes)
+}
+
+/// All of a regular file as text, at most `max` bytes.
+///
+/// # Errors
+/// As [`read`]; [`io::ErrorKind::InvalidData`] if it is not UTF-8.
+pub fn read_text(path: &Path, max: u64) -> io::Result<String> {
+    text(read(path, max)?)
+}
+
+/// All of a text that a person names on the command line, at most `max` bytes. A pipe is waited for: `<(…)` is one.
+///
+/// # Errors
+/// What the system says, [`Refused::TooLarge`], or [`io::ErrorKind::InvalidData`] if it is not UTF-8.
+pub fn read_given(path: &Path, max: u64) -> io::Result<String> {
+    read_stream(File::open(path)?, max)
+}
+
+/// All of a text that comes in, at most `max` bytes.
+///
+/// # Errors
+/// As [`read_given`].
+pub fn read_stream(source: impl Read, max: u64) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    take(source, max, &mut bytes)?;
+    text(bytes)
+}
+
+fn take(source: impl Read, max: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
+    source.take(max.saturating_add(1)).read_to_end(bytes)?;
+    if bytes.len() as u64 > max {
+        return Err(Refused::TooLarge { max }.into());
+    }
+    Ok(())
+}
+
+fn text(bytes: Vec<u8>) -> io::Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            format!("it is not UTF-8 text from byte {at} on"),
+        )
+    })
+}
+
+fn regular(found: &Metadata) -> io::Result<()> {
+    match kind(found.file_type()) {
+        None => Ok(()),
+        Some(kind) => Err(Refused::NotRegular { kind }.into()),
+    }
+}
+
+/// What it is, unless it is a regular file.
+fn kind(found: FileType) -> Option<&'static str> {
+    if found.is_file() {
+        None
+    } else if found.is_dir() {
+        Some("a folder")
+    } else if found.is_fifo() {
+        Some("a named pipe")
+    } else if found.is_socket() {
+        Some("a socket")
+    } else {
+        Some("a device")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::net::UnixListener;
+    use std::path::PathBuf;
+
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> io::Result<Folder> {
+            let path = std::env::temp_dir().join(format!("rcc-os-{}-{name}", std::process::id()));
+            std::fs::create_dir(&path)?;
+            Ok(Folder(path))
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn said(result: io::Result<impl fmt::Debug>) -> String {
+        result.map_or_else(|error| error.to_string(), |read| format!("{read:?}"))
+    }
+
+    #[test]
+    fn what_is_no_regular_file_is_refused_without_waiting() -> io::Result<()> {
+        let folder = Folder::new("kinds")?;
+        let pipe = folder.0.join("pipe");
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
+        let socket = folder.0.join("socket");
+        let _listener = UnixListener::bind(&socket)?;
+        for (path, kind) in [
+            (pipe.as_path(), "a named pipe"),
+            (&socket, "a socket"),
+            (&folder.0, "a folder"),
+            (Path::new("/dev/zero"), "a device"),
+            (Path::new("/dev/null"), "a device"),
+        ] {
+            let said = said(read(path, 10));
+            assert!(said.contains(kind), "{}: {said}", path.display());
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_link_to_a_file_is_a_file_and_a_link_to_a_pipe_is_none() -> io::Result<()> {
+        let folder = Folder::new("links")?;
+        let (file, pipe) = (folder.0.join("file"), folder.0.join("pipe"));
+        std::fs::write(&file, "text")?;
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
+        let link = folder.0.join("link");
+        std::os::unix::fs::symlink(&file, &link)?;
+        assert_eq!(read_text(&link, 4)?, "text");
+        std::fs::remove_file(&link)?;
+        std::os::unix::fs::symlink(&pipe, &link)?;
+        assert!(said(read_text(&link, 4)).contains("a named pipe"));
+        Ok(())
+    }
+
+    #[test]
+    fn a_file_beyond_its_limit_is_refused_and_not_read() -> io::Result<()> {
+        let folder = Folder::new("large")?;
+        let path = folder.0.join("large");
+        // Ten gigabytes without a block on the disk.
+        File::create(&path)?.set_len(10 << 30)?;
+        assert_eq!(said(read(&path, 4)), "it has more than 4 bytes");
+        std::fs::write(&path, "12345")?;
+        assert_eq!(said(read(&path, 4)), "it has more than 4 bytes");
+        assert_eq!(read(&path, 5)?, b"12345");
+        Ok(())
+    }
+
+    #[test]
+    fn a_file_that_lies_about_its_length_is_read_to_its_limit() {
+        // Its length is 0, as that of all files there.
+        let said = said(read(Path::new("/proc/self/status"), 4));
+        assert_eq!(said, "it has more than 4 bytes");
+    }
+
+    #[test]
+    fn a_pipe_that_a_person_names_is_read_and_a_device_without_end_is_not() -> io::Result<()> {
+        let folder = Folder::new("given")?;
+        let pipe = folder.0.join("pipe");
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU)?;
+        let writer = pipe.clone();
+        let thread = std::thread::spawn(move || std::fs::write(writer, "net: x"));
+        assert_eq!(read_given(&pipe, 100)?, "net: x");
+        assert!(thread.join().is_ok_and(|written| written.is_ok()));
+        let endless = said(read_given(Path::new("/dev/zero"), 100));
+        assert_eq!(endless, "it has more than 100 bytes");
+        assert!(said(read_given(&folder.0, 100)).contains("directory"));
+        Ok(())
+    }
+
+    #[test]
+    fn bytes_that_are_no_text_are_told_with_their_place() -> io::Result<()> {
+        let folder = Folder::new("text")?;
+        let path = folder.0.join("file");
+        std::fs::write(&path, b"ab\xff")?;
+        assert_eq!(
+            said(read_text(&path, 10)),
+            "it is not UTF-8 text from byte 2 on"
+        );
+        Ok(())
+    }
+}
