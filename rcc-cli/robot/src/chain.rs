@@ -1,12 +1,17 @@
 //! The hinges of a URDF from one link to another, and where they are with all joints 0.
 //! Plain data and mathematics; run once by whoever imports a robot.
 
-use nalgebra::{Isometry3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
+use std::collections::{HashMap, HashSet};
+
+use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
-use urdf_rs::{JointType, Robot};
 
 use crate::ImportError;
+use crate::urdf::{Joint, Kind, Robot};
+
+/// Names that a message lists.
+const LISTED_MAX: usize = 20;
 
 /// Links that are flanges by custom, where a robot has several leaves (REP 199).
 const TIPS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
@@ -46,30 +51,35 @@ impl Chain {
         base: Option<&str>,
         tip: Option<&str>,
     ) -> Result<Chain, ImportError> {
-        let base = find(robot, base, "base", |link| {
-            robot.joints.iter().all(|joint| joint.child.link != link)
-        })?;
-        let tip = find(robot, tip, "tip", |link| {
-            robot.joints.iter().all(|joint| joint.parent.link != link)
-        })?;
+        // Each table once: a robot of very many links is looked at in proportion to their number. Of several joints to one
+        // link the first counts.
+        let parents: HashSet<&str> = robot.joints.iter().map(|joint| &*joint.parent).collect();
+        let mut above: HashMap<&str, &Joint> = HashMap::new();
+        let mut names: HashMap<&str, usize> = HashMap::new();
+        for joint in &robot.joints {
+            above.entry(&joint.child).or_insert(joint);
+            *names.entry(&joint.name).or_default() += 1;
+        }
+        let base = find(robot, base, "base", |link| !above.contains_key(link))?;
+        let tip = find(robot, tip, "tip", |link| !parents.contains(link))?;
         // From the tip to the base: every link has one parent at most, and no way is longer than the robot.
         let (mut upwards, mut link) = (Vec::new(), tip.as_str());
         while link != base {
-            let joint = robot.joints.iter().find(|joint| joint.child.link == link);
+            let joint = above.get(link).copied();
             let Some(joint) = joint.filter(|_| upwards.len() < robot.joints.len()) else {
                 return Err(ImportError::NoChain { base, tip });
             };
             upwards.push(joint);
-            link = &joint.parent.link;
+            link = &joint.parent;
         }
         let (mut hinges, mut between) = (Vec::new(), Isometry3::identity());
         for joint in upwards.into_iter().rev() {
-            between *= isometry(&joint.origin);
-            usable(joint, robot)?;
-            let range = match joint.joint_type {
-                JointType::Fixed => continue,
-                JointType::Revolute => {
-                    let [lower, upper] = [joint.limit.lower, joint.limit.upper];
+            between *= joint.origin;
+            usable(joint, names.get(&*joint.name) == Some(&1))?;
+            let range = match joint.kind {
+                Kind::Fixed => continue,
+                Kind::Revolute => {
+                    let [lower, upper] = joint.range;
                     if lower > upper {
                         return Err(ImportError::Reversed {
                             joint: joint.name.clone(),
@@ -80,20 +90,20 @@ impl Chain {
                     let range = (lower < upper).then_some([lower, upper]);
                     within_soft_limits(joint, range)?
                 }
-                JointType::Continuous => None,
-                ref other => {
+                Kind::Continuous => None,
+                Kind::Other(kind) => {
                     return Err(ImportError::NoHinge {
                         joint: joint.name.clone(),
-                        kind: format!("{other:?}").to_lowercase(),
+                        kind: kind.to_owned(),
                     });
                 }
             };
             hinges.push(Hinge {
                 name: joint.name.clone(),
                 origin: between,
-                axis: Unit::new_normalize(Vector3::from(joint.axis.xyz.0)),
+                axis: Unit::new_normalize(Vector3::from(joint.axis)),
                 range,
-                velocity: Some(joint.limit.velocity).filter(|velocity| *velocity > 0.0),
+                velocity: Some(joint.velocity).filter(|velocity| *velocity > 0.0),
             });
             between = Isometry3::identity();
         }
@@ -132,36 +142,36 @@ impl Chain {
 }
 
 /// Nothing that is said of a joint is passed over.
-fn usable(joint: &urdf_rs::Joint, robot: &Robot) -> Result<(), ImportError> {
+fn usable(joint: &Joint, is_only_one: bool) -> Result<(), ImportError> {
     let unusable = |what: String| {
         Err(ImportError::Unusable {
             joint: joint.name.clone(),
             what,
         })
     };
-    let same = robot.joints.iter().filter(|other| other.name == joint.name);
-    if same.count() > 1 {
+    if !is_only_one {
         return unusable("is there twice: rename one of the two".to_owned());
     }
-    if matches!(joint.joint_type, JointType::Fixed) {
+    if joint.kind == Kind::Fixed {
         return Ok(());
     }
     if let Some(mimic) = &joint.mimic {
         return unusable(format!(
             "follows `{}` (`mimic`): joints of an arm are commanded one by one; take `mimic` out if this one is, too",
-            mimic.joint
+            mimic
         ));
     }
-    let length = joint.axis.xyz.0.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let length = joint.axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length.is_nan() || length < 1e-9 {
         return unusable("has an axis without direction: give `<axis xyz=\"0 0 1\"/>`".to_owned());
     }
-    let limit = &joint.limit;
-    let numbers = [limit.lower, limit.upper, limit.velocity];
-    if !numbers.iter().all(|number| number.is_finite()) || limit.velocity < 0.0 {
+    let ([lower, upper], velocity) = (joint.range, joint.velocity);
+    let are_finite = [lower, upper, velocity]
+        .iter()
+        .all(|number| number.is_finite());
+    if !are_finite || velocity < 0.0 {
         return unusable(format!(
-            "has limits that are none: lower {}, upper {} rad, velocity {} rad/s; without an end it is `continuous`",
-            limit.lower, limit.upper, limit.velocity
+            "has limits that are none: lower {lower}, upper {upper} rad, velocity {velocity} rad/s; without an end it is `continuous`"
         ));
     }
     Ok(())
@@ -169,13 +179,13 @@ fn usable(joint: &urdf_rs::Joint, robot: &Robot) -> Result<(), ImportError> {
 
 /// The range that soft limits leave, if there are any.
 fn within_soft_limits(
-    joint: &urdf_rs::Joint,
+    joint: &Joint,
     range: Option<[f64; 2]>,
 ) -> Result<Option<[f64; 2]>, ImportError> {
-    let (Some([lower, upper]), Some(soft)) = (range, &joint.safety_controller) else {
+    let (Some([lower, upper]), Some(soft)) = (range, joint.soft) else {
         return Ok(range);
     };
-    let [from, to] = [soft.soft_lower_limit, soft.soft_upper_limit];
+    let [from, to] = soft;
     // Without them in the URDF both are 0.
     if from == 0.0 && to == 0.0 {
         return Ok(range);
@@ -198,13 +208,13 @@ fn find(
     what: &'static str,
     fits: impl Fn(&str) -> bool,
 ) -> Result<String, ImportError> {
-    let links = || robot.links.iter().map(|link| link.name.as_str());
+    let links = || robot.links.iter().map(String::as_str);
     if let Some(link) = named {
         return match links().find(|known| *known == link) {
             Some(link) => Ok(link.to_owned()),
             None => Err(ImportError::UnknownLink {
                 link: link.to_owned(),
-                links: links().collect::<Vec<_>>().join(", "),
+                links: listed(links()),
             }),
         };
     }
@@ -216,17 +226,17 @@ fn find(
         ([], None) => Err(ImportError::Loop { what }),
         (several, None) => Err(ImportError::Ambiguous {
             what,
-            links: several.join(", "),
+            links: listed(several.iter().copied()),
         }),
     }
 }
 
-/// URDF: rpy are angles about the fixed axes x, y, z in that order.
-fn isometry(pose: &urdf_rs::Pose) -> Isometry3<f64> {
-    let [roll, pitch, yaw] = pose.rpy.0;
-    let rotation = Rotation3::from_euler_angles(roll, pitch, yaw);
-    Isometry3::from_parts(
-        Translation3::from(Vector3::from(pose.xyz.0)),
-        UnitQuaternion::from_rotation_matrix(&rotation),
-    )
+/// Names with commas between them; of very many the first ones.
+pub(crate) fn listed<'a>(mut names: impl Iterator<Item = &'a str>) -> String {
+    let first: Vec<&str> = names.by_ref().take(LISTED_MAX).collect();
+    let others = match names.count() {
+        0 => String::new(),
+        others => format!(" and {others} more"),
+    };
+    first.join(", ") + &others
 }

@@ -6,6 +6,7 @@ use std::fmt;
 use nalgebra::{Isometry3, Vector3};
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 
+use crate::chain::listed;
 use crate::{Chain, ImportError};
 
 /// Axes may be off by this, rad or m; the comparison of forward kinematics is sharper.
@@ -113,7 +114,7 @@ pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
 impl Fit<'_> {
     fn names(&self) -> String {
         let names = self.chain.hinges.iter().map(|hinge| hinge.name.as_str());
-        names.collect::<Vec<_>>().join(", ")
+        listed(names)
     }
 
     fn joint(&self, number: usize, misfit: Misfit) -> ImportError {

@@ -3,6 +3,7 @@
 
 mod chain;
 mod fit;
+mod urdf;
 mod yaml;
 
 use rcc_core::kinematics::Arm;
@@ -10,6 +11,7 @@ use rcc_core::message::{JOINTS_MAX, Joints};
 
 pub use chain::{Chain, Hinge};
 pub use fit::Misfit;
+pub use urdf::{BYTES_MAX, UrdfError};
 pub use yaml::yaml;
 
 /// Both forward kinematics may differ by this, m and rad.
@@ -36,7 +38,7 @@ pub struct Imported {
 pub enum ImportError {
     /// The text is no URDF.
     #[error("it cannot be read as URDF: {0}")]
-    NotUrdf(Box<urdf_rs::UrdfError>),
+    NotUrdf(#[from] UrdfError),
     /// A link is not there.
     #[error("there is no link `{link}`; the links are {links}")]
     UnknownLink {
@@ -141,11 +143,10 @@ pub enum ImportError {
 /// # Errors
 /// The text is no URDF, or xacro, or the chain is no arm that the core knows, with the joint that does not fit.
 pub fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Imported, ImportError> {
-    if text.contains("<xacro:") {
+    if text.len() <= BYTES_MAX && text.contains("<xacro:") {
         return Err(ImportError::Xacro);
     }
-    let robot =
-        urdf_rs::read_from_string(text).map_err(|error| ImportError::NotUrdf(Box::new(error)))?;
+    let robot = urdf::read(text)?;
     let chain = Chain::of(&robot, base, tip)?;
     let arm = fit::arm(&chain)?;
     let difference = difference(&chain, &arm);

@@ -185,3 +185,96 @@ fn links_are_named_where_it_is_not_clear_which() {
     let refusal = import("<robot", None, None).unwrap_err().to_string();
     assert!(refusal.contains("cannot be read as URDF"), "{refusal}");
 }
+
+#[test]
+fn deep_long_and_crowded_texts_are_refused_with_words() {
+    let said = |text: &str| import(text, None, None).unwrap_err().to_string();
+    // 600 kB, which took seconds when every element was looked at for each one below it.
+    let deep = said(&format!("<robot name=\"x\">{}", "<a>".repeat(200_000)));
+    assert!(deep.contains("nested more than 32 deep"), "{deep}");
+    let long = said(&" ".repeat(BYTES_MAX + 1));
+    assert!(long.contains("at most 8388608 are read"), "{long}");
+    let attributes: String = (0..50_000).map(|at| format!(" a{at}=\"\"")).collect();
+    let crowded = said(&format!("<robot name=\"x\"{attributes}/>"));
+    assert!(crowded.contains("more than 64 attributes"), "{crowded}");
+    let entities =
+        "<!DOCTYPE robot [<!ENTITY a \"aaaa\"><!ENTITY b \"&a;&a;\">]><robot name=\"&b;\"/>";
+    assert!(
+        said(entities).contains("cannot be read as URDF"),
+        "{}",
+        said(entities)
+    );
+}
+
+#[test]
+fn a_robot_of_very_many_links_is_refused_with_a_short_message() {
+    let mut text = String::from("<robot name=\"long\"><link name=\"l0\"/>");
+    for at in 1..20_000 {
+        let before = at - 1;
+        text += &format!(
+            "<link name=\"l{at}\"/><joint name=\"j{at}\" type=\"continuous\"><parent link=\"l{before}\"/><child link=\"l{at}\"/></joint>"
+        );
+    }
+    let text = text + "</robot>";
+    let refusal = import(&text, None, None).unwrap_err().to_string();
+    assert!(refusal.contains("19999 hinges"), "{refusal}");
+    assert!(refusal.len() < 500, "{refusal}");
+    let refusal = import(&text, Some("nowhere"), None)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("and 19980 more") && refusal.len() < 500,
+        "{refusal}"
+    );
+}
+
+#[test]
+fn what_a_urdf_lacks_is_told_with_its_line() {
+    let said = |joint: &str| {
+        let text = format!("<robot name=\"x\">\n<link name=\"a\"/>\n{joint}</robot>");
+        import(&text, None, None).unwrap_err().to_string()
+    };
+    for (joint, words) in [
+        ("<joint name=\"j\"/>", "line 3: `joint` lacks `type`"),
+        (
+            "<joint name=\"j\" type=\"bent\"/>",
+            "line 3: type=\"bent\" is not a type of joints",
+        ),
+        (
+            "<joint name=\"j\" type=\"fixed\"/>",
+            "line 3: `joint` lacks `parent`",
+        ),
+        (
+            "<joint name=\"j\" type=\"fixed\"><parent link=\"a\"/><child/></joint>",
+            "line 3: `child` lacks `link`",
+        ),
+        (
+            "<joint name=\"j\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/><origin xyz=\"0 0\"/></joint>",
+            "line 3: xyz=\"0 0\" is not three numbers",
+        ),
+        ("<link/>", "line 3: `link` lacks `name`"),
+    ] {
+        let said = said(joint);
+        assert!(said.contains(words), "{said}");
+    }
+    let other = import("<sdf/>", None, None).unwrap_err().to_string();
+    assert!(other.contains("its root is `sdf`"), "{other}");
+}
+
+#[test]
+fn a_quaternion_takes_the_place_of_angles_from_1_1_on() {
+    let text = data("kr6_r900_2.urdf");
+    let name = "<robot name=";
+    let with = |version: &str| {
+        let text = text.replacen(name, &format!("<robot version=\"{version}\" name="), 1);
+        let at = "rpy=\"0 1.5707963267948966 0\"";
+        assert!(text.contains(at));
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        text.replacen(at, &format!("quat_xyzw=\"0 {half} 0 {half}\""), 1)
+    };
+    assert!(import(&with("1.1"), None, None).unwrap().difference < 1e-14);
+    assert!(
+        import(&with("1.0"), None, None).is_err(),
+        "it is not known there"
+    );
+}

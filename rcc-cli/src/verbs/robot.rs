@@ -42,7 +42,7 @@ struct Import {
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let What::Import(import) = arguments.what;
     let shown = import.file.display().to_string();
-    let text = std::fs::read_to_string(&import.file)
+    let text = rcc_os::file::read_given(&import.file, rcc_robot::BYTES_MAX as u64)
         .map_err(|error| Failure::unreadable(&shown, &error))?;
     let imported = rcc_robot::import(&text, import.base.as_deref(), import.tip.as_deref());
     let imported = imported.map_err(|error| {
