@@ -251,7 +251,7 @@ impl Intake {
     }
 
     fn take(&mut self, request: Request) {
-        let call = match wire::decode_serde::<Call>(request.bytes()) {
+        let call = match wire::decode::<Call>(request.bytes()) {
             Ok(call) => call,
             Err(error) => {
                 self.complain(&format_args!("a request is refused: {error}"));
@@ -684,7 +684,7 @@ fn elements(values: &[InputValue]) -> usize {
 }
 
 fn reply(request: Request, answer: &Answer) {
-    let sent = wire::encode_serde(answer).map_err(|error| error.to_string());
+    let sent = wire::encode(answer).map_err(|error| error.to_string());
     let sent = sent.and_then(|bytes| request.answer(&bytes).map_err(|error| error.to_string()));
     if let Err(error) = sent {
         warn!("an answer was not delivered: {error}");

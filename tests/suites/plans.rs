@@ -37,11 +37,11 @@ impl Control {
             .client
             .call(bytes, Duration::from_secs(20))
             .expect("an answer");
-        wire::decode_serde(&answer).expect("an answer of this build")
+        wire::decode(&answer).expect("an answer of this build")
     }
 
     pub fn call(&self, call: &Call) -> Answer {
-        self.bytes(&wire::encode_serde(call).expect("a call"))
+        self.bytes(&wire::encode(call).expect("a call"))
     }
 
     pub fn reserve(&self) -> u64 {
@@ -86,7 +86,7 @@ fn bytes_that_are_no_call_are_refused_and_change_nothing() {
             "{length} bytes"
         );
     }
-    let mut cut = wire::encode_serde(&Call::Install {
+    let mut cut = wire::encode(&Call::Install {
         id: lamp,
         plan: control.plan(&nets::lamp("lamp")),
     })
@@ -160,7 +160,7 @@ fn a_plan_with_flipped_bits_is_refused_or_harmless() {
     let (mut random, mut refused) = (seed, 0);
     for round in 0..300 {
         let id = control.reserve();
-        let mut bytes = wire::encode_serde(&Call::Install {
+        let mut bytes = wire::encode(&Call::Install {
             id,
             plan: plan.clone(),
         })

@@ -25,16 +25,16 @@ pub fn run(data: &[u8]) {
     }
     // Readers take what they find or leave it.
     let _ = serde_json::from_slice::<CommandFile>(data);
-    let _ = wire::decode_serde::<Answer>(data);
+    let _ = wire::decode::<Answer>(data);
     let mut bench = Bench::new();
     let mut bytes = Unstructured::new(data);
     for _ in 0..CALLS_MAX {
         let Ok(call) = request(&mut bytes) else {
             break;
         };
-        if let Ok(call) = wire::decode_serde::<Call>(&call) {
+        if let Ok(call) = wire::decode::<Call>(&call) {
             assert!(
-                wire::encode_serde(&call).is_ok(),
+                wire::encode(&call).is_ok(),
                 "what was decoded can be encoded"
             );
             obey(&mut bench, call);
@@ -88,7 +88,7 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
             return Ok(bytes.bytes(length.min(bytes.len()))?.to_vec());
         }
     };
-    let mut call = wire::encode_serde(&call).unwrap_or_default();
+    let mut call = wire::encode(&call).unwrap_or_default();
     for _ in 0..bytes.int_in_range(0..=3)? {
         let at = bytes.int_in_range(0..=call.len().max(1) - 1)?;
         if let Some(place) = call.get_mut(at) {
@@ -146,5 +146,5 @@ fn obey(bench: &mut Bench, call: Call) {
         },
     };
     let answer = answer.unwrap_or_else(|| panic!("every call has an answer within its cycle"));
-    assert!(wire::encode_serde(&answer).is_ok());
+    assert!(wire::encode(&answer).is_ok());
 }

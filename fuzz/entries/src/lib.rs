@@ -18,6 +18,7 @@ pub mod net;
 pub mod plan;
 pub mod rest;
 pub mod shipped;
+pub mod wire;
 
 /// A target by its name.
 pub type Target = (&'static str, fn(&[u8]));
@@ -35,4 +36,5 @@ pub const TARGETS: &[Target] = &[
     ("net", net::run),
     ("plan", plan::run),
     ("rest", rest::run),
+    ("wire", wire::run),
 ];

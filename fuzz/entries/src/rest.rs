@@ -198,10 +198,10 @@ fn play(
         }
         match server.poll() {
             Ok(Some(request)) => {
-                let call = wire::decode_serde::<Call>(request.bytes());
+                let call = wire::decode::<Call>(request.bytes());
                 let answer = match (now.answers.pop_front(), call) {
                     (Some(bytes), _) => bytes,
-                    (None, Ok(call)) => good(wire::encode_serde(&now.obey(&call))),
+                    (None, Ok(call)) => good(wire::encode(&now.obey(&call))),
                     (None, Err(error)) => panic!("the loader sends calls: {error}"),
                 };
                 tables.write(&now.tables);

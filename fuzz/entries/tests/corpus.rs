@@ -62,6 +62,7 @@ replayed! {
     answers_of_any_bytes_leave_the_simulators_alive: "krc";
     servers_that_say_anything_leave_the_modbus_driver_alive: "modbus";
     texts_as_nets_are_accepted_or_refused_with_a_place: "net";
+    messages_of_any_bytes_are_refused_or_come_back: "wire";
     changed_plans_are_refused_or_keep_the_limits: "plan";
 }
 

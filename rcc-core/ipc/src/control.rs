@@ -9,6 +9,8 @@ use rcc_core::plan::{
 use serde::{Deserialize, Serialize};
 
 use crate::rehearsal::{Foreseen, Rehearsed};
+use crate::request::{REQUEST_MAX, RESPONSE_MAX};
+use crate::wire::Message;
 
 /// Name of the executor's request service in its announcement.
 pub const CONTROL: &str = "control";
@@ -218,6 +220,14 @@ pub enum Call {
     },
     /// Late cycles are acknowledged: what is latched begins anew.
     Acknowledge,
+}
+
+impl Message for Call {
+    const BYTES_MAX: usize = REQUEST_MAX;
+}
+
+impl Message for Answer {
+    const BYTES_MAX: usize = RESPONSE_MAX;
 }
 
 /// The executor's answer.

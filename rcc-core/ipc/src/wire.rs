@@ -1,24 +1,26 @@
-//! Messages and plans as bytes: the one place that knows which encoder is used (bincode), so that it can be replaced here.
-//! Run by any thread that may allocate; never a file format.
+//! Messages and plans as bytes. Run by any thread that may allocate; never a file format.
 //!
-//! Types derive [`Encode`] and [`Decode`], or only serde's traits (`encode_serde`, `decode_serde`) where a package
-//! must not know this one. The derive macros have to be told where their crate is:
+//! **Replacing the encoder.** This module alone names bincode (2.0.1, which nobody maintains any more). Messages know only
+//! serde's traits, so another encoder with serde support (`postcard`, `wincode`) takes its place by other bodies of
+//! `to_bytes` and `from_bytes` below, another line in the two `Cargo.toml`, and the corpora `fuzz/corpus/{door,wire}` made
+//! anew. No file holds such bytes, and loader and executor of one cell are of one build: nothing has to be converted.
 //!
-//! ```
-//! use rcc_ipc::wire::{Decode, Encode, decode, encode};
-//! #[derive(Encode, Decode, PartialEq, Debug)]
-//! #[bincode(crate = "rcc_ipc::wire::bincode")]
-//! struct Start { command: u32 }
-//! let bytes = encode(&Start { command: 7 })?;
-//! assert_eq!(decode::<Start>(&bytes)?, Start { command: 7 });
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! **What may come in.** Anything: the bytes are another process' word. A message is refused when it is longer than its
+//! type allows, before a byte of it is looked at; when it claims more than its bytes can hold, before that is allocated;
+//! and when it ends early or late. Decoding takes memory and time in proportion to the bytes that came
+//! (`tests/wire.rs` measures the memory). Depth needs no bound of its own, because no message type contains itself.
 
-pub use bincode;
-pub use bincode::{Decode, Encode};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
-/// The largest number of bytes that one decoded message may claim, in memory as well; more is refused before allocating.
-pub const DECODED_SIZE_MAX: usize = 64 << 20;
+/// What loader and executor send each other.
+///
+/// An implementation promises that its type does not contain itself (no `Box<Self>`), and that every element of its lists
+/// takes at least one byte (no list of units): the number of elements is then bounded by the length of the message.
+pub trait Message: Serialize + DeserializeOwned {
+    /// Longest encoded message, bytes.
+    const BYTES_MAX: usize;
+}
 
 /// Why a value could not be written as bytes.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +30,15 @@ pub struct EncodeError(#[from] bincode::error::EncodeError);
 /// Why bytes are not the expected message.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
-    /// The bytes end early, claim more than allowed, or hold a value that the type does not have.
+    /// Longer than any message of the type.
+    #[error("{size} bytes are no message of at most {max}; are both programs of the same build?")]
+    TooLong {
+        /// Bytes received.
+        size: usize,
+        /// [`Message::BYTES_MAX`].
+        max: usize,
+    },
+    /// The bytes end early, claim more than they hold, or hold a value that the type does not have.
     #[error(
         "{size} bytes are not the expected message: {cause}; are both programs of the same build?"
     )]
@@ -48,59 +58,57 @@ pub enum DecodeError {
     },
 }
 
-fn configuration() -> impl bincode::config::Config {
-    bincode::config::standard().with_limit::<DECODED_SIZE_MAX>()
-}
-
-/// The bytes of `value`.
+/// The bytes of `value`. Whoever sends them says when they are too many.
 ///
 /// # Errors
 /// When the type itself refuses to be encoded (none of ours does).
-pub fn encode<T: Encode>(value: &T) -> Result<Vec<u8>, EncodeError> {
-    Ok(bincode::encode_to_vec(value, configuration())?)
+pub fn encode<T: Message>(value: &T) -> Result<Vec<u8>, EncodeError> {
+    Ok(to_bytes(value)?)
 }
 
 /// The value that `bytes` hold, all of them.
 ///
 /// # Errors
-/// Anything that is not exactly one encoded `T` within [`DECODED_SIZE_MAX`].
-pub fn decode<T: Decode<()>>(bytes: &[u8]) -> Result<T, DecodeError> {
-    whole(bytes, bincode::decode_from_slice(bytes, configuration()))
+/// Anything that is not exactly one encoded `T` of at most [`Message::BYTES_MAX`] bytes.
+pub fn decode<T: Message>(bytes: &[u8]) -> Result<T, DecodeError> {
+    let (size, max) = (bytes.len(), T::BYTES_MAX);
+    if size > max {
+        return Err(DecodeError::TooLong { size, max });
+    }
+    match from_bytes(bytes) {
+        Ok((value, used)) if used == size => Ok(value),
+        Ok((_, used)) => Err(DecodeError::TrailingBytes { used, size }),
+        Err(cause) => Err(DecodeError::Malformed { size, cause }),
+    }
 }
 
-/// As [`encode`], for a type that only knows serde.
-///
-/// # Errors
-/// As [`encode`].
-pub fn encode_serde<T: serde::Serialize>(value: &T) -> Result<Vec<u8>, EncodeError> {
-    Ok(bincode::serde::encode_to_vec(value, configuration())?)
+fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, bincode::error::EncodeError> {
+    bincode::serde::encode_to_vec(value, bincode::config::standard())
 }
 
-/// As [`decode`], for a type that only knows serde.
-///
-/// # Errors
-/// As [`decode`].
-pub fn decode_serde<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
-    whole(
-        bytes,
-        bincode::serde::decode_from_slice(bytes, configuration()),
-    )
-}
-
-fn whole<T>(
+/// A number of one byte counts up to sixteen times of it, so a message may claim sixteen times its length and not more:
+/// otherwise a text of nine bytes could claim, and have allocated, as much as the longest message holds. bincode takes its
+/// limit as a constant, hence the steps.
+fn from_bytes<T: DeserializeOwned>(
     bytes: &[u8],
-    decoded: Result<(T, usize), bincode::error::DecodeError>,
-) -> Result<T, DecodeError> {
-    match decoded {
-        Ok((value, used)) if used == bytes.len() => Ok(value),
-        Ok((_, used)) => Err(DecodeError::TrailingBytes {
-            used,
-            size: bytes.len(),
-        }),
-        Err(cause) => Err(DecodeError::Malformed {
-            size: bytes.len(),
-            cause,
-        }),
+) -> Result<(T, usize), bincode::error::DecodeError> {
+    const SMALL: usize = 16 << 10;
+    const MIDDLE: usize = 256 << 10;
+    const LARGE: usize = 4 << 20;
+    let standard = bincode::config::standard();
+    match bytes.len() {
+        ..=SMALL => {
+            let limited = standard.with_limit::<{ 16 * SMALL }>();
+            bincode::serde::decode_from_slice(bytes, limited)
+        }
+        ..=MIDDLE => {
+            let limited = standard.with_limit::<{ 16 * MIDDLE }>();
+            bincode::serde::decode_from_slice(bytes, limited)
+        }
+        _ => {
+            let limited = standard.with_limit::<{ 16 * LARGE }>();
+            bincode::serde::decode_from_slice(bytes, limited)
+        }
     }
 }
 
@@ -108,9 +116,17 @@ fn whole<T>(
 mod tests {
     use super::*;
 
-    type Message = (u32, Vec<f64>, Option<String>);
+    type Sample = (u32, Vec<f64>, Option<String>);
 
-    fn message() -> Message {
+    impl Message for Sample {
+        const BYTES_MAX: usize = 64;
+    }
+
+    impl Message for String {
+        const BYTES_MAX: usize = 1 << 20;
+    }
+
+    fn sample() -> Sample {
         (
             7,
             vec![1.0, f64::NEG_INFINITY, -0.0],
@@ -120,23 +136,17 @@ mod tests {
 
     #[test]
     fn what_is_encoded_comes_back() -> Result<(), Box<dyn std::error::Error>> {
-        assert_eq!(decode::<Message>(&encode(&message())?)?, message());
-        assert_eq!(
-            decode_serde::<Message>(&encode_serde(&message())?)?,
-            message()
-        );
+        assert_eq!(decode::<Sample>(&encode(&sample())?)?, sample());
         Ok(())
     }
 
     #[test]
     fn every_shortened_message_is_refused() -> Result<(), EncodeError> {
-        let bytes = encode(&message())?;
+        let bytes = encode(&sample())?;
         for size in 0..bytes.len() {
+            let refused = decode::<Sample>(&bytes[..size]);
             assert!(
-                matches!(
-                    decode::<Message>(&bytes[..size]),
-                    Err(DecodeError::Malformed { .. })
-                ),
+                matches!(refused, Err(DecodeError::Malformed { .. })),
                 "{size}"
             );
         }
@@ -145,10 +155,10 @@ mod tests {
 
     #[test]
     fn trailing_bytes_are_refused() -> Result<(), EncodeError> {
-        let mut bytes = encode(&message())?;
+        let mut bytes = encode(&sample())?;
         let used = bytes.len();
         bytes.push(0);
-        let error = decode::<Message>(&bytes);
+        let error = decode::<Sample>(&bytes);
         assert!(
             matches!(error, Err(DecodeError::TrailingBytes { used: u, size }) if u == used && size == used + 1)
         );
@@ -156,12 +166,21 @@ mod tests {
     }
 
     #[test]
-    fn a_length_beyond_the_limit_is_refused_without_allocating_it() {
-        // Variable length integer 253 announces eight bytes: a Vec<u8> of 2^40 elements.
-        let bytes = [253, 0, 0, 0, 0, 0, 1, 0, 0];
+    fn more_bytes_than_the_type_has_are_refused() {
+        let refused = decode::<Sample>(&[0; 65]);
         assert!(matches!(
-            decode::<Vec<u8>>(&bytes),
-            Err(DecodeError::Malformed { .. })
+            refused,
+            Err(DecodeError::TooLong { size: 65, max: 64 })
         ));
+    }
+
+    #[test]
+    fn a_length_beyond_the_limit_is_refused_without_allocating_it() {
+        // Variable length integer 253 announces eight bytes: a text of 2^40 bytes; 252 announces four: one of 16 MiB.
+        for bytes in [&[253, 0, 0, 0, 0, 0, 1, 0, 0][..], &[252, 0, 0, 0, 1]] {
+            let cause = decode::<String>(bytes).err().map(|error| error.to_string());
+            let cause = cause.unwrap_or_default();
+            assert!(cause.contains("LimitExceeded"), "{cause}");
+        }
     }
 }

@@ -81,11 +81,11 @@ impl Attached {
                 "install both from one build and restart them",
             )
         };
-        let bytes = wire::encode_serde(call).map_err(|error| other_build(&error))?;
+        let bytes = wire::encode(call).map_err(|error| other_build(&error))?;
         let answer = locked(&self.client)
             .call(&bytes, CALL_TIMEOUT)
             .map_err(|error| ApiError::of_call(cell, &error))?;
-        wire::decode_serde(&answer).map_err(|error| other_build(&error))
+        wire::decode(&answer).map_err(|error| other_build(&error))
     }
 }
 

@@ -146,9 +146,9 @@ fn serve(server: &Server, state: &mut State, stop: &AtomicBool) {
         match server.poll().expect("poll") {
             None => thread::sleep(Duration::from_millis(1)),
             Some(request) => {
-                let call: Call = wire::decode_serde(request.bytes()).expect("a call");
+                let call: Call = wire::decode(request.bytes()).expect("a call");
                 let answer = state.answer(call);
-                let bytes = wire::encode_serde(&answer).expect("an answer");
+                let bytes = wire::encode(&answer).expect("an answer");
                 request.answer(&bytes).expect("answered");
             }
         }

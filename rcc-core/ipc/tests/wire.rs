@@ -1,0 +1,243 @@
+//! Bytes of any kind as messages: nothing panics, nothing takes more memory than the bytes that came allow, and what is
+//! accepted can be sent again. One thread, whose heap is measured.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::fmt::Debug;
+
+use rcc_core::plan::{Rate, ValuePoint};
+use rcc_core::types::Store;
+use rcc_ipc::control::{Answer, Call, InputValue, PlanData, Refusal, Values};
+use rcc_ipc::wire::{Message, decode, encode};
+
+/// Measures the heap of a thread.
+struct Measuring;
+
+thread_local! {
+    /// Bytes in use now, and the most since the last look.
+    static HEAP: Cell<(usize, usize)> = const { Cell::new((0, 0)) };
+}
+
+fn taken(size: usize) {
+    // At the end of a thread there is nothing left to measure.
+    let _ = HEAP.try_with(|heap| {
+        let (now, most) = heap.get();
+        let now = now.saturating_add(size);
+        heap.set((now, most.max(now)));
+    });
+}
+
+fn given_back(size: usize) {
+    let _ = HEAP.try_with(|heap| {
+        let (now, most) = heap.get();
+        heap.set((now.saturating_sub(size), most));
+    });
+}
+
+#[allow(unsafe_code)]
+// SAFETY: everything is passed on to the system's allocator; measuring allocates nothing.
+unsafe impl GlobalAlloc for Measuring {
+    // SAFETY: the caller's promises are passed on.
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        taken(layout.size());
+        // SAFETY: as above.
+        unsafe { System.alloc(layout) }
+    }
+    // SAFETY: the caller's promises are passed on.
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        given_back(layout.size());
+        // SAFETY: as above.
+        unsafe { System.dealloc(memory, layout) }
+    }
+    // SAFETY: the caller's promises are passed on.
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // Both may exist for a moment.
+        taken(size);
+        given_back(layout.size());
+        // SAFETY: as above.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Measuring = Measuring;
+
+/// The most bytes that `work` had in use at a time.
+fn most(work: impl FnOnce()) -> usize {
+    let (before, _) = HEAP.with(Cell::get);
+    HEAP.with(|heap| heap.set((before, before)));
+    work();
+    HEAP.with(Cell::get).1 - before
+}
+
+/// serde takes room for this much of a list before its elements have come.
+const AHEAD: usize = 1 << 20;
+/// Lists within lists of a message.
+const NESTED: usize = 2;
+/// Bytes of memory for each byte of a message: an empty list within a list takes one byte there and 32 here, and a list
+/// that grows exists twice, once with double the room.
+const GROWTH: usize = 32 * 3;
+
+fn try_it<T: Message + Debug>(bytes: &[u8]) -> bool {
+    let mut accepted = false;
+    let used = most(|| {
+        if let Ok(message) = decode::<T>(bytes) {
+            accepted = true;
+            drop(message);
+        }
+    });
+    let allowed = AHEAD * NESTED + GROWTH * bytes.len() + 4096;
+    assert!(used <= allowed, "{used} bytes for {bytes:?}");
+    if accepted {
+        let again = |bytes: &[u8]| decode::<T>(bytes).ok().and_then(|one| encode(&one).ok());
+        let once = again(bytes).expect("what was accepted can be sent");
+        assert_eq!(again(&once), Some(once.clone()), "{bytes:?}");
+    }
+    accepted
+}
+
+/// xorshift64*
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
+    }
+
+    fn below(&mut self, end: usize) -> usize {
+        (self.next() % end as u64) as usize
+    }
+}
+
+fn calls() -> Vec<Vec<u8>> {
+    let point = ValuePoint {
+        store: Store::Real,
+        slot: 3,
+        width: 7,
+    };
+    let plan = PlanData {
+        catalogue: u64::MAX,
+        reals: vec![0.5; 20],
+        bools: vec![1; 9],
+        ints: vec![i64::MIN, -1, 1 << 40],
+        operands: (0..300).collect(),
+        clocks: 1,
+        rate: Rate::default(),
+        ..PlanData::default()
+    };
+    let value = |words: &[u64]| InputValue {
+        input: 1,
+        words: words.to_vec(),
+    };
+    let all = [
+        Call::Reserve,
+        Call::Install { id: 1, plan },
+        Call::Start { id: u64::MAX },
+        Call::Switch {
+            stop: vec![1, 2],
+            start: vec![3],
+        },
+        Call::Set {
+            id: 4,
+            values: vec![value(&[0, u64::MAX]), value(&[]), value(&[7])],
+        },
+        Call::Read {
+            id: 5,
+            points: vec![point; 4],
+        },
+        Call::Acknowledge,
+    ];
+    all.iter()
+        .map(|call| encode(call).expect("a call"))
+        .collect()
+}
+
+fn answers() -> Vec<Vec<u8>> {
+    let values = Values {
+        cycle: 1 << 40,
+        words: (0..40).collect(),
+        ..Values::default()
+    };
+    let refusal = Refusal::FirstSetPoint {
+        device: 1,
+        joint: 2,
+        value: 0.1,
+        limit: f64::NAN,
+        violation: 3,
+    };
+    let all = [
+        Answer::Reserved { id: 7 },
+        Answer::Done { cycle: 300 },
+        Answer::Values(values),
+        Answer::Refused(Refusal::NotUnderstood),
+        Answer::RefusedFor { id: 9, refusal },
+    ];
+    all.iter()
+        .map(|one| encode(one).expect("an answer"))
+        .collect()
+}
+
+/// Numbers that begin something long: 251 to 254 announce two to sixteen bytes.
+const HUGE: [&[u8]; 5] = [
+    &[251, 255, 255],
+    &[252, 255, 255, 255, 15],
+    &[253, 255, 255, 255, 255, 255, 255, 255, 127],
+    &[253, 0, 0, 0, 0, 0, 1, 0, 0],
+    &[254],
+];
+
+fn of_any_kind<T: Message + Debug>(samples: &[Vec<u8>], seed: u64) {
+    let mut chance = Chance(seed);
+    println!("seed {seed:#x}");
+    for sample in samples {
+        assert!(try_it::<T>(sample), "a sample is accepted");
+        for end in 0..sample.len() {
+            assert!(!try_it::<T>(&sample[..end]), "cut after {end}");
+            for huge in HUGE {
+                // In place of what is there, and between it.
+                try_it::<T>(&[&sample[..end], huge].concat());
+                try_it::<T>(&[&sample[..end], huge, &sample[end..]].concat());
+                try_it::<T>(&[&sample[..end], huge, &sample[end + 1..]].concat());
+            }
+        }
+        assert!(!try_it::<T>(&[&sample[..], &[0]].concat()), "one more");
+        for _ in 0..2000 {
+            let mut changed = sample.clone();
+            for _ in 0..=chance.below(3) {
+                let at = chance.below(changed.len());
+                changed[at] = chance.next() as u8;
+            }
+            try_it::<T>(&changed);
+        }
+    }
+    for _ in 0..5000 {
+        let length = chance.below(600);
+        let mut bytes: Vec<u8> = (0..length).map(|_| chance.next() as u8).collect();
+        if let Some(first) = bytes.first_mut() {
+            *first %= 16;
+        }
+        try_it::<T>(&bytes);
+    }
+    // As much as may come, all of one kind.
+    for byte in [0, 1, 250, 251, 252, 253, 255] {
+        for first in 0..14 {
+            let mut bytes = vec![byte; T::BYTES_MAX.min(1 << 18)];
+            bytes[0] = first;
+            try_it::<T>(&bytes);
+        }
+    }
+    assert!(decode::<T>(&vec![0; T::BYTES_MAX + 1]).is_err());
+}
+
+#[test]
+fn bytes_of_any_kind_are_calls_or_refused() {
+    of_any_kind::<Call>(&calls(), 0x9e37_79b9_7f4a_7c15);
+}
+
+#[test]
+fn bytes_of_any_kind_are_answers_or_refused() {
+    of_any_kind::<Answer>(&answers(), 0x2545_f491_4f6c_dd1d);
+}
