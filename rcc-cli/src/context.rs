@@ -112,6 +112,7 @@ pub fn of_cell(error: &rcc_ipc::CellError) -> Failure {
         CellError::Folder { source, .. } if source.kind() == io::ErrorKind::PermissionDenied => {
             codes::NOT_PERMITTED
         }
+        CellError::MadeAnew { .. } => codes::CELL_LIVES,
         CellError::Folder { .. } => codes::PROCESS_FAILED,
     };
     Failure::new(code, error.to_string(), "")

@@ -3,10 +3,10 @@
 
 use std::fs::{self, DirBuilder};
 use std::io;
-use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use crate::prefix;
 use crate::room::SHM;
 
 /// Names have at most this many characters.
@@ -52,9 +52,16 @@ pub enum CellError {
         /// What the system said.
         source: io::Error,
     },
+    /// The cell was taken down, and made anew with another prefix, since it was looked up.
+    #[error("cell '{cell}' was made anew meanwhile: try again")]
+    MadeAnew {
+        /// The cell.
+        cell: String,
+    },
     /// The folder is there but belongs to somebody else.
     #[error(
-        "{path} belongs to user {owner}, you are {uid}: set RCC_RUNTIME_DIR to a folder of your own"
+        "{path} belongs to {}, you are {}: ask that user or root to remove it, use another cell name (--cell), or set RCC_RUNTIME_DIR to a folder of your own",
+        person(*owner), person(*uid)
     )]
     NotOurs {
         /// The folder.
@@ -113,11 +120,10 @@ impl Cell {
             path: runtime_dir.to_owned(),
             source,
         })?;
-        let prefix = prefix_of(nix::unistd::getuid().as_raw(), &runtime_dir);
-        let cell = Cell {
+        let mut cell = Cell {
             name: name.to_owned(),
             runtime_dir,
-            prefix,
+            prefix: String::new(),
         };
         let path = cell.socket();
         let size = path.as_os_str().len();
@@ -125,6 +131,8 @@ impl Cell {
             return Err(CellError::PathTooLong { path, size });
         }
         cell.make_folders()?;
+        let (file, lock) = (cell.prefix_file(), cell.lock_file());
+        cell.prefix = prefix::of(uid(), &cell.runtime_dir, &file, &lock)?;
         Ok(cell)
     }
 
@@ -189,6 +197,21 @@ impl Cell {
         self.runtime_dir.join("cell.yaml")
     }
 
+    /// What keeps the prefix, if it is not the usual one.
+    pub(crate) fn prefix_file(&self) -> PathBuf {
+        self.runtime_dir.join("prefix")
+    }
+
+    /// Makes sure that this cell is still what it was when it was looked up. Call it while holding the cell's lock.
+    pub(crate) fn require_same_prefix(&self) -> Result<(), CellError> {
+        match prefix::current(uid(), &self.runtime_dir, &self.prefix_file())? {
+            now if now == self.prefix => Ok(()),
+            _ => Err(CellError::MadeAnew {
+                cell: self.name.clone(),
+            }),
+        }
+    }
+
     /// Held shared by every process in the cell, exclusively by whoever wipes it.
     pub(crate) fn lock_file(&self) -> PathBuf {
         self.runtime_dir.join("cell.lock")
@@ -249,6 +272,20 @@ impl Cell {
     }
 }
 
+fn uid() -> u32 {
+    nix::unistd::getuid().as_raw()
+}
+
+/// A user as people know him: `user rcc (uid 998)`.
+#[must_use]
+pub fn person(uid: u32) -> String {
+    let found = nix::unistd::User::from_uid(nix::unistd::Uid::from_raw(uid));
+    match found.ok().flatten() {
+        Some(user) => format!("user {} (uid {uid})", user.name),
+        None => format!("a user without name (uid {uid})"),
+    }
+}
+
 fn check_name(name: &str) -> Result<(), CellError> {
     if is_name(name) {
         Ok(())
@@ -286,19 +323,6 @@ pub fn base_dir() -> PathBuf {
     } else {
         PathBuf::from(format!("/tmp/rcc-{uid}"))
     }
-}
-
-/// FNV-1a over user and folder: stable over builds and machines, unlike the standard library's hashers.
-fn prefix_of(uid: u32, runtime_dir: &Path) -> String {
-    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
-    for &byte in uid
-        .to_le_bytes()
-        .iter()
-        .chain(runtime_dir.as_os_str().as_bytes())
-    {
-        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    }
-    format!("rcc_{:010x}_", (hash ^ (hash >> 40)) & 0xff_ffff_ffff)
 }
 
 /// Makes the folder if it is missing (mode 0700) and makes sure that nobody else can have prepared it for us, or can put
@@ -365,15 +389,6 @@ mod tests {
                 "{bad}"
             );
         }
-    }
-
-    #[test]
-    fn user_and_folder_make_the_prefix() {
-        let demo = prefix_of(1000, Path::new("/run/rcc/demo"));
-        assert_eq!(demo, prefix_of(1000, Path::new("/run/rcc/demo")));
-        assert_ne!(demo, prefix_of(1001, Path::new("/run/rcc/demo")));
-        assert_ne!(demo, prefix_of(1000, Path::new("/run/rcc/demo2")));
-        assert!(demo.len() == 15 && demo.starts_with("rcc_") && demo.ends_with('_'));
     }
 
     #[test]

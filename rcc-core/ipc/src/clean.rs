@@ -3,23 +3,24 @@
 
 use std::fs;
 use std::io::{self, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime};
-
-use iceoryx2::prelude::{Config, FilePath, SemanticString};
+use std::time::{Duration, Instant};
 
 use crate::announce::{AnnounceError, Announcement};
 use crate::cell::{Cell, CellError};
 use crate::lock::{self, LockError};
-use crate::reap;
 use crate::room::SHM;
-use crate::session::{self, Role, SessionError};
+use crate::session::{Role, SessionError};
 
-/// A shared-memory file still empty after this time was left by a process that died between making and sizing it.
-pub const HALF_CREATED_AFTER: Duration = Duration::from_millis(300);
+mod half_created;
+mod janitor;
+
+pub use half_created::{HALF_CREATED_AFTER, remove_half_created};
+pub use janitor::be_the_janitor;
+
 /// How long a janitor may take, unless the caller says otherwise: 34 ms were the most ever seen.
 pub const JANITOR_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -29,8 +30,6 @@ const DYING: Duration = Duration::from_secs(2);
 const JANITOR: &str = "rcc-janitor";
 /// How often a child that should end soon is looked at.
 const WAIT_STEP: Duration = Duration::from_millis(2);
-/// How often the janitor removes half-created files while it cleans.
-const SWEEP_STEP: Duration = Duration::from_millis(50);
 
 /// What one run of the janitor did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -86,6 +85,18 @@ pub enum CleanError {
     /// This process could not enter the cell in order to clean.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// No room to enter the cell, and nothing more that is ours to remove.
+    #[error(
+        "{SHM} has {have} bytes free, cleaning needs {need}; {freed} files of dead processes were removed: remove old files there (`rcc-cli doctor --clean` finds those of RCC), or enlarge it (mount -o remount,size=)"
+    )]
+    Full {
+        /// Files that went.
+        freed: usize,
+        /// Bytes free now.
+        have: u64,
+        /// Bytes needed.
+        need: u64,
+    },
     /// Files could not be listed or removed.
     #[error("{path}: {source}")]
     File {
@@ -168,23 +179,56 @@ impl Cell {
         Ok(found)
     }
 
-    /// The shared-memory files of this cell.
+    /// The shared-memory files of this cell that belong to this user.
     pub(crate) fn shared_memory(&self) -> io::Result<Vec<PathBuf>> {
         let root = self.iox_root();
-        let mut found = Vec::new();
-        for entry in fs::read_dir(SHM)? {
-            let entry = entry?;
-            let ours = entry
-                .file_name()
-                .as_encoded_bytes()
-                .starts_with(self.prefix().as_bytes());
-            if ours && entry.path() != root {
-                found.push(entry.path());
-            }
-        }
-        found.sort();
-        Ok(found)
+        let (mut ours, _) = below_prefix(self.prefix())?;
+        ours.retain(|path| *path != root);
+        Ok(ours)
     }
+
+    /// What others have laid under this cell's prefix, with its owner: nothing of the cell, and not ours to remove.
+    ///
+    /// # Errors
+    /// `/dev/shm` cannot be read.
+    pub fn foreign(&self) -> io::Result<Vec<Foreign>> {
+        Ok(below_prefix(self.prefix())?.1)
+    }
+}
+
+/// A file in `/dev/shm` that another user has laid under a cell's prefix.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Foreign {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Its owner's user id.
+    pub owner: u32,
+}
+
+/// What lies in `/dev/shm` under a prefix, in the order of the names: ours, and that of other users.
+pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<Foreign>)> {
+    let uid = nix::unistd::getuid().as_raw();
+    let (mut ours, mut foreign) = (Vec::new(), Vec::new());
+    for entry in fs::read_dir(SHM)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if !name.as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            continue;
+        }
+        // Missing now: its owner removed it in the meantime.
+        let Ok(found) = entry.metadata() else {
+            continue;
+        };
+        let (path, owner) = (entry.path(), found.uid());
+        if owner == uid {
+            ours.push(path);
+        } else {
+            foreign.push(Foreign { path, owner });
+        }
+    }
+    ours.sort();
+    foreign.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok((ours, foreign))
 }
 
 /// All files below a folder, or nothing if there is no folder.
@@ -204,37 +248,6 @@ fn files_below(folder: &Path) -> io::Result<Option<Vec<PathBuf>>> {
         }
     }
     Ok(Some(files))
-}
-
-/// Removes this cell's shared-memory files that are still empty after [`HALF_CREATED_AFTER`]; returns how many.
-/// iceoryx2 0.10.0 waits for such a file for ever, so this frees threads that hang there. Uses no iceoryx2 itself:
-/// any thread may call it at any time.
-///
-/// # Errors
-/// `/dev/shm` cannot be read, or a file cannot be removed.
-pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
-    let failed = |path: &Path, source| CleanError::File {
-        path: path.to_owned(),
-        source,
-    };
-    let mut removed = 0;
-    for path in cell
-        .shared_memory()
-        .map_err(|source| failed(Path::new(SHM), source))?
-    {
-        // Missing now: its owner removed it in the meantime.
-        let Ok(found) = fs::metadata(&path) else {
-            continue;
-        };
-        let age = found
-            .modified()
-            .ok()
-            .and_then(|made| SystemTime::now().duration_since(made).ok());
-        if found.len() == 0 && age.is_some_and(|age| age >= HALF_CREATED_AFTER) {
-            removed += usize::from(remove_file(&path).map_err(|source| failed(&path, source))?);
-        }
-    }
-    Ok(removed)
 }
 
 /// Runs the janitor as a process of its own and kills it after `timeout` ([`JANITOR_TIMEOUT`] is usual).
@@ -285,75 +298,6 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
     })
 }
 
-/// What the janitor's process does. It may hang for ever in iceoryx2, so nobody else calls it.
-///
-/// # Errors
-/// The cell cannot be entered, or files cannot be removed.
-pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
-    let half_created = remove_half_created(cell)?;
-    let beside = cell.clone();
-    // Files that were too young just now; the thread ends with the process.
-    let sweeping = thread::Builder::new().name("sweep".into()).spawn(move || {
-        loop {
-            thread::sleep(SWEEP_STEP);
-            // What cannot be removed now is tried again.
-            let _ = remove_half_created(&beside);
-        }
-    });
-    sweeping.map_err(CleanError::Thread)?;
-    cell.make_iox_root().map_err(SessionError::from)?;
-    use_as_global_configuration(cell)?;
-    let (_membership, node) = session::enter(cell)?;
-    // One at a time: a second one would fail on what the first removes.
-    let _alone =
-        lock::exclusive_within(&cell.janitor_lock_file(), JANITOR_TIMEOUT).map_err(|source| {
-            SessionError::Lock {
-                cell: cell.name().to_owned(),
-                source,
-            }
-        })?;
-    // First iceoryx2, which also strikes the dead out of what they shared with the living; then what it left.
-    let failed = |(path, source)| CleanError::File { path, source };
-    let dead = reap::Dead::of(cell).map_err(failed)?;
-    let dead_nodes = node.try_cleanup_dead_nodes().cleanups;
-    let reaped = reap::reap(cell, &dead).map_err(failed)?;
-    Ok(CleanReport {
-        half_created,
-        dead_nodes,
-        reaped,
-    })
-}
-
-/// For dead nodes that left no details iceoryx2 falls back to its process-wide configuration; without this it would
-/// look for them under its defaults.
-fn use_as_global_configuration(cell: &Cell) -> Result<(), CleanError> {
-    let path = cell
-        .iox_root()
-        .join(format!("janitor-{}.toml", std::process::id()));
-    let failed = |source| CleanError::File {
-        path: path.clone(),
-        source,
-    };
-    let quoted = |text: &str| serde_json::Value::from(text).to_string();
-    let text = format!(
-        "[global]\nroot-path = {}\nprefix = {}\n[global.node]\ncleanup-dead-nodes-on-creation = false\n\
-         cleanup-dead-nodes-on-destruction = false\n[global.service]\ncleanup-dead-nodes-on-open = false\n",
-        quoted(&cell.iox_root().display().to_string()),
-        quoted(cell.prefix()),
-    );
-    write_private(&path, text.as_bytes()).map_err(failed)?;
-    let taken = FilePath::new(path.as_os_str().as_encoded_bytes())
-        .ok()
-        .and_then(|file| Config::setup_global_config_from_file(&file).ok());
-    remove_file(&path).map_err(failed)?;
-    match taken {
-        Some(_) => Ok(()),
-        None => Err(failed(io::Error::other(
-            "iceoryx2 does not take this configuration",
-        ))),
-    }
-}
-
 /// Removes everything that a dead cell left, so that it can start as if new. Call it before joining: a process that
 /// is in the cell, announced or not, is a reason to refuse. Other cells are never touched.
 ///
@@ -375,6 +319,7 @@ pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
     let ours = [
         cell.config_copy(),
         cell.janitor_lock_file(),
+        cell.prefix_file(),
         cell.lock_file(),
     ];
     for path in ours.into_iter().chain(cell.life_files()) {

@@ -29,6 +29,7 @@ pub mod life;
 pub mod lock;
 pub mod parcel;
 pub mod pattern;
+mod prefix;
 mod reap;
 pub mod rehearsal;
 pub mod request;

@@ -5,7 +5,9 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
+
+use rcc_os::{file, wall};
 
 use crate::cell::Cell;
 use crate::life::started_ns;
@@ -13,6 +15,8 @@ use crate::parcel;
 
 /// Ticks, clocks and their reading differ by less than this.
 const CLOCK_SLACK_NS: u64 = 50_000_000;
+/// Longest description of a service that is read, bytes; they have about one kilobyte.
+const DESCRIPTION_MAX: u64 = 64 << 10;
 /// A file of iceoryx2 that is still empty after this time was never finished (it waits 100 ms itself).
 const UNFINISHED_AFTER: Duration = Duration::from_secs(1);
 
@@ -68,7 +72,7 @@ impl Dead {
             .flat_map(|path| ids_in(&name_of(path)).collect::<Vec<_>>())
             .collect();
         for path in files_in(&cell.iox_root().join("services"))? {
-            let text = fs::read_to_string(path).unwrap_or_default();
+            let text = file::read_text(&path, DESCRIPTION_MAX).unwrap_or_default();
             ids.extend(service_id(&text).map(Id::from_value));
         }
         ids.retain(|id| id.maker_is_dead());
@@ -88,8 +92,23 @@ pub(crate) fn reap(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Erro
     Ok(reap_shared_memory(cell, dead)?
         + reap_services(cell, dead)?
         + reap_nodes(cell, dead)?
-        + reap_configurations(cell)?
         + reap_parcels(cell)?)
+}
+
+/// Removes what takes room and what nobody uses any more, and makes nothing: shared memory of the dead that nobody has
+/// mapped, and their long requests. Nodes and services stay for iceoryx2. Returns how many files went.
+///
+/// # Errors
+/// As [`reap`].
+pub(crate) fn free(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Error)> {
+    Ok(reap_shared_memory(cell, dead)? + reap_parcels(cell)?)
+}
+
+/// True if the name of a file tells who made it, and all of them are dead.
+pub(crate) fn is_of_the_dead(path: &Path) -> bool {
+    let name = name_of(path);
+    let mut makers = ids_in(&name).peekable();
+    makers.peek().is_some() && makers.all(|id| id.maker_is_dead())
 }
 
 /// Files of long requests whose sender is dead.
@@ -123,7 +142,7 @@ fn reap_services(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)
     let names: Vec<String> = shared.iter().map(|path| name_of(path)).collect();
     let mut dead = files_in(&cell.iox_root().join("services"))?;
     dead.retain(|path| {
-        match fs::read_to_string(path)
+        match file::read_text(path, DESCRIPTION_MAX)
             .ok()
             .and_then(|text| service_id(&text))
         {
@@ -158,20 +177,6 @@ fn reap_nodes(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
     Ok(removed)
 }
 
-/// Configurations of janitors that died before they had read them: `janitor-PID.toml`.
-fn reap_configurations(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
-    let mut dead = files_in(&cell.iox_root())?;
-    dead.retain(|path| {
-        let name = name_of(path);
-        let pid = name
-            .strip_prefix("janitor-")
-            .and_then(|rest| rest.strip_suffix(".toml"));
-        pid.and_then(|pid| pid.parse().ok())
-            .is_some_and(|pid| matches!(started_ns(pid), Ok(None)))
-    });
-    remove_all(dead)
-}
-
 /// The number of a service as its description tells it.
 fn service_id(text: &str) -> Option<u128> {
     let section = text.split_once("[unique_service_id]")?.1;
@@ -182,11 +187,11 @@ fn service_id(text: &str) -> Option<u128> {
     Some(value("unique_value")? << 64 | value("payload_value")?)
 }
 
+/// A description that tells no number: its creator died while it wrote it, or writes it now. One dated in the future is
+/// of before the clock was set, or the clock is wrong: then it is no reason to keep it for ever.
 fn is_unfinished(path: &Path) -> bool {
-    let modified = fs::metadata(path).and_then(|found| found.modified()).ok();
-    modified
-        .and_then(|modified| SystemTime::now().duration_since(modified).ok())
-        .is_some_and(|age| age >= UNFINISHED_AFTER)
+    let modified = fs::symlink_metadata(path).and_then(|found| found.modified());
+    modified.is_ok_and(|modified| wall::age(modified).is_none_or(|age| age >= UNFINISHED_AFTER))
 }
 
 /// This cell's shared memory that any process we may look at has mapped.

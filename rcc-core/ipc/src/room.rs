@@ -31,13 +31,21 @@ pub fn require(need: u64) -> Result<(), NoRoom> {
     check(Path::new(SHM), need)
 }
 
+/// Bytes of shared memory that can still be created; nothing if the file system cannot be asked.
+pub(crate) fn free() -> Option<u64> {
+    free_in(Path::new(SHM))
+}
+
+fn free_in(path: &Path) -> Option<u64> {
+    let found = nix::sys::statvfs::statvfs(path).ok()?;
+    let blocks = found.blocks_available();
+    Some(blocks.saturating_mul(found.fragment_size()))
+}
+
 fn check(path: &Path, need: u64) -> Result<(), NoRoom> {
-    let Ok(found) = nix::sys::statvfs::statvfs(path) else {
+    let Some(have) = free_in(path) else {
         return Ok(());
     };
-    let have = found
-        .blocks_available()
-        .saturating_mul(found.fragment_size());
     let need = need.saturating_add(RESERVE);
     if have < need {
         return Err(NoRoom {

@@ -261,6 +261,8 @@ fn enter_as_it_is(
         })?;
     // Again: a wipe may have ended between the two.
     cell.make_folders()?;
+    cell.require_same_prefix()?;
+    refuse_foreign(cell)?;
     cell.make_iox_root()?;
     let node = NodeBuilder::new()
         .config(&config(cell)?)
@@ -274,32 +276,47 @@ fn enter_as_it_is(
     Ok((membership, node))
 }
 
+/// The two files whose names are known before they are made may be somebody else's: that would be taken for the cell's
+/// own. While a process of the cell lives they are there and ours; without one the cell takes another prefix at the next
+/// look. All other names have numbers that nobody foresees, so what lies beside them keeps nobody out.
+fn refuse_foreign(cell: &Cell) -> Result<(), SessionError> {
+    let foreign = cell.foreign().map_err(|source| CellError::Folder {
+        path: SHM.into(),
+        source,
+    })?;
+    let root = cell.iox_root();
+    let mut blocking = foreign
+        .into_iter()
+        .filter(|file| file.path == root || is_common(&file.path));
+    match blocking.next() {
+        None => Ok(()),
+        Some(first) => Err(SessionError::from(CellError::NotOurs {
+            path: first.path,
+            owner: first.owner,
+            uid: nix::unistd::getuid().as_raw(),
+        })),
+    }
+}
+
+fn is_common(path: &std::path::Path) -> bool {
+    path.extension().is_some_and(|kind| kind == "global_mgmt")
+}
+
 /// The segment that all nodes of a cell share (a counter of nodes) is the one file that iceoryx2 0.10.0 opens to
 /// everybody (mode 0666, by fchmod, which no umask changes): it gets the mode of the others, and is refused when
 /// somebody else made it.
 fn close_common_segment(cell: &Cell) -> Result<(), SessionError> {
+    refuse_foreign(cell)?;
     let failed = |path: &std::path::Path, source| {
         SessionError::from(CellError::Folder {
             path: path.to_owned(),
             source,
         })
     };
-    let files = cell
-        .shared_memory()
-        .map_err(|source| failed(std::path::Path::new(SHM), source))?;
-    let common = files
-        .iter()
-        .filter(|path| path.extension().is_some_and(|kind| kind == "global_mgmt"));
-    for path in common {
+    let listed = |source| failed(std::path::Path::new(SHM), source);
+    let files = cell.shared_memory().map_err(listed)?;
+    for path in files.iter().filter(|path| is_common(path)) {
         let found = std::fs::symlink_metadata(path).map_err(|source| failed(path, source))?;
-        let uid = nix::unistd::getuid().as_raw();
-        if found.uid() != uid {
-            return Err(SessionError::from(CellError::NotOurs {
-                path: path.clone(),
-                owner: found.uid(),
-                uid,
-            }));
-        }
         if found.mode() & 0o077 != 0 {
             let private = std::fs::Permissions::from_mode(0o600);
             std::fs::set_permissions(path, private).map_err(|source| failed(path, source))?;

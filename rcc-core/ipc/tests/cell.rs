@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-use common::{LIMIT, Peer, TestCell, part, refused, run_janitor, wait_for, wait_until_started};
+use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
 use rcc_ipc::{
     AnnounceError, Announcement, BoardError, Cell, Life, RequestError, Role, Session, SessionError,
@@ -307,34 +307,29 @@ fn a_wipe_removes_the_folder_in_memory_too() {
     assert!(cell.leftovers().unwrap().is_empty() && !cell.iox_root().exists());
 }
 
-fn plant_empty_file(cell: &Cell, like: &Path, age: Duration) -> PathBuf {
+fn plant_empty_file(cell: &Cell, like: &Path, made: SystemTime) -> PathBuf {
     let name = like.file_name().unwrap().to_str().unwrap();
     let path = PathBuf::from("/dev/shm").join(format!("{}0000{}", cell.prefix(), &name[19..]));
     let file = File::create(&path).unwrap();
-    file.set_times(FileTimes::new().set_modified(SystemTime::now() - age))
-        .unwrap();
+    file.set_times(FileTimes::new().set_modified(made)).unwrap();
     path
 }
 
 #[test]
-fn half_created_files_are_removed_when_they_are_old() {
+fn half_created_files_are_removed_whatever_their_date_says() {
     let cell = TestCell::new();
     let session = Session::join(&cell, Role::Driver, "lwr").unwrap();
     let _board = session.create_board::<u64>("board").unwrap();
     let before = cell.files();
-    let old = plant_empty_file(&cell, &before[0], Duration::from_secs(1));
-    assert_eq!(clean::remove_half_created(&cell).unwrap(), 1);
-    assert!(!old.exists());
-    let young = plant_empty_file(&cell, &before[0], Duration::ZERO);
-    let removed = clean::remove_half_created(&cell).unwrap();
-    // Unless this test was held up here for longer than a file may stay empty.
-    assert_eq!(young.exists(), removed == 0);
-    clean::run_janitor(&cell, LIMIT).unwrap();
-    wait_for(|| {
-        clean::remove_half_created(&cell).unwrap();
-        (!young.exists()).then_some(())
-    });
-    assert_eq!(cell.files(), before, "files that hold something stay");
+    let (now, hour) = (SystemTime::now(), Duration::from_secs(3600));
+    // Before the clock was set: an hour ahead, or behind.
+    for made in [now - hour, now, now + hour] {
+        let half = plant_empty_file(&cell, &before[0], made);
+        let report = run_janitor(&cell).unwrap();
+        assert_eq!(report.half_created, 1, "{made:?}");
+        assert!(!half.exists());
+        assert_eq!(cell.files(), before, "files that hold something stay");
+    }
 }
 
 #[test]
@@ -411,4 +406,53 @@ fn labels_that_cannot_be_file_names_are_refused() {
             "{label}: {error}"
         );
     }
+}
+
+/// Only root can lay down files of another user.
+#[test]
+fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
+    if !nix::unistd::getuid().is_root() {
+        println!("skipped: files of another user need root");
+        return;
+    }
+    let first = TestCell::new();
+    drop(Session::join(&first, Role::Loader, "loader").unwrap());
+    let common = first.files().remove(0);
+    fs::remove_file(&common).unwrap();
+    fs::write(&common, [0; 16]).unwrap();
+    std::os::unix::fs::chown(&common, Some(65534), None).unwrap();
+    // Who looked the cell up before is told, and who looks it up now gets by.
+    let error = refused(Session::join(&first, Role::Loader, "loader")).to_string();
+    let again = Cell::at("test", first.runtime_dir()).unwrap();
+    let joined = Session::join(&again, Role::Loader, "loader");
+    // While the cell lives, a file of another user keeps nobody out.
+    let beside = PathBuf::from("/dev/shm").join(format!("{}beside", again.prefix()));
+    fs::write(&beside, "").unwrap();
+    std::os::unix::fs::chown(&beside, Some(65534), None).unwrap();
+    let second = Session::join(&again, Role::Driver, "lwr").map(drop);
+    let same = Cell::at("test", first.runtime_dir()).unwrap();
+    let late = refused(Session::join(&first, Role::Monitor, "late")).to_string();
+    let board = joined
+        .as_ref()
+        .unwrap()
+        .create_board::<u64>("board")
+        .map(drop);
+    drop(joined);
+    let wiped = clean::wipe(&again);
+    clean::remove_cell(&again).unwrap();
+    let stays = common.exists();
+    fs::remove_file(&common).unwrap();
+    fs::remove_file(&beside).unwrap();
+    assert_eq!(same, again, "a living cell keeps its prefix");
+    second.unwrap();
+    board.unwrap();
+    wiped.unwrap();
+    assert!(stays, "it is not ours");
+    assert!(
+        error.contains("(uid 65534)") && error.contains("--cell"),
+        "{error}"
+    );
+    assert_ne!(again.prefix(), first.prefix());
+    assert!(late.contains("made anew"), "{late}");
+    assert!(again.leftovers().unwrap().is_empty());
 }

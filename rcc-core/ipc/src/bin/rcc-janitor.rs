@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use rcc_ipc::cell::person;
 use rcc_ipc::{Cell, clean, events};
 
 const USAGE: &str = "usage: rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]
@@ -61,10 +62,17 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
     if arguments.wipe {
         let report = clean::wipe(&cell)?;
         let (files, processes) = (report.shared_memory, report.announcements);
-        return Ok(format!(
+        let mut words = format!(
             "cell '{}': removed {files} shared-memory files and {processes} announcements",
             cell.name()
-        ));
+        );
+        // The next start uses another prefix: they block nobody.
+        for foreign in cell.foreign()? {
+            let (path, owner) = (foreign.path.display(), person(foreign.owner));
+            words +=
+                &format!("\nleft alone: {path} belongs to {owner}; the cell does not need it gone");
+        }
+        return Ok(words);
     }
     let report = clean::be_the_janitor(&cell)?;
     events::cleaned(&cell, &report);

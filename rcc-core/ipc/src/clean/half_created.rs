@@ -1,0 +1,153 @@
+//! Shared-memory files that are still empty: their process died between making and sizing them, or is about to size them.
+//! Run by the janitor's threads; uses no iceoryx2, makes nothing, and asks no wall clock, which may have been set.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::{CleanError, remove_file};
+use crate::cell::Cell;
+use crate::clock::monotonic_ns;
+use crate::reap;
+use crate::room::SHM;
+
+/// A shared-memory file that is empty for so long was left by a process that died between making and sizing it.
+pub const HALF_CREATED_AFTER: Duration = Duration::from_millis(300);
+
+/// Removes this cell's empty shared-memory files; returns how many. One whose name tells a dead process goes at once; if
+/// there are others, waits for [`HALF_CREATED_AFTER`], and those that are still empty then go. iceoryx2 0.10.0 waits for
+/// such a file for ever, so this frees threads that hang there. Any thread that may sleep may call it at any time.
+///
+/// # Errors
+/// `/dev/shm` cannot be read, or a file cannot be removed.
+pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
+    let mut watch = Watch::default();
+    let removed = watch.sweep(cell)?;
+    if !watch.is_waiting() {
+        return Ok(removed);
+    }
+    std::thread::sleep(HALF_CREATED_AFTER);
+    Ok(removed + watch.sweep(cell)?)
+}
+
+/// What was seen empty, and when it was first, by the monotonic clock. A file made anew under the same name has another
+/// inode. Dates of files decide nothing: they follow the wall clock, and that may have been set in the meantime.
+#[derive(Debug, Default)]
+pub(crate) struct Watch(BTreeMap<(PathBuf, u64), u64>);
+
+impl Watch {
+    /// Looks once; removes what is old enough and what a dead process began.
+    pub(crate) fn sweep(&mut self, cell: &Cell) -> Result<usize, CleanError> {
+        self.sweep_at(cell, monotonic_ns())
+    }
+
+    /// True while there is an empty file that is not old enough.
+    pub(crate) fn is_waiting(&self) -> bool {
+        !self.0.is_empty()
+    }
+
+    fn sweep_at(&mut self, cell: &Cell, now_ns: u64) -> Result<usize, CleanError> {
+        let failed = |path: &Path, source| CleanError::File {
+            path: path.to_owned(),
+            source,
+        };
+        let files = cell.shared_memory();
+        let files = files.map_err(|source| failed(Path::new(SHM), source))?;
+        let mut removed = 0;
+        let mut still = BTreeMap::new();
+        for path in files {
+            // Missing now: its owner removed it in the meantime.
+            let Ok(found) = fs::symlink_metadata(&path) else {
+                continue;
+            };
+            if found.len() != 0 {
+                continue;
+            }
+            let key = (path, found.ino());
+            let since_ns = self.0.get(&key).copied().unwrap_or(now_ns);
+            let is_old =
+                u128::from(now_ns.saturating_sub(since_ns)) >= HALF_CREATED_AFTER.as_nanos();
+            if is_old || reap::is_of_the_dead(&key.0) {
+                let gone = remove_file(&key.0).map_err(|source| failed(&key.0, source))?;
+                removed += usize::from(gone);
+            } else {
+                still.insert(key, since_ns);
+            }
+        }
+        self.0 = still;
+        Ok(removed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{File, FileTimes};
+    use std::io;
+    use std::time::SystemTime;
+
+    struct TestCell(Cell);
+
+    impl TestCell {
+        fn new(name: &str) -> TestCell {
+            let folder =
+                std::env::temp_dir().join(format!("rcc-half-{}-{name}", std::process::id()));
+            TestCell(Cell::at("half", &folder).unwrap_or_else(|error| panic!("{error}")))
+        }
+
+        fn plant(&self, name: &str, made: SystemTime) -> io::Result<PathBuf> {
+            let path = Path::new(SHM).join(format!("{}{name}", self.0.prefix()));
+            File::create(&path)?.set_times(FileTimes::new().set_modified(made))?;
+            Ok(path)
+        }
+    }
+
+    impl Drop for TestCell {
+        fn drop(&mut self) {
+            for path in self.0.leftovers().unwrap_or_default() {
+                let _ = fs::remove_file(path);
+            }
+            let _ = fs::remove_dir_all(self.0.runtime_dir());
+        }
+    }
+
+    #[test]
+    fn what_was_seen_empty_twice_goes_whatever_its_date_says()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let cell = TestCell::new("dates");
+        let hour = Duration::from_secs(3600);
+        let now = SystemTime::now();
+        for (name, made) in [("past", now - hour), ("now", now), ("future", now + hour)] {
+            let path = cell.plant(name, made)?;
+            let mut watch = Watch::default();
+            let begun = 1_000_000_000;
+            let after = HALF_CREATED_AFTER.as_nanos() as u64;
+            assert_eq!(watch.sweep_at(&cell.0, begun)?, 0, "{name}");
+            assert_eq!(watch.sweep_at(&cell.0, begun + after - 1)?, 0, "{name}");
+            assert!(path.exists() && watch.is_waiting());
+            assert_eq!(watch.sweep_at(&cell.0, begun + after)?, 1, "{name}");
+            assert!(!path.exists() && !watch.is_waiting());
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn what_holds_something_or_is_made_anew_stays() -> Result<(), Box<dyn std::error::Error>> {
+        let cell = TestCell::new("anew");
+        let now = SystemTime::now();
+        let path = cell.plant("file", now)?;
+        let keep = File::open(&path)?;
+        let mut watch = Watch::default();
+        watch.sweep_at(&cell.0, 1)?;
+        fs::remove_file(&path)?;
+        cell.plant("file", now)?;
+        assert_eq!(watch.sweep_at(&cell.0, u64::MAX / 2)?, 0, "another file");
+        drop(keep);
+        fs::write(&path, "x")?;
+        assert_eq!(watch.sweep_at(&cell.0, u64::MAX)?, 0);
+        assert!(path.exists() && !watch.is_waiting());
+        Ok(())
+    }
+}

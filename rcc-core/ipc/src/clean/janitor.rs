@@ -1,0 +1,113 @@
+//! What the janitor's process does: it frees what nobody uses before it makes anything of its own, has iceoryx2 clean, and
+//! removes what that left. It may hang in iceoryx2 for ever, so it is a process of its own that others kill.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::os::fd::AsRawFd;
+use std::path::PathBuf;
+use std::thread;
+use std::time::Duration;
+
+use iceoryx2::prelude::{Config, FilePath, SemanticString};
+use nix::sys::memfd::{MFdFlags, memfd_create};
+
+use super::half_created::{Watch, remove_half_created};
+use super::{CleanError, CleanReport, JANITOR_TIMEOUT};
+use crate::cell::Cell;
+use crate::lock;
+use crate::reap;
+use crate::room;
+use crate::session::{self, SessionError};
+
+/// How often the janitor looks for half-created files while it cleans.
+const SWEEP_STEP: Duration = Duration::from_millis(50);
+/// Shared memory that joining a cell takes, with room to spare: some files of a page each.
+const JOIN_ROOM: u64 = 256 << 10;
+
+/// What the janitor's process does. It may hang for ever in iceoryx2, so nobody else calls it.
+///
+/// # Errors
+/// The cell cannot be entered, files cannot be removed, or `/dev/shm` is full of what is not ours to remove.
+pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
+    let half_created = remove_half_created(cell)?;
+    let freed = make_room(cell)?;
+    let beside = cell.clone();
+    // Files that are half-created from now on; the thread ends with the process.
+    let sweeping = thread::Builder::new().name("sweep".into()).spawn(move || {
+        let mut watch = Watch::default();
+        loop {
+            thread::sleep(SWEEP_STEP);
+            // What cannot be removed now is tried again.
+            let _ = watch.sweep(&beside);
+        }
+    });
+    sweeping.map_err(CleanError::Thread)?;
+    cell.make_iox_root().map_err(SessionError::from)?;
+    use_as_global_configuration(cell)?;
+    let (_membership, node) = session::enter(cell)?;
+    // One at a time: a second one would fail on what the first removes.
+    let _alone =
+        lock::exclusive_within(&cell.janitor_lock_file(), JANITOR_TIMEOUT).map_err(|source| {
+            SessionError::Lock {
+                cell: cell.name().to_owned(),
+                source,
+            }
+        })?;
+    // First iceoryx2, which also strikes the dead out of what they shared with the living; then what it left.
+    let dead = reap::Dead::of(cell).map_err(failed)?;
+    let dead_nodes = node.try_cleanup_dead_nodes().cleanups;
+    let reaped = freed + reap::reap(cell, &dead).map_err(failed)?;
+    Ok(CleanReport {
+        half_created,
+        dead_nodes,
+        reaped,
+    })
+}
+
+fn failed((path, source): (PathBuf, io::Error)) -> CleanError {
+    CleanError::File { path, source }
+}
+
+/// On a full `/dev/shm` a node cannot be made, and so nothing would ever be cleaned: what the dead left and nobody has
+/// mapped goes first, by name. Their nodes stay, so that iceoryx2 can strike them out. Returns how many files went.
+fn make_room(cell: &Cell) -> Result<usize, CleanError> {
+    if room::free().is_none_or(|free| free >= JOIN_ROOM) {
+        return Ok(0);
+    }
+    let dead = reap::Dead::of(cell).map_err(failed)?;
+    let freed = reap::free(cell, &dead).map_err(failed)?;
+    match room::free() {
+        Some(have) if have < JOIN_ROOM => Err(CleanError::Full {
+            freed,
+            have,
+            need: JOIN_ROOM,
+        }),
+        _ => Ok(freed),
+    }
+}
+
+/// For dead nodes that left no details iceoryx2 falls back to its process-wide configuration; without this it would
+/// look for them under its defaults. It takes a file only: this one is in this process' own memory.
+fn use_as_global_configuration(cell: &Cell) -> Result<(), CleanError> {
+    let quoted = |text: &str| serde_json::Value::from(text).to_string();
+    let text = format!(
+        "[global]\nroot-path = {}\nprefix = {}\n[global.node]\ncleanup-dead-nodes-on-creation = false\n\
+         cleanup-dead-nodes-on-destruction = false\n[global.service]\ncleanup-dead-nodes-on-open = false\n",
+        quoted(&cell.iox_root().display().to_string()),
+        quoted(cell.prefix()),
+    );
+    let failed = |source| failed((PathBuf::from("memfd:rcc-janitor"), source));
+    let memory = memfd_create(c"rcc-janitor", MFdFlags::MFD_CLOEXEC);
+    let mut file = File::from(memory.map_err(|error| failed(error.into()))?);
+    file.write_all(text.as_bytes()).map_err(failed)?;
+    let path = format!("/proc/self/fd/{}", file.as_raw_fd());
+    let taken = FilePath::new(path.as_bytes())
+        .ok()
+        .and_then(|file| Config::setup_global_config_from_file(&file).ok());
+    match taken {
+        Some(_) => Ok(()),
+        None => Err(failed(io::Error::other(
+            "iceoryx2 does not take this configuration",
+        ))),
+    }
+}

@@ -1,0 +1,205 @@
+//! The prefix of a cell's shared memory. Usually user and runtime folder make it, so that leftovers are found whatever
+//! became of the folder. `/dev/shm` is open to everybody: when another user has laid files under it, the cell takes one by
+//! chance instead, and keeps it in its runtime folder. Run by any thread that is not real-time.
+
+use std::fs::{self, File};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::cell::CellError;
+use crate::clean::below_prefix;
+use crate::lock::{self, LockError};
+
+/// Length of a prefix: `rcc_` + 10 hexadecimal digits + `_`.
+const LENGTH: usize = 15;
+/// So long a process that writes the file is waited for; it takes microseconds.
+const WRITING: Duration = Duration::from_secs(2);
+
+/// The prefix of the cell in this folder.
+///
+/// # Errors
+/// The file that keeps it cannot be read or written.
+pub(crate) fn of(
+    uid: u32,
+    folder: &Path,
+    file: &Path,
+    cell_lock: &Path,
+) -> Result<String, CellError> {
+    let prefix = current(uid, folder, file)?;
+    let is_blocked = |prefix: &str| {
+        // What cannot be listed is told by whoever needs it.
+        below_prefix(prefix).is_ok_and(|(_, foreign)| !foreign.is_empty())
+    };
+    if !is_blocked(&prefix) {
+        return Ok(prefix);
+    }
+    // Processes in the cell use it: it stays until they are gone. Whoever comes holds this lock, and looks again.
+    let Ok(_alone) = lock::exclusive(cell_lock) else {
+        return Ok(prefix);
+    };
+    let prefix = current(uid, folder, file)?;
+    if !is_blocked(&prefix) {
+        return Ok(prefix);
+    }
+    remove_ours(&prefix);
+    let other = by_chance().map_err(failed(Path::new("/dev/urandom")))?;
+    write(file, &other)?;
+    Ok(other)
+}
+
+/// The prefix that holds now, without looking at what lies under it.
+///
+/// # Errors
+/// The file that keeps it cannot be read.
+pub(crate) fn current(uid: u32, folder: &Path, file: &Path) -> Result<String, CellError> {
+    match rcc_os::file::read_text(file, 64) {
+        Ok(text) if is_prefix(text.trim_end()) => Ok(text.trim_end().to_owned()),
+        // Its writer died: as if it was not there.
+        Ok(_) => Ok(usual(uid, folder)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(usual(uid, folder)),
+        Err(error) => Err(failed(file)(error)),
+    }
+}
+
+/// FNV-1a over user and folder: stable over builds and machines, unlike the standard library's hashers.
+fn usual(uid: u32, folder: &Path) -> String {
+    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+    for &byte in uid
+        .to_le_bytes()
+        .iter()
+        .chain(folder.as_os_str().as_bytes())
+    {
+        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+    }
+    of_number(hash ^ (hash >> 40))
+}
+
+fn by_chance() -> io::Result<String> {
+    let mut bytes = [0; 8];
+    File::open("/dev/urandom")?.read_exact(&mut bytes)?;
+    Ok(of_number(u64::from_le_bytes(bytes)))
+}
+
+fn of_number(number: u64) -> String {
+    format!("rcc_{:010x}_", number & 0xff_ffff_ffff)
+}
+
+fn is_prefix(text: &str) -> bool {
+    let digits = text
+        .strip_prefix("rcc_")
+        .and_then(|rest| rest.strip_suffix('_'));
+    text.len() == LENGTH
+        && digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
+}
+
+/// Nobody is in the cell, and nobody will look for these again.
+fn remove_ours(prefix: &str) {
+    for path in below_prefix(prefix)
+        .map(|(ours, _)| ours)
+        .unwrap_or_default()
+    {
+        let is_folder = fs::symlink_metadata(&path).is_ok_and(|found| found.is_dir());
+        // What stays is found by `rcc-cli doctor`.
+        let _ = match is_folder {
+            true => fs::remove_dir_all(&path),
+            false => fs::remove_file(&path),
+        };
+    }
+}
+
+/// Readers take no lock: a half-written file is none.
+fn write(path: &Path, prefix: &str) -> Result<(), CellError> {
+    let mut file = lock::exclusive_within(path, WRITING).map_err(|error| match error {
+        LockError::File { path, source } => CellError::Folder { path, source },
+        LockError::Held { path } => CellError::Folder {
+            path,
+            source: io::ErrorKind::WouldBlock.into(),
+        },
+    })?;
+    file.set_len(0)
+        .and_then(|()| file.seek(SeekFrom::Start(0)))
+        .and_then(|_| file.write_all(format!("{prefix}\n").as_bytes()))
+        .map_err(failed(path))
+}
+
+fn failed(path: &Path) -> impl Fn(io::Error) -> CellError {
+    move |source| CellError::Folder {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::room::SHM;
+
+    #[test]
+    fn user_and_folder_make_the_usual_prefix() {
+        let demo = usual(1000, Path::new("/run/rcc/demo"));
+        assert_eq!(demo, usual(1000, Path::new("/run/rcc/demo")));
+        assert_ne!(demo, usual(1001, Path::new("/run/rcc/demo")));
+        assert_ne!(demo, usual(1000, Path::new("/run/rcc/demo2")));
+        assert!(is_prefix(&demo), "{demo}");
+        assert!(by_chance().is_ok_and(|one| is_prefix(&one) && one != demo));
+    }
+
+    #[test]
+    fn what_no_prefix_is_counts_as_nothing() -> Result<(), CellError> {
+        let file = std::env::temp_dir().join(format!("rcc-prefix-{}", std::process::id()));
+        let folder = Path::new("/run/rcc/demo");
+        for text in [
+            "",
+            "rcc_",
+            "rcc_012345678x_",
+            "rcc_0123456789",
+            "../../etc/passwd",
+            "\u{e9}\u{e9}\u{e9}\u{e9}\u{e9}\u{e9}\u{e9}_",
+        ] {
+            fs::write(&file, text).map_err(failed(&file))?;
+            assert_eq!(current(7, folder, &file)?, usual(7, folder), "{text}");
+        }
+        write(&file, "rcc_0123456789_")?;
+        assert_eq!(current(7, folder, &file)?, "rcc_0123456789_");
+        fs::remove_file(&file).map_err(failed(&file))?;
+        assert_eq!(current(7, folder, &file)?, usual(7, folder));
+        Ok(())
+    }
+
+    /// Only root can lay down files of another user.
+    #[test]
+    fn files_of_another_user_under_the_prefix_block_nobody()
+    -> Result<(), Box<dyn std::error::Error>> {
+        if !nix::unistd::getuid().is_root() {
+            println!("skipped: files of another user need root");
+            return Ok(());
+        }
+        let folder = std::env::temp_dir().join(format!("rcc-blocked-{}", std::process::id()));
+        fs::create_dir(&folder)?;
+        let (file, cell_lock) = (folder.join("prefix"), folder.join("cell.lock"));
+        let usual = usual(0, &folder);
+        let (foreign, ours) = (
+            Path::new(SHM).join(format!("{usual}node.0_10_0.global_mgmt")),
+            Path::new(SHM).join(format!("{usual}left.dynamic")),
+        );
+        fs::write(&foreign, "")?;
+        fs::write(&ours, "")?;
+        std::os::unix::fs::chown(&foreign, Some(65534), None)?;
+        let look = || of(0, &folder, &file, &cell_lock);
+        let living = lock::shared_within(&cell_lock, Duration::ZERO)?;
+        let while_it_lives = look()?;
+        let kept = ours.exists();
+        drop(living);
+        let (other, again) = (look()?, look()?);
+        let (foreign_stays, ours_stays) = (foreign.exists(), ours.exists());
+        fs::remove_file(foreign)?;
+        fs::remove_dir_all(folder)?;
+        assert_eq!((while_it_lives, kept), (usual.clone(), true));
+        assert_ne!(other, usual);
+        assert_eq!(other, again, "it is kept");
+        assert_eq!((foreign_stays, ours_stays), (true, false));
+        Ok(())
+    }
+}
