@@ -233,6 +233,13 @@ fn nonsense_is_refused_with_words() {
         b"\x16\x03\x01\x02\x00\x01\x00",
         b"GET\r\n\r\n",
         b"GET / HTTP/9.9\r\n\r\n",
+        b"POST /commands HTTP/1.1\r\ncontent-length: -1\r\n\r\n",
+        b"POST /commands HTTP/1.1\r\ncontent-length: 1\r\ncontent-length: 2\r\n\r\nab",
+        b"POST /commands HTTP/1.1\r\ncontent-length: 3\r\ntransfer-encoding: chunked\r\n\r\n0\r\n\r\n",
+        b"POST /commands HTTP/1.1\r\ntransfer-encoding: gzip\r\n\r\nab",
+        b"POST /commands HTTP/1.0\r\ntransfer-encoding: chunked\r\n\r\n0\r\n\r\n",
+        b"POST /commands HTTP/1.1\r\ntransfer-encoding: chunked\r\n\r\nxyz\r\n",
+        b"POST /commands HTTP/1.1\r\ntransfer-encoding: chunked\r\n\r\nffffffffffffffffff\r\n",
     ] {
         let (status, body) = exchange(connect(&test.cell), bytes);
         assert_eq!(
@@ -247,6 +254,20 @@ fn nonsense_is_refused_with_words() {
     half.shutdown(std::net::Shutdown::Write).unwrap();
     assert_eq!(answer(half).0, 400);
     assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
+}
+
+/// hyper's own `date` would panic while the wall clock shows a time before 1970.
+#[test]
+fn an_answer_needs_no_wall_clock() {
+    let test = TestCell::new("no-date");
+    let _served = Served::start(&test.cell);
+    let mut stream = connect(&test.cell);
+    stream.write_all(&get("/primitives", "")).unwrap();
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut stream, &mut text).unwrap();
+    let (head, _) = text.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    assert!(!head.to_lowercase().contains("\r\ndate:"), "{head}");
 }
 
 #[test]

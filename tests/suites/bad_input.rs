@@ -270,7 +270,8 @@ fn http_that_is_wrong_gets_an_error_with_a_code_and_changes_nothing() {
     ] {
         let answer = raw(&socket, bytes).expect("a connection");
         let text = String::from_utf8_lossy(&answer).into_owned();
-        assert!(text.is_empty() || text.starts_with("HTTP/1.1 4"), "{text}");
+        assert!(text.starts_with("HTTP/1.1 4"), "{text}");
+        assert!(text.contains("RCC4011"), "{text}");
     }
     assert_eq!(
         cell.rest("GET", "/commands", "").body,

@@ -280,6 +280,8 @@ where
     let mut server = hyper::server::conn::http1::Builder::new();
     server
         .keep_alive(false)
+        // It would panic while the wall clock shows a time before 1970; RFC 9110 (6.6.1) wants none without a clock.
+        .auto_date_header(false)
         .max_headers(HEADERS_MAX)
         .header_read_timeout(None);
     let io = TokioIo::new(Rewound::new(head.bytes, io));

@@ -67,9 +67,12 @@ impl ApiError {
                 fault.to_string(),
                 "free shared memory, then try again",
             ),
-            CallError::ServerGone { .. } | CallError::Unanswered { .. } => {
-                ApiError::no_executor(cell)
-            }
+            CallError::ServerGone { .. } => ApiError::no_executor(cell),
+            CallError::Unanswered { .. } => ApiError::new(
+                codes::OTHER_BUILD,
+                format!("the executor of cell '{cell}' refused the bytes of a request"),
+                "its log says why; install loader and executor from one build and restart them",
+            ),
             CallError::Failed { cause, .. } => ApiError::new(
                 codes::NO_EXECUTOR,
                 format!("the executor of cell '{cell}' cannot be asked: {cause}"),

@@ -5,6 +5,7 @@ use std::io;
 use std::pin::Pin;
 use std::task::{Context, Poll};
 
+use axum::http::{Method, Uri};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
 use super::codes;
@@ -51,6 +52,7 @@ fn parse(bytes: &[u8]) -> Result<Option<Option<Vec<u8>>>, ApiError> {
     match request.parse(bytes) {
         Ok(httparse::Status::Partial) => Ok(None),
         Ok(httparse::Status::Complete(_)) => {
+            check(&request)?;
             let headers = request.headers.iter();
             let mut named =
                 headers.filter(|header| header.name.eq_ignore_ascii_case("authorization"));
@@ -63,6 +65,45 @@ fn parse(bytes: &[u8]) -> Result<Option<Option<Vec<u8>>>, ApiError> {
         }
         Err(error) => Err(malformed(error)),
     }
+}
+
+/// What the HTTP library would refuse by itself, with a status but without code and words: a method, an address or a
+/// version that is none, and a body of which it is not clear where it ends (RFC 9112, section 6.3).
+fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
+    let method = request.method.unwrap_or_default();
+    if Method::from_bytes(method.as_bytes()).is_err() {
+        return Err(malformed("its method is none"));
+    }
+    if request.path.unwrap_or_default().parse::<Uri>().is_err() {
+        return Err(malformed("its address is none"));
+    }
+    let mut length: Option<&[u8]> = None;
+    let mut chunked = false;
+    for header in request.headers.iter() {
+        if header.name.eq_ignore_ascii_case("content-length") {
+            let value = header.value.trim_ascii();
+            let text = std::str::from_utf8(value).unwrap_or_default();
+            let number = value.iter().all(u8::is_ascii_digit) && text.parse::<u64>().is_ok();
+            if !number {
+                return Err(malformed("`content-length` is no number"));
+            }
+            if length.is_some_and(|before| before != value) {
+                return Err(malformed("it has two lengths"));
+            }
+            length = Some(value);
+        } else if header.name.eq_ignore_ascii_case("transfer-encoding") {
+            let value = header.value.trim_ascii();
+            if chunked || request.version == Some(0) || !value.eq_ignore_ascii_case(b"chunked") {
+                return Err(malformed("only `transfer-encoding: chunked` is known here"));
+            }
+            chunked = true;
+        }
+    }
+    if chunked && length.is_some() {
+        let why = "it has both `content-length` and `transfer-encoding`";
+        return Err(malformed(why));
+    }
+    Ok(())
 }
 
 fn malformed(why: impl std::fmt::Display) -> ApiError {
@@ -152,6 +193,46 @@ mod tests {
             parse(b"GET / HTTP/1.1\r\nauthorization: Basic abc\r\n\r\n"),
             Ok(Some(None))
         );
+    }
+
+    #[test]
+    fn a_body_without_a_clear_end_is_refused_with_a_code() {
+        for lines in [
+            "content-length: abc",
+            "content-length: -1",
+            "content-length: +1",
+            "content-length: 99999999999999999999",
+            "content-length: 1, 1",
+            "content-length: ",
+            "content-length: 1\r\nContent-Length: 2",
+            "content-length: 1\r\ntransfer-encoding: chunked",
+            "transfer-encoding: gzip",
+            "transfer-encoding: gzip, chunked",
+            "transfer-encoding: chunked\r\ntransfer-encoding: chunked",
+        ] {
+            let text = format!("POST /commands HTTP/1.1\r\n{lines}\r\n\r\n");
+            assert_eq!(code(parse(text.as_bytes())), Some("RCC4011"), "{lines}");
+        }
+        let old = b"POST / HTTP/1.0\r\ntransfer-encoding: chunked\r\n\r\n";
+        assert_eq!(code(parse(old)), Some("RCC4011"));
+        for lines in [
+            "content-length: 12",
+            "Content-Length: 0\r\ncontent-length: 0",
+            "Transfer-Encoding: Chunked",
+        ] {
+            let text = format!("POST /commands HTTP/1.1\r\n{lines}\r\n\r\n");
+            assert_eq!(parse(text.as_bytes()), Ok(Some(None)), "{lines}");
+        }
+    }
+
+    #[test]
+    fn an_address_that_is_none_is_refused_with_a_code() {
+        for path in ["/a\"b", "//:x:y", "http://", "a b"] {
+            let text = format!("GET {path} HTTP/1.1\r\n\r\n");
+            let said = parse(text.as_bytes());
+            let known = path.parse::<Uri>().is_ok();
+            assert_eq!(code(said.clone()).is_none(), known, "{path}: {said:?}");
+        }
     }
 
     #[test]

@@ -132,7 +132,7 @@ async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> 
         return too_many(REQUESTS_MAX).into_response();
     };
     match tokio::time::timeout(REQUEST_TIME, next.run(request)).await {
-        Ok(response) if response.status() == StatusCode::BAD_REQUEST && !is_json(&response) => {
+        Ok(response) if response.status().is_client_error() && !is_json(&response) => {
             let message = "the address or its query is not understood";
             ApiError::new(
                 codes::BAD_REQUEST,
@@ -140,6 +140,11 @@ async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> 
                 "write it as UTF-8, percent-encoded",
             )
             .into_response()
+        }
+        Ok(response) if response.status().is_server_error() && !is_json(&response) => {
+            let message = format!("the loader could not answer: {}", response.status());
+            let help = "this is a fault of the loader: report it";
+            ApiError::new(codes::PROCESS_FAILED, message, help).into_response()
         }
         Ok(response) => response,
         Err(_) => ApiError::new(
