@@ -10,12 +10,12 @@ pub mod running;
 mod stop;
 
 use std::os::unix::fs::DirBuilderExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
 use rcc_ipc::events::{self, Kind, Origin};
-use rcc_ipc::{AnnounceError, Announced, Announcement, Cell, Life as ProcessLife, Role, room};
+use rcc_ipc::{Announced, Announcement, Cell, Role, room, take};
 use rcc_loader::server::api::{DeviceView, StatusView};
 use rcc_loader::server::codes;
 
@@ -73,7 +73,7 @@ pub struct Supervisor {
     executor_failed: bool,
     logs: PathBuf,
     // Held to the end: a second supervisor of this cell is refused.
-    presence: Option<Announced>,
+    presence: Announced,
 }
 
 impl Supervisor {
@@ -91,23 +91,12 @@ impl Supervisor {
         places::program("rcc-janitor")?;
         let cell = Cell::new(name).map_err(|error| of_cell(&error))?;
         let presence = take(&cell)?;
-        let need = ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64;
-        if let Err(error) = room::require(need) {
-            drop(presence);
-            // Nothing of ours stays; what cannot be removed, the next `up` removes.
-            let _ = clean::remove_cell(&cell);
-            return Err(Failure::new(codes::NO_SPACE, error.to_string(), ""));
-        }
         let logs = cell.runtime_dir().join("logs");
-        std::fs::DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(&logs)
-            .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
-        let config = prepared.path.display().to_string();
-        events::begin(&cell, &config, &prepared.ports);
-        running::write(&cell, &prepared)?;
-        let client = Client::new(name, &cell.socket(), ANSWER_LIMIT)?;
+        let client = furnish(&cell, &prepared, &logs).inspect_err(|_| {
+            // Nothing of ours stays; what cannot be removed, the next `up` removes.
+            let _ = std::fs::remove_dir_all(&logs);
+            let _ = take::give_back(&cell, &presence);
+        })?;
         let supervision = &prepared.config.supervision;
         let children = specs.into_iter().enumerate();
         let children = children.map(|(number, spec)| Child::new(spec, number, supervision, &logs));
@@ -126,7 +115,7 @@ impl Supervisor {
             failed: false,
             executor_failed: false,
             logs,
-            presence: Some(presence),
+            presence,
         };
         supervisor.look();
         Ok(supervisor)
@@ -435,35 +424,46 @@ impl Supervisor {
     }
 }
 
-/// Cleans a dead cell and takes it for this process.
+/// Makes what the processes of a cell find there.
+fn furnish(cell: &Cell, prepared: &Prepared, logs: &Path) -> Result<Client, Failure> {
+    room::require(ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64)
+        .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
+    std::fs::DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(logs)
+        .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
+    let config = prepared.path.display().to_string();
+    events::begin(cell, &config, &prepared.ports);
+    running::write(cell, prepared)?;
+    Client::new(cell.name(), &cell.socket(), ANSWER_LIMIT)
+}
+
+/// Takes the cell for this process, if nobody has it; what somebody has is not touched.
 fn take(cell: &Cell) -> Result<Announced, Failure> {
-    let name = cell.name();
-    clean::wipe(cell).map_err(|error| match &error {
-        WipeError::Living { pid, .. } => Failure::new(
-            codes::CELL_LIVES,
-            error.to_string(),
-            format!("end it (Ctrl-C on its `rcc-cli up`, or kill {pid}), or choose another name with --cell"),
-        ),
-        WipeError::InUse { .. } => Failure::new(codes::CELL_LIVES, error.to_string(), ""),
-        _ => Failure::new(codes::PROCESS_FAILED, error.to_string(), ""),
-    })?;
-    let life = ProcessLife::current()
+    let supervisor = Announcement::supervisor()
         .map_err(|error| Failure::new(codes::PROCESS_FAILED, error.to_string(), ""))?;
-    let presence = Announcement {
-        role: Role::Cli,
-        label: "up".to_owned(),
-        incarnation: life.incarnation(),
-        pid: life.pid,
-        start_time_ticks: life.start_time_ticks,
-        services: Default::default(),
-        note: "supervisor".to_owned(),
-    };
-    cell.announce(&presence).map_err(|error| match &error {
-        AnnounceError::AlreadyRunning { pid, .. } => Failure::new(
-            codes::CELL_LIVES,
-            format!("cell '{name}' is supervised by process {pid}"),
-            "end that one, or choose another name with --cell",
-        ),
-        _ => Failure::new(codes::PROCESS_FAILED, error.to_string(), ""),
+    take::take(cell, &supervisor).map_err(|error| {
+        let name = cell.name();
+        match &error {
+            WipeError::Living { role: Role::Cli, pid, .. } => Failure::new(
+                codes::CELL_LIVES,
+                format!("cell '{name}' is up: `rcc-cli up` (process {pid}) supervises it"),
+                format!(
+                    "`rcc-cli --cell {name} status` looks at it, Ctrl-C there or `kill {pid}` ends it; \
+                     --cell NAME starts another one beside it"
+                ),
+            ),
+            WipeError::Living { role, label, pid, .. } => Failure::new(
+                codes::CELL_LIVES,
+                format!("cell '{name}' is alive: its {role} '{label}' (process {pid}) runs without `rcc-cli up`"),
+                format!(
+                    "end what runs it (`systemctl stop rcc-*@{name}`, or `kill {pid}`); a moment after `rcc-cli up` was \
+                     killed its processes still bring the devices to rest; --cell NAME starts another one beside it"
+                ),
+            ),
+            WipeError::InUse { .. } => Failure::new(codes::CELL_LIVES, error.to_string(), ""),
+            _ => Failure::new(codes::PROCESS_FAILED, error.to_string(), ""),
+        }
     })
 }

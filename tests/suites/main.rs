@@ -24,4 +24,5 @@ mod several_arms;
 mod syscalls;
 mod threads;
 mod timing;
+mod together;
 mod values;

@@ -4,9 +4,10 @@
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
-use rcc_ipc::clean::{self, WipeError};
+use rcc_ipc::clean::WipeError;
+use rcc_ipc::take;
 use rcc_ipc::events::Kind;
-use rcc_loader::server::api::{CommandView, DeviceView};
+use rcc_loader::server::api::{CommandView, DeviceView, StatusView};
 
 use super::child::{self, Life};
 use super::launch::Stage;
@@ -30,13 +31,23 @@ impl Supervisor {
         });
         let asked = interrupts.count();
         let hurried = || interrupts.count() > asked;
-        self.end_commands(&hurried);
-        self.wait_for_rest(&hurried);
+        // Whatever runs on another executor is not this supervisor's to end.
+        if self.has_own_executor() {
+            self.end_commands(&hurried);
+            self.wait_for_rest(&hurried);
+        }
         let mut clean_end = true;
         for stage in Stage::ALL {
             clean_end &= self.end_stage(stage);
         }
         clean_end & self.remove_files()
+    }
+
+    /// True unless the loader serves an executor that this supervisor did not start.
+    fn has_own_executor(&self) -> bool {
+        let own = self.pid("executor");
+        let served = self.client.get::<StatusView>("/status").ok();
+        own.is_some() && served.is_none_or(|status| Some(status.executor.pid) == own)
     }
 
     fn end_commands(&mut self, hurried: &dyn Fn() -> bool) {
@@ -120,21 +131,20 @@ impl Supervisor {
     fn remove_files(mut self) -> bool {
         // The logs were only for the time of the cell.
         let _ = std::fs::remove_dir_all(&self.logs);
-        self.presence = None;
         let limit = Instant::now() + LEAVE_LIMIT;
-        let mut removed = clean::remove_cell(&self.cell);
+        // Announced until all is gone: nobody takes the cell in between, and has his files removed.
+        let mut removed = take::give_back(&self.cell, &self.presence);
         // A monitor leaves the cell a moment after the executor did.
         while matches!(removed, Err(WipeError::InUse { .. })) && Instant::now() < limit {
             std::thread::sleep(LOOK_EVERY);
-            removed = clean::remove_cell(&self.cell);
+            removed = take::give_back(&self.cell, &self.presence);
         }
-        if let Err(error) = &removed {
-            self.say("cell", &error.to_string());
-        }
-        let left = self.cell.leftovers().unwrap_or_default();
-        for path in &left {
+        // Given back, it may have its next life already, and what is found there is not ours.
+        let Err(error) = &removed else { return true };
+        self.say("cell", &error.to_string());
+        for path in self.cell.leftovers().unwrap_or_default() {
             self.say("cell", &format!("left behind: {}", path.display()));
         }
-        removed.is_ok() && left.is_empty()
+        false
     }
 }

@@ -13,6 +13,7 @@ use crate::clean::write_private;
 use crate::life::{Life, Liveness};
 use crate::lock::{self, LockError};
 use crate::session::{Role, Session};
+use crate::take;
 
 /// Longest announcement that is read, bytes.
 const BYTES_MAX: u64 = 1 << 20;
@@ -132,7 +133,7 @@ pub struct Announced {
     announcement: Announcement,
     path: PathBuf,
     lock_path: PathBuf,
-    _lock: Flock<File>,
+    lock: Flock<File>,
 }
 
 impl Announced {
@@ -164,6 +165,10 @@ impl Announced {
 
 impl Drop for Announced {
     fn drop(&mut self) {
+        // Given back with the cell: what lies there now is somebody else's.
+        if !take::names(&self.lock_path, &self.lock) {
+            return;
+        }
         // Nobody but the holder of the lock writes or removes these files; failing to is harmless, as the next
         // process of this role and label replaces them.
         if read(&self.path).is_ok_and(|found| {
@@ -202,7 +207,7 @@ impl Cell {
             announcement: announcement.clone(),
             path,
             lock_path,
-            _lock: lock,
+            lock,
         })
     }
 

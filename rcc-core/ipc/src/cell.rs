@@ -11,6 +11,8 @@ use crate::room::SHM;
 
 /// Names have at most this many characters.
 const NAME_LENGTH_MAX: usize = 32;
+/// A folder that goes as soon as it is made is made again so often.
+const REMOVALS_MAX: u32 = 100;
 /// `sun_path` of a Unix socket address holds 108 bytes, the last of them zero (unix(7)).
 const SOCKET_PATH_MAX: usize = 107;
 
@@ -92,7 +94,7 @@ impl Cell {
     pub fn new(name: &str) -> Result<Cell, CellError> {
         check_name(name)?;
         let base = base_dir();
-        make_private_dir(&base)?;
+        unless_removed(|| make_private_dir(&base))?;
         Cell::at(name, &base.join(name))
     }
 
@@ -115,10 +117,12 @@ impl Cell {
     /// As [`Cell::new`].
     pub fn at(name: &str, runtime_dir: &Path) -> Result<Cell, CellError> {
         check_name(name)?;
-        make_private_dir(runtime_dir)?;
-        let runtime_dir = fs::canonicalize(runtime_dir).map_err(|source| CellError::Folder {
-            path: runtime_dir.to_owned(),
-            source,
+        let runtime_dir = unless_removed(|| {
+            make_private_dir(runtime_dir)?;
+            fs::canonicalize(runtime_dir).map_err(|source| CellError::Folder {
+                path: runtime_dir.to_owned(),
+                source,
+            })
         })?;
         let mut cell = Cell {
             name: name.to_owned(),
@@ -130,7 +134,7 @@ impl Cell {
         if size > SOCKET_PATH_MAX {
             return Err(CellError::PathTooLong { path, size });
         }
-        cell.make_folders()?;
+        unless_removed(|| cell.make_folders())?;
         let (file, lock) = (cell.prefix_file(), cell.lock_file());
         cell.prefix = prefix::of(uid(), &cell.runtime_dir, &file, &lock)?;
         Ok(cell)
@@ -261,7 +265,7 @@ impl Cell {
             self.commands_dir(),
             self.drivers_dir(),
         ] {
-            make_private_dir(&path)?;
+            unless_removed(|| make_private_dir(&path))?;
         }
         Ok(())
     }
@@ -322,6 +326,25 @@ pub fn base_dir() -> PathBuf {
         session.join("rcc")
     } else {
         PathBuf::from(format!("/tmp/rcc-{uid}"))
+    }
+}
+
+/// Does it again when a folder is gone at once: a cell that ends removes its own while the next one of its name is made.
+fn unless_removed<T>(mut act: impl FnMut() -> Result<T, CellError>) -> Result<T, CellError> {
+    for _ in 0..REMOVALS_MAX {
+        match act() {
+            Err(error) if error.is_passing() => {}
+            result => return result,
+        }
+    }
+    act()
+}
+
+impl CellError {
+    /// True for a folder that goes while it is made: there when it should be made, and gone when it is looked at.
+    pub(crate) fn is_passing(&self) -> bool {
+        use io::ErrorKind::{AlreadyExists, NotFound};
+        matches!(self, CellError::Folder { source, .. } if matches!(source.kind(), NotFound | AlreadyExists))
     }
 }
 

@@ -9,11 +9,12 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::announce::{AnnounceError, Announcement};
+use crate::announce::AnnounceError;
 use crate::cell::{Cell, CellError};
 use crate::lock::{self, LockError};
 use crate::room::SHM;
 use crate::session::{Role, SessionError};
+use crate::take::{self, Alone};
 
 mod half_created;
 mod janitor;
@@ -23,9 +24,6 @@ pub use janitor::be_the_janitor;
 
 /// How long a janitor may take, unless the caller says otherwise: 34 ms were the most ever seen.
 pub const JANITOR_TIMEOUT: Duration = Duration::from_secs(1);
-
-/// A killed process counts as dead before the system has closed its files; so long a wipe waits for its lock.
-const DYING: Duration = Duration::from_secs(2);
 
 const JANITOR: &str = "rcc-janitor";
 /// How often a child that should end soon is looked at.
@@ -304,7 +302,8 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
 /// # Errors
 /// The cell is alive, or files cannot be removed.
 pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
-    let (report, _alone) = wipe_alone(cell)?;
+    let alone = take::alone(cell, None)?;
+    let report = wipe_alone(cell, &alone)?;
     cell.make_folders()?;
     Ok(report)
 }
@@ -315,42 +314,40 @@ pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
 /// # Errors
 /// As [`wipe`].
 pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
-    let (report, _alone) = wipe_alone(cell)?;
+    let alone = take::alone(cell, None)?;
+    let report = wipe_alone(cell, &alone)?;
+    remove_rest(cell, &alone)?;
+    Ok(report)
+}
+
+/// Removes what [`wipe_alone`] left, and the folder.
+pub(crate) fn remove_rest(cell: &Cell, _alone: &Alone) -> Result<(), WipeError> {
     let ours = [
         cell.config_copy(),
         cell.janitor_lock_file(),
         cell.prefix_file(),
-        cell.lock_file(),
     ];
     for path in ours.into_iter().chain(cell.life_files()) {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
     }
     let path = cell.incidents_dir();
     remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
-    // Not empty: somebody else's files; they are not ours to remove.
+    // Last: from now on somebody else may make another one, lock that, and have the cell.
+    let path = cell.lock_file();
+    remove_file(&path).map_err(|source| WipeError::File { path, source })?;
+    // Not empty: somebody else's files, or his cell; they are not ours to remove.
     let _ = fs::remove_dir(cell.runtime_dir());
     if let Some(base) = cell.own_base() {
         // Not empty: other cells. One that is just being made makes it again.
         let _ = fs::remove_dir(base);
     }
-    Ok(report)
+    Ok(())
 }
 
-fn wipe_alone(cell: &Cell) -> Result<(WipeReport, impl Drop), WipeError> {
-    cell.make_folders()?;
-    let announced = cell.announced_all()?;
-    refuse_living(cell, &announced)?;
-    let alone = lock::exclusive_within(&cell.lock_file(), DYING).map_err(|error| match error {
-        LockError::Held { path } => WipeError::InUse {
-            cell: cell.name().to_owned(),
-            lock: path,
-        },
-        other => WipeError::Lock(other),
-    })?;
-    // Whoever came in between has the lock, and then we do not.
-    refuse_living(cell, &cell.announced_all()?)?;
+/// Removes what a life of the cell left.
+pub(crate) fn wipe_alone(cell: &Cell, alone: &Alone) -> Result<WipeReport, WipeError> {
     let mut report = WipeReport {
-        announcements: announced.len(),
+        announcements: alone.announced.len(),
         shared_memory: 0,
     };
     let shared = cell.shared_memory().map_err(|source| WipeError::File {
@@ -371,23 +368,7 @@ fn wipe_alone(cell: &Cell) -> Result<(WipeReport, impl Drop), WipeError> {
     }
     let path = cell.socket();
     remove_file(&path).map_err(|source| WipeError::File { path, source })?;
-    Ok((report, alone))
-}
-
-fn refuse_living(cell: &Cell, announced: &[Announcement]) -> Result<(), WipeError> {
-    // Whoever may live counts as living.
-    match announced
-        .iter()
-        .find(|announcement| !announcement.liveness().is_dead())
-    {
-        None => Ok(()),
-        Some(living) => Err(WipeError::Living {
-            cell: cell.name().to_owned(),
-            role: living.role,
-            label: living.label.clone(),
-            pid: living.pid,
-        }),
-    }
+    Ok(report)
 }
 
 /// Writes a file that only its owner may read.

@@ -39,6 +39,7 @@ pub mod seldom;
 pub mod session;
 mod shared;
 pub mod stream;
+pub mod take;
 pub mod wire;
 
 pub use announce::{AnnounceError, Announced, Announcement};

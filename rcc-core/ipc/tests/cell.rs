@@ -11,6 +11,7 @@ use std::time::{Duration, SystemTime};
 
 use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
+use rcc_ipc::take::{give_back, take};
 use rcc_ipc::{
     AnnounceError, Announcement, BoardError, Cell, Life, RequestError, Role, Session, SessionError,
 };
@@ -455,4 +456,97 @@ fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
     assert_ne!(again.prefix(), first.prefix());
     assert!(late.contains("made anew"), "{late}");
     assert!(again.leftovers().unwrap().is_empty());
+}
+
+/// What whoever has a cell keeps there: a file of its life and one in shared memory.
+fn keep(cell: &Cell, who: usize) -> [PathBuf; 2] {
+    let shared = Path::new("/dev/shm").join(format!("{}kept", cell.prefix()));
+    let kept = [cell.running_file(), shared];
+    for path in &kept {
+        fs::write(path, who.to_string()).unwrap();
+    }
+    kept
+}
+
+#[test]
+fn of_many_that_take_a_cell_at_once_one_has_it_and_keeps_what_is_his() {
+    let cell = TestCell::new();
+    let barrier = std::sync::Barrier::new(8);
+    for round in 0..100 {
+        if round % 2 == 1 {
+            // Left by a life that died.
+            keep(&Cell::at("test", cell.runtime_dir()).unwrap(), 99);
+        }
+        let taken: Vec<_> = std::thread::scope(|scope| {
+            let takers: Vec<_> = (0..8)
+                .map(|who| {
+                    let (cell, barrier) = (&cell, &barrier);
+                    scope.spawn(move || {
+                        barrier.wait();
+                        let taken = take(cell, &Announcement::supervisor().unwrap());
+                        taken.map(|announced| (announced, who, keep(cell, who)))
+                    })
+                })
+                .collect();
+            takers
+                .into_iter()
+                .map(|taker| taker.join().unwrap())
+                .collect()
+        });
+        let mut has = None;
+        for result in taken {
+            match result {
+                Ok(taken) => assert!(has.replace(taken).is_none(), "two have the cell"),
+                Err(error) => assert!(
+                    matches!(error, WipeError::Living { role: Role::Cli, pid, .. } if pid == std::process::id()),
+                    "{error}"
+                ),
+            }
+        }
+        let (announced, who, kept) = has.expect("one has it");
+        for path in kept {
+            assert_eq!(
+                fs::read_to_string(path).unwrap(),
+                who.to_string(),
+                "round {round}"
+            );
+        }
+        assert!(cell.announced_all().unwrap()[0].is_supervisor());
+        give_back(&cell, &announced).unwrap();
+        drop(announced);
+        assert!(!cell.runtime_dir().exists() && cell.leftovers().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn a_cell_that_is_given_back_while_others_want_it_is_never_half_somebody_elses() {
+    let cell = TestCell::new();
+    let having = std::sync::atomic::AtomicUsize::new(0);
+    let lives = std::sync::atomic::AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for who in 0..6 {
+            let (cell, having, lives) = (&cell, &having, &lives);
+            scope.spawn(move || {
+                while lives.load(std::sync::atomic::Ordering::SeqCst) < 200 {
+                    // As a process that starts: it finds or makes the folder of the cell.
+                    let own = Cell::at("test", cell.runtime_dir()).unwrap();
+                    let announced = match take(&own, &Announcement::supervisor().unwrap()) {
+                        Ok(announced) => announced,
+                        Err(WipeError::Living { .. }) => continue,
+                        Err(error) => panic!("{error}"),
+                    };
+                    assert_eq!(having.fetch_add(1, std::sync::atomic::Ordering::SeqCst), 0);
+                    let kept = keep(&own, who);
+                    std::thread::yield_now();
+                    for path in kept {
+                        assert_eq!(fs::read_to_string(path).unwrap(), who.to_string());
+                    }
+                    lives.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                    having.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
+                    give_back(&own, &announced).unwrap();
+                }
+            });
+        }
+    });
+    assert!(cell.leftovers().unwrap().is_empty());
 }

@@ -1,6 +1,9 @@
 //! `rcc-janitor --cell NAME [--runtime-dir DIR] [--wipe]`: cleans up after dead processes of one cell, and ends.
 //! A process of its own, because this work may hang in iceoryx2; whoever starts it kills it after a second.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -39,19 +42,25 @@ fn arguments() -> Option<Arguments> {
 
 fn main() -> ExitCode {
     let Some(arguments) = arguments() else {
-        eprintln!("{USAGE}");
+        remark(USAGE);
         return ExitCode::from(2);
     };
     match run(&arguments) {
         Ok(words) => {
-            println!("{words}");
+            // What is cleaned is cleaned; whoever started it may be dead.
+            let _ = writeln!(std::io::stdout(), "{words}");
             ExitCode::SUCCESS
         }
         Err(error) => {
-            eprintln!("{error}");
+            remark(&error.to_string());
             ExitCode::FAILURE
         }
     }
+}
+
+/// On stderr; when nobody can be told, the exit code still does.
+fn remark(words: &str) {
+    let _ = writeln!(std::io::stderr(), "{words}");
 }
 
 fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {

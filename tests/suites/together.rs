@@ -1,0 +1,194 @@
+//! Many at once: one cell has one supervisor, whoever else wants it at the same moment, and however it was left.
+//! Each test has a cell of its own.
+
+use std::fs::File;
+use std::process::{Child, Stdio};
+
+use nix::sys::signal::Signal;
+use rcc_ipc::{Announcement, Role};
+use rcc_tests::place::Place;
+use rcc_tests::processes::{ends_with_test, of_folder, signal};
+use rcc_tests::{TestCell, await_some, nets, repository};
+
+/// So many want a cell at the same moment.
+const MANY: usize = 8;
+
+fn place() -> Place {
+    Place::new(&repository().join("configs/cells/demo.yaml"), |text| text)
+}
+
+/// `rcc-cli up`, many times at once, each with a log of its own.
+fn many(place: &Place) -> Vec<(Child, String)> {
+    let start = |number: usize| {
+        let log = place.folder().join(format!("up-{number}.log"));
+        let file = File::create(&log).expect("a log");
+        let mut command = place.program("rcc-cli");
+        command
+            .arg("up")
+            .arg(place.config())
+            .stdout(file.try_clone().expect("a handle"))
+            .stderr(file);
+        let child = ends_with_test(&mut command).spawn();
+        (child.expect("rcc-cli starts"), log.display().to_string())
+    };
+    (0..MANY).map(start).collect()
+}
+
+/// Waits until all have ended but the one that has the cell; every other one was refused and says by whom.
+fn one_of(place: &Place, many: Vec<(Child, String)>) -> Child {
+    let words = |log: &str| std::fs::read_to_string(log).unwrap_or_default();
+    let mut running = many;
+    let mut refused = Vec::new();
+    await_some("all but one to be refused", || {
+        let mut still = Vec::new();
+        for (mut child, log) in running.drain(..) {
+            match child.try_wait().expect("the child is ours") {
+                Some(status) => refused.push((status, log)),
+                None => still.push((child, log)),
+            }
+        }
+        running = still;
+        (running.len() <= 1).then_some(())
+    });
+    let (winner, _) = running.pop().unwrap_or_else(|| {
+        let all: Vec<String> = refused.iter().map(|(_, log)| words(log)).collect();
+        panic!("nobody has the cell: {all:#?}")
+    });
+    assert_eq!(refused.len(), MANY - 1);
+    for (status, log) in refused {
+        let words = words(&log);
+        assert_eq!(status.code(), Some(5), "{words}");
+        let named = words.contains("RCC4012") && words.contains(&winner.id().to_string());
+        assert!(named, "it names who has the cell: {words}");
+        assert!(!words.contains("cancel"), "{words}");
+    }
+    let supervisor = place.announced(Role::Cli, "up");
+    assert_eq!((supervisor.pid, supervisor.is_alive()), (winner.id(), true));
+    winner
+}
+
+/// The supervisor's children and their logs are there, each once.
+fn assert_whole(place: &Place) {
+    await_some("all devices to be ready", || {
+        let reply = place.try_rest("GET", "/devices", "")?;
+        let rows = reply.body.as_array()?;
+        let ready = rows.iter().all(|row| row["state"] == "ready");
+        (ready && !rows.is_empty()).then_some(())
+    });
+    for (role, label) in [
+        (Role::Executor, "exec"),
+        (Role::Loader, "loader"),
+        (Role::Driver, "lwr"),
+        (Role::Driver, "io"),
+    ] {
+        assert!(place.announced(role, label).is_alive(), "{role} {label}");
+    }
+    let cell = place.cell();
+    assert!(cell.running_file().is_file() && cell.events_file().is_file());
+    let logs = cell.runtime_dir().join("logs");
+    assert!(logs.join("executor.log").is_file(), "{}", place.logs());
+}
+
+fn end(mut winner: Child, place: &Place) {
+    signal(winner.id(), Signal::SIGINT);
+    let status = await_some("the end of rcc-cli up", || {
+        winner.try_wait().expect("the child is ours")
+    });
+    assert!(status.success(), "{status}\n{}", place.logs());
+    place.assert_nothing_left();
+}
+
+#[test]
+fn of_many_ups_at_once_one_has_the_cell_and_its_net_goes_on() {
+    let place = place();
+    for round in 0..6 {
+        let winner = one_of(&place, many(&place));
+        assert_whole(&place);
+        if round == 0 {
+            // And of many that come while it runs none has anything.
+            let line = place.run(&nets::line("line", 0.2, 0.02));
+            let mut late = many(&place);
+            await_some("all of them to be refused", || {
+                late.retain_mut(|(child, _)| child.try_wait().ok().flatten().is_none());
+                late.is_empty().then_some(())
+            });
+            assert_eq!(place.state(line)["state"], "running", "{}", place.logs());
+            place.done(line, "abort");
+        }
+        if round % 3 == 2 {
+            // The next round finds what a killed cell left.
+            let mut winner = winner;
+            for pid in std::iter::once(winner.id()).chain(of_folder(place.folder())) {
+                signal(pid, Signal::SIGKILL);
+            }
+            winner.wait().expect("the child is ours");
+            place.await_dead();
+        } else {
+            end(winner, &place);
+        }
+    }
+}
+
+#[test]
+fn a_cell_is_taken_whole_while_others_clean_it() {
+    let place = place();
+    for _ in 0..4 {
+        // What a dead life left: announcements and shared memory that are worth removing.
+        let first = one_of(&place, many(&place));
+        let mut first = first;
+        for pid in std::iter::once(first.id()).chain(of_folder(place.folder())) {
+            signal(pid, Signal::SIGKILL);
+        }
+        first.wait().expect("the child is ours");
+        place.await_dead();
+        let mut cleaners: Vec<Child> = (0..MANY)
+            .map(|number| {
+                let mut command = match number % 3 {
+                    0 => place.program("rcc-janitor"),
+                    1 => {
+                        let mut wipe = place.program("rcc-janitor");
+                        wipe.arg("--wipe");
+                        wipe
+                    }
+                    _ => {
+                        let mut doctor = place.program("rcc-cli");
+                        doctor.args(["doctor", "--clean"]);
+                        doctor
+                    }
+                };
+                command.stdout(Stdio::null()).stderr(Stdio::null());
+                ends_with_test(&mut command).spawn().expect("it starts")
+            })
+            .collect();
+        let winner = one_of(&place, many(&place));
+        for cleaner in &mut cleaners {
+            cleaner.wait().expect("the child is ours");
+        }
+        assert_whole(&place);
+        end(winner, &place);
+    }
+}
+
+#[test]
+fn a_supervisor_does_not_end_what_runs_on_an_executor_of_somebody_else() {
+    let cell = TestCell::demo();
+    let line = cell.run(&nets::line("line", 0.2, 0.02));
+    // As if this cell were another supervisor's: its executor is nobody's child here.
+    let presence: Announcement = cell.announced(Role::Cli, "up");
+    assert!(presence.is_supervisor() && presence.pid == cell.supervisor());
+    for program in ["rcc-exec", "rcc-loader"] {
+        let mut second = cell.program(program);
+        let second = second.arg("--config").arg(cell.config()).output();
+        let second = second.expect("it runs");
+        assert_eq!(second.status.code(), Some(1), "{program}: {second:?}");
+    }
+    let mut driver = cell.program("rcc-driver");
+    driver.arg("--config").arg(cell.config());
+    let driver = driver.args(["--device", "io"]).output().expect("it runs");
+    assert_eq!(driver.status.code(), Some(1), "{driver:?}");
+    assert_eq!(cell.state(line)["state"], "running", "{}", cell.logs());
+    assert_eq!(cell.device("io").expect("a row")["losses"], 0);
+    cell.done(line, "cancel");
+    cell.assert_ends(line, "canceled");
+    cell.stop();
+}
