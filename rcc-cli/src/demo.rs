@@ -20,7 +20,7 @@ use rcc_loader::server::codes::{self, exit};
 use serde_json::json;
 
 use crate::client::Client;
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format, note, say};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
@@ -100,12 +100,12 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     let told = Rc::clone(&starting);
     let tell = move |line: &Line| {
         if told.get() || is_trouble(&line.what) {
-            eprintln!(
+            note(&format!(
                 "  {:7.3} s  {:<20} {}",
                 line.at.as_secs_f64(),
                 line.who,
                 line.what
-            );
+            ));
         }
     };
     if !json {
@@ -251,10 +251,10 @@ fn measure(
             return Ok(checks);
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
-        eprintln!(
+        note(&format!(
             "  measured again, as the executor was late in {late} cycles meanwhile or the connection was lost ({})",
             whats.join("; ")
-        );
+        ));
     }
 }
 

@@ -2,6 +2,7 @@
 //! Made and printed by the main thread.
 
 use rcc_config::diagnostic::{Faults, Row, RowPlace, Severity, Source, render};
+use rcc_core::printable::Printable;
 use rcc_loader::server::api::{ErrorBody, Finding};
 use rcc_loader::server::codes::{self, Code, exit};
 use rcc_loader::server::compile::findings;
@@ -124,9 +125,10 @@ impl Failure {
         } else {
             ("", "")
         };
-        let mut text = format!("{red}error {}{plain}: {}\n", body.code, body.message);
+        let (code, message) = (Printable(&body.code), Printable(&body.message));
+        let mut text = format!("{red}error {code}{plain}: {message}\n");
         if let Some(help) = &body.help {
-            text.push_str(&format!("       help: {help}\n"));
+            text.push_str(&format!("       help: {}\n", Printable(help)));
         }
         text
     }
@@ -157,7 +159,7 @@ pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: boo
         }
         None => findings
             .iter()
-            .map(|finding| finding.rendered.as_str())
+            .map(|finding| Printable(&finding.rendered).to_string())
             .collect(),
     }
 }

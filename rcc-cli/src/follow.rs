@@ -13,6 +13,7 @@ use rcc_loader::server::compile::findings;
 use rcc_os::file;
 
 use crate::client::{Client, segment};
+use crate::context::note;
 use crate::failure::Failure;
 
 /// How often a state is asked for.
@@ -185,7 +186,7 @@ pub fn judge(command: &CommandView) -> Result<(), Failure> {
         _ => {
             let words = command.fault.as_ref().map(|fault| fault.words.clone());
             if let Some(words) = words {
-                eprintln!("{}: {words}", title(command));
+                note(&format!("{}: {words}", title(command)));
             }
             Err(Failure::said(exit::FAILED))
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use rcc_cli::client::Remote;
-use rcc_cli::context::{Context, Format};
+use rcc_cli::context::{Context, Format, note};
 use rcc_cli::verbs::Verb;
 
 /// Robot Control Core: load nets, run them, look at them.
@@ -51,7 +51,7 @@ const EXIT_CODES: &str = "Exit codes:
   130  ended by Ctrl-C";
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = Arguments::try_parse().unwrap_or_else(|error| refuse(&error));
     let remote = arguments
         .url
         .as_deref()
@@ -78,6 +78,15 @@ fn main() -> ExitCode {
             ExitCode::from(failure.exit)
         }
     }
+}
+
+/// Wrong arguments, or a page of help: what was typed may be the name of a file of somebody else.
+fn refuse(error: &clap::Error) -> ! {
+    if error.use_stderr() {
+        note(error.to_string().trim_end());
+        std::process::exit(error.exit_code());
+    }
+    error.exit()
 }
 
 fn duration(text: &str) -> Result<Duration, String> {

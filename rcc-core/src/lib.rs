@@ -34,6 +34,7 @@ pub mod plan;
 pub mod pose;
 pub mod primitive;
 pub mod primitives;
+pub mod printable;
 pub mod rotation;
 pub mod spatial;
 pub mod timing;

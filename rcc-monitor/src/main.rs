@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
+use rcc_core::printable::Printable;
 use rcc_ipc::pattern::Pattern;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
@@ -72,7 +73,7 @@ fn main() -> ExitCode {
         Ok(Some(signal)) if signal == Signal::SIGINT as i32 => ExitCode::from(INTERRUPTED),
         Ok(_) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}", Printable(&error.to_string()));
             ExitCode::FAILURE
         }
     }

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use rcc_core::message::MonitorRecord;
+use rcc_core::printable::Printable;
 use serde_json::{Value, json};
 
 use crate::names::{Command, Monitor};
@@ -218,14 +219,15 @@ impl<'a> Printer<'a> {
         let first = *self.first_stamp_ns.get_or_insert(record.stamp_ns);
         let seconds = record.stamp_ns.saturating_sub(first) as f64 / 1e9;
         let kind = Kind::of(&monitor.ty);
-        write!(out, "{seconds:10.3} s  {name:<24}")?;
+        let mut line = format!("{seconds:10.3} s  {name:<24}");
         for element in elements {
-            write!(out, " {:>11}", kind.human(*element))?;
+            line.push_str(&format!(" {:>11}", kind.human(*element)));
         }
         match monitor.unit.as_deref() {
-            None | Some("" | "1") => writeln!(out),
-            Some(unit) => writeln!(out, " {unit}"),
+            None | Some("" | "1") => {}
+            Some(unit) => line.push_str(&format!(" {unit}")),
         }
+        writeln!(out, "{}", Printable(&line))
     }
 }
 
@@ -255,7 +257,7 @@ fn json_line(
         "stamp_ns": record.stamp_ns,
         "value": value,
     });
-    writeln!(out, "{line}")
+    writeln!(out, "{}", Printable(&line.to_string()))
 }
 
 #[cfg(test)]

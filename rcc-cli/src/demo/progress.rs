@@ -1,7 +1,9 @@
 //! A motion as a person watches it: a bar with distance, speed, force and torch.
 //! Printed by the demo's main thread; redrawn in place on a terminal, a few lines elsewhere.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
+
+use crate::context::{overwrite, say};
 
 /// Cells of the bar.
 const WIDTH: usize = 28;
@@ -43,22 +45,19 @@ impl Bar {
     pub fn show(&mut self, view: &View) {
         let line = line(&self.name, view);
         if self.live && self.shown.as_ref() != Some(&line) {
-            // A terminal that is gone is no reason to stop a robot in some other way than by its net.
-            let _ = write!(io::stdout(), "\r{line}\x1b[K").and_then(|()| io::stdout().flush());
+            overwrite(&line, false);
         }
         self.shown = Some(line);
     }
 
     /// The last line stays, with how it ended.
     pub fn end(&mut self, view: &View, words: &str) {
-        let (begin, clear) = if self.live {
-            ("\r", "\x1b[K")
+        let text = format!("{}  {words}", line(&self.name, view));
+        if self.live {
+            overwrite(&text, true);
         } else {
-            ("", "")
-        };
-        let text = line(&self.name, view);
-        // As above.
-        let _ = writeln!(io::stdout(), "{begin}{text}  {words}{clear}");
+            say(&text);
+        }
     }
 }
 

@@ -185,7 +185,7 @@ fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many
     if context.format == Format::Json {
         return context.print(verdict, |_| String::new());
     }
-    eprint!("{}", draw(&verdict.diagnostics, Some(source), Context::colour()));
+    Context::print_drawing(&draw(&verdict.diagnostics, Some(source), Context::colour()));
     if verdict.valid && !is_many {
         let Verdict { file, net, primitives, .. } = verdict;
         say(&format!("{file}: {net} is valid, {primitives} primitives"));

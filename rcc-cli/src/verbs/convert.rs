@@ -7,7 +7,7 @@ use rcc_language::{Faults, compile, directionet, write};
 use rcc_loader::server::{codes, compile as compile_server};
 
 use super::check::load_config;
-use crate::context::{Context, say};
+use crate::context::{Context, say_file};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::supervisor::places;
@@ -76,9 +76,9 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(invalid(&Faults::new(name, text, faults)));
     };
     let warnings = compile_server::findings(&compiled.warnings);
-    eprint!("{}", draw(&warnings, Some(&(name, text)), Context::colour()));
+    Context::print_drawing(&draw(&warnings, Some(&(name, text)), Context::colour()));
     match arguments.into {
-        None => say(converted.trim_end()),
+        None => say_file(&converted),
         Some(path) => std::fs::write(&path, converted)
             .map_err(|error| Failure::new(codes::BAD_REQUEST, format!("{}: {error}", path.display()), "name a file that can be written"))?,
     }

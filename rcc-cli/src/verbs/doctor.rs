@@ -6,7 +6,7 @@ use std::time::Duration;
 use rcc_ipc::cell::base_dir;
 use rcc_loader::server::codes::{self, exit};
 
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format, note, say};
 use crate::doctor::Level;
 use crate::doctor::clean::clean;
 use crate::doctor::facts::{self, Facts, cpu, system::System};
@@ -72,7 +72,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if let Some(measured) = &facts.measured {
         match Record::of(measured).store() {
             Ok(path) => report.kept_in = Some(path.display().to_string()),
-            Err(error) => eprintln!("the grade is not kept for `status`: {error}"),
+            Err(error) => note(&format!("the grade is not kept for `status`: {error}")),
         }
     }
     context.print(&report, Report::human);
@@ -136,7 +136,7 @@ fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
         length,
     };
     if context.format == Format::Human {
-        eprintln!("measuring wake-ups for {} s …", length.as_secs_f64());
+        note(&format!("measuring wake-ups for {} s …", length.as_secs_f64()));
     }
     let before = cpu::counters(&system, plan.core);
     match measure(plan) {

@@ -8,7 +8,7 @@ use rcc_ipc::Cell;
 use rcc_ipc::events::{Event, Kind, Origin, Reader, Severity, wall_time_before};
 use rcc_loader::server::codes;
 
-use crate::context::{Context, Format, of_cell, say};
+use crate::context::{Context, Format, note, of_cell, say};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use crate::table::grouped;
@@ -68,10 +68,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         batch = reader.poll().map_err(unreadable)?;
     }
     if reader.unreadable() > 0 {
-        eprintln!(
-            "{} lines of the log are torn or no events",
-            reader.unreadable()
-        );
+        note(&format!("{} lines of the log are torn or no events",
+            reader.unreadable()));
     }
     Ok(())
 }

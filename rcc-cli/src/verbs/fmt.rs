@@ -4,7 +4,7 @@ use rcc_language::format::{FormatError, format};
 use rcc_loader::server::codes::{self, exit};
 use serde::Serialize;
 
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format, say, say_file};
 use crate::failure::Failure;
 use crate::follow::read_text;
 
@@ -57,7 +57,7 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
     let changed = written != text;
     let prints = arguments.stdout || file == "-";
     if prints && !arguments.check {
-        print!("{written}");
+        say_file(&written);
         return Ok(false);
     }
     if changed && !arguments.check {

@@ -12,7 +12,7 @@ use rcc_loader::server::codes;
 use serde_json::Value;
 
 use super::source::{self, Found};
-use crate::context::{Context, say};
+use crate::context::{Context, say_file};
 use crate::failure::Failure;
 
 /// Of what, and as what.
@@ -69,7 +69,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         }
     };
     match arguments.file {
-        None => say(&picture),
+        None => say_file(&picture),
         Some(path) => std::fs::write(&path, picture)
             .map_err(|error| Failure::new(codes::NOT_STORED, format!("{}: {error}", path.display()), ""))?,
     }

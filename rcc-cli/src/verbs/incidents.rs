@@ -10,7 +10,7 @@ use rcc_loader::server::api::Frozen;
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::context::{Context, of_cell};
+use crate::context::{Context, note, of_cell};
 use crate::failure::Failure;
 use crate::incident::Named;
 use crate::table;
@@ -96,7 +96,7 @@ fn rows(folder: &Path) -> Result<Vec<Row>, Failure> {
             Ok((head, command)) => rows.push(row(path, head, command.as_deref())),
             // One of the oldest that has just been removed.
             Err(IncidentError::Read(error)) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => eprintln!("{}: {error}", path.display()),
+            Err(error) => note(&format!("{}: {error}", path.display())),
         }
     }
     rows.sort_by(|a, b| a.head.time.cmp(&b.head.time));

@@ -22,10 +22,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Stays)?;
-    eprint!(
-        "{}",
-        draw(&loaded.command.diagnostics, Some(&source), Context::colour())
-    );
+    Context::print_drawing(&draw(&loaded.command.diagnostics, Some(&source), Context::colour()));
     context.print(&loaded.command, |command| match &command.rehearsal {
         Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
         None => line(command),

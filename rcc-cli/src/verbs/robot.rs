@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_loader::server::codes;
 
-use crate::context::{Context, say};
+use crate::context::{Context, say_file};
 use crate::failure::Failure;
 
 /// What to do with robots.
@@ -53,7 +53,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = name.map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
     let yaml = rcc_robot::yaml(&imported, &name);
     match import.into {
-        None => say(yaml.trim_end()),
+        None => say_file(&yaml),
         Some(path) => std::fs::write(&path, yaml).map_err(|error| {
             let message = format!("{}: {error}", path.display());
             Failure::new(codes::BAD_REQUEST, message, "name a file that can be written")

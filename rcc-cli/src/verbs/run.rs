@@ -34,10 +34,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let interrupts = Interrupts::listen()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?.command;
-    eprint!(
-        "{}",
-        draw(&loaded.diagnostics, Some(&source), Context::colour())
-    );
+    Context::print_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
     let outcome = start_and_follow(context, &client, &interrupts, &loaded);
     if !arguments.keep {
         // What is said about the run counts more than a row that could not be freed.

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use super::check::{load_config, require_understood};
 use super::plot;
-use crate::context::{Context, Format};
+use crate::context::{Context, Format, note};
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
 use crate::picture::Picture;
@@ -115,7 +115,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     context.print(&report, human);
     if context.format == Format::Human {
-        eprintln!("{}", speed(&simulated, took));
+        note(&speed(&simulated, took));
     }
     match EndReason::from_number(simulated.command.reason) {
         EndReason::Fault | EndReason::Aborted => Err(Failure::said(exit::FAILED)),
@@ -141,7 +141,7 @@ impl Scenario {
             let what = format!("{} is not valid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
-        eprint!("{}", draw(&compiled.warnings, Some(&source), Context::colour()));
+        Context::print_drawing(&draw(&compiled.warnings, Some(&source), Context::colour()));
         let names = serde_json::from_value(compiled.names).map_err(|error| {
             Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it with the net")
         })?;

@@ -62,10 +62,7 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Fou
     let libraries: &dyn Libraries = if is_file { &Files } else { &NoFiles };
     let (compiled, anatomy) =
         dissect(&source.1, &source.0, &config, libraries).map_err(|faults| {
-            eprint!(
-                "{}",
-                draw(&findings(&faults), Some(&source), Context::colour())
-            );
+            Context::print_drawing(&draw(&findings(&faults), Some(&source), Context::colour()));
             Failure::said(exit::INVALID)
         })?;
     Ok(Found {

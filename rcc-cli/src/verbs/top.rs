@@ -5,7 +5,9 @@ use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
 use ratatui::DefaultTerminal;
+use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyModifiers};
+use rcc_core::printable::first_unprintable;
 use rcc_loader::server::api::{Acknowledged, CommandView, StatusView, TimingView};
 use rcc_loader::server::codes;
 use serde::Serialize;
@@ -88,7 +90,10 @@ fn live(
     let mut told = String::new();
     let mut taken = Instant::now();
     loop {
-        terminal.draw(|frame| picture::draw(frame, &shot, &told))?;
+        terminal.draw(|frame| {
+            picture::draw(frame, &shot, &told);
+            make_printable(frame.buffer_mut());
+        })?;
         let mut changed = false;
         while !changed {
             if interrupts.asked() {
@@ -111,6 +116,15 @@ fn live(
                 }
                 changed = true;
             }
+        }
+    }
+}
+
+/// Replaces what would reorder or hide the rest of the picture; controls are not drawn anyway.
+fn make_printable(picture: &mut Buffer) {
+    for cell in &mut picture.content {
+        if first_unprintable(cell.symbol()).is_some() {
+            cell.set_symbol("\u{fffd}");
         }
     }
 }
@@ -149,7 +163,38 @@ fn wish(event: &Event) -> Wish {
 
 #[cfg(test)]
 mod tests {
+    use ratatui::backend::TestBackend;
+    use ratatui::{Frame, Terminal};
+
     use super::*;
+
+    #[test]
+    fn a_hostile_name_commands_no_terminal() {
+        let mut terminal = Terminal::new(TestBackend::new(120, 40)).unwrap();
+        let hostile = "\x1b[2Ja\u{202e}b\u{9b}31m\u{200b}";
+        let net = CommandView {
+            net: hostile.into(),
+            state: hostile.into(),
+            uses: vec![hostile.into()],
+            ..CommandView::default()
+        };
+        let mut shot = Shot { nets: vec![net], ..Shot::default() };
+        shot.status.cell = hostile.into();
+        shot.status.executor.grade = hostile.into();
+        let draw = |frame: &mut Frame<'_>, clean: bool| {
+            picture::draw(frame, &shot, hostile);
+            if clean {
+                make_printable(frame.buffer_mut());
+            }
+        };
+        let mut bad = |clean| {
+            let done = terminal.draw(|frame| draw(frame, clean)).unwrap();
+            let cells = done.buffer.content.iter();
+            cells.filter(|cell| first_unprintable(cell.symbol()).is_some()).count()
+        };
+        assert!(bad(false) > 0, "the picture does not show what is hostile");
+        assert_eq!(bad(true), 0);
+    }
 
     #[test]
     fn q_escape_and_control_c_end_it() {

@@ -9,7 +9,7 @@ use rcc_loader::server::codes::{self, exit};
 
 use super::state::shown;
 use crate::client::Client;
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format, say, say_again};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
@@ -103,17 +103,8 @@ impl Screen {
             Format::Human => {
                 let text = shown(values, self.style);
                 let lines = text.lines().count();
-                if std::io::stdout().is_terminal() {
-                    // Back to the first line of the table before, and from there to the end everything is erased.
-                    let back = match self.lines {
-                        0 => String::new(),
-                        before => format!("\x1b[{before}A\x1b[J"),
-                    };
-                    say(&format!("{back}{text}"));
-                } else {
-                    say(&text);
-                }
-                self.lines = lines;
+                say_again(self.lines, &text);
+                self.lines = if std::io::stdout().is_terminal() { lines } else { 0 };
             }
             Format::Json => {
                 let mut values = values.clone();

@@ -322,6 +322,8 @@ pub fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
 
 #[cfg(test)]
 mod tests {
+    use rcc_core::printable::{Coloured, first_unprintable};
+
     use super::*;
 
     fn faults(text: &str, place: Span) -> Faults {
@@ -371,6 +373,45 @@ mod tests {
         let text = format!("{}HERE{}", "é".repeat(100_000), "b".repeat(100_000));
         let drawn = faults(&text, Span::new(200_000, 200_004)).render(false);
         assert!(drawn.contains("HERE") && drawn.len() < 3000, "{drawn}");
+    }
+
+    #[test]
+    fn a_drawing_commands_no_terminal_and_still_points_to_the_place() {
+        let hostile = "\x1b[2J\u{9b}31m\u{202e}\u{7}";
+        let text = format!("net: {hostile} x HERE {hostile}\n");
+        let at = text.find("HERE").unwrap();
+        let mut fault = Diagnostic::error("RCC1203", Span::new(at, at + 4), hostile)
+            .label(format!("l{hostile}"))
+            .help(format!("h{hostile}"));
+        fault.used_at = Some(Box::new(UsedAt {
+            place: Span::new(0, 3),
+            file: 0,
+            label: format!("u{hostile}"),
+        }));
+        let faults = Faults::new(format!("f{hostile}.yaml"), text, vec![fault]);
+        for sources in [&faults.sources[..], &[]] {
+            let drawn = render(&faults.rows(), sources, false);
+            assert_eq!(first_unprintable(&drawn), None, "{drawn}");
+            for letter in ["l", "h", "u", "f"] {
+                assert!(
+                    drawn.contains(&format!("{letter}\\u001b[2J")) || sources.is_empty(),
+                    "{drawn}"
+                );
+            }
+            // What is left of a drawing in colours is its colours.
+            let coloured = render(&faults.rows(), sources, true);
+            assert_eq!(Coloured(&coloured).to_string(), coloured);
+            assert!(!coloured.contains("\x1b[2J"), "{coloured:?}");
+        }
+        let drawn = faults.render(false);
+        let lines: Vec<&str> = drawn.lines().collect();
+        let line = lines.iter().position(|line| line.contains("HERE")).unwrap();
+        let column = |line: &str, what: &str| line[..line.find(what).unwrap()].chars().count();
+        assert_eq!(
+            column(lines[line], "HERE"),
+            column(lines[line + 1], "─"),
+            "{drawn}"
+        );
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub mod scalar;
 use std::borrow::Cow;
 use std::collections::HashSet;
 
+use rcc_core::printable::first_unprintable;
 use serde_saphyr::granit_parser::{Event, Parser, ScalarStyle, Span as ParserSpan};
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -25,6 +26,8 @@ pub const DUPLICATE_KEY: &str = "RCC1002";
 pub const TOO_LARGE: &str = "RCC1003";
 /// YAML that has no meaning here: anchors, aliases, tags, several documents, keys that are no text.
 pub const NOT_SUPPORTED: &str = "RCC1004";
+/// A key or a text has a character that is not printable: it would command the terminal of whoever looks at it.
+pub const UNPRINTABLE: &str = "RCC1005";
 
 /// A value and where it stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,7 +154,7 @@ impl Node {
 /// Reads one document of YAML or JSON.
 ///
 /// # Errors
-/// [`BROKEN`], [`TOO_LARGE`] or [`NOT_SUPPORTED`]: the text ends there; [`DUPLICATE_KEY`]: all of them.
+/// [`BROKEN`], [`TOO_LARGE`] or [`NOT_SUPPORTED`]: the text ends there; [`DUPLICATE_KEY`] and [`UNPRINTABLE`]: all of them.
 pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
     match read(text) {
         (Some(node), faults) if faults.is_empty() => Ok(node),
@@ -159,8 +162,8 @@ pub fn parse(text: &str) -> Result<Node, Vec<Diagnostic>> {
     }
 }
 
-/// Like [`parse`], but a text whose only faults are duplicate keys is there too, with the first of each: who reports
-/// faults can go on to find the others.
+/// Like [`parse`], but a text whose only faults are duplicate keys (the first of each counts) or characters that are not
+/// printable is there too: who reports faults can go on to find the others.
 #[must_use]
 pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
     if text.len() > BYTES_MAX {
@@ -306,6 +309,7 @@ impl<'a> Builder<'a> {
         style: ScalarStyle,
         span: Span,
     ) -> Result<(), Box<Diagnostic>> {
+        self.faults.extend(unprintable(&text, span));
         if let Some((Open::Map { keys, key, .. }, _)) = self.stack.last_mut()
             && key.is_none()
         {
@@ -380,6 +384,17 @@ impl<'a> Builder<'a> {
         }
         Ok(())
     }
+}
+
+/// Nets and configurations name things: what they say is shown to people by every program of a cell.
+fn unprintable(text: &str, span: Span) -> Option<Diagnostic> {
+    let (_, character) = first_unprintable(text)?;
+    let message = format!(
+        "the text has the character U+{:04X}, which a terminal obeys or does not show",
+        u32::from(character)
+    );
+    let fault = Diagnostic::error(UNPRINTABLE, span, message);
+    Some(fault.help("leave it out; line feeds and tabs are allowed"))
 }
 
 fn plain(text: Cow<'_, str>) -> Value {

@@ -29,6 +29,8 @@ rules! {
         "split the net, or flatten the lists";
     NOT_SUPPORTED = rcc_config::yaml::NOT_SUPPORTED, "The text uses a part of YAML that has no meaning here.",
         "write the value out";
+    UNPRINTABLE = rcc_config::yaml::UNPRINTABLE, "A text has a character that a terminal obeys or does not show.",
+        "leave the character out; line feeds and tabs are allowed";
     UNKNOWN_KEY = "RCC1101", "A key has no meaning where it stands.",
         "take the key out";
     WRONG_SHAPE = "RCC1102", "A value is of another shape than its place needs.",

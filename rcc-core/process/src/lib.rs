@@ -1,6 +1,10 @@
 //! What every program of a cell has in common: arguments, log, signals, exit codes, helper threads, and words to its supervisor.
 //! Used by main threads at start and end; [`notify`] has a thread of its own.
 
+use std::io::{self, Write};
+
+use rcc_core::printable::{Coloured, Printable};
+
 pub mod arguments;
 pub mod ending;
 pub mod helpers;
@@ -16,9 +20,62 @@ pub use signals::Stop;
 /// Sends the log to stderr, at level info (`RUST_LOG` is not read); colours only where a person reads.
 /// Call it once, first.
 pub fn log() {
+    let colours = io::IsTerminal::is_terminal(&io::stderr());
     tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .with_writer(move || LogWriter { colours })
+        .with_ansi(colours)
         .with_target(false)
         .init();
+}
+
+/// Where the log goes: to stderr, and nothing in it commands the terminal of whoever reads it. It is given whole events.
+struct LogWriter {
+    /// Lets the log's own colours pass; what it is told has none, as it escapes them itself.
+    colours: bool,
+}
+
+impl Write for LogWriter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes);
+        let text = if self.colours {
+            Coloured(&text).to_string()
+        } else {
+            Printable(&text).to_string()
+        };
+        io::stderr().write_all(text.as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rcc_core::printable::first_unprintable;
+
+    /// What the log of a program prints that is told hostile words, here in a process of its own.
+    #[test]
+    fn nothing_that_is_logged_commands_a_terminal() {
+        const CHILD: &str = "RCC_TEST_LOGS";
+        let hostile = "a\x1b[2J\u{9b}31m\u{202e}\x07b";
+        if std::env::var_os(CHILD).is_some() {
+            super::log();
+            tracing::warn!(device = hostile, error = %hostile, "{hostile}");
+            return;
+        }
+        let output = std::process::Command::new(std::env::current_exe().expect("this test"))
+            .args([
+                "--exact",
+                "tests::nothing_that_is_logged_commands_a_terminal",
+                "--nocapture",
+            ])
+            .env(CHILD, "1")
+            .output()
+            .expect("it runs again");
+        let text = String::from_utf8(output.stderr).expect("UTF-8");
+        assert!(text.contains("WARN") && text.contains("[2J"), "{text:?}");
+        assert_eq!(first_unprintable(&text), None, "{text:?}");
+    }
 }

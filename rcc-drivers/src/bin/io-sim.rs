@@ -2,6 +2,7 @@
 //! The main thread reads the command line and waits for the end; see `rcc_drivers::sim::io`.
 
 use clap::Parser;
+use rcc_core::printable::Printable;
 use rcc_drivers::sim::io::{options::Options, program};
 use std::io::Write;
 use std::process::ExitCode;
@@ -16,7 +17,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("io-sim: {error}");
+            eprintln!("io-sim: {}", Printable(&error.to_string()));
             ExitCode::from(if matches!(error, program::RunError::Control(_)) {
                 2
             } else {

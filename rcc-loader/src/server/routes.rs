@@ -11,6 +11,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
+use rcc_core::printable::Printable;
 use serde::Deserialize;
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
@@ -239,7 +240,8 @@ async fn load(
         .try_acquire_owned()
         .map_err(|_| too_many(LOADING_MAX))?;
     let id = blocking(shared.clone(), move |service| service.reserve(&text)).await?;
-    let file = query.file.unwrap_or_else(|| "net".to_owned());
+    // It goes into every drawing of a fault.
+    let file = Printable(query.file.as_deref().unwrap_or("net")).to_string();
     tokio::spawn(async move {
         // The semaphores are never closed.
         let _turn = shared.compiling.acquire().await;

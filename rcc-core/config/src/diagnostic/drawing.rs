@@ -4,13 +4,15 @@
 use std::fmt::{self, Write as _};
 
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
+use rcc_core::printable::Printable;
 
 use super::{DRAWN_MAX, Row, RowPlace, Severity, Source, Span};
 
 /// Most characters of a line that are drawn; longer ones (JSON by machine) are cut around the place.
 const LINE_MAX: usize = 160;
 
-/// Draws rows, also such as another process found; a row whose source is not here is drawn without its line.
+/// Draws rows, also such as another process found; a row whose source is not here is drawn without its line. Nothing in
+/// the texts reaches a terminal as a command: only what is printable is drawn as it is, and colours are ours.
 #[must_use]
 pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
     let theme = if colour {
@@ -31,18 +33,20 @@ pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
             let source = sources.iter().position(|source| source.name == place.file);
             lines.get(source?)?.excerpt(place)
         };
-        let used_at = row.used_at.as_ref().map(|place| UsedAt {
-            place,
+        let shown = printable(row);
+        let used_at = row.used_at.as_ref().zip(shown.used_at.as_ref());
+        let used_at = used_at.map(|(place, shown)| UsedAt {
+            place: shown,
             line: excerpt(place),
         });
         let report = Drawing {
-            row,
+            row: &shown,
             line: excerpt(&place_of(row)),
             used_at,
         };
         // Drawing into a String fails only if the drawing itself does; then the words alone must do.
         if handler.render_report(&mut out, &report).is_err() {
-            out.push_str(&row.message);
+            out.push_str(&shown.message);
         }
         while out.ends_with("\n\n") {
             out.pop();
@@ -63,6 +67,24 @@ pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
         plural(warnings, "warning")
     );
     out
+}
+
+/// The row with texts that can be printed.
+fn printable(row: &Row) -> Row {
+    let clean = |text: &str| Printable(text).to_string();
+    Row {
+        code: clean(&row.code),
+        message: clean(&row.message),
+        file: clean(&row.file),
+        label: clean(&row.label),
+        help: row.help.as_deref().map(clean),
+        used_at: row.used_at.as_ref().map(|place| RowPlace {
+            file: clean(&place.file),
+            label: clean(&place.label),
+            ..place.clone()
+        }),
+        ..*row
+    }
 }
 
 fn place_of(row: &Row) -> RowPlace {
@@ -127,7 +149,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The line of a row, cut around its place if it is long.
-    fn excerpt(&self, row: &RowPlace) -> Option<Excerpt<'a>> {
+    fn excerpt(&self, row: &RowPlace) -> Option<Excerpt> {
         let (_, line) = self.line(row.line.checked_sub(1)?)?;
         let mut indices = line.char_indices().map(|(index, _)| index);
         let at = indices
@@ -145,10 +167,15 @@ impl<'a> Lines<'a> {
             floor(line, at + LINE_MAX * 2 / 3)
         };
         let end = floor(line, at + row.length).min(to).max(at);
+        let mut text = Printable(&line[from..at]).to_string();
+        let label = text.len();
+        text.push_str(&Printable(&line[at..end]).to_string());
+        let length = text.len() - label;
+        text.push_str(&Printable(&line[end..to]).to_string());
         Some(Excerpt {
-            name: row.file.clone(),
-            text: &line[from..to],
-            label: (at - from, end - at),
+            name: Printable(&row.file).to_string(),
+            text,
+            label: (label, length),
             line: row.line - 1,
             column: row.column - 1,
         })
@@ -166,15 +193,15 @@ fn floor(text: &str, at: usize) -> usize {
 
 /// One line of a source, as the drawing wants it.
 #[derive(Debug)]
-struct Excerpt<'a> {
+struct Excerpt {
     name: String,
-    text: &'a str,
+    text: String,
     label: (usize, usize),
     line: usize,
     column: usize,
 }
 
-impl miette::SourceCode for Excerpt<'_> {
+impl miette::SourceCode for Excerpt {
     fn read_span<'a>(
         &'a self,
         _span: &SourceSpan,
@@ -195,7 +222,7 @@ impl miette::SourceCode for Excerpt<'_> {
 #[derive(Debug)]
 struct Drawing<'a> {
     row: &'a Row,
-    line: Option<Excerpt<'a>>,
+    line: Option<Excerpt>,
     used_at: Option<UsedAt<'a>>,
 }
 
@@ -203,7 +230,7 @@ struct Drawing<'a> {
 #[derive(Debug)]
 struct UsedAt<'a> {
     place: &'a RowPlace,
-    line: Option<Excerpt<'a>>,
+    line: Option<Excerpt>,
 }
 
 impl fmt::Display for UsedAt<'_> {

@@ -49,6 +49,28 @@ fn scalars_are_what_they_look_like() {
 }
 
 #[test]
+fn a_text_that_would_command_a_terminal_is_refused_wherever_it_stands() {
+    for text in [
+        "a: \"x\\e[2J\"",
+        "a: \"x\\u202E\"",
+        "a: x\u{202e}",
+        "{\"a\": \"\\u009b31m\"}",
+        "\"a\\x07\": 1",
+        "a: [x, \"\\x7f\"]",
+        "a: \"\\r\"",
+    ] {
+        assert_eq!(codes(text), [UNPRINTABLE], "{text}");
+    }
+    let fine =
+        "a: |\r\n  two\r\n  lines\r\nb: \"tab\\tand\\nline\"\r\nc: grün 日本 🤖 # c\u{202e}\r\n";
+    let tree = parse(&format!("\u{feff}{fine}")).unwrap();
+    assert_eq!(tree.get("a").and_then(Node::text), Some("two\nlines\n"));
+    // The other faults of the text are found as well.
+    let (root, faults) = read("a: \"\\e\"\nb: 1\nb: 2\n");
+    assert_eq!((root.is_some(), faults.len()), (true, 2));
+}
+
+#[test]
 fn yaml_and_json_give_the_same_tree() {
     let yaml = parse("net: a\nlist: [1, 2.5, b.c]\nmap:\n  x: {y: null}\n").unwrap();
     let json = parse("{\n\t\"net\": \"a\",\n\t\"list\": [1, 2.5, \"b.c\"],\n\t\"map\": {\"x\": {\"y\": null}}\n}").unwrap();
