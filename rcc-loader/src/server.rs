@@ -1,6 +1,7 @@
 //! The loader as a server: REST on the cell's Unix socket, names of commands, and the link to the executor.
 //! One thread serves connections, blocking threads do the work, one thread tends the link to the executor.
 
+pub mod address;
 pub mod api;
 pub mod catalogue;
 pub mod codes;

@@ -13,8 +13,7 @@ use rcc_config::diagnostic::{Diagnostic, Span, closest};
 
 use crate::devices::DeviceTable;
 use crate::fault;
-use crate::syntax::NAME_MAX;
-use crate::syntax::Net;
+use crate::syntax::{NAME_MAX, Net, bad_net_name};
 
 pub use text::looks_like;
 
@@ -94,6 +93,10 @@ fn net_name(theirs: &str) -> String {
     if name.is_empty() {
         name.push_str("directionet");
     }
+    if name.starts_with(|c: char| c.is_ascii_digit()) {
+        name.insert_str(0, "net-");
+        name.truncate(NAME_MAX);
+    }
     name
 }
 
@@ -111,7 +114,10 @@ fn options(header: &text::Header, file: &str, faults: &mut Vec<Diagnostic>) -> O
                 .filter(|part| !part.is_empty())
         };
         match key.name.as_str() {
-            "net" => options.name.clone_from(&value.name),
+            "net" => {
+                faults.extend(bad_net_name(value));
+                options.name.clone_from(&value.name);
+            }
             "end" => options
                 .end
                 .extend(parts().map(|end| (end.to_string(), value.span))),

@@ -241,22 +241,37 @@ fn read_name(root: &Node, faults: &mut Vec<Diagnostic>) -> Key {
         faults.push(shape(node, "the name of a net", "text"));
         return nowhere;
     };
-    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    if name.is_empty()
-        || name.len() > NAME_MAX
-        || !name.chars().all(allowed)
-        || name.starts_with('-')
-    {
-        let message = format!("`{name}` cannot be the name of a net");
-        let fault = Diagnostic::error(fault::BAD_NAME, node.span, message);
-        faults.push(fault.help(format!(
-            "use small letters, digits and `-`, at most {NAME_MAX}, beginning with a letter or digit"
-        )));
-    }
-    Key {
+    let name = Key {
         name: name.to_string(),
         span: node.span,
+    };
+    faults.extend(bad_net_name(&name));
+    name
+}
+
+/// The rule for names of nets, in whatever form they are given: `[a-z][a-z0-9-]{0,63}`. A loaded net is also addressed by
+/// its number and as `name#number`, so no name begins with a digit or has a `#`.
+#[must_use]
+pub fn is_net_name(name: &str) -> bool {
+    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    name.len() <= NAME_MAX
+        && name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(allowed)
+}
+
+/// The fault of a name that no net may have.
+pub(crate) fn bad_net_name(name: &Key) -> Option<Diagnostic> {
+    if is_net_name(&name.name) {
+        return None;
     }
+    let message = format!("`{}` cannot be the name of a net", name.name);
+    let mut help =
+        format!("use small letters, digits and `-`, at most {NAME_MAX}, beginning with a letter");
+    let lettered = format!("net-{}", name.name);
+    if is_net_name(&lettered) {
+        help = format!("{help}, as in `{lettered}`; a number is the id of a loaded net");
+    }
+    Some(Diagnostic::error(fault::BAD_NAME, name.span, message).help(help))
 }
 
 fn read_primitives(root: &Node, faults: &mut Vec<Diagnostic>) -> Vec<Primitive> {

@@ -6,6 +6,7 @@ use rcc_config::diagnostic::{Faults, Row, Severity, render};
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
 use rcc_ipc::control::PlanData;
+use rcc_language::syntax::is_net_name;
 
 use super::api::{Finding, Place};
 
@@ -130,11 +131,12 @@ pub fn name_of(text: &str) -> String {
     let named = text.lines().find_map(|line| {
         let line = line.trim_start_matches(['{', ' ']).replace('"', "");
         let value = line.strip_prefix("net:")?.trim();
-        let end = value.find([' ', ',', '#', '}']).unwrap_or(value.len());
+        let end = value.find([' ', ',', '}']).unwrap_or(value.len());
         Some(value[..end].trim().to_owned())
     });
     let mut name = named.unwrap_or_default();
-    if name.len() > 64 || !name.bytes().all(|byte| byte.is_ascii_graphic()) {
+    if !is_net_name(&name) {
+        // Neither printed nor looked for: it may be an id, or lead a terminal.
         name.clear();
     }
     name
@@ -149,5 +151,8 @@ mod tests {
         assert_eq!(name_of("# x\nnet: line # a line\nprimitives: [\n"), "line");
         assert_eq!(name_of("{\"net\": \"line\", \"primitives\": {"), "line");
         assert_eq!(name_of("nothing"), "");
+        assert_eq!(name_of("net: \"1\"\n"), "");
+        assert_eq!(name_of("net: left#7\n"), "");
+        assert_eq!(name_of("net: Left\n"), "");
     }
 }

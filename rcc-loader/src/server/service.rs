@@ -12,6 +12,7 @@ use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_language::devices::DeviceTable;
 use rcc_process::Helpers;
 
+use super::address::{self, Address};
 use super::api::{CommandDetail, CommandView, Done, Finding, Frozen};
 use super::codes;
 use super::compile::{self, Compiled};
@@ -420,10 +421,18 @@ impl Service {
         name: &str,
         suits: impl Fn(CommandState) -> bool,
     ) -> Result<u64, ApiError> {
-        let number = name.rsplit_once('#').map_or(name, |(_, number)| number);
-        if let Ok(id) = number.parse() {
-            return Ok(id);
-        }
+        let name = match Address::read(name) {
+            Some(Address::Id(id)) => return Ok(id),
+            Some(Address::Both(net, id)) => {
+                let is = self.file(store, id).map(|file| file.net);
+                return match is.as_deref() {
+                    Some(is) if is == net => Ok(id),
+                    is => Err(address::other_name(net, id, is)),
+                };
+            }
+            Some(Address::Name(name)) => name,
+            None => return Err(words::unknown(name)),
+        };
         // Collected first: `file` locks what is loading, too.
         let loading: Vec<u64> = self.loading().keys().copied().collect();
         let loading = loading.into_iter().map(|id| (id, CommandState::Loading));
