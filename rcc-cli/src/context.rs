@@ -1,11 +1,9 @@
 //! What all verbs share: which cell, how to print, how long to wait.
 //! Made once from the arguments; used by the main thread.
 
-use std::fmt::Display;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::time::Duration;
 
-use rcc_core::printable::{Coloured, Printable};
 use rcc_ipc::cell::base_dir;
 use rcc_ipc::{Cell, CellError};
 use rcc_loader::server::codes;
@@ -13,6 +11,7 @@ use serde::Serialize;
 
 use crate::client::{Client, Remote, no_loader};
 use crate::failure::Failure;
+use crate::output::{remark_drawing, say};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -82,11 +81,6 @@ impl Context {
         say(&text);
     }
 
-    /// Prints drawings of findings on stderr, in the colours that they were drawn in; see [`crate::failure::draw`].
-    pub fn print_drawing(drawing: &str) {
-        tell(&Coloured(drawing));
-    }
-
     /// Prints a failure on stderr.
     pub fn print_failure(&self, failure: &Failure) {
         if failure.body.code.is_empty() && failure.body.message.is_empty() {
@@ -96,65 +90,8 @@ impl Context {
             Format::Human => failure.human(Self::colour()),
             Format::Json => serde_json::to_string(&*failure.body).unwrap_or_default() + "\n",
         };
-        Self::print_drawing(&text);
+        remark_drawing(&text);
     }
-}
-
-// Everything that is printed goes through the functions below: whatever a net, a device or another program says, nothing
-// in it commands the terminal.
-
-/// Prints a line on stdout, people's or of JSON. A reader that is gone ends the program, as with any other filter.
-pub fn say(text: &str) {
-    write_line(&Printable(text.trim_end_matches('\n')));
-}
-
-/// Prints the text of a file on stdout: to the byte as it is, unless a terminal shows it.
-pub fn say_file(text: &str) {
-    let text = text.trim_end_matches('\n');
-    if io::stdout().is_terminal() {
-        say(text);
-    } else {
-        write_line(&text);
-    }
-}
-
-/// Prints a table on stdout in the place of the one before, of so many lines; 0: below what is there.
-pub fn say_again(before: usize, text: &str) {
-    if before > 0 {
-        // Back to its first line, and from there to the end everything is erased.
-        print_now(&format_args!("\x1b[{before}A\x1b[J"));
-    }
-    say(text);
-}
-
-/// Prints a line on stdout over the one that begins there, and ends it or not. A terminal that is gone is ignored: it is
-/// no reason to stop a robot in some other way than by its net.
-pub fn overwrite(line: &str, end: bool) {
-    let end = if end { "\n" } else { "" };
-    let mut out = io::stdout().lock();
-    // As said.
-    let _ = write!(out, "\r{}\x1b[K{end}", Printable(line)).and_then(|()| out.flush());
-}
-
-/// Prints a line on stderr.
-pub fn note(text: &str) {
-    tell(&format_args!("{}\n", Printable(text)));
-}
-
-fn write_line(text: &dyn Display) {
-    print_now(&format_args!("{text}\n"));
-}
-
-fn print_now(text: &dyn Display) {
-    let mut out = io::stdout().lock();
-    if write!(out, "{text}").and_then(|()| out.flush()).is_err() {
-        std::process::exit(i32::from(codes::exit::OK));
-    }
-}
-
-fn tell(text: &dyn Display) {
-    // Nobody reads it: there is nobody to tell.
-    let _ = io::stderr().write_all(text.to_string().as_bytes());
 }
 
 /// A cell's name or folder that cannot be used.

@@ -20,10 +20,11 @@ use rcc_loader::server::codes::{self, exit};
 use serde_json::json;
 
 use crate::client::Client;
-use crate::context::{Context, Format, note, say};
+use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
+use crate::output::{Printer, say};
 use crate::supervisor::launch::Prepared;
 use crate::supervisor::{Line, Supervisor, launch, places};
 use crate::table::grouped;
@@ -98,28 +99,28 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     let json = context.format == Format::Json;
     let starting = Rc::new(Cell::new(!json));
     let told = Rc::clone(&starting);
+    let printer = Printer::start();
+    let teller = printer.clone();
     let tell = move |line: &Line| {
         if told.get() || is_trouble(&line.what) {
-            note(&format!(
-                "  {:7.3} s  {:<20} {}",
-                line.at.as_secs_f64(),
-                line.who,
-                line.what
-            ));
+            let at = line.at.as_secs_f64();
+            teller.remark(&format!("  {at:7.3} s  {:<20} {}", line.who, line.what));
         }
     };
     if !json {
-        say(&format!(
+        printer.say(&format!(
             "RCC demo: a KUKA LWR 4+ and an I/O station, simulated, on loopback; cell {name}"
         ));
     }
     let mut supervisor = Supervisor::start(&name, prepared.clone(), Box::new(tell))?;
     let played = supervisor.wait_until_up(&interrupts).and_then(|()| {
         starting.set(false);
-        play(context, &mut supervisor, &interrupts, &prepared)
+        play(context, &mut supervisor, (&interrupts, &printer), &prepared)
     });
     starting.set(false);
     let clean = supervisor.stop(&interrupts);
+    // Before the report, which is the result: it is printed, or that is an error.
+    printer.finish();
     let (results, status) = played?;
     report(
         context,
@@ -150,7 +151,7 @@ type Results = Vec<(&'static str, Vec<Check>)>;
 fn play(
     context: &Context,
     supervisor: &mut Supervisor,
-    interrupts: &Interrupts,
+    (interrupts, printer): (&Interrupts, &Printer),
     prepared: &Prepared,
 ) -> Result<(Results, StatusView), Failure> {
     let cell = supervisor.cell.clone();
@@ -162,7 +163,8 @@ fn play(
     let quiet = context.format == Format::Json;
     let status: StatusView = client.get("/status")?;
     if !quiet {
-        say(&format!("  {}\n", status.executor.grade));
+        printer.say(&format!("  {}", status.executor.grade));
+        printer.say("");
     }
     let mut stage = Stage {
         begun: Instant::now(),
@@ -171,6 +173,7 @@ fn play(
         recorder: &recorder,
         simulator: &mut simulator,
         interrupts,
+        printer,
     };
     let mut results = Vec::new();
     for figure in &FIGURES {
@@ -251,7 +254,7 @@ fn measure(
             return Ok(checks);
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
-        note(&format!(
+        stage.printer.remark(&format!(
             "  measured again, as the executor was late in {late} cycles meanwhile or the connection was lost ({})",
             whats.join("; ")
         ));
@@ -296,7 +299,7 @@ fn perform(
     }
     let torch = facts.torch_on.zip(facts.torch_off);
     let middle = torch.map_or(f64::INFINITY, |(on, off)| f64::midpoint(on, off));
-    let mut bar = Bar::new(figure.title, quiet);
+    let mut bar = Bar::new(figure.title, quiet, stage.printer);
     let mut view = View::default();
     let run = stage.run(figure.file, text, |recorder, command| {
         let newest = |source: &str| {

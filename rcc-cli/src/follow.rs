@@ -7,14 +7,14 @@ use std::time::{Duration, Instant};
 use rcc_language::bundle::bundle;
 use rcc_language::library::Files;
 use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, Named, Switch, Switched};
-use rcc_loader::server::codes::{self, exit};
+use rcc_loader::server::codes::{self, Asked, exit};
 use rcc_loader::server::compile::findings;
 
 use rcc_os::file;
 
 use crate::client::{Client, segment};
-use crate::context::note;
 use crate::failure::Failure;
+use crate::output::remark;
 
 /// How often a state is asked for.
 pub const POLL: Duration = Duration::from_millis(20);
@@ -176,21 +176,24 @@ pub fn is_over(command: &CommandView) -> bool {
     matches!(command.state.as_str(), "terminated" | "rejected")
 }
 
-/// The exit code of a command that is over.
+/// The exit code of a command that is over, by how it ended and what was asked of it. What is no success is told.
 ///
 /// # Errors
-/// A fault or an abort, with its words.
-pub fn judge(command: &CommandView) -> Result<(), Failure> {
-    match command.reason.as_deref() {
-        Some("finished" | "canceled") => Ok(()),
-        _ => {
-            let words = command.fault.as_ref().map(|fault| fault.words.clone());
-            if let Some(words) = words {
-                note(&format!("{}: {words}", title(command)));
-            }
-            Err(Failure::said(exit::FAILED))
-        }
+/// Everything that was not asked for, with its words on stderr.
+pub fn judge(command: &CommandView, asked: Asked) -> Result<(), Failure> {
+    let code = codes::outcome(asked, command.reason.as_deref());
+    if code == exit::OK {
+        return Ok(());
     }
+    let title = title(command);
+    if let Some(fault) = &command.fault {
+        remark(&format!("{title}: {}", fault.words));
+    } else if code == exit::CANCELED {
+        remark(&format!(
+            "{title} was canceled before it had finished, and not by this command (`rcc-cli events` says more); exit code {code}"
+        ));
+    }
+    Err(Failure::said(code))
 }
 
 #[cfg(test)]
@@ -207,10 +210,16 @@ mod tests {
     }
 
     #[test]
-    fn only_finished_and_canceled_are_a_success() {
-        assert!(judge(&command("finished")).is_ok() && judge(&command("canceled")).is_ok());
-        assert_eq!(judge(&command("aborted")), Err(Failure::said(1)));
-        assert_eq!(judge(&command("fault")), Err(Failure::said(1)));
+    fn only_what_was_asked_for_is_a_success() {
+        for (reason, finish, cancel) in [
+            ("finished", Ok(()), Ok(())),
+            ("canceled", Err(Failure::said(8)), Ok(())),
+            ("aborted", Err(Failure::said(1)), Err(Failure::said(1))),
+            ("fault", Err(Failure::said(1)), Err(Failure::said(1))),
+        ] {
+            assert_eq!(judge(&command(reason), Asked::Finish), finish, "{reason}");
+            assert_eq!(judge(&command(reason), Asked::Cancel), cancel, "{reason}");
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! The command line of RCC: verbs, the supervisor behind `up`, and the demo.
 //! Everything runs in ordinary threads; nothing here can touch a cycle.
 
-// What people and programs read goes through `context`, which lets nothing in it command a terminal.
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod client;
@@ -13,6 +12,7 @@ pub mod follow;
 pub mod identify;
 pub mod incident;
 pub mod interrupt;
+pub mod output;
 pub mod picture;
 pub mod simulate;
 pub mod supervisor;

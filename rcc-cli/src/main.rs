@@ -1,14 +1,19 @@
 //! `rcc-cli`: reads its arguments, runs one verb, and ends with a documented exit code.
 //! The main thread does it all; the supervisor's children are started by it, so they end with it.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
 use rcc_cli::client::Remote;
-use rcc_cli::context::{Context, Format, note};
+use rcc_cli::context::{Context, Format};
+use rcc_cli::output;
 use rcc_cli::verbs::Verb;
+use rcc_loader::server::codes;
 
 /// Robot Control Core: load nets, run them, look at them.
 #[derive(Parser)]
@@ -48,10 +53,16 @@ const EXIT_CODES: &str = "Exit codes:
   5    conflict: a resource is busy, or the state does not allow it
   6    no answer in time
   7    not permitted
-  130  ended by Ctrl-C";
+  8    the net was canceled before it had finished, and not by this command
+  130  ended by Ctrl-C
+  141  the reader of the output is gone
+A verb that waits for a net ends with 0 only if the net finished; `cancel --wait` also if it was canceled.";
 
 fn main() -> ExitCode {
-    let arguments = Arguments::try_parse().unwrap_or_else(|error| refuse(&error));
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(told) => return conclude(&told),
+    };
     let remote = arguments
         .url
         .as_deref()
@@ -80,13 +91,18 @@ fn main() -> ExitCode {
     }
 }
 
-/// Wrong arguments, or a page of help: what was typed may be the name of a file of somebody else.
-fn refuse(error: &clap::Error) -> ! {
-    if error.use_stderr() {
-        note(error.to_string().trim_end());
-        std::process::exit(error.exit_code());
+/// Help, version or wrong arguments: printed, and an error if that cannot be.
+fn conclude(told: &clap::Error) -> ExitCode {
+    if told.use_stderr() {
+        // What was typed may be the name of a file of somebody else.
+        output::remark(&told.to_string());
+    } else if std::io::stdout().is_terminal() {
+        // Ours, with colours.
+        let _ = told.print();
+    } else {
+        output::say(&told.to_string());
     }
-    error.exit()
+    ExitCode::from(u8::try_from(told.exit_code()).unwrap_or(codes::exit::USAGE))
 }
 
 fn duration(text: &str) -> Result<Duration, String> {

@@ -3,6 +3,7 @@
 //! `rcc-engine` is the real-time thread's work; `rt` is its loop, `clock` says when it wakes; `intake` takes
 //! requests and `maker` makes what it runs; `pump` carries away what it says; `incidents` writes what its flight recorder kept.
 #![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod clock;
 pub mod incidents;

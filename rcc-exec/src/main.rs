@@ -4,6 +4,8 @@
 //! helper thread that panics or ends by itself asks for the same stop: nets are canceled, arms come to rest, and the
 //! process ends with a failure, so that it is started again. One that hangs stops the heartbeat.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 use std::io;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,6 +1,8 @@
 //! `rcc-loader`: serves the REST interface of one cell.
 //! The main thread serves connections; blocking threads compile and talk to the executor; one thread tends the link.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;

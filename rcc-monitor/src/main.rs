@@ -1,17 +1,18 @@
 //! `rcc-monitor`: shows what the nets of a cell make visible. It only reads, and can do no harm.
 //! One thread does it all.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 use std::io::{self, BufWriter};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use nix::sys::signal::Signal;
-use rcc_core::printable::Printable;
 use rcc_ipc::pattern::Pattern;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
-use rcc_monitor::tail::{Format, Options, tail};
+use rcc_monitor::tail::{End, Format, Options, remark, tail};
 
 /// Shows what the nets of a cell make visible.
 #[derive(Parser)]
@@ -44,6 +45,8 @@ enum Verb {
 
 /// Exit code after Ctrl-C, as a shell has it.
 const INTERRUPTED: u8 = 130;
+/// Exit code when nobody reads any more: what a shell shows for a program that SIGPIPE ended.
+const READER_GONE: u8 = 141;
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
@@ -62,7 +65,7 @@ fn main() -> ExitCode {
     let mut signals = match Signals::catch() {
         Ok(signals) => signals,
         Err(error) => {
-            eprintln!("error: signals cannot be caught: {error}");
+            remark(&format!("error: signals cannot be caught: {error}"));
             return ExitCode::FAILURE;
         }
     };
@@ -70,10 +73,11 @@ fn main() -> ExitCode {
     match tail(&arguments.cell, &options, &mut signals, &mut out, || {
         reader::is_gone(&io::stdout())
     }) {
-        Ok(Some(signal)) if signal == Signal::SIGINT as i32 => ExitCode::from(INTERRUPTED),
+        Ok(End::Signal(signal)) if signal == Signal::SIGINT as i32 => ExitCode::from(INTERRUPTED),
+        Ok(End::ReaderGone) => ExitCode::from(READER_GONE),
         Ok(_) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", Printable(&error.to_string()));
+            remark(&format!("error: {error}"));
             ExitCode::FAILURE
         }
     }

@@ -52,7 +52,23 @@ pub enum TailError {
     Output(#[from] io::Error),
 }
 
-/// Prints until the count, the time, a signal or the end of the reader; returns the signal that ended it.
+/// Why printing ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The count or the time is reached.
+    Done,
+    /// Somebody asked for it, by this signal.
+    Signal(i32),
+    /// Nobody reads any more.
+    ReaderGone,
+}
+
+/// A line on stderr; nothing changes when it cannot be written.
+pub fn remark(words: &str) {
+    let _ = writeln!(io::stderr(), "{words}");
+}
+
+/// Prints until the count, the time, a signal or the end of the reader.
 ///
 /// # Errors
 /// A stream that cannot be read, an output that cannot be written.
@@ -62,40 +78,44 @@ pub fn tail(
     signals: &mut Signals,
     out: &mut impl Write,
     reader_is_gone: impl Fn() -> bool,
-) -> Result<Option<i32>, TailError> {
+) -> Result<End, TailError> {
     let mut follower = Follower::new(cell);
     let begun = Instant::now();
     let mut printer = Printer::new(options);
     let mut waiting_told = false;
     loop {
         if let Some(signal) = signals.came() {
-            return Ok(Some(signal));
+            return Ok(End::Signal(signal));
         }
         if options
             .duration
             .is_some_and(|limit| begun.elapsed() >= limit)
         {
-            return Ok(None);
+            return Ok(End::Done);
         }
         let look = follower.look()?;
         match look.changed {
-            Some(false) => eprintln!("the executor of cell '{cell}' is gone: waiting for the next"),
+            Some(false) => remark(&format!(
+                "the executor of cell '{cell}' is gone: waiting for the next"
+            )),
             None if !follower.is_attached() && !waiting_told => {
                 waiting_told = true;
-                eprintln!("cell '{cell}' has no executor: waiting for one");
+                remark(&format!(
+                    "cell '{cell}' has no executor: waiting for one"
+                ));
             }
             _ => {}
         }
         let printed = print(&mut printer, &look.records, look.lost, &mut follower, out);
         match printed {
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(None),
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(End::ReaderGone),
             Err(error) => return Err(error.into()),
-            Ok(()) if options.count.is_some_and(|most| printer.printed >= most) => return Ok(None),
+            Ok(()) if options.count.is_some_and(|most| printer.printed >= most) => return Ok(End::Done),
             Ok(()) => {}
         }
         if look.records.is_empty() {
             if reader_is_gone() {
-                return Ok(None);
+                return Ok(End::ReaderGone);
             }
             std::thread::sleep(if follower.is_attached() {
                 LOOK_EVERY
@@ -149,7 +169,7 @@ impl<'a> Printer<'a> {
     fn lost(&self, lost: u64, out: &mut impl Write) -> io::Result<()> {
         match self.options.format {
             Format::Human => {
-                eprintln!("{lost} records were lost here");
+                remark(&format!("{lost} records were lost here"));
                 Ok(())
             }
             Format::Json => writeln!(out, "{}", json!({"lost": lost})),

@@ -16,6 +16,8 @@ mod handover;
 mod impedance;
 mod incidents;
 mod life;
+mod outcomes;
+mod output;
 mod plans;
 mod readme;
 mod rt_calls;

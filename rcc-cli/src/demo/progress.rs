@@ -1,9 +1,8 @@
 //! A motion as a person watches it: a bar with distance, speed, force and torch.
 //! Printed by the demo's main thread; redrawn in place on a terminal, a few lines elsewhere.
 
+use crate::output::Printer;
 use std::io::{self, IsTerminal};
-
-use crate::context::{overwrite, say};
 
 /// Cells of the bar.
 const WIDTH: usize = 28;
@@ -28,16 +27,19 @@ pub struct Bar {
     name: String,
     live: bool,
     shown: Option<String>,
+    /// A terminal that is gone, or stopped, is no reason to stop a robot in some other way than by its net.
+    printer: Printer,
 }
 
 impl Bar {
     /// A bar with this name before it.
     #[must_use]
-    pub fn new(name: &str, quiet: bool) -> Bar {
+    pub fn new(name: &str, quiet: bool, printer: &Printer) -> Bar {
         Bar {
             name: name.to_owned(),
             live: !quiet && io::stdout().is_terminal(),
             shown: None,
+            printer: printer.clone(),
         }
     }
 
@@ -45,7 +47,7 @@ impl Bar {
     pub fn show(&mut self, view: &View) {
         let line = line(&self.name, view);
         if self.live && self.shown.as_ref() != Some(&line) {
-            overwrite(&line, false);
+            self.printer.overwrite(&line, false);
         }
         self.shown = Some(line);
     }
@@ -54,9 +56,9 @@ impl Bar {
     pub fn end(&mut self, view: &View, words: &str) {
         let text = format!("{}  {words}", line(&self.name, view));
         if self.live {
-            overwrite(&text, true);
+            self.printer.overwrite(&text, true);
         } else {
-            say(&text);
+            self.printer.say(&text);
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::failure::Failure;
 use crate::follow::{self, Rejected};
 use crate::interrupt::Interrupts;
 use crate::supervisor::{LOOK_EVERY, Supervisor};
+use crate::output::Printer;
 
 /// How long a device that is not ready is waited for.
 const READY_LIMIT: Duration = Duration::from_secs(20);
@@ -36,6 +37,8 @@ pub struct Stage<'a> {
     pub simulator: &'a mut Simulator,
     /// Ctrl-C.
     pub interrupts: &'a Interrupts,
+    /// Where the person who watches is told.
+    pub printer: &'a Printer,
 }
 
 /// A net that is over, with what was recorded of it.

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use rcc_loader::server::api::CommandView;
-use rcc_loader::server::codes;
+use rcc_loader::server::codes::{self, Asked};
 
 use super::Named;
 use crate::context::Context;
@@ -23,7 +23,7 @@ pub struct Arguments {
 /// Does it.
 ///
 /// # Errors
-/// Not reachable, refused, or not over in time.
+/// Not reachable, refused, not over in time, or ended by a fault or an abort.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let begun = Instant::now();
@@ -38,9 +38,13 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             context.print(&command, |command: &CommandView| {
                 let (title, state) = (follow::title(command), follow::state_words(command));
                 let passed = begun.elapsed().as_secs_f64();
-                format!("{title}  {state}  after {passed:.2} s")
+                let first = match command.reason.as_deref() {
+                    Some("finished") => ", it was done before it could be canceled",
+                    _ => "",
+                };
+                format!("{title}  {state}  after {passed:.2} s{first}")
             });
-            return follow::judge(&command);
+            return follow::judge(&command, Asked::Cancel);
         }
         if begun.elapsed() > patience {
             let title = follow::title(&command);

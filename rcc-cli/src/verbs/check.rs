@@ -16,13 +16,14 @@ use rcc_loader::server::compile::{findings, name_of};
 use serde::Serialize;
 
 use super::simulate::with_namer;
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::simulate::rehearse_at_start;
 use crate::simulate::settings::misunderstood;
 use crate::supervisor::places;
 use crate::table::grouped;
+use crate::output::{remark_drawing, say};
 
 /// What to check.
 #[derive(clap::Args, Debug)]
@@ -78,7 +79,7 @@ struct Summary {
 /// Does it.
 ///
 /// # Errors
-/// Exit code 3 when a net is not valid, that of the file when one cannot be read.
+/// Exit code 3 when a net is not valid, that of the file when one cannot be read, 2 when folders hold no net.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let config = match &arguments.config {
@@ -118,6 +119,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     if is_many && context.format == Format::Human {
         say(&summary.words(begun.elapsed().as_secs_f64()));
+    }
+    let folders_only = arguments.files.iter().all(|file| Path::new(file).is_dir());
+    if folders_only && summary.valid + summary.invalid == 0 && summary.unreadable.is_none() {
+        let message = format!("no net is in {}", arguments.files.join(", "));
+        let help = "a net is a .yaml, .yml or .json file with `net:`; name the file to see what is wrong with it";
+        return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     match summary {
         Summary { unreadable: Some(code), .. } => Err(Failure::said(code)),
@@ -185,7 +192,7 @@ fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many
     if context.format == Format::Json {
         return context.print(verdict, |_| String::new());
     }
-    Context::print_drawing(&draw(&verdict.diagnostics, Some(source), Context::colour()));
+    remark_drawing(&draw(&verdict.diagnostics, Some(source), Context::colour()));
     if verdict.valid && !is_many {
         let Verdict { file, net, primitives, .. } = verdict;
         say(&format!("{file}: {net} is valid, {primitives} primitives"));

@@ -7,10 +7,11 @@ use rcc_language::{Faults, compile, directionet, write};
 use rcc_loader::server::{codes, compile as compile_server};
 
 use super::check::load_config;
-use crate::context::{Context, say_file};
+use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
 use crate::supervisor::places;
+use crate::output::{remark_drawing, say_file};
 
 /// What to convert.
 #[derive(clap::Args, Debug)]
@@ -76,7 +77,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(invalid(&Faults::new(name, text, faults)));
     };
     let warnings = compile_server::findings(&compiled.warnings);
-    Context::print_drawing(&draw(&warnings, Some(&(name, text)), Context::colour()));
+    remark_drawing(&draw(&warnings, Some(&(name, text)), Context::colour()));
     match arguments.into {
         None => say_file(&converted),
         Some(path) => std::fs::write(&path, converted)

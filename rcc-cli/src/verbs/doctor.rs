@@ -6,7 +6,7 @@ use std::time::Duration;
 use rcc_ipc::cell::base_dir;
 use rcc_loader::server::codes::{self, exit};
 
-use crate::context::{Context, Format, note, say};
+use crate::context::{Context, Format};
 use crate::doctor::Level;
 use crate::doctor::clean::clean;
 use crate::doctor::facts::{self, Facts, cpu, system::System};
@@ -17,6 +17,7 @@ use crate::doctor::report::Report;
 use crate::doctor::trial::try_all;
 use crate::doctor::wish::{self, Chosen, Wish};
 use crate::failure::Failure;
+use crate::output::{remark, say};
 
 /// What to look at. `--cell` is a cell's name or its file.
 #[derive(clap::Args, Debug)]
@@ -72,7 +73,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if let Some(measured) = &facts.measured {
         match Record::of(measured).store() {
             Ok(path) => report.kept_in = Some(path.display().to_string()),
-            Err(error) => note(&format!("the grade is not kept for `status`: {error}")),
+            Err(error) => remark(&format!("the grade is not kept for `status`: {error}")),
         }
     }
     context.print(&report, Report::human);
@@ -136,7 +137,7 @@ fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
         length,
     };
     if context.format == Format::Human {
-        note(&format!("measuring wake-ups for {} s …", length.as_secs_f64()));
+        remark(&format!("measuring wake-ups for {} s …", length.as_secs_f64()));
     }
     let before = cpu::counters(&system, plan.core);
     match measure(plan) {

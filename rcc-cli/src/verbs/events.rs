@@ -8,10 +8,11 @@ use rcc_ipc::Cell;
 use rcc_ipc::events::{Event, Kind, Origin, Reader, Severity, wall_time_before};
 use rcc_loader::server::codes;
 
-use crate::context::{Context, Format, note, of_cell, say};
+use crate::context::{Context, Format, of_cell};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use crate::table::grouped;
+use crate::output::{remark, say};
 
 /// How often a followed log is looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -36,7 +37,7 @@ pub struct Arguments {
 /// Does it.
 ///
 /// # Errors
-/// There is no such cell, or its log cannot be read.
+/// There is no such cell, its log cannot be read, or Ctrl-C ended it.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = context.cell_name();
     let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
@@ -57,8 +58,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     view.begin(&batch);
     loop {
         batch.iter().for_each(|event| view.show(event));
-        if !arguments.follow || interrupts.asked() {
+        if !arguments.follow {
             break;
+        }
+        if interrupts.asked() {
+            return Err(Failure::interrupted());
         }
         if !cell.runtime_dir().is_dir() {
             say("the cell has ended, and its log with it");
@@ -68,7 +72,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         batch = reader.poll().map_err(unreadable)?;
     }
     if reader.unreadable() > 0 {
-        note(&format!("{} lines of the log are torn or no events",
+        remark(&format!("{} lines of the log are torn or no events",
             reader.unreadable()));
     }
     Ok(())

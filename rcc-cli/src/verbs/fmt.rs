@@ -4,9 +4,10 @@ use rcc_language::format::{FormatError, format};
 use rcc_loader::server::codes::{self, exit};
 use serde::Serialize;
 
-use crate::context::{Context, Format, say, say_file};
+use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow::read_text;
+use crate::output::{say, say_file};
 
 /// What to lay out.
 #[derive(clap::Args, Debug)]

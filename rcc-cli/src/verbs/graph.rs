@@ -12,8 +12,9 @@ use rcc_loader::server::codes;
 use serde_json::Value;
 
 use super::source::{self, Found};
-use crate::context::{Context, say_file};
+use crate::context::Context;
 use crate::failure::Failure;
+use crate::output::say_file;
 
 /// Of what, and as what.
 #[derive(clap::Args, Debug)]

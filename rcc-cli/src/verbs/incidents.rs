@@ -10,10 +10,11 @@ use rcc_loader::server::api::Frozen;
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::context::{Context, note, of_cell};
+use crate::context::{Context, of_cell};
 use crate::failure::Failure;
 use crate::incident::Named;
 use crate::table;
+use crate::output::remark;
 
 /// How often the folder is looked at for the file that was asked for.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -96,7 +97,7 @@ fn rows(folder: &Path) -> Result<Vec<Row>, Failure> {
             Ok((head, command)) => rows.push(row(path, head, command.as_deref())),
             // One of the oldest that has just been removed.
             Err(IncidentError::Read(error)) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => note(&format!("{}: {error}", path.display())),
+            Err(error) => remark(&format!("{}: {error}", path.display())),
         }
     }
     rows.sort_by(|a, b| a.head.time.cmp(&b.head.time));

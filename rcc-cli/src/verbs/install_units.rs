@@ -8,11 +8,12 @@ use rcc_config::ports::PortArgument;
 use rcc_config::{CellConfig, auto_ports};
 use rcc_loader::server::codes;
 
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::units::cores::Cores;
 use crate::units::disk::{self, Done};
 use crate::units::{self, Order};
+use crate::output::say;
 
 /// What to write, and where.
 #[derive(clap::Args, Debug)]

@@ -6,6 +6,7 @@ use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::{self, Rejected};
 use crate::table::time;
+use crate::output::remark_drawing;
 
 /// What to load.
 #[derive(clap::Args, Debug)]
@@ -22,7 +23,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Stays)?;
-    Context::print_drawing(&draw(&loaded.command.diagnostics, Some(&source), Context::colour()));
+    remark_drawing(&draw(&loaded.command.diagnostics, Some(&source), Context::colour()));
     context.print(&loaded.command, |command| match &command.rehearsal {
         Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
         None => line(command),

@@ -6,9 +6,10 @@ use rcc_loader::server::catalogue::{self, GROUPS};
 use rcc_loader::server::codes;
 use rcc_loader::server::manual;
 
-use crate::context::{Context, say};
+use crate::context::Context;
 use crate::failure::Failure;
 use crate::table;
+use crate::output::say;
 
 /// Which.
 #[derive(clap::Args, Debug)]

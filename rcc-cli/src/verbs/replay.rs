@@ -15,10 +15,11 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::incidents::reason;
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::incident::{Named, Shown, text, value_of};
 use crate::table::{self, grouped};
+use crate::output::say;
 
 /// What is replayed and shown.
 #[derive(clap::Args, Debug)]
@@ -56,7 +57,7 @@ struct NetResult {
 /// Does it.
 ///
 /// # Errors
-/// The file cannot be replayed, or the replay differs.
+/// The file cannot be replayed, the replay differs, or there is nothing to compare.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let path = arguments.file.display().to_string();
     let incident = Incident::read(&arguments.file).map_err(|error| unusable(&path, error))?;
@@ -146,6 +147,11 @@ fn tell(
         format!("{of}\n{}", table::text(&lines))
     });
     match rows.iter().filter(|row| row.different > 0).count() {
+        0 if !rows.is_empty() && rows.iter().all(|row| row.compared == 0) => Err(Failure::new(
+            codes::NOT_COMPARED,
+            "no cycle of any net can be compared",
+            "the lines above say why; `recorder: {memory: …}` in the cell's configuration records more",
+        )),
         0 => Ok(()),
         different => Err(Failure::new(
             codes::REPLAY_DIFFERS,

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use rcc_loader::server::codes;
 
-use crate::context::{Context, say_file};
+use crate::context::Context;
 use crate::failure::Failure;
+use crate::output::say_file;
 
 /// What to do with robots.
 #[derive(clap::Args, Debug)]

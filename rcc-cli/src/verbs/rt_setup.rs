@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 use rcc_loader::server::codes;
 use rcc_process::{Helpers, Notifier, Pulse, Stop};
 
-use crate::context::{Context, say};
+use crate::context::Context;
 use crate::failure::Failure;
 use crate::units::cores::Cores;
+use crate::output::say;
 
 /// What to set.
 #[derive(clap::Args, Debug)]

@@ -1,16 +1,17 @@
 //! `run FILE`: load, start, follow, unload. The first Ctrl-C cancels (aborts a net that cannot be cancelled), the
-//! second one aborts.
+//! second one aborts. What it prints is never a reason to leave the net alone.
 
 use std::time::{Duration, Instant};
 
 use rcc_loader::server::api::CommandView;
-use rcc_loader::server::codes::exit;
+use rcc_loader::server::codes::{Asked, exit};
 
 use crate::client::Client;
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::{self, Rejected};
 use crate::interrupt::Interrupts;
+use crate::output::{Printer, remark_drawing};
 
 /// How long a loader that died is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -28,30 +29,38 @@ pub struct Arguments {
 /// Does it.
 ///
 /// # Errors
-/// Not reachable, refused, or ended with a fault or an abort.
+/// Not reachable, refused, or ended otherwise than `finished`, by whomever.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let interrupts = Interrupts::listen()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?.command;
-    Context::print_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
-    let outcome = start_and_follow(context, &client, &interrupts, &loaded);
+    remark_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
+    let printer = Printer::start();
+    let show = |line: &str| {
+        if context.format == Format::Human {
+            printer.say(line);
+        }
+    };
+    let outcome = start_and_follow(&show, &client, &interrupts, &loaded);
     if !arguments.keep {
         // What is said about the run counts more than a row that could not be freed.
         let _ = follow::unload(&client, loaded.id);
     }
+    printer.finish();
     let command = outcome?;
     if context.format == Format::Json {
         context.print(&command, |_| String::new());
     }
-    if interrupts.asked() {
-        return Err(Failure::said(exit::INTERRUPTED));
+    // Canceled, aborted or just finished: whoever asked for it has taken that back.
+    if interrupts.asked() && command.fault.is_none() {
+        return Err(Failure::interrupted());
     }
-    follow::judge(&command)
+    follow::judge(&command, Asked::Finish)
 }
 
 fn start_and_follow(
-    context: &Context,
+    show: &dyn Fn(&str),
     client: &Client,
     interrupts: &Interrupts,
     loaded: &CommandView,
@@ -78,8 +87,8 @@ fn start_and_follow(
         let words = follow::state_words(&command);
         // A snapshot may be a few cycles older than the START that was just answered.
         let old = command.state == "ready";
-        if words != shown && !old && context.format == Format::Human {
-            say(&format!("{}  {words}", follow::title(&command)));
+        if words != shown && !old {
+            show(&format!("{}  {words}", follow::title(&command)));
             shown = words;
         }
         if follow::is_over(&command) {

@@ -7,8 +7,9 @@ use rcc_language::schema::schema;
 use serde_json::Value;
 
 use super::check::load_config;
-use crate::context::{Context, say};
+use crate::context::Context;
 use crate::failure::Failure;
+use crate::output::say;
 
 /// Whose devices it names.
 #[derive(clap::Args, Debug)]

@@ -10,14 +10,14 @@ use rcc_core::message::{CommandState, EndReason};
 use rcc_language::names::Names;
 use rcc_ipc::control::PlanData;
 use rcc_loader::server::api::{FaultView, RehearsalView};
-use rcc_loader::server::codes::{self, exit};
+use rcc_loader::server::codes::{self, Asked, exit};
 use rcc_loader::server::compile::compile;
 use rcc_loader::server::words::Namer;
 use serde::Serialize;
 
 use super::check::{load_config, require_understood};
 use super::plot;
-use crate::context::{Context, Format, note};
+use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
 use crate::picture::Picture;
@@ -26,6 +26,10 @@ use crate::simulate::trace;
 use crate::simulate::{self, Options, SimulateError, Simulated};
 use crate::supervisor::places;
 use crate::table;
+use crate::output::{remark, remark_drawing};
+
+/// Longest logical time, unless another one is given.
+const LIMIT: Duration = Duration::from_secs(60);
 
 /// What happens in a net's virtual time.
 #[derive(clap::Args, Debug)]
@@ -35,9 +39,9 @@ pub struct Scenario {
     /// The cell's configuration whose devices are imitated (default: the demo cell's).
     #[arg(long)]
     pub config: Option<PathBuf>,
-    /// Longest logical time.
-    #[arg(long = "for", value_name = "TIME", default_value = "60s", value_parser = super::duration)]
-    pub limit: Duration,
+    /// End after this logical time; without it a net that is not over after 60s is an error.
+    #[arg(long = "for", value_name = "TIME", value_parser = super::duration)]
+    pub limit: Option<Duration>,
     /// CANCEL after this time; a net without Cancel is aborted.
     #[arg(long, value_name = "TIME", value_parser = super::duration)]
     pub cancel_at: Option<Duration>,
@@ -115,15 +119,35 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     context.print(&report, human);
     if context.format == Format::Human {
-        note(&speed(&simulated, took));
+        remark(&speed(&simulated, took));
     }
-    match EndReason::from_number(simulated.command.reason) {
-        EndReason::Fault | EndReason::Aborted => Err(Failure::said(exit::FAILED)),
-        EndReason::None | EndReason::Finished | EndReason::Canceled => Ok(()),
-    }
+    arguments.scenario.judge(EndReason::from_number(simulated.command.reason))
 }
 
 impl Scenario {
+    /// Whether it went as it was asked for, with the exit codes of `run`.
+    ///
+    /// # Errors
+    /// It ended otherwise than `finished`, unless a CANCEL was asked for; or it did not end, unless a time was.
+    pub(super) fn judge(&self, reason: EndReason) -> Result<(), Failure> {
+        let asked = match self.cancel_at {
+            Some(_) => Asked::Cancel,
+            None => Asked::Finish,
+        };
+        let code = match (reason, self.limit) {
+            (EndReason::None, Some(_)) => exit::OK,
+            (EndReason::None, None) => {
+                remark(&format!("it is not over after {LIMIT:?}: --for TIME says how long"));
+                exit::TIMEOUT
+            }
+            _ => codes::outcome(asked, Some(reason.name())),
+        };
+        match code {
+            exit::OK => Ok(()),
+            code => Err(Failure::said(code)),
+        }
+    }
+
     /// Reads the cell and the net and compiles it; what is worth a warning is told.
     ///
     /// # Errors
@@ -141,7 +165,7 @@ impl Scenario {
             let what = format!("{} is not valid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
-        Context::print_drawing(&draw(&compiled.warnings, Some(&source), Context::colour()));
+        remark_drawing(&draw(&compiled.warnings, Some(&source), Context::colour()));
         let names = serde_json::from_value(compiled.names).map_err(|error| {
             Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it with the net")
         })?;
@@ -161,7 +185,7 @@ impl Scenario {
             Failure::new(codes::BAD_REQUEST, error.to_string(), help)
         })?;
         Ok(Options {
-            limit_ns: ns(self.limit),
+            limit_ns: ns(self.limit.unwrap_or(LIMIT)),
             cancel_at_ns: self.cancel_at.map(ns),
             steps,
             whatever: false,

@@ -17,6 +17,7 @@ use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
 use crate::supervisor::places;
+use crate::output::remark_drawing;
 
 /// A net that compiled.
 pub struct Found {
@@ -62,7 +63,7 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Fou
     let libraries: &dyn Libraries = if is_file { &Files } else { &NoFiles };
     let (compiled, anatomy) =
         dissect(&source.1, &source.0, &config, libraries).map_err(|faults| {
-            Context::print_drawing(&draw(&findings(&faults), Some(&source), Context::colour()));
+            remark_drawing(&draw(&findings(&faults), Some(&source), Context::colour()));
             Failure::said(exit::INVALID)
         })?;
     Ok(Found {

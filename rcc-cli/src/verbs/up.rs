@@ -1,13 +1,15 @@
-//! `up FILE`: starts a cell from one configuration file and supervises it until Ctrl-C.
+//! `up FILE`: starts a cell from one configuration file and supervises it until Ctrl-C, whether anybody reads what it
+//! prints or not.
 
 use std::path::PathBuf;
 
 use rcc_loader::server::codes::exit;
 
-use crate::context::{Context, Format, say};
+use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use crate::supervisor::{LOOK_EVERY, Line, Supervisor, launch};
+use crate::output::Printer;
 
 /// What to start.
 #[derive(clap::Args, Debug)]
@@ -25,8 +27,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let prepared = launch::prepare(&arguments.file)?;
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
     let json = context.format == Format::Json;
+    let printer = Printer::start();
+    let told = printer.clone();
     let mut supervisor =
-        Supervisor::start(&name, prepared, Box::new(move |line| tell(line, json)))?;
+        Supervisor::start(&name, prepared, Box::new(move |line| tell(&told, line, json)))?;
     let up = supervisor.wait_until_up(&interrupts);
     if up.is_ok() {
         let ready = Line {
@@ -34,7 +38,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             who: format!("cell {name}"),
             what: "ready  (Ctrl-C ends it; next: rcc-cli devices, rcc-cli run FILE)".to_owned(),
         };
-        tell(&ready, json);
+        tell(&printer, &ready, json);
         while !interrupts.asked() && !supervisor.is_over() {
             supervisor.look();
             std::thread::sleep(LOOK_EVERY);
@@ -42,6 +46,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let failed = supervisor.has_failed();
     let clean = supervisor.stop(&interrupts);
+    printer.finish();
     up?;
     if failed || !clean {
         return Err(Failure::said(exit::FAILED));
@@ -49,14 +54,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn tell(line: &Line, json: bool) {
+fn tell(printer: &Printer, line: &Line, json: bool) {
     let Line { at, who, what } = line;
     if json {
         let value = serde_json::json!({"at_s": at.as_secs_f64(), "who": who, "what": what});
-        say(&value.to_string());
+        printer.say(&value.to_string());
     } else if at.is_zero() {
-        say(&format!("{who}  {what}"));
+        printer.say(&format!("{who}  {what}"));
     } else {
-        say(&format!("{:9.3} s  {who:<20} {what}", at.as_secs_f64()));
+        printer.say(&format!("{:9.3} s  {who:<20} {what}", at.as_secs_f64()));
     }
 }

@@ -5,15 +5,16 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use rcc_loader::server::api::ValuesView;
-use rcc_loader::server::codes::{self, exit};
+use rcc_loader::server::codes::{self, Asked, exit};
 
 use super::state::shown;
 use crate::client::Client;
-use crate::context::{Context, Format, say, say_again};
+use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
 use crate::value::Style;
+use crate::output::{say, say_again};
 
 /// More samples a second are not taken: for every cycle there is `Monitor`.
 const RATE_MAX: f64 = 100.0;
@@ -42,7 +43,7 @@ pub struct Arguments {
 /// Does it, until the net is over.
 ///
 /// # Errors
-/// Not reachable, no such net or port, or Ctrl-C.
+/// Not reachable, no such net or port, Ctrl-C, or a net that ended otherwise than `finished`.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if !(arguments.rate > 0.0 && arguments.rate <= RATE_MAX) {
         let message = format!("{} samples a second are not possible", arguments.rate);
@@ -119,12 +120,13 @@ impl Screen {
         }
     }
 
-    /// The net is over: how it ended. In JSON the last line says that its state is `terminated`.
+    /// The net is over: how it ended, in words and as the exit code. In JSON the last line says that its state is
+    /// `terminated`.
     fn over(&self, client: &Client, id: &str) -> Result<(), Failure> {
+        let command = follow::state(client, id)?.command;
         if matches!(self.format, Format::Human) {
-            let command = follow::state(client, id)?.command;
             say(&format!("{}  {}", follow::title(&command), follow::state_words(&command)));
         }
-        Ok(())
+        follow::judge(&command, Asked::Finish)
     }
 }

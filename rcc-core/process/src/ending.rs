@@ -4,8 +4,6 @@
 use std::fmt::Display;
 use std::process::ExitCode;
 
-use rcc_core::printable::Printable;
-
 /// Something went wrong; starting again may help.
 pub const FAILED: u8 = 1;
 /// Wrong arguments.
@@ -78,7 +76,7 @@ pub fn conclude(result: Result<(), Ending>) -> ExitCode {
         Err(Ending { code, words }) => {
             if code == CONFIGURATION {
                 // Several lines with drawings: they speak for themselves.
-                eprintln!("{}", Printable(&words));
+                crate::remark(&words);
             } else {
                 tracing::error!("{words}");
             }

@@ -1,6 +1,8 @@
 //! What every program of a cell has in common: arguments, log, signals, exit codes, helper threads, and words to its supervisor.
 //! Used by main threads at start and end; [`notify`] has a thread of its own.
 
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
 use std::io::{self, Write};
 
 use rcc_core::printable::{Coloured, Printable};
@@ -17,14 +19,16 @@ pub use helpers::{Helper, Helpers};
 pub use notify::{Notifier, Pulse};
 pub use signals::Stop;
 
-/// Sends the log to stderr, at level info (`RUST_LOG` is not read); colours only where a person reads.
-/// Call it once, first.
+/// Sends the log to stderr, at level info (`RUST_LOG` is not read); colours only where a person reads. A line that cannot
+/// be written (full disk, no reader) is lost, and nothing else. Call it once, first.
 pub fn log() {
     let colours = io::IsTerminal::is_terminal(&io::stderr());
     tracing_subscriber::fmt()
         .with_writer(move || LogWriter { colours })
         .with_ansi(colours)
         .with_target(false)
+        // It would tell so with `eprintln`, which panics when stderr fails.
+        .log_internal_errors(false)
         .init();
 }
 
@@ -49,6 +53,19 @@ impl Write for LogWriter {
     fn flush(&mut self) -> io::Result<()> {
         io::stderr().flush()
     }
+}
+
+/// Prints a line on stdout, for whoever started this program. That nobody reads it is no reason to end.
+pub fn say(text: &str) {
+    let mut out = io::stdout().lock();
+    let _ = out
+        .write_all(format!("{}\n", Printable(text)).as_bytes())
+        .and_then(|()| out.flush());
+}
+
+/// Prints a line on stderr that is no part of the log; as with the log, one that cannot be written is lost.
+pub fn remark(text: &str) {
+    let _ = io::stderr().write_all(format!("{}\n", Printable(text)).as_bytes());
 }
 
 #[cfg(test)]

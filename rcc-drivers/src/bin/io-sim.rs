@@ -1,23 +1,20 @@
 //! `io-sim`: an I/O station that speaks Modbus TCP.
 //! The main thread reads the command line and waits for the end; see `rcc_drivers::sim::io`.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 use clap::Parser;
-use rcc_core::printable::Printable;
 use rcc_drivers::sim::io::{options::Options, program};
-use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     rcc_process::log();
     let options = Options::parse();
-    let result = program::run(&options, |line| {
-        // whoever started it may not care to read; that is no reason to end
-        let _ = writeln!(std::io::stdout(), "{line}");
-    });
+    let result = program::run(&options, |line| rcc_process::say(line));
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("io-sim: {}", Printable(&error.to_string()));
+            rcc_process::remark(&format!("io-sim: {error}"));
             ExitCode::from(if matches!(error, program::RunError::Control(_)) {
                 2
             } else {

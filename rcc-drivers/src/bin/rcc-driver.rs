@@ -2,6 +2,8 @@
 //! The main thread exchanges with the device; one thread waits for signals, one watches the announcements. All threads are
 //! made before the driver says that it is ready; a helper that panics brings the device to rest and ends the driver.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -1,6 +1,9 @@
 //! `rcc-probe`: listens to one device for a while, as its driver would, and tells in JSON what came; it never answers,
 //! so nothing moves and no output changes. Run by the main thread; for `rcc-cli doctor` when no driver runs.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -66,7 +69,8 @@ fn run(options: &Options) -> Result<(), Ending> {
             })
         }
     };
-    println!("{told}");
+    // This is the result: without it nothing was probed.
+    writeln!(std::io::stdout(), "{told}")?;
     Ok(())
 }
 

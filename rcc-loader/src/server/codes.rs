@@ -1,6 +1,8 @@
 //! The one table of codes beyond those of the language (RCC1xxx) and the configuration (RCC2xxx): what a code means
 //! over HTTP and as the exit code of a command. Used by the server's threads and by the command line.
 
+use rcc_core::message::EndReason;
+
 /// Exit codes of the command line.
 pub mod exit {
     /// Done.
@@ -19,8 +21,40 @@ pub mod exit {
     pub const TIMEOUT: u8 = 6;
     /// Not permitted.
     pub const PERMISSION: u8 = 7;
-    /// Ended by Ctrl-C.
+    /// The net was canceled, and not by whoever asked for it to run.
+    pub const CANCELED: u8 = 8;
+    /// Ended by Ctrl-C, SIGTERM or SIGHUP.
     pub const INTERRUPTED: u8 = 130;
+    /// Whoever read the output is gone: what a shell shows for a program that SIGPIPE ended.
+    pub const READER_GONE: u8 = 141;
+}
+
+/// Exit codes by how a net ended, for every verb that waits for its end.
+pub const OUTCOMES: [(EndReason, u8); 4] = [
+    (EndReason::Finished, exit::OK),
+    (EndReason::Canceled, exit::CANCELED),
+    (EndReason::Aborted, exit::FAILED),
+    (EndReason::Fault, exit::FAILED),
+];
+
+/// What a caller asked of a net whose end it waited for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// To do what it is for: only `finished` is a success.
+    Finish,
+    /// To end, as CANCEL asks: `canceled` is a success, and so is `finished`, when it was done first.
+    Cancel,
+}
+
+/// The exit code for a net that ended for `reason`, as its state names it; one without a reason has failed.
+#[must_use]
+pub fn outcome(asked: Asked, reason: Option<&str>) -> u8 {
+    let row = OUTCOMES.iter().find(|(end, _)| Some(end.name()) == reason);
+    match row {
+        Some((EndReason::Canceled, _)) if asked == Asked::Cancel => exit::OK,
+        Some((_, code)) => *code,
+        None => exit::FAILED,
+    }
 }
 
 /// One row of the table.
@@ -88,6 +122,7 @@ codes! {
     TOO_SLOW = "RCC4017", 408, TIMEOUT, "The request came too slowly.";
     NO_INCIDENT = "RCC4030", 422, INVALID, "A file is no incident that this build can replay.";
     REPLAY_DIFFERS = "RCC4031", 500, FAILED, "A replay differs from what was recorded.";
+    NOT_COMPARED = "RCC4032", 422, FAILED, "Nothing of an incident can be compared.";
 }
 
 /// HTTP status of a text that is not valid.
@@ -124,6 +159,25 @@ mod tests {
             assert!(row.exit != exit::OK, "{}", row.code);
             assert_eq!(exit_code(row.code), row.exit);
         }
+    }
+
+    #[test]
+    fn only_a_net_that_finished_is_a_success_unless_its_cancel_was_asked_for() {
+        for (reason, finish, cancel) in [
+            (Some("finished"), 0, 0),
+            (Some("canceled"), 8, 0),
+            (Some("aborted"), 1, 1),
+            (Some("fault"), 1, 1),
+            (Some("none"), 1, 1),
+            (Some("another"), 1, 1),
+            (None, 1, 1),
+        ] {
+            assert_eq!(outcome(Asked::Finish, reason), finish, "{reason:?}");
+            assert_eq!(outcome(Asked::Cancel, reason), cancel, "{reason:?}");
+        }
+        let ends = EndReason::ALL.iter().filter(|(end, _)| *end != EndReason::None);
+        assert!(ends.clone().count() == OUTCOMES.len());
+        assert!(ends.into_iter().all(|(end, _)| OUTCOMES.iter().any(|(row, _)| row == end)));
     }
 
     #[test]

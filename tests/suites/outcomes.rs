@@ -1,0 +1,203 @@
+//! Exit codes tell what became of what was asked for, and a net is what its address says, by number and by name.
+//! Each test has a cell of its own.
+
+use std::process::{Child, Output, Stdio};
+
+use nix::sys::signal::Signal;
+use rcc_tests::processes::{ends_with_test, signal};
+use rcc_tests::{TestCell, await_some, nets};
+use serde_json::Value;
+
+/// `rcc-cli` with these arguments, while the test goes on.
+fn begin(cell: &TestCell, arguments: &[&str]) -> Child {
+    let mut command = cell.program("rcc-cli");
+    command
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    ends_with_test(&mut command)
+        .spawn()
+        .expect("rcc-cli starts")
+}
+
+fn end(child: Child) -> (Option<i32>, String) {
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = child.wait_with_output().expect("the child is ours");
+    let words = String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned();
+    (status.code(), words)
+}
+
+/// The id of the newest net of this name, once it runs.
+fn await_running(cell: &TestCell, name: &str) -> u64 {
+    await_some(&format!("{name} to run"), || {
+        let rows = cell.rest("GET", "/commands", "").body;
+        let row = rows
+            .as_array()?
+            .iter()
+            .rfind(|row| row["net"] == name && row["state"] == "running")?;
+        row["id"].as_u64()
+    })
+}
+
+#[test]
+fn a_run_is_a_success_only_if_its_net_finished() {
+    let cell = TestCell::demo();
+    let clock = cell.file(&nets::clock("clock"));
+    let clock = clock.to_str().expect("plain");
+    // What ends it: another client by name, by ABORT, a signal to `run` itself.
+    for (what, exit, word) in [
+        ("cancel", 8, "canceled"),
+        ("abort", 1, "aborted"),
+        ("interrupt", 130, "canceled"),
+    ] {
+        for format in ["human", "json"] {
+            let run = begin(&cell, &["--output", format, "run", clock]);
+            let watch_id = await_running(&cell, "clock");
+            let watch = begin(&cell, &["watch", &watch_id.to_string()]);
+            match what {
+                "interrupt" => assert!(signal(run.id(), Signal::SIGINT)),
+                what => cell.done(watch_id, what),
+            }
+            let (code, words) = end(run);
+            assert_eq!(code, Some(exit), "{what}, {format}: {words}");
+            assert!(words.contains(word), "{what}, {format}: {words}");
+            // The watcher sees the end, or that the net is unloaded by then; neither is a success.
+            let (code, words) = end(watch);
+            assert!(
+                code.is_some_and(|code| code != 0),
+                "{what}: {code:?} {words}"
+            );
+        }
+    }
+    let short = nets::clock("short").replace("done: cancel.requested", "done: true");
+    let short = cell.file(&short);
+    let (out, _) = cell.cli_exits(0, &["run", short.to_str().expect("plain")]);
+    assert!(out.contains("finished"), "{out}");
+    cell.stop();
+}
+
+#[test]
+fn every_verb_ends_with_what_became_of_what_was_asked_for() {
+    let cell = TestCell::demo();
+    let watched = |reason: &str, exit: i32, what: &str| {
+        let id = cell.run(&nets::clock("clock"));
+        let watch = begin(&cell, &["watch", "clock"]);
+        match what {
+            "wait" => drop(cell.cli_exits(0, &["cancel", "clock", "--wait"])),
+            what => cell.done(id, what),
+        }
+        cell.assert_ends(id, reason);
+        let (code, words) = end(watch);
+        assert_eq!(code, Some(exit), "watch, {reason}: {words}");
+    };
+    watched("canceled", 8, "wait");
+    watched("canceled", 8, "cancel");
+    watched("aborted", 1, "abort");
+    // CANCEL was asked for, and the net ends by ABORT instead.
+    let id = cell.run(
+        "net: deaf
+primitives:
+  cancel: {type: Cancel}
+  heard: {type: Monitor, parameters: {rate: 10 Hz}, inputs: {value: cancel.requested}}
+  end: {type: Termination, inputs: {done: false}}
+",
+    );
+    let wait = begin(&cell, &["cancel", "deaf", "--wait"]);
+    await_some("the cancel", || {
+        (cell.state(id)["state"] == "canceling").then_some(())
+    });
+    let (_, words) = cell.cli_exits(6, &["cancel", "deaf", "--wait", "100ms"]);
+    assert!(words.contains("rcc-cli abort"), "{words}");
+    cell.done(id, "abort");
+    let (code, words) = end(wait);
+    assert_eq!(code, Some(1), "{words}");
+    let empty = cell.folder().join("empty");
+    std::fs::create_dir(&empty).expect("a folder");
+    let bad = cell.file("net: bad\nprimitives: {}\n");
+    let bad = bad.to_str().expect("plain");
+    for (exit, arguments) in [
+        (3, vec!["load", bad]),
+        (3, vec!["run", bad]),
+        (3, vec!["check", bad]),
+        (3, vec!["simulate", bad]),
+        (1, vec!["start", "nothing"]),
+        (1, vec!["abort", "nothing"]),
+        (1, vec!["set", "nothing", "x=1"]),
+        (5, vec!["start", "deaf"]),
+        (5, vec!["cancel", "deaf", "--wait"]),
+        (5, vec!["abort", "deaf"]),
+        (0, vec!["unload", "deaf"]),
+        (1, vec!["unload", "deaf"]),
+        (2, vec!["fault", "nothing", "kill"]),
+        (2, vec!["check", empty.to_str().expect("plain")]),
+    ] {
+        let _: (String, String) = cell.cli_exits(exit, &arguments);
+    }
+    cell.stop();
+}
+
+#[test]
+fn a_net_is_addressed_by_number_by_name_or_by_both_which_must_agree() {
+    let cell = TestCell::demo();
+    let number =
+        cell.file("net: \"1\"\nprimitives:\n  end: {type: Termination, inputs: {done: true}}\n");
+    for verb in ["check", "load", "run"] {
+        let (_, words) = cell.cli_exits(3, &[verb, number.to_str().expect("plain")]);
+        assert!(
+            words.contains("RCC1104") && words.contains("net-1"),
+            "{words}"
+        );
+    }
+    let left = cell.load(&nets::clock("left"));
+    let right = cell.load(&nets::clock("right"));
+    let wrong = format!("left#{right}");
+    for verb in [
+        "start", "cancel", "abort", "unload", "state", "watch", "set", "explain",
+    ] {
+        let (_, words) = cell.cli_exits(1, &[verb, &wrong]);
+        assert!(
+            words.contains("RCC3001") && words.contains("`right`"),
+            "{verb}: {words}"
+        );
+    }
+    let (_, words) = cell.cli_exits(
+        1,
+        &[
+            "start",
+            &format!("right#{right}"),
+            "--after-stopping",
+            &wrong,
+        ],
+    );
+    assert!(words.contains("`right`"), "{words}");
+    for path in [
+        format!("left%23{right}"),
+        format!("left%230{left}"),
+        format!("0{left}"),
+        format!("left%23x"),
+        "1%2F".to_owned(),
+    ] {
+        let reply = cell.rest("POST", &format!("/commands/{path}/start"), "");
+        assert_eq!(
+            (reply.status, reply.code()),
+            (404, "RCC3001"),
+            "{path}: {reply:?}"
+        );
+    }
+    for id in [left, right] {
+        assert_eq!(cell.state(id)["state"], "ready", "nothing was done to it");
+    }
+    // Number, name and both name the same.
+    cell.cli_exits(0, &["start", &format!("left#{left}")]);
+    cell.cli_exits(0, &["start", &right.to_string()]);
+    for (id, name) in [(left, "left"), (right, "right")] {
+        assert_eq!(cell.state(id)["state"], "running");
+        let by_name: Value = cell.rest("GET", &format!("/commands/{name}"), "").body;
+        assert_eq!(by_name["id"], id);
+        cell.cli_exits(0, &["cancel", name, "--wait"]);
+    }
+    cell.stop();
+}

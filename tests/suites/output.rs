@@ -1,0 +1,218 @@
+//! Output that cannot be written is never a reason to end what runs: full disks, readers that are gone, readers that do
+//! not read. Where the output is the result, it is an error. Each test has a cell of its own.
+
+use std::fs::File;
+use std::io::PipeReader;
+use std::process::{Child, Stdio};
+
+use nix::sys::signal::Signal;
+use rcc_ipc::Role;
+use rcc_tests::place::Place;
+use rcc_tests::processes::{ends_with_test, signal};
+use rcc_tests::{TestCell, await_some, nets, repository};
+
+/// What becomes of what a program writes.
+#[derive(Clone, Copy, Debug)]
+enum Sink {
+    /// A disk without room.
+    Full,
+    /// A pipe whose reader is gone.
+    Gone,
+    /// A pipe whose reader does not read, and that is full.
+    Stuck,
+}
+
+impl Sink {
+    /// It, and the end of it that must stay open.
+    fn open(self) -> (Stdio, Option<PipeReader>) {
+        if let Sink::Full = self {
+            let full = File::options().write(true).open("/dev/full");
+            return (full.expect("/dev/full").into(), None);
+        }
+        let (reader, mut writer) = std::io::pipe().expect("a pipe");
+        if let Sink::Gone = self {
+            return (writer.into(), None);
+        }
+        let room = nix::fcntl::fcntl(&writer, nix::fcntl::FcntlArg::F_GETPIPE_SZ);
+        let room = usize::try_from(room.expect("the size of a pipe")).expect("a size");
+        std::io::Write::write_all(&mut writer, &vec![b'.'; room]).expect("room for all of it");
+        (writer.into(), Some(reader))
+    }
+}
+
+fn up_into(place: &Place, out: Sink, err: Sink) -> (Child, [Option<PipeReader>; 2]) {
+    let ((out, keep_out), (err, keep_err)) = (out.open(), err.open());
+    let mut command = place.program("rcc-cli");
+    command
+        .arg("up")
+        .arg(place.config())
+        .stdout(out)
+        .stderr(err);
+    let child = ends_with_test(&mut command).spawn();
+    (child.expect("rcc-cli starts"), [keep_out, keep_err])
+}
+
+/// `up` whose output goes to these sinks while the arm moves, a driver dies, and Ctrl-C comes.
+fn moves_on(out: Sink, err: Sink) {
+    let place = Place::new(&repository().join("configs/cells/demo.yaml"), |text| text);
+    let (mut up, _readers) = up_into(&place, out, err);
+    await_some("all devices to be ready", || {
+        assert!(
+            up.try_wait().expect("it is ours").is_none(),
+            "{out:?}: up has ended"
+        );
+        let reply = place.try_rest("GET", "/devices", "")?;
+        let rows = reply.body.as_array()?;
+        let ready = rows.iter().all(|row| row["state"] == "ready");
+        (ready && !rows.is_empty()).then_some(())
+    });
+    let mut arm = place.simulator("fri_control");
+    let line = place.run(&nets::line("line", 0.2, 0.05));
+    arm.await_motion();
+    // Much to say about: a driver that dies and comes back.
+    let dead = place.kill(Role::Driver, "io");
+    let io = place.await_successor(Role::Driver, "io", dead);
+    place.await_device("io", "ready");
+    assert!(
+        up.try_wait().expect("it is ours").is_none(),
+        "{out:?}: up goes on"
+    );
+    assert_eq!(
+        place.state(line)["state"],
+        "running",
+        "{out:?}\n{}",
+        place.logs()
+    );
+    assert!(io.is_alive());
+    assert!(signal(up.id(), Signal::SIGINT));
+    let status = await_some("the end of rcc-cli up", || {
+        up.try_wait().expect("it is ours")
+    });
+    assert!(status.success(), "{out:?}: {status}\n{}", place.logs());
+    place.assert_nothing_left();
+}
+
+#[test]
+fn up_goes_on_when_the_disk_of_its_output_is_full() {
+    moves_on(Sink::Full, Sink::Full);
+}
+
+#[test]
+fn up_goes_on_when_the_reader_of_its_output_is_gone() {
+    moves_on(Sink::Gone, Sink::Gone);
+}
+
+#[test]
+fn up_goes_on_and_ends_when_nobody_reads_its_output() {
+    moves_on(Sink::Stuck, Sink::Full);
+}
+
+#[test]
+fn a_run_whose_output_fails_follows_its_net_and_cancels_it() {
+    let cell = TestCell::demo();
+    let file = cell.file(&nets::line("line", 0.2, 0.05));
+    for sink in [Sink::Full, Sink::Gone, Sink::Stuck] {
+        let ((out, _reader), (err, _)) = (sink.open(), Sink::Full.open());
+        let mut run = cell.program("rcc-cli");
+        run.arg("run").arg(&file).stdout(out).stderr(err);
+        let mut run = ends_with_test(&mut run).spawn().expect("rcc-cli starts");
+        let id = await_some("the line to run", || {
+            assert!(
+                run.try_wait().expect("it is ours").is_none(),
+                "{sink:?}: run has ended"
+            );
+            let rows = cell.rest("GET", "/commands", "").body;
+            let row = rows
+                .as_array()?
+                .iter()
+                .find(|row| row["state"] == "running")?;
+            row["id"].as_u64()
+        });
+        assert!(signal(run.id(), Signal::SIGINT));
+        // Unloaded by `run` itself: nothing of it stays.
+        let status = await_some("the end of run", || run.try_wait().expect("it is ours"));
+        assert_eq!(status.code(), Some(130), "{sink:?}\n{}", cell.logs());
+        let gone = cell.rest("GET", &format!("/commands/{id}"), "");
+        assert_eq!(gone.status, 404, "{gone:?}");
+        cell.await_devices();
+    }
+    cell.stop();
+}
+
+#[test]
+fn a_result_that_cannot_be_written_is_an_error_and_a_reader_that_is_gone_is_quiet() {
+    let cell = TestCell::demo();
+    let lamp = cell.file(&nets::lamp("lamp"));
+    let lamp = lamp.to_str().expect("plain");
+    for arguments in [
+        vec!["ls"],
+        vec!["status"],
+        vec!["devices"],
+        vec!["--output", "json", "status"],
+        vec!["primitives"],
+        vec!["events"],
+        vec!["check", lamp],
+        vec!["fmt", "--stdout", lamp],
+        vec!["graph", lamp],
+        vec!["explain", lamp],
+        vec!["schema"],
+        vec!["--help"],
+        vec!["--version"],
+    ] {
+        for (sink, exit) in [(Sink::Full, 1), (Sink::Gone, 141)] {
+            let mut command = cell.program("rcc-cli");
+            let output = command
+                .args(&arguments)
+                .stdout(sink.open().0)
+                .output()
+                .expect("rcc-cli runs");
+            let errors = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(
+                output.status.code(),
+                Some(exit),
+                "{arguments:?} {sink:?}: {errors}"
+            );
+            match sink {
+                Sink::Full => assert!(errors.contains("RCC4008"), "{arguments:?}: {errors}"),
+                _ => assert_eq!(errors, "", "{arguments:?}"),
+            }
+        }
+    }
+    cell.stop();
+}
+
+#[test]
+fn no_program_panics_because_of_its_log() {
+    let cell = TestCell::demo();
+    let config = cell.config().display().to_string();
+    let missing = cell.folder().join("missing.yaml").display().to_string();
+    for program in ["rcc-exec", "rcc-loader", "rcc-driver", "rcc-probe"] {
+        let device: &[&str] = match program {
+            "rcc-driver" | "rcc-probe" => &["--device", "io"],
+            _ => &[],
+        };
+        // Each says why it does not run: there is one already, or its configuration is not there.
+        for (config, exit) in [(&config, 1), (&missing, 78)] {
+            if program == "rcc-probe" && exit == 1 {
+                continue;
+            }
+            for sink in [Sink::Full, Sink::Gone] {
+                let mut command = cell.program(program);
+                command.args(device).args(["--config", config]);
+                let ended = command.stdout(sink.open().0).stderr(sink.open().0).status();
+                let code = ended.expect("it runs").code();
+                assert_eq!(code, Some(exit), "{program}, {config}, {sink:?}");
+            }
+        }
+    }
+    let mut tail = cell.program("rcc-monitor");
+    tail.args(["tail", "--count", "1"]).stdout(Stdio::null());
+    let mut tail = ends_with_test(tail.stderr(Sink::Full.open().0))
+        .spawn()
+        .expect("rcc-monitor starts");
+    let lamp = cell.run(&nets::lamp("lamp"));
+    let ended = await_some("the first record", || tail.try_wait().expect("it is ours"));
+    assert!(ended.success(), "{ended}");
+    cell.done(lamp, "cancel");
+    cell.stop();
+}
