@@ -65,7 +65,7 @@ pub enum End {
 
 /// A line on stderr; nothing changes when it cannot be written.
 pub fn remark(words: &str) {
-    let _ = writeln!(io::stderr(), "{words}");
+    let _ = writeln!(io::stderr(), "{}", Printable(words));
 }
 
 /// Prints until the count, the time, a signal or the end of the reader.

@@ -27,6 +27,12 @@ struct Arguments {
     /// So many monitors come, stall and go
     #[arg(long, default_value_t = 100)]
     monitors: u64,
+    /// Kill two processes at the same moment so often
+    #[arg(long, default_value_t = 20)]
+    pairs: u64,
+    /// Kill the executor and another process at the same moment so often, beside those
+    #[arg(long, default_value_t = 2)]
+    executor_pairs: u32,
     /// No floods, big nets, killed loaders, or load on the machine
     #[arg(long)]
     no_load: bool,
@@ -60,6 +66,8 @@ fn main() -> ExitCode {
         seed: arguments.seed,
         restarts: arguments.restarts,
         monitors: arguments.monitors,
+        pairs: arguments.pairs,
+        executor_pairs: arguments.executor_pairs,
         load: !arguments.no_load,
         warm_up: (time / 6).min(Duration::from_secs(90)),
         census_every: Duration::from_secs(60),

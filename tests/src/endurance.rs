@@ -7,6 +7,7 @@ mod field;
 mod io;
 mod machine;
 mod monitors;
+mod pairs;
 mod report;
 
 use std::sync::Arc;
@@ -14,6 +15,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rcc_core::message::DeviceState;
+use rcc_ipc::Role;
 
 pub use field::{Counts, Field};
 pub use report::Report;
@@ -22,6 +24,7 @@ use crate::HandCell;
 use crate::census::Census;
 use crate::journal::Journal;
 use crate::lateness::{Judge, steal_ticks};
+use crate::process::Process;
 
 /// The executor's core and priority; the reference thread has the one above.
 pub const CORE: usize = 1;
@@ -39,6 +42,10 @@ pub struct Options {
     pub restarts: u64,
     /// How many monitors come, stall and go.
     pub monitors: u64,
+    /// How often two processes are killed at the same moment.
+    pub pairs: u64,
+    /// How often, beside that, the executor and another one.
+    pub executor_pairs: u32,
     /// With floods of requests, big nets, killed loaders, and load on processor, disk and memory.
     pub load: bool,
     /// Until the first count: what is made once has been made then.
@@ -66,8 +73,13 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
     for name in ["lwr-sim", "io-sim"] {
         cell.start_simulator(name);
     }
-    let executor = cell.start_executor();
-    let field = Field::new(&cell, options, executor, Arc::clone(journal));
+    let mut executor = Process::of_cell(&cell, "executor", "rcc-exec", &[]);
+    let pid = executor.start(&cell);
+    crate::await_some("the executor to be announced", || {
+        let announced = cell.cell().announced(Role::Executor, "exec");
+        (announced.ok().flatten()?.pid == pid).then_some(())
+    });
+    let field = Field::new(&cell, options, pid, Arc::clone(journal));
     let steal = steal_ticks(CORE);
     let mut report = Report::new(options);
     thread::scope(|scope| {
@@ -92,19 +104,15 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
                 scope.spawn(|| machine::processor(&field));
             }
         }
-        let judge = Judge::start(field.place, CORE, PRIORITY, journal);
-        report.judged = judge.is_some();
-        watch(&field, &mut report, judge.as_ref(), begun);
+        watch(&field, &mut report, &mut executor);
         journal.end();
-        if let Some(judge) = judge {
-            report.verdict = judge.finish();
-        }
     });
     report.time = begun.elapsed();
     report.steal_ticks = steal_ticks(CORE).saturating_sub(steal);
     report.counts = field.counts.numbers();
     (report.findings, report.found) = journal.findings();
     report.disturbed = field.disturbed();
+    field.end(&mut executor);
     cell.stop();
     report
 }
@@ -120,10 +128,16 @@ fn await_ready(field: &Field<'_>) {
     });
 }
 
-/// Counts now and then in a quiet moment, and tells how it goes.
-fn watch(field: &Field<'_>, report: &mut Report, judge: Option<&Judge>, begun: Instant) {
-    let (options, journal) = (field.options, &field.journal);
+/// Counts now and then in a quiet moment, and tells how it goes. After some counts the executor is killed with another
+/// process, and judged anew.
+fn watch(field: &Field<'_>, report: &mut Report, executor: &mut Process) {
+    let (options, journal, begun) = (field.options, &field.journal, field.begun);
+    let mut random = field.random(30);
+    let judge_anew = || Judge::start(field.place, CORE, PRIORITY, journal);
+    let mut judge = judge_anew();
+    report.judged = judge.is_some();
     journal.pause(options.warm_up);
+    let mut struck = 0;
     loop {
         let wanted = options.restarts.min(field.counts.restarts())
             + options.monitors.min(field.counts.monitors())
@@ -140,14 +154,30 @@ fn watch(field: &Field<'_>, report: &mut Report, judge: Option<&Judge>, begun: I
             field.counts.motions(),
             field.counts.restarts(),
             field.counts.monitors(),
-            judge.map_or(0, Judge::unexplained),
+            judge.as_ref().map_or(0, Judge::unexplained),
             journal.findings().1,
         );
         if over {
             // Nobody begins another round.
             journal.end();
             drop(quiet);
+            if let Some(judge) = judge {
+                report.verdict.add(judge.finish());
+            }
             return;
+        }
+        let due = options.time * (struck + 1) / (options.executor_pairs + 1);
+        if struck < options.executor_pairs && begun.elapsed() >= due {
+            struck += 1;
+            if let Some(judge) = judge.take() {
+                report.verdict.add(judge.finish());
+            }
+            pairs::strike_executor(field, executor, &mut random);
+            report.begin_anew();
+            judge = judge_anew();
+            drop(quiet);
+            journal.pause(options.warm_up);
+            continue;
         }
         drop(quiet);
         let left = options.time.saturating_sub(begun.elapsed());
@@ -160,16 +190,16 @@ fn watch(field: &Field<'_>, report: &mut Report, judge: Option<&Judge>, begun: I
     }
 }
 
-/// Counts when what dead processes left has been cleaned: half-made files only when they are old enough, and the
+/// Counts when what dead processes left has been cleaned: half-made files and names of commands without one only when they are old enough, and the
 /// executor lets go of dead monitors with the next record that it publishes.
 fn settled(field: &Field<'_>, first: Option<&Census>) -> Census {
     let begun = Instant::now();
     loop {
         clients::publish(field);
         field.clean();
-        let now = Census::of(field.place, field.executor);
+        let now = Census::of(field.place, field.executor());
         let within = first.is_some_and(|first| now.growth(first).is_empty());
-        if within || begun.elapsed() > Duration::from_secs(3) {
+        if within || begun.elapsed() > Duration::from_secs(8) {
             return now;
         }
         thread::sleep(Duration::from_millis(200));

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::Deref;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 
 use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
@@ -113,6 +113,21 @@ impl HandCell {
         await_some("the janitor", || {
             clean::run_janitor(self.cell(), clean::JANITOR_TIMEOUT).ok()
         });
+    }
+
+    /// The exit status of a child, if it has ended; then it can be started again.
+    pub fn ended(&mut self, name: &str) -> Option<ExitStatus> {
+        let child = self.children.get_mut(name).expect("it was started");
+        let status = child.try_wait().expect("the child is ours");
+        if status.is_some() {
+            self.children.remove(name);
+        }
+        status
+    }
+
+    /// What a child has said in this life of the cell.
+    pub fn log(&self, name: &str) -> String {
+        std::fs::read_to_string(self.folder().join(format!("{name}.log"))).unwrap_or_default()
     }
 
     /// Process id of a child.

@@ -99,6 +99,23 @@ pub struct Verdict {
     pub consecutive: bool,
 }
 
+impl Verdict {
+    /// Takes in what came out for another executor.
+    pub fn add(&mut self, other: Verdict) {
+        self.consecutive = other.consecutive && (self.consecutive || self.cycles == 0);
+        self.cycles += other.cycles;
+        self.late += other.late;
+        self.by_machine += other.by_machine;
+        self.by_steal += other.by_steal;
+        self.unexplained += other.unexplained;
+        self.each.extend(other.each);
+        self.stalls += other.stalls;
+        self.stall_max_ns = self.stall_max_ns.max(other.stall_max_ns);
+        self.exec_max_ns = self.exec_max_ns.max(other.exec_max_ns);
+        self.dropped_records += other.dropped_records;
+    }
+}
+
 /// The running judge.
 #[derive(Debug)]
 pub struct Judge {

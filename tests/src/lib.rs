@@ -6,6 +6,7 @@ pub mod census;
 pub mod endurance;
 pub mod hand;
 pub mod handover;
+pub mod injection;
 pub mod journal;
 pub mod lateness;
 pub mod matrix;

@@ -1,7 +1,10 @@
-//! The crash matrix: each process, in each phase of a cell, made to die or hang in each way; what must hold then.
-//! Run by one thread, one case at a time.
+//! The crash matrix: each process, in each phase of a cell, made to die or hang in each way, two processes at once, and
+//! each helper thread of the executor alone; what must hold then. Run by one thread, one case at a time.
 
+mod freeze;
+mod scene;
 mod stage;
+mod strike;
 mod table;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -30,6 +33,46 @@ pub enum Target {
     Janitor,
 }
 
+/// What is struck in a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Victim {
+    /// One process.
+    One(Target),
+    /// Two processes at the same moment.
+    Pair(Target, Target),
+    /// One thread of the executor, by its name, while all others run on.
+    Helper(&'static str),
+}
+
+impl Case {
+    /// True if this process does not live on: it is struck, and not only for a while.
+    fn ends(self, target: Target) -> bool {
+        self.victim.touches(target) && self.way != Way::Stop
+    }
+
+    /// True if the whole cell ends.
+    fn ends_cell(self) -> bool {
+        let starting = self.phase == Phase::Starting && self.victim.touches(Target::Supervisor);
+        self.phase == Phase::Stopping || starting || self.ends(Target::Supervisor)
+    }
+}
+
+impl Victim {
+    /// The processes that are struck.
+    pub fn targets(self) -> Vec<Target> {
+        match self {
+            Victim::One(target) => vec![target],
+            Victim::Pair(first, second) => vec![first, second],
+            Victim::Helper(_) => vec![Target::Executor],
+        }
+    }
+
+    /// True if the process, or a thread of it, is struck.
+    pub fn touches(self, target: Target) -> bool {
+        self.targets().contains(&target)
+    }
+}
+
 /// What the cell is doing meanwhile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
@@ -43,6 +86,8 @@ pub enum Phase {
     Moving,
     /// The arm is being brought to rest on its path by CANCEL.
     Cancelling,
+    /// The arm moves, and two outputs have changed places in the configuration's file since the cell was started.
+    Reconfigured,
     /// The arm moves, and the cell is being ended by Ctrl-C.
     Stopping,
 }
@@ -58,6 +103,8 @@ pub enum Way {
     Stop,
     /// SIGTERM: it may end in order.
     Term,
+    /// It is not scheduled any more, and never again: only for a thread.
+    Freeze,
 }
 
 /// A row of the table with its name.
@@ -73,12 +120,13 @@ pub const TARGETS: [(Target, &str); 8] = [
 ];
 
 /// Phases with their names.
-pub const PHASES: [(Phase, &str); 6] = [
+pub const PHASES: [(Phase, &str); 7] = [
     (Phase::Starting, "starting"),
     (Phase::Idle, "idle"),
     (Phase::Loading, "loading"),
     (Phase::Moving, "moving"),
     (Phase::Cancelling, "cancelling"),
+    (Phase::Reconfigured, "moving, its file changed"),
     (Phase::Stopping, "stopping"),
 ];
 
@@ -90,26 +138,49 @@ pub const WAYS: [(Way, &str); 4] = [
     (Way::Term, "SIGTERM"),
 ];
 
+/// Helper threads of the executor, by name. The real-time thread and the main thread, which only waits, are no helpers.
+pub const HELPERS: [&str; 4] = ["intake", "pump", "incidents", "events"];
+
 /// One case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
     /// Who.
-    pub target: Target,
+    pub victim: Victim,
     /// When.
     pub phase: Phase,
     /// How.
     pub way: Way,
 }
 
-/// All cases, in the order of the table.
+/// All cases, in the order of the tables.
 pub fn cases() -> Vec<Case> {
     let mut all = Vec::new();
     for (target, _) in TARGETS {
+        let victim = Victim::One(target);
         for (phase, _) in PHASES {
-            all.extend(WAYS.map(|(way, _)| Case { target, phase, way }));
+            all.extend(WAYS.map(|(way, _)| Case { victim, phase, way }));
         }
     }
+    all.extend(pairs());
+    all.extend(HELPERS.map(|name| Case {
+        victim: Victim::Helper(name),
+        phase: Phase::Moving,
+        way: Way::Freeze,
+    }));
     all
+}
+
+/// Every two processes, killed at the same moment while the arm moves.
+fn pairs() -> impl Iterator<Item = Case> {
+    let victims = TARGETS.iter().enumerate().flat_map(|(place, &(first, _))| {
+        let others = TARGETS[place + 1..].iter();
+        others.map(move |&(second, _)| Victim::Pair(first, second))
+    });
+    victims.map(|victim| Case {
+        victim,
+        phase: Phase::Moving,
+        way: Way::Kill,
+    })
 }
 
 /// What came out of a case.

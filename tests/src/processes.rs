@@ -48,6 +48,18 @@ pub fn command_line(pid: u32) -> Vec<String> {
         .collect()
 }
 
+/// The threads of a process with their names.
+pub fn threads(pid: u32) -> Vec<(u32, String)> {
+    let folder = format!("/proc/{pid}/task");
+    let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
+    let ids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    ids.map(|id: u32| {
+        let name = fs::read_to_string(format!("{folder}/{id}/comm")).unwrap_or_default();
+        (id, name.trim_end().to_owned())
+    })
+    .collect()
+}
+
 /// What a process holds: open files and mappings of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Holdings {

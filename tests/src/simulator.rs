@@ -9,6 +9,10 @@ use serde_json::{Value, json};
 
 use crate::place::await_some;
 
+/// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
+/// creeps up to it at a bandwidth of 80 rad/s.
+pub const STILL: f64 = 4e-3;
+
 /// A connection to the control port of `lwr-sim` or `io-sim`.
 #[derive(Debug)]
 pub struct Simulator {
@@ -55,6 +59,16 @@ impl Simulator {
     pub fn reset_statistics(&mut self) {
         let done = self.ask(&json!("reset_statistics"));
         assert_eq!(done["ok"], true, "{done}");
+    }
+
+    /// No joint has moved since the last reset of the statistics, which must have been at rest.
+    pub fn assert_not_moved(&mut self) {
+        let state = self.state();
+        let fastest = joints_of(&state["velocity_max"]);
+        assert!(
+            fastest.iter().all(|velocity| *velocity <= STILL),
+            "moved although nobody asked for it: {state}"
+        );
     }
 
     /// Joint positions, rad.

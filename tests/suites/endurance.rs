@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rcc_tests::endurance::{self, Options};
 use rcc_tests::journal::Journal;
-use rcc_tests::matrix::{self, Case, Outcome, Phase, Target, Way};
+use rcc_tests::matrix::{self, Case, Outcome, Phase, Target, Victim, Way};
 
 #[test]
 fn a_sample_of_the_crash_matrix_holds() {
@@ -25,8 +25,23 @@ fn a_sample_of_the_crash_matrix_holds() {
         (Supervisor, Moving, Stop),
         (Supervisor, Moving, Kill),
         (Loader, Stopping, Kill),
+        (ArmDriver, Reconfigured, Kill),
     ];
-    let cases = sample.map(|(target, phase, way)| Case { target, phase, way });
+    let mut cases = sample
+        .map(|(target, phase, way)| Case {
+            victim: Victim::One(target),
+            phase,
+            way,
+        })
+        .to_vec();
+    let struck = |victim, way| Case {
+        victim,
+        phase: Moving,
+        way,
+    };
+    cases.push(struck(Victim::Pair(Loader, Executor), Kill));
+    cases.push(struck(Victim::Pair(ArmDriver, IoDriver), Kill));
+    cases.push(struck(Victim::Helper("pump"), Freeze));
     let outcomes = matrix::run(&cases, 1, |case, outcome| {
         eprintln!("{case:?}: {outcome:?}")
     });
@@ -44,6 +59,8 @@ fn twenty_driver_restarts_and_a_hundred_monitors_make_no_cycle_late_and_leave_no
         seed: 1,
         restarts: 20,
         monitors: 100,
+        pairs: 4,
+        executor_pairs: 1,
         load: false,
         warm_up: Duration::from_secs(3),
         census_every: Duration::from_secs(10),

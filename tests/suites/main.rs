@@ -10,6 +10,8 @@ mod crash_others;
 mod descriptors;
 mod doctor;
 mod endurance;
+mod errors_at_start;
+mod errors_in_motion;
 mod events;
 mod examples;
 mod handover;

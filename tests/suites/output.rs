@@ -83,7 +83,7 @@ fn moves_on(out: Sink, err: Sink) {
         "{out:?}\n{}",
         place.logs()
     );
-    assert!(io.is_alive());
+    assert!(io.liveness().is_alive());
     assert!(signal(up.id(), Signal::SIGINT));
     let status = await_some("the end of rcc-cli up", || {
         up.try_wait().expect("it is ours")

@@ -1,20 +1,19 @@
 //! A driver killed before every system call from its start to its first exchange, and the loader up to its first answer:
 //! `strace` injects the death. Nobody hangs, the next start succeeds, nothing is left, the executor misses no cycle.
 //!
-//! strace counts the calls of each name in each thread, so a death has a name and a number: before the n-th `openat`.
 //! By default some deaths, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::Life;
+use rcc_tests::injection::{Call, calls_of, can_trace, choose, start_traced, tracee};
 use rcc_tests::place::{LIMIT, Watch, files_below};
-use rcc_tests::processes::{ends_with_test, signal};
+use rcc_tests::processes::signal;
 use rcc_tests::records::Records;
 use rcc_tests::{HandCell, await_some, nets};
 
@@ -34,9 +33,6 @@ struct Victim {
     /// A net that goes on without any device, with a monitor of every cycle.
     bystander: fn() -> String,
 }
-
-/// Before which system call it dies.
-type Death = (String, usize);
 
 #[test]
 fn a_death_of_the_fri_driver_before_any_system_call_harms_nobody() {
@@ -88,7 +84,7 @@ fn die_everywhere(victim: &Victim) {
     let usual = left(&cell);
 
     let all = every_death(&cell, victim, &watch);
-    let chosen = choose(&all);
+    let chosen = choose(&all, SAMPLE);
     let mut reached = 0;
     for death in &chosen {
         reached += usize::from(die(&cell, victim, &watch, death));
@@ -130,44 +126,15 @@ fn die_everywhere(victim: &Victim) {
     cell.stop();
 }
 
-/// The machine has strace, and we may trace.
-fn can_trace() -> Result<(), String> {
-    let output = Command::new("strace")
-        .args(["-f", "-o", "/dev/null", "true"])
-        .output();
-    match output {
-        Ok(output) if output.status.success() => Ok(()),
-        Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
-        Err(error) => Err(format!("strace: {error}")),
-    }
-}
-
 /// The program under strace with these options.
 fn traced(cell: &HandCell, victim: &Victim, options: &[String]) -> Child {
-    let usual = cell.program(victim.program);
-    let mut command = Command::new("strace");
-    command.args(["-f", "-qq"]).args(options).arg("--");
-    command.arg(usual.get_program()).args(usual.get_args());
-    command
-        .arg("--config")
-        .arg(cell.config())
-        .arg("--parent-death")
-        .args(victim.arguments);
-    for (key, value) in usual.get_envs() {
-        command.env(key, value.unwrap_or_default());
-    }
-    command
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
-    ends_with_test(&mut command).spawn().expect("strace starts")
-}
-
-/// The process that strace watches.
-fn tracee(strace: &Child) -> Option<u32> {
-    let pid = strace.id();
-    let children = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).ok()?;
-    children.split_whitespace().next()?.parse().ok()
+    start_traced(
+        cell,
+        victim.program,
+        victim.arguments,
+        options,
+        Stdio::null(),
+    )
 }
 
 /// It has exchanged with its device, or answers.
@@ -184,7 +151,7 @@ fn works(cell: &HandCell, victim: &Victim, watch: &Watch, pid: u32) -> bool {
 }
 
 /// Traces a whole start; returns each death that it could die, in the order of the calls.
-fn every_death(cell: &HandCell, victim: &Victim, watch: &Watch) -> Vec<Death> {
+fn every_death(cell: &HandCell, victim: &Victim, watch: &Watch) -> Vec<Call> {
     let file = cell.folder().join("calls.txt");
     let mut strace = traced(cell, victim, &["-o".into(), file.display().to_string()]);
     await_some(&format!("{} to work under strace", victim.name), || {
@@ -198,55 +165,24 @@ fn every_death(cell: &HandCell, victim: &Victim, watch: &Watch) -> Vec<Death> {
     deaths
 }
 
-fn deaths_of(file: &Path, victim: &Victim) -> Vec<Death> {
-    let text = fs::read_to_string(file).expect("strace wrote it");
-    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
-    let mut seen = BTreeSet::new();
-    let mut deaths = Vec::new();
+/// Until the victim has answered, or exchanged.
+fn deaths_of(file: &Path, victim: &Victim) -> Vec<Call> {
     let mut accepted = false;
-    for line in text.lines() {
-        let Some((thread, call)) = line.split_once(' ') else {
-            continue;
-        };
-        let call = call.trim_start();
-        // `<... resumed>`, `+++ exited`, `--- SIGNAL` are no calls.
-        let name = call.split('(').next().unwrap_or_default();
-        if name.is_empty() || !name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') {
-            continue;
-        }
-        let count = counts.entry((thread, name)).or_default();
-        *count += 1;
-        if seen.insert((name, *count)) {
-            deaths.push((name.to_owned(), *count));
-        }
+    calls_of(file, |name, call| {
         accepted |= name.starts_with("accept");
         let says =
             ["sendto", "sendmsg", "write", "writev"].contains(&name) && call.contains("HTTP/1.1 ");
         let exchanges =
             name == "sendto" && (call.contains("sin_port") || call.contains("MSG_NOSIGNAL"));
-        if (victim.device.is_none() && accepted && says) || (victim.device.is_some() && exchanges) {
-            break;
+        match victim.device {
+            None => accepted && says,
+            Some(_) => exchanges,
         }
-    }
-    deaths
-}
-
-/// All of them if that is asked for, otherwise some.
-fn choose(all: &[Death]) -> Vec<Death> {
-    let every = std::env::var_os("RCC_EVERY_SYSCALL").is_some_and(|value| value == "1");
-    let count = if every {
-        all.len()
-    } else {
-        SAMPLE.min(all.len())
-    };
-    // The middles of as many equal parts.
-    (0..count)
-        .map(|part| all[(2 * part + 1) * all.len() / (2 * count)].clone())
-        .collect()
+    })
 }
 
 /// Starts the program and lets it die; false if it worked before it came to that call.
-fn die(cell: &HandCell, victim: &Victim, watch: &Watch, (name, number): &Death) -> bool {
+fn die(cell: &HandCell, victim: &Victim, watch: &Watch, (name, number): &Call) -> bool {
     let inject = format!("inject={name}:signal=SIGKILL:when={number}");
     let options = [
         "-o",

@@ -1,24 +1,20 @@
-//! Moves the arm back and forth: nets that finish, that are cancelled, that are aborted, and that lose their driver.
-//! One thread, which owns the arm's driver.
+//! Moves the arm back and forth: nets that finish, that are cancelled, that are aborted, that lose their driver, and that
+//! go on or not while two processes are killed at the same moment. One thread, which starts the arm's driver.
 
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
-use super::PRIORITY;
-use super::field::{ARM, Field, count};
+use super::field::{ARM, Field, count, held};
+use super::pairs::{self, Pair, Victim};
 use crate::journal::Random;
 use crate::nets;
 use crate::place::Watch;
-use crate::process::Process;
-use crate::simulator::{Simulator, assert_within_limits, joints_of};
+use crate::simulator::{STILL, Simulator, assert_within_limits, joints_of};
 
 /// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
 const LOST: i64 = 1;
-/// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
-/// creeps up to it at a bandwidth of 80 rad/s.
-const STILL: f64 = 4e-3;
 /// To the sides, m.
 const SIDE: f64 = 0.12;
 /// The flange is this near to where a finished line ends, m.
@@ -27,7 +23,6 @@ const NEAR: f64 = 0.002;
 struct Arm<'a> {
     field: &'a Field<'a>,
     simulator: Simulator,
-    driver: Process,
     watch: Watch,
     random: Random,
 }
@@ -39,16 +34,26 @@ enum Fate {
     Cancel,
     Abort,
     Kill,
+    Pair(Pair),
+}
+
+impl Fate {
+    /// The arm's driver is killed.
+    fn kills(self) -> bool {
+        match self {
+            Fate::Kill => true,
+            Fate::Pair(pair) => pair.contains(Victim::ArmDriver),
+            Fate::Finish | Fate::Cancel | Fate::Abort => false,
+        }
+    }
 }
 
 /// Runs until the journal ends.
 pub fn run(field: &Field<'_>) {
-    let mut driver = Process::driver(field.place, "lwr", PRIORITY);
-    let pid = driver.start(field.place);
+    let pid = held(&field.arm_driver).start(field.place);
     let mut arm = Arm {
         field,
         simulator: field.place.simulator("fri_control"),
-        driver,
         watch: field.place.watch(),
         random: field.random(1),
     };
@@ -56,20 +61,17 @@ pub fn run(field: &Field<'_>) {
     arm.simulator.await_rest();
     arm.simulator.reset_statistics();
     field.journal.rounds("arm", |number| arm.round(number));
-    field.end(&mut arm.driver);
+    field.end(&mut held(&field.arm_driver));
     drop(arm.watch);
 }
 
 impl Arm<'_> {
     fn round(&mut self, number: u64) {
         let field = self.field;
+        field.renew(&mut self.watch);
+        self.recover();
         let fate = self.fate();
-        let calm = (fate == Fate::Kill).then(|| {
-            field
-                .io_calm
-                .lock()
-                .unwrap_or_else(|held| held.into_inner())
-        });
+        let calm = (fate == Fate::Kill).then(|| held(&field.io_driver));
         let lamp = calm.as_ref().map(|_| {
             let name = format!("beside-{number}");
             let lamp = field.load(&name, &nets::lamp(&name));
@@ -92,7 +94,7 @@ impl Arm<'_> {
         let row = self.let_it(fate, line);
         self.judge(fate, &row, y);
         field.unload(line);
-        if fate == Fate::Kill {
+        if fate.kills() {
             self.start_driver();
         }
         if let Some(lamp) = lamp {
@@ -114,6 +116,9 @@ impl Arm<'_> {
 
     /// A fifth of all restarts are the arm's, spread over the time.
     fn fate(&mut self) -> Fate {
+        if pairs::due(self.field) {
+            return Fate::Pair(Pair::choose(&mut self.random));
+        }
         let (all, counts) = (self.field.options.restarts / 5, &self.field.counts);
         let done = counts
             .arm_restarts
@@ -148,6 +153,10 @@ impl Arm<'_> {
 
     fn let_it(&mut self, fate: Fate, line: u64) -> Value {
         let field = self.field;
+        let guests = match fate {
+            Fate::Pair(pair) => pair.guests(field),
+            _ => Vec::new(),
+        };
         if fate != Fate::Finish {
             std::thread::sleep(self.random.time_below(Duration::from_millis(900)));
         }
@@ -157,8 +166,9 @@ impl Arm<'_> {
             Fate::Abort => field.stop(line, "abort"),
             Fate::Kill => {
                 field.journal.note("kill the arm's driver".to_owned());
-                self.driver.end(Signal::SIGKILL);
+                held(&field.arm_driver).end(Signal::SIGKILL);
             }
+            Fate::Pair(pair) => pair.strike(field, guests),
         }
         field.await_end(line)
     }
@@ -184,7 +194,7 @@ impl Arm<'_> {
             }
             (Fate::Cancel, "canceled") => count(&counts.canceled),
             (Fate::Abort, "aborted") => count(&counts.aborted),
-            (Fate::Kill, "fault") if fault == "device lost" => count(&counts.killed),
+            (_, "fault") if fate.kills() && fault == "device lost" => count(&counts.killed),
             (_, "fault") if fault == "device lost" => {
                 count(&counts.disturbed);
                 field.keep_disturbed(format!("{row}; the controller: {}", rest["faults"]));
@@ -197,17 +207,30 @@ impl Arm<'_> {
         self.simulator.reset_statistics();
     }
 
+    /// Starts the driver if it was killed together with the executor.
+    fn recover(&mut self) {
+        let mut driver = held(&self.field.arm_driver);
+        if driver.ended().is_some() {
+            let pid = driver.start(self.field.place);
+            drop(driver);
+            self.field.clean();
+            self.field.await_driver(&self.watch, ARM, pid);
+        }
+    }
+
     /// Starts the driver again at once; each tenth time it is killed while it starts.
     fn start_driver(&mut self) {
         let (field, counts) = (self.field, &self.field.counts);
-        let mut pid = self.driver.start(field.place);
+        let mut driver = held(&field.arm_driver);
+        let mut pid = driver.start(field.place);
         count(&counts.arm_restarts);
         if self.random.percent(10) {
             std::thread::sleep(self.random.time_below(Duration::from_millis(100)));
-            self.driver.end(Signal::SIGKILL);
-            pid = self.driver.start(field.place);
+            driver.end(Signal::SIGKILL);
+            pid = driver.start(field.place);
             count(&counts.arm_starts_killed);
         }
+        drop(driver);
         field.clean();
         field.await_driver(&self.watch, ARM, pid);
     }

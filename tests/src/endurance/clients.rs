@@ -1,5 +1,5 @@
 //! Whoever talks to the loader: the one who kills it, the one with big nets, and those who flood it.
-//! A thread each; the first one owns the loader.
+//! A thread each; the first one starts the loader.
 
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -7,23 +7,28 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 use rcc_ipc::monotonic_ns;
 
-use super::field::{Field, count};
+use super::field::{Field, count, held};
 use crate::process::Process;
 use crate::{await_some, nets};
 
 /// Starts the loader, and kills it now and then under load.
 pub fn loader(field: &Field<'_>) {
-    let mut loader = Process::of_cell(field.place, "loader", "rcc-loader", &[]);
     let serve = |loader: &mut Process| {
         loader.start(field.place);
         await_some("the loader to answer", || {
             field.place.try_rest("GET", "/status", "")
         });
     };
-    serve(&mut loader);
+    serve(&mut held(&field.loader));
     let mut random = field.random(3);
     let mut until_next = 20_000;
     field.journal.rounds("loader", |_| {
+        let mut loader = held(&field.loader);
+        if loader.ended().is_some() {
+            serve(&mut loader);
+            field.clean();
+        }
+        drop(loader);
         field.journal.pause(Duration::from_millis(200));
         until_next -= 200_i64;
         if until_next > 0 || !field.options.load {
@@ -31,6 +36,7 @@ pub fn loader(field: &Field<'_>) {
         }
         until_next = 10_000 + random.below(20_000) as i64;
         field.journal.note("kill the loader".to_owned());
+        let mut loader = held(&field.loader);
         loader.end(if random.percent(80) {
             Signal::SIGKILL
         } else {
@@ -41,7 +47,7 @@ pub fn loader(field: &Field<'_>) {
         count(&field.counts.loaders);
         field.clean();
     });
-    field.end(&mut loader);
+    field.end(&mut held(&field.loader));
 }
 
 /// Loads big nets, runs the smaller of them, and unloads them.

@@ -1,16 +1,16 @@
 //! What the threads of an endurance run share: the cell, its journal, counters, and requests that survive a dead loader.
 //! Used by all of them.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_core::message::DeviceState;
 use rcc_ipc::{Life, clean};
 use serde_json::Value;
 
-use super::Options;
+use super::{Options, PRIORITY};
 use crate::await_some;
 use crate::journal::{Journal, Random};
 use crate::place::{Place, Watch};
@@ -51,6 +51,8 @@ counts! {
     io_starts_killed: "the I/O driver killed while it started",
     lamps: "nets on the I/O station",
     loaders: "loaders killed and started again",
+    pairs: "two processes killed at the same moment, in motion",
+    executor_pairs: "of them: the executor and another one",
     tails: "monitors that came, stalled and went",
     big_nets: "big nets loaded (50 to 1,500 primitives)",
     big_runs: "big nets run beside the motion",
@@ -103,13 +105,19 @@ pub struct Field<'a> {
     /// What was asked for.
     pub options: Options,
     /// Process id of the executor.
-    pub executor: u32,
+    executor: AtomicU32,
+    /// Since when.
+    pub begun: Instant,
     /// What happens.
     pub journal: Arc<Journal>,
     /// How often.
     pub counts: Counts,
-    /// Held while the I/O driver is restarted, or must not be.
-    pub io_calm: Mutex<()>,
+    /// The arm's driver; held while it is restarted.
+    pub arm_driver: Mutex<Process>,
+    /// The I/O driver; held while it is restarted, or must not be.
+    pub io_driver: Mutex<Process>,
+    /// The loader; held while it is restarted.
+    pub loader: Mutex<Process>,
     /// Held while the janitor works: it is one at a time in any case.
     janitor: Mutex<()>,
     disturbed: Mutex<Vec<String>>,
@@ -121,13 +129,27 @@ impl<'a> Field<'a> {
         Field {
             place,
             options,
-            executor,
+            executor: AtomicU32::new(executor),
+            begun: Instant::now(),
             journal,
             counts: Counts::default(),
-            io_calm: Mutex::default(),
+            arm_driver: Mutex::new(Process::driver(place, "lwr", PRIORITY)),
+            io_driver: Mutex::new(Process::driver(place, "io", PRIORITY)),
+            loader: Mutex::new(Process::of_cell(place, "loader", "rcc-loader", &[])),
             janitor: Mutex::default(),
             disturbed: Mutex::default(),
         }
+    }
+
+    /// Process id of the executor.
+    pub fn executor(&self) -> u32 {
+        // Relaxed: it changes only in a quiet moment, which is a lock.
+        self.executor.load(Ordering::Relaxed)
+    }
+
+    /// Another executor is there.
+    pub fn set_executor(&self, pid: u32) {
+        self.executor.store(pid, Ordering::Relaxed);
     }
 
     /// Choices of a thread.
@@ -257,6 +279,14 @@ impl<'a> Field<'a> {
         });
     }
 
+    /// Looks at the boards of the executor that lives now.
+    pub fn renew(&self, watch: &mut Watch) {
+        let seen = watch.status().incarnation;
+        if Life::from_incarnation(seen).pid != self.executor() {
+            *watch = self.place.watch();
+        }
+    }
+
     /// Keeps how a motion ended that should have ended otherwise.
     pub fn keep_disturbed(&self, what: String) {
         self.journal.note(what.clone());
@@ -277,4 +307,9 @@ impl<'a> Field<'a> {
             .unwrap_or_else(|held| held.into_inner());
         all.clone()
     }
+}
+
+/// The process, whose last holder may have failed: it is a handle, and those are whole.
+pub fn held(process: &Mutex<Process>) -> MutexGuard<'_, Process> {
+    process.lock().unwrap_or_else(PoisonError::into_inner)
 }

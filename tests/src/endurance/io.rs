@@ -1,13 +1,13 @@
 //! Kills the I/O driver and starts it again while the arm moves; now and then a net on the station loses it.
-//! One thread, which owns that driver.
+//! One thread, which starts that driver.
 
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 
-use super::PRIORITY;
-use super::field::{Field, IO, count};
+use super::field::{Field, IO, count, held};
 use crate::nets;
+use crate::place::Watch;
 use crate::process::Process;
 
 /// Between two restarts others may have the station.
@@ -15,9 +15,8 @@ const BREATH: Duration = Duration::from_millis(5);
 
 /// Runs until the journal ends.
 pub fn run(field: &Field<'_>) {
-    let mut driver = Process::driver(field.place, "io", PRIORITY);
-    let pid = driver.start(field.place);
-    let watch = field.place.watch();
+    let pid = held(&field.io_driver).start(field.place);
+    let mut watch = field.place.watch();
     let mut random = field.random(2);
     field.await_driver(&watch, IO, pid);
     let begun = Instant::now();
@@ -26,6 +25,8 @@ pub fn run(field: &Field<'_>) {
     let every = field.options.time / share.max(1);
     let mut done = 0;
     field.journal.rounds("io", |number| {
+        field.renew(&mut watch);
+        recover(field, &mut held(&field.io_driver), &watch);
         let early = (every * done).saturating_sub(begun.elapsed());
         field
             .journal
@@ -34,10 +35,8 @@ pub fn run(field: &Field<'_>) {
             return;
         }
         done += 1;
-        let _calm = field
-            .io_calm
-            .lock()
-            .unwrap_or_else(|held| held.into_inner());
+        let mut driver = held(&field.io_driver);
+        recover(field, &mut driver, &watch);
         let lamp = random.percent(20).then(|| {
             let name = format!("lamp-{number}");
             let lamp = field.load(&name, &nets::lamp(&name));
@@ -64,5 +63,14 @@ pub fn run(field: &Field<'_>) {
             count(&field.counts.lamps);
         }
     });
-    field.end(&mut driver);
+    field.end(&mut held(&field.io_driver));
+}
+
+/// Starts the driver if somebody has killed it, with another process at the same moment.
+fn recover(field: &Field<'_>, driver: &mut Process, watch: &Watch) {
+    if driver.ended().is_some() {
+        let pid = driver.start(field.place);
+        field.clean();
+        field.await_driver(watch, IO, pid);
+    }
 }

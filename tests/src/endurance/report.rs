@@ -24,6 +24,8 @@ pub struct Report {
     pub verdict: Verdict,
     /// First count, after the warm-up.
     pub first: Option<Census>,
+    /// What was more at the end of each executor's life but the last.
+    pub grown: Vec<String>,
     /// The largest of each figure.
     pub most: Census,
     /// Last count.
@@ -51,6 +53,7 @@ impl Report {
             judged: false,
             verdict: Verdict::default(),
             first: None,
+            grown: Vec::new(),
             most: Census::default(),
             last: Census::default(),
             course: Vec::new(),
@@ -70,10 +73,18 @@ impl Report {
         self.course.push((at, now.rss_kb, now.shared_bytes));
     }
 
-    /// What is more at the end than after the warm-up.
+    /// What is more at the end than after the warm-up, in the life of each executor.
     pub fn growth(&self) -> Vec<String> {
-        self.first
-            .map_or(Vec::new(), |first| self.last.growth(&first))
+        let last = self
+            .first
+            .map_or(Vec::new(), |first| self.last.growth(&first));
+        [self.grown.clone(), last].concat()
+    }
+
+    /// Another executor is there: its figures are its own.
+    pub fn begin_anew(&mut self) {
+        self.grown = self.growth();
+        self.first = None;
     }
 
     /// Everything that must hold, holds.

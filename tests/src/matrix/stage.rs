@@ -10,26 +10,25 @@ use nix::sys::signal::Signal;
 use rcc_config::CellConfig;
 use rcc_ipc::{Role, clean};
 
-use super::{Case, Outcome, Phase, Target, Way};
+use super::scene::{Scene, Struck};
+use super::strike::Strike;
+use super::{Case, Outcome, Phase, Target, Victim, Way};
 use crate::census::Census;
 use crate::endurance::{self, CORE};
 use crate::journal::{Journal, Random};
 use crate::lateness::Judge;
 use crate::place::Place;
 use crate::processes::{command_line, ends_with_test, of_folder, signal};
-use crate::simulator::{Simulator, assert_within_limits, joints_of};
+use crate::simulator::{Simulator, assert_within_limits};
 use crate::{TestCell, await_some, nets, program, repository};
 
 /// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
 const LOST: i64 = 1;
-/// A resting joint is slower than this, rad/s: the simulated arm counts as resting within 0.1 mrad of its set-point, and
-/// creeps up to it at a bandwidth of 80 rad/s.
-const STILL: f64 = 4e-3;
-/// How long a stopped process stands still: longer than any deadline of a driver, shorter than a watchdog's.
-const STOPPED: Duration = Duration::from_millis(300);
 /// Below that of the endurance run, which may go on beside it: of two executors of one priority on a core one waits for the
 /// other, and the reference thread above them does not see it.
 const PRIORITY: u8 = endurance::PRIORITY - 4;
+/// Answers of a loader that has not found its executor yet, and of a device that is not ready yet.
+const NOT_YET: [&str; 2] = ["RCC4001", "RCC3008"];
 /// Primitives of the big net.
 const BIG: usize = 1500;
 
@@ -42,17 +41,6 @@ pub struct Stage {
     journal: Arc<Journal>,
     /// Counted when the cell was fresh, with the executor's process id.
     before: (u32, Census),
-}
-
-/// Who is there in a case.
-#[derive(Default)]
-struct Scene {
-    line: Option<u64>,
-    /// Processes of this case beside the cell's own; the first is the target if it is a client or a monitor.
-    guests: Vec<Child>,
-    /// The target's life before.
-    pid: u32,
-    incarnation: u64,
 }
 
 impl Stage {
@@ -96,74 +84,68 @@ impl Stage {
     /// Something does not hold.
     pub fn play(&mut self, case: Case, seed: u64) -> Outcome {
         let mut random = Random::new(seed, 0);
-        let Case { target, phase, way } = case;
-        let ends_all = phase == Phase::Stopping
-            || target == Target::Supervisor && (phase == Phase::Starting || way != Way::Stop);
-        let judge = (!ends_all && target != Target::Executor)
+        let judge = (!case.ends_cell() && !case.victim.touches(Target::Executor))
             .then(|| Judge::start(&self.cell, CORE, PRIORITY, &self.journal));
         self.arm.reset_statistics();
         let mut scene = self.begin(case, &mut random);
-        let struck = strike(scene.pid, way);
-        let mut words = if ends_all {
+        let strike = Strike::at(case, &scene);
+        let mut words = if case.ends_cell() {
             self.await_end_of_cell(case, &mut scene)
         } else {
             self.await_end_of_motion(case, &mut scene)
         };
-        for guest in &mut scene.guests {
-            end_guest(guest);
-        }
+        scene.end_guests();
         let rest = self.arm.await_rest();
         assert_within_limits(&rest, &[LOST]);
         self.arm.reset_statistics();
-        if ends_all {
-            if self.cell.is_over() {
-                self.cell.up_again();
-            }
-        } else {
-            self.await_successor(case, &scene);
+        if case.phase == Phase::Reconfigured {
+            words += &self.assert_refused_and_restore(case, &scene);
+        }
+        if !case.ends_cell() {
+            self.await_successors(case, &scene);
+        } else if self.cell.is_over() {
+            self.cell.up_again();
         }
         self.cell.await_devices();
-        let still = self.arm.state();
-        let fastest = joints_of(&still["velocity_max"]);
-        assert!(
-            fastest.iter().all(|velocity| *velocity <= STILL),
-            "moved although nobody asked for it: {still}"
-        );
+        self.arm.assert_not_moved();
         self.move_a_little();
         // Before anything is counted: the judge is a monitor itself.
         let late = judge.flatten().map_or(0, assert_on_time);
         self.assert_no_leak();
-        if !struck {
+        if !strike.met_all() {
             words += " (it had ended already)";
         }
         Outcome::Held { words, late }
     }
 
-    /// Brings the cell into the phase and finds the target.
+    /// Brings the cell into the phase and finds the victims.
     fn begin(&mut self, case: Case, random: &mut Random) -> Scene {
-        let Case { target, phase, .. } = case;
+        let Case { victim, phase, .. } = case;
         let mut scene = Scene::default();
-        if let Some(guest) = self.guest_of(case) {
+        for target in victim.targets() {
             // A guest is there before the phase, except where it makes it or is starting itself.
-            scene.guests.push(guest);
-            if phase == Phase::Idle || target == Target::Monitor && phase != Phase::Starting {
-                std::thread::sleep(Duration::from_millis(150));
+            if let Some(guest) = self.guest_of(target, phase) {
+                scene.guests.push((Some(target), guest));
+                if phase == Phase::Idle || target == Target::Monitor && phase != Phase::Starting {
+                    std::thread::sleep(Duration::from_millis(150));
+                }
             }
         }
-        self.remember(target, &mut scene);
         match phase {
-            Phase::Starting => self.start_anew(target, &mut scene, random),
+            Phase::Starting => self.start_anew(victim, &mut scene, random),
             Phase::Idle => {}
             Phase::Loading => {
-                if target != Target::Client {
-                    scene.guests.push(self.load_big());
+                if !victim.touches(Target::Client) {
+                    scene.guests.push((None, self.load_big()));
                 }
                 std::thread::sleep(
                     Duration::from_millis(20) + random.time_below(Duration::from_millis(150)),
                 );
             }
-            Phase::Moving | Phase::Cancelling | Phase::Stopping => {
-                if target == Target::Client && phase == Phase::Moving {
+            Phase::Moving | Phase::Cancelling | Phase::Reconfigured | Phase::Stopping => {
+                if victim.touches(Target::Client)
+                    && matches!(phase, Phase::Moving | Phase::Reconfigured)
+                {
                     self.arm.await_motion();
                     let row = self.cell.rest("GET", "/commands/line", "").body;
                     scene.line = row["id"].as_u64();
@@ -171,31 +153,34 @@ impl Stage {
                     let line = self.cell.run(&nets::line("line", 0.15, 0.25));
                     scene.line = Some(line);
                     self.arm.await_motion();
-                    self.enter(case, line, &mut scene, random);
                 }
+                self.enter(case, &mut scene, random);
             }
         }
-        if target == Target::Janitor {
-            scene.guests.insert(0, self.janitor());
-            scene.pid = scene.guests[0].id();
+        if victim.touches(Target::Janitor) {
+            scene.guests.push((Some(Target::Janitor), self.janitor()));
             std::thread::sleep(random.time_below(Duration::from_millis(15)));
+        }
+        if phase != Phase::Starting {
+            self.remember(victim, &mut scene);
         }
         scene
     }
 
-    /// From moving on to cancelling or stopping.
-    fn enter(&mut self, case: Case, line: u64, scene: &mut Scene, random: &mut Random) {
+    /// From moving on to the phase of the case.
+    fn enter(&mut self, case: Case, scene: &mut Scene, random: &mut Random) {
+        let Some(line) = scene.line else { return };
         match case.phase {
-            Phase::Cancelling if case.target == Target::Client => {
+            Phase::Cancelling if case.victim.touches(Target::Client) => {
                 let cancel = self.client(&["cancel", "line", "--wait"]);
-                scene.pid = cancel.id();
-                scene.guests.push(cancel);
+                scene.guests.push((Some(Target::Client), cancel));
                 std::thread::sleep(random.time_below(Duration::from_millis(60)));
             }
             Phase::Cancelling => {
                 self.cell.done(line, "cancel");
                 std::thread::sleep(random.time_below(Duration::from_millis(100)));
             }
+            Phase::Reconfigured => swap_outputs(&self.cell),
             Phase::Stopping => {
                 signal(self.cell.supervisor(), Signal::SIGINT);
                 std::thread::sleep(random.time_below(Duration::from_millis(400)));
@@ -204,11 +189,11 @@ impl Stage {
         }
     }
 
-    /// The monitor or client of a case, if it is one.
-    fn guest_of(&self, case: Case) -> Option<Child> {
-        match (case.target, case.phase) {
+    /// The monitor or client of a case, if the target is one.
+    fn guest_of(&self, target: Target, phase: Phase) -> Option<Child> {
+        match (target, phase) {
             (Target::Monitor, _) => Some(self.monitor()),
-            (Target::Client, Phase::Starting | Phase::Moving) => {
+            (Target::Client, Phase::Starting | Phase::Moving | Phase::Reconfigured) => {
                 let path = self.cell.file(&nets::line("line", 0.15, 0.25));
                 Some(self.client(&["run", &path.display().to_string()]))
             }
@@ -218,44 +203,54 @@ impl Stage {
         }
     }
 
-    fn remember(&self, target: Target, scene: &mut Scene) {
-        let announced = match target {
-            Target::ArmDriver => self.cell.announced(Role::Driver, "lwr"),
-            Target::IoDriver => self.cell.announced(Role::Driver, "io"),
-            Target::Loader => self.cell.announced(Role::Loader, "loader"),
-            Target::Executor => self.cell.announced(Role::Executor, "exec"),
-            Target::Supervisor => {
-                scene.pid = self.cell.supervisor();
-                return;
-            }
-            Target::Monitor | Target::Client | Target::Janitor => {
-                scene.pid = scene.guests.first().map_or(0, Child::id);
-                return;
-            }
-        };
-        (scene.pid, scene.incarnation) = (announced.pid, announced.incarnation);
+    fn remember(&self, victim: Victim, scene: &mut Scene) {
+        for target in victim.targets() {
+            let struck = match target.announced_as() {
+                Some((role, label)) => {
+                    let announced = self.cell.announced(role, label);
+                    Struck {
+                        target,
+                        pid: announced.pid,
+                        incarnation: announced.incarnation,
+                    }
+                }
+                None => Struck {
+                    target,
+                    pid: match target {
+                        Target::Supervisor => self.cell.supervisor(),
+                        _ => scene.guest(target).map_or(0, |guest| guest.id()),
+                    },
+                    incarnation: 0,
+                },
+            };
+            scene.struck.push(struck);
+        }
     }
 
     /// Lets the supervisor start the target, or starts it, and returns while it is starting.
-    fn start_anew(&mut self, target: Target, scene: &mut Scene, random: &mut Random) {
-        match target {
-            Target::Monitor | Target::Client | Target::Janitor => {}
-            Target::Supervisor => {
-                signal(self.cell.supervisor(), Signal::SIGINT);
-                self.cell.await_end_of_up();
-                self.cell.begin_up_again();
-                scene.pid = self.cell.supervisor();
-                std::thread::sleep(random.time_below(Duration::from_millis(300)));
-                return;
-            }
-            _ => {
-                let words = command_line(scene.pid);
-                signal(scene.pid, Signal::SIGKILL);
-                scene.pid = await_some("the target to be started again", || {
-                    let all = of_folder(self.cell.folder());
-                    all.into_iter()
-                        .find(|pid| *pid != scene.pid && command_line(*pid) == words)
-                });
+    fn start_anew(&mut self, victim: Victim, scene: &mut Scene, random: &mut Random) {
+        self.remember(victim, scene);
+        for index in 0..scene.struck.len() {
+            let Struck { target, pid, .. } = scene.struck[index];
+            match target {
+                Target::Monitor | Target::Client | Target::Janitor => {}
+                Target::Supervisor => {
+                    signal(self.cell.supervisor(), Signal::SIGINT);
+                    self.cell.await_end_of_up();
+                    self.cell.begin_up_again();
+                    scene.struck[index].pid = self.cell.supervisor();
+                    std::thread::sleep(random.time_below(Duration::from_millis(300)));
+                    return;
+                }
+                _ => {
+                    let words = command_line(pid);
+                    signal(pid, Signal::SIGKILL);
+                    scene.struck[index].pid = await_some("the target to be started again", || {
+                        let all = of_folder(self.cell.folder());
+                        all.into_iter()
+                            .find(|other| *other != pid && command_line(*other) == words)
+                    });
+                }
             }
         }
         std::thread::sleep(random.time_below(Duration::from_millis(40)));
@@ -263,34 +258,23 @@ impl Stage {
 
     /// Waits until the net of the case has ended, which must be as the case allows; says how.
     fn await_end_of_motion(&mut self, case: Case, scene: &mut Scene) -> String {
-        let Case { target, phase, way } = case;
-        if target == Target::Client && phase == Phase::Starting {
+        let Case { victim, phase, way } = case;
+        let client = victim.touches(Target::Client);
+        if client && phase == Phase::Starting {
             // Whether its net was started before it died is a matter of luck; if so, it ends in its own way.
-            for guest in &mut scene.guests {
-                await_guest(guest, way);
-            }
+            scene.await_guests(way);
             self.clear(false);
             return "–".to_owned();
         }
         let Some(line) = scene.line else {
             return "–".to_owned();
         };
-        if target == Target::Executor && way != Way::Stop {
+        if case.ends(Target::Executor) {
             return "at rest".to_owned();
         }
-        if target == Target::Client
-            && phase == Phase::Moving
-            && matches!(way, Way::Stop | Way::Term)
-        {
-            // It unloads its net itself, and tells by its exit code how it ended.
-            let status = await_some("the client to end", || {
-                scene.guests[0].try_wait().expect("the child is ours")
-            });
-            return match status.code() {
-                Some(0) => "finished".to_owned(),
-                Some(130 | 143) | None if way == Way::Term => "canceled".to_owned(),
-                _ => panic!("rcc-cli run: {status}"),
-            };
+        let runs = client && matches!(phase, Phase::Moving | Phase::Reconfigured);
+        if runs && matches!(way, Way::Stop | Way::Term) {
+            return scene.end_of_client(way);
         }
         let row = self.cell.await_end(line);
         let reason = row["reason"].as_str().unwrap_or_default().to_owned();
@@ -299,10 +283,10 @@ impl Stage {
         } else {
             "finished"
         };
-        let touched = matches!(target, Target::ArmDriver | Target::Executor);
-        let asked = target == Target::Client && way == Way::Term && reason == "canceled";
+        let touched = victim.touches(Target::ArmDriver) || victim.touches(Target::Executor);
+        let asked = client && way == Way::Term && reason == "canceled";
         // A cancel that its client did not live to send.
-        let unsent = target == Target::Client && phase == Phase::Cancelling && reason == "finished";
+        let unsent = client && phase == Phase::Cancelling && reason == "finished";
         assert!(
             reason == planned || touched || asked || unsent,
             "ended as {row} instead of {planned}"
@@ -315,26 +299,22 @@ impl Stage {
 
     /// Waits until the cell has ended, or goes on if its supervisor was only stopped for a while.
     fn await_end_of_cell(&mut self, case: Case, scene: &mut Scene) -> String {
-        let Case { target, phase, way } = case;
+        let Case { victim, phase, way } = case;
         if phase == Phase::Starting && way == Way::Stop {
             self.cell.await_ready();
             return "goes on".to_owned();
         }
         let status = self.cell.await_end_of_up();
         // A monitor that lives waits for the cell's next life, by design.
-        for guest in &mut scene.guests {
-            end_guest(guest);
-        }
-        if target == Target::Supervisor && matches!(way, Way::Kill | Way::Segv) {
+        scene.end_guests();
+        if victim.touches(Target::Supervisor) && matches!(way, Way::Kill | Way::Segv) {
             self.cell.await_dead();
             return "at rest".to_owned();
         }
         self.cell.await_dead();
         self.cell.assert_nothing_left();
-        let harmless = !matches!(
-            target,
-            Target::Executor | Target::ArmDriver | Target::IoDriver | Target::Loader
-        );
+        let of_the_cell = |target: &Target| target.announced_as().is_some();
+        let harmless = !victim.targets().iter().any(of_the_cell);
         assert!(
             status.success() || !harmless,
             "up: {status}\n{}",
@@ -343,30 +323,100 @@ impl Stage {
         "ended".to_owned()
     }
 
-    /// Who died under supervision is there again; who was only stopped is still the same one.
-    fn await_successor(&mut self, case: Case, scene: &Scene) {
-        let (role, label) = match case.target {
-            Target::ArmDriver => (Role::Driver, "lwr"),
-            Target::IoDriver => (Role::Driver, "io"),
-            Target::Loader => (Role::Loader, "loader"),
-            Target::Executor => (Role::Executor, "exec"),
-            _ => return,
-        };
-        if case.way == Way::Stop && case.phase != Phase::Starting {
-            assert_eq!(
-                self.cell.announced(role, label).incarnation,
-                scene.incarnation,
-                "it did not go on"
-            );
-            return;
+    /// While file and cell differ, the output that a net names switches or START is refused; no other output does. Then
+    /// the file is as it was, and whoever has read the other one is started anew.
+    fn assert_refused_and_restore(&mut self, case: Case, scene: &Scene) -> String {
+        if case.ends_cell() {
+            swap_outputs(&self.cell);
+            return String::new();
         }
-        self.cell.await_successor(role, label, scene.incarnation);
-        if case.way != Way::Stop {
-            // Struck while it started, it may still have announced itself before it died.
-            await_some("another process", || {
-                let announced = self.cell.cell().announced(role, label).ok().flatten()?;
-                (announced.pid != scene.pid && announced.liveness().is_alive()).then_some(())
+        self.await_successors(case, scene);
+        let of_the_arm = [Target::ArmDriver, Target::Executor, Target::Loader];
+        let reads_it = of_the_arm.iter().any(|target| case.ends(*target));
+        let switched = self.switch_torch();
+        assert!(
+            !(reads_it && switched),
+            "a net ran although its device has two configurations"
+        );
+        swap_outputs(&self.cell);
+        for struck in &scene.struck {
+            if let Some((role, label)) = struck.target.announced_as()
+                && case.ends(struck.target)
+            {
+                let other = self.cell.kill(role, label);
+                self.cell.await_successor(role, label, other);
+            }
+        }
+        let words = if switched { ", switched" } else { ", refused" };
+        words.to_owned()
+    }
+
+    /// Tries to switch the torch on; true if it could be started, and then it is the torch that switches.
+    fn switch_torch(&mut self) -> bool {
+        let outputs = |arm: &mut Simulator| {
+            let booleans = arm.state()["krl_from_pc"]["booleans"].clone();
+            (booleans[0] == true, booleans[1] == true)
+        };
+        let text = nets::output("torch", "lwr", "torch");
+        let loaded = await_some("an answer to LOAD", || {
+            let reply = self.cell.try_rest("POST", "/commands", &text)?;
+            (!NOT_YET.contains(&reply.code())).then_some(reply)
+        });
+        let started = loaded.body["id"].as_u64().filter(|id| {
+            let state = await_some("the torch's net to be loaded", || {
+                let state = self.cell.try_rest("GET", &format!("/commands/{id}"), "")?;
+                (state.body["state"] != "loading").then_some(state.body)
             });
+            state["state"] == "ready" && self.is_started(*id)
+        });
+        match started {
+            Some(id) => {
+                await_some("the torch", || {
+                    let (torch, gas) = outputs(&mut self.arm);
+                    assert!(!gas, "the wrong output switches");
+                    torch.then_some(())
+                });
+                self.cell.done(id, "cancel");
+                self.cell.await_end(id);
+            }
+            None => assert_eq!(outputs(&mut self.arm), (false, false), "START was refused"),
+        }
+        self.clear(true);
+        started.is_some()
+    }
+
+    /// True if a command is started; false if it is refused for another reason than an arm that still moves.
+    fn is_started(&self, id: u64) -> bool {
+        await_some("an answer to START", || {
+            let reply = self
+                .cell
+                .try_rest("POST", &format!("/commands/{id}/start"), "")?;
+            (!NOT_YET.contains(&reply.code())).then_some(reply.status == 200)
+        })
+    }
+
+    /// Who died under supervision is there again; who was only stopped is still the same one.
+    fn await_successors(&mut self, case: Case, scene: &Scene) {
+        for struck in &scene.struck {
+            let Some((role, label)) = struck.target.announced_as() else {
+                continue;
+            };
+            if case.way == Way::Stop && case.phase != Phase::Starting {
+                assert_eq!(
+                    self.cell.announced(role, label).incarnation,
+                    struck.incarnation,
+                    "it did not go on"
+                );
+                continue;
+            }
+            self.cell.await_successor(role, label, struck.incarnation);
+            if case.way != Way::Stop {
+                // Struck while it started, it may still have announced itself before it died.
+                await_some("another process", || {
+                    let announced = self.cell.cell().announced(role, label).ok().flatten()?;
+                    (announced.pid != struck.pid && announced.liveness().is_alive()).then_some(())
+                });
+            }
         }
     }
 
@@ -567,40 +617,14 @@ fn assert_on_time(judge: Judge) -> u64 {
     verdict.late
 }
 
-/// False if there was nobody any more.
-fn strike(pid: u32, way: Way) -> bool {
-    match way {
-        Way::Kill => signal(pid, Signal::SIGKILL),
-        Way::Segv => {
-            let there = signal(pid, Signal::SIGSEGV);
-            // The runtime of Rust gives the first one its usual meaning, in case that it was no overflow of a stack: a
-            // real fault would happen again at once. Under load some of these are one.
-            for _ in 0..6 {
-                std::thread::sleep(Duration::from_millis(4));
-                signal(pid, Signal::SIGSEGV);
-            }
-            there
-        }
-        Way::Term => signal(pid, Signal::SIGTERM),
-        Way::Stop => {
-            let there = signal(pid, Signal::SIGSTOP);
-            std::thread::sleep(STOPPED);
-            there && signal(pid, Signal::SIGCONT)
-        }
-    }
-}
-
-/// A guest that was only stopped, or may end in order, ends by itself.
-fn await_guest(guest: &mut Child, way: Way) {
-    if matches!(way, Way::Stop | Way::Term) {
-        await_some("a client to end", || {
-            guest.try_wait().expect("the child is ours")
-        });
-    }
-}
-
-/// Ends who is still there, and takes its exit code: a zombie would count as a process that was left.
-fn end_guest(guest: &mut Child) {
-    let _ = guest.kill();
-    let _ = guest.wait();
+/// Lets two outputs of the arm change places in the configuration's file; once more, and it is as it was.
+fn swap_outputs(place: &Place) {
+    let text = std::fs::read_to_string(place.config()).expect("the configuration can be read");
+    let (torch, gas) = ("      torch: {", "      gas:   {");
+    assert!(text.contains(torch) && text.contains(gas), "{text}");
+    let text = text
+        .replace(torch, "      #: {")
+        .replace(gas, torch)
+        .replace("      #: {", gas);
+    std::fs::write(place.config(), text).expect("the configuration can be written");
 }

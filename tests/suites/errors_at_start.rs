@@ -1,0 +1,254 @@
+//! Errors in place of every system call of a start, of each program: `strace` injects them. The program works all the same,
+//! or ends with an exit code and words; it never hangs, nothing is left, and the next start succeeds.
+//!
+//! By default some errors, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
+
+use std::fs::{self, File};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use nix::sys::signal::Signal;
+use rcc_ipc::Role;
+use rcc_tests::injection::{Call, calls_of, can_trace, choose, start_traced, tracee};
+use rcc_tests::place::LIMIT;
+use rcc_tests::processes::signal;
+use rcc_tests::{HandCell, await_some, nets};
+
+/// Errors that the system gives when it is full, interrupted or broken.
+const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];
+/// Errors of each program that are tried by default.
+const SAMPLE: usize = 12;
+/// How often a process is looked at.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// A program, and where it is in the bench.
+struct Victim {
+    name: &'static str,
+    program: &'static str,
+    arguments: &'static [&'static str],
+    role: Role,
+    label: &'static str,
+}
+
+/// What became of a start.
+#[derive(Debug, PartialEq)]
+enum Start {
+    Works,
+    /// Its exit code and what it said.
+    Ended(Option<i32>, String),
+}
+
+#[test]
+fn an_error_at_the_start_of_the_executor_is_survived_or_told() {
+    fail_everywhere(&Victim {
+        name: "executor",
+        program: "rcc-exec",
+        arguments: &[],
+        role: Role::Executor,
+        label: "exec",
+    });
+}
+
+#[test]
+fn an_error_at_the_start_of_the_fri_driver_is_survived_or_told() {
+    fail_everywhere(&Victim {
+        name: "lwr",
+        program: "rcc-driver",
+        arguments: &["--device", "lwr"],
+        role: Role::Driver,
+        label: "lwr",
+    });
+}
+
+#[test]
+fn an_error_at_the_start_of_the_modbus_driver_is_survived_or_told() {
+    fail_everywhere(&Victim {
+        name: "io",
+        program: "rcc-driver",
+        arguments: &["--device", "io"],
+        role: Role::Driver,
+        label: "io",
+    });
+}
+
+#[test]
+fn an_error_at_the_start_of_the_loader_is_survived_or_told() {
+    fail_everywhere(&Victim {
+        name: "loader",
+        program: "rcc-loader",
+        arguments: &[],
+        role: Role::Loader,
+        label: "loader",
+    });
+}
+
+fn fail_everywhere(victim: &Victim) {
+    if let Err(cause) = can_trace() {
+        eprintln!("skipped: errors at the start of {}: {cause}", victim.name);
+        return;
+    }
+    let mut cell = HandCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    arm.reset_statistics();
+    cell.end(victim.name, Signal::SIGTERM);
+    let calls = every_call(&cell, victim);
+    let all: Vec<(Call, &str)> = calls
+        .iter()
+        .flat_map(|call| ERRORS.map(|error| (call.clone(), error)))
+        .collect();
+    let chosen = choose(&all, SAMPLE);
+    let mut worked = 0;
+    for (call, error) in &chosen {
+        let outcome = start_with(&mut cell, victim, call, error);
+        match &outcome {
+            Start::Works => worked += 1,
+            Start::Ended(code, words) => {
+                assert!(
+                    code.is_none_or(|code| code != 0) && !words.is_empty(),
+                    "{} with {error} in {call:?}: {outcome:?}",
+                    victim.name
+                );
+                // The standard library panics where a sleep fails otherwise than by an interruption; ours does not.
+                let ours = words.lines().any(|line| {
+                    line.split_once("panicked at ")
+                        .is_some_and(|(_, place)| !place.starts_with("/rustc/"))
+                });
+                assert!(!ours, "{} with {error} in {call:?}: {words}", victim.name);
+            }
+        }
+        cell.clean();
+    }
+    eprintln!(
+        "{}: {} of {} errors tried, {worked} survived, the others told",
+        victim.name,
+        chosen.len(),
+        all.len()
+    );
+    match victim.name {
+        "executor" => drop(cell.start_executor()),
+        "loader" => drop(cell.start_loader()),
+        device => drop(cell.start_driver(device)),
+    }
+    cell.await_devices();
+    // Nothing moved meanwhile, and now everything works.
+    arm.assert_not_moved();
+    let line = cell.run(&nets::line("line", 0.1, 0.2));
+    cell.assert_ends(line, "finished");
+    cell.stop();
+}
+
+/// Traces a whole start; returns each of its calls until it works.
+fn every_call(cell: &HandCell, victim: &Victim) -> Vec<Call> {
+    let file = cell.folder().join("calls.txt");
+    let options = ["-o".to_owned(), file.display().to_string()];
+    let mut strace = start_traced(
+        cell,
+        victim.program,
+        victim.arguments,
+        &options,
+        Stdio::null(),
+    );
+    await_some(&format!("{} to work under strace", victim.name), || {
+        let pid = tracee(&strace)?;
+        works(cell, victim, pid).then(|| signal(pid, Signal::SIGKILL))
+    });
+    strace.wait().expect("the child is ours");
+    cell.clean();
+    let calls = calls_of(&file, |_, _| false);
+    assert!(calls.len() > 50, "{} system calls only", calls.len());
+    calls
+}
+
+/// Starts the program with an error in one call; if it works, it must end in order when it is asked to.
+fn start_with(cell: &mut HandCell, victim: &Victim, (name, number): &Call, error: &str) -> Start {
+    let inject = format!("inject={name}:error={error}:when={number}");
+    let path = cell.folder().join(format!("{}-injected.txt", victim.name));
+    let said = File::create(&path).expect("a file can be written");
+    let options = [
+        "-o",
+        "/dev/null",
+        "-e",
+        &format!("trace={name}"),
+        "-e",
+        &inject,
+    ];
+    let options = options.map(str::to_owned);
+    let mut strace = start_traced(
+        cell,
+        victim.program,
+        victim.arguments,
+        &options,
+        said.into(),
+    );
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = strace.try_wait().expect("the child is ours") {
+            let words = fs::read_to_string(&path).unwrap_or_default();
+            return Start::Ended(status.code(), words);
+        }
+        if let Some(pid) = tracee(&strace)
+            && works(cell, victim, pid)
+        {
+            signal(pid, Signal::SIGTERM);
+            await_some(
+                &format!("{} to end after {error} in {name} {number}", victim.name),
+                || strace.try_wait().expect("the child is ours"),
+            );
+            return Start::Works;
+        }
+        assert!(
+            begun.elapsed() < LIMIT,
+            "{} hangs with {error} in {name} {number}: {}\n{}",
+            victim.name,
+            fs::read_to_string(&path).unwrap_or_default(),
+            cell.logs()
+        );
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// It is announced, and does its work: the executor runs nets, a driver has exchanged, the loader answers.
+fn works(cell: &HandCell, victim: &Victim, pid: u32) -> bool {
+    let announced = cell.cell().announced(victim.role, victim.label);
+    let Some(announced) = announced.ok().flatten() else {
+        return false;
+    };
+    if announced.pid != pid || !announced.liveness().is_alive() {
+        return false;
+    }
+    match victim.role {
+        Role::Executor => runs_a_net(cell),
+        Role::Loader => cell.try_rest("GET", "/status", "").is_some(),
+        _ => exchanges(cell, victim.label, pid),
+    }
+}
+
+/// The device is ready, and it is this driver that makes it so.
+fn exchanges(cell: &HandCell, device: &str, pid: u32) -> bool {
+    let row = cell.device(device);
+    row.is_some_and(|row| row["state"] == "ready" && row["pid"] == pid)
+}
+
+/// LOAD, START, CANCEL: each helper thread of the executor has its part in one of them. False while it does not answer.
+fn runs_a_net(cell: &HandCell) -> bool {
+    let done = |method: &str, path: &str, body: &str| {
+        let reply = cell.try_rest(method, path, body)?;
+        (reply.status < 300).then_some(reply.body)
+    };
+    let Some(loaded) = done("POST", "/commands", &nets::clock("clock")) else {
+        return false;
+    };
+    let id = loaded["id"].as_u64().unwrap_or(0);
+    let state = await_some("the clock's net to be loaded", || {
+        let reply = cell.try_rest("GET", &format!("/commands/{id}"), "")?;
+        (reply.body["state"] != "loading").then_some(reply.body)
+    });
+    let runs = state["state"] == "ready"
+        && done("POST", &format!("/commands/{id}/start"), "").is_some()
+        && done("POST", &format!("/commands/{id}/cancel"), "").is_some();
+    if runs {
+        cell.assert_ends(id, "canceled");
+    }
+    done("DELETE", &format!("/commands/{id}"), "");
+    runs
+}

@@ -1,0 +1,218 @@
+//! Errors in place of the system calls of a running cell while its arm moves, in each thread of each process: `strace`
+//! injects them, several in a row. A motion that does not need the process finishes; a process that ends says why.
+//!
+//! By default some errors, evenly spread and the same each time; all of them with `RCC_EVERY_SYSCALL=1`.
+
+use std::fs;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use nix::sys::signal::Signal;
+use rcc_tests::injection::{can_trace, choose};
+use rcc_tests::processes::{ends_with_test, signal, threads};
+use rcc_tests::simulator::{Simulator, assert_within_limits};
+use rcc_tests::{HandCell, await_some, nets};
+
+/// Errors that the system gives when it is full, interrupted or broken.
+const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];
+/// Errors that are tried by default, of each process.
+const SAMPLE: usize = 5;
+/// So many in a row: more than whoever tries three times survives by trying.
+const IN_A_ROW: u32 = 5;
+/// `$FRI_TO_INT[2]` when the controller stopped because answers were lost.
+const LOST: i64 = 1;
+/// How long a thread's calls are listened to.
+const LISTEN: Duration = Duration::from_millis(400);
+
+/// A system call of a thread that fails.
+#[derive(Clone, Debug)]
+struct Case {
+    thread: String,
+    call: String,
+    error: &'static str,
+}
+
+#[test]
+fn errors_in_the_executor_while_the_arm_moves_fault_no_net() {
+    fail_in_motion("executor");
+}
+
+#[test]
+fn errors_in_the_fri_driver_while_the_arm_moves_bring_it_to_rest_at_worst() {
+    fail_in_motion("lwr");
+}
+
+#[test]
+fn errors_in_the_modbus_driver_change_no_motion() {
+    fail_in_motion("io");
+}
+
+#[test]
+fn errors_in_the_loader_change_no_motion() {
+    fail_in_motion("loader");
+}
+
+fn fail_in_motion(process: &str) {
+    if let Err(cause) = can_trace() {
+        eprintln!("skipped: errors in {process} while the arm moves: {cause}");
+        return;
+    }
+    let mut cell = HandCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    let all = every_case(&cell, process, &mut arm);
+    assert!(!all.is_empty(), "{process} makes no system calls");
+    let chosen = choose(&all, SAMPLE);
+    let mut ended = 0;
+    for (number, case) in chosen.iter().enumerate() {
+        let y = if number % 2 == 0 { 0.1 } else { -0.1 };
+        ended += u32::from(fail(&mut cell, process, case, &mut arm, y));
+    }
+    eprintln!(
+        "{process}: {} of {} errors tried, each {IN_A_ROW} times in a row; it ended {ended} times, in order",
+        chosen.len(),
+        all.len()
+    );
+    cell.stop();
+}
+
+/// What each thread of the process calls while the arm moves and the loader is asked.
+fn every_case(cell: &HandCell, process: &str, arm: &mut Simulator) -> Vec<Case> {
+    let line = cell.run(&nets::line("listen", 0.1, 0.05));
+    arm.await_motion();
+    let file = cell.folder().join("listened.txt");
+    let options = ["-f", "-qq", "-o", &file.display().to_string()].map(str::to_owned);
+    let pid = cell.pid(process);
+    let names = threads(pid);
+    let mut strace = attach(pid, &options);
+    std::thread::sleep(LISTEN);
+    cell.try_rest("GET", "/status", "");
+    detach(&mut strace);
+    cell.done(line, "cancel");
+    cell.await_end(line);
+    cell.rest("DELETE", &format!("/commands/{line}"), "");
+    let text = fs::read_to_string(file).expect("strace wrote it");
+    let mut calls: Vec<(String, String)> = text
+        .lines()
+        .filter_map(|line| {
+            let (thread, call) = line.split_once(' ')?;
+            let id: u32 = thread.parse().ok()?;
+            let (_, name) = names.iter().find(|(other, _)| *other == id)?;
+            let call = call.trim_start().split('(').next()?;
+            let plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
+            (!call.is_empty() && call.bytes().all(plain)).then(|| (name.clone(), call.to_owned()))
+        })
+        .collect();
+    calls.sort();
+    calls.dedup();
+    let cases = calls.into_iter().flat_map(|(thread, call)| {
+        ERRORS.map(|error| Case {
+            thread: thread.clone(),
+            call: call.clone(),
+            error,
+        })
+    });
+    cases.collect()
+}
+
+/// A motion with errors in the middle; true if the process ended by them.
+fn fail(cell: &mut HandCell, process: &str, case: &Case, arm: &mut Simulator, y: f64) -> bool {
+    let Case {
+        thread,
+        call,
+        error,
+    } = case;
+    arm.reset_statistics();
+    let line = cell.run(&nets::line("line", y, 0.2));
+    arm.await_motion();
+    let ids = threads(cell.pid(process));
+    let Some((id, _)) = ids.iter().find(|(_, name)| name == thread) else {
+        // A thread of a pool, which has ended.
+        cell.await_end(line);
+        cell.rest("DELETE", &format!("/commands/{line}"), "");
+        return false;
+    };
+    let inject = format!("inject={call}:error={error}:when=1..{IN_A_ROW}");
+    let options = [
+        "-qq",
+        "-o",
+        "/dev/null",
+        "-e",
+        &format!("trace={call}"),
+        "-e",
+        &inject,
+    ];
+    let mut strace = attach(*id, &options.map(str::to_owned));
+    let over = await_some(&format!("the end of the motion with {case:?}"), || {
+        if let Some(status) = cell.ended(process) {
+            return Some(Err(status));
+        }
+        let reply = cell.try_rest("GET", &format!("/commands/{line}"), "")?;
+        (reply.body["state"] == "terminated").then_some(Ok(reply.body))
+    });
+    detach(&mut strace);
+    assert_within_limits(&arm.await_rest(), &[LOST]);
+    match over {
+        Ok(row) => {
+            let finished = row["reason"] == "finished";
+            assert!(
+                finished || process == "lwr",
+                "{process}, {case:?}: {row}\n{}",
+                cell.logs()
+            );
+            cell.rest("DELETE", &format!("/commands/{line}"), "");
+            false
+        }
+        Err(status) => {
+            let log = cell.log(process);
+            let told = log.lines().last().unwrap_or_default();
+            assert!(
+                status.code().is_some_and(|code| code != 0) && told.contains("ERROR"),
+                "{process}, {case:?}: {status}, it said: {told}"
+            );
+            assert!(!log.contains("panicked at"), "{case:?}: {log}");
+            restart(cell, process);
+            // Its nets ended with an executor; without another process they go on, and end in their own way.
+            let reply = cell.rest("GET", &format!("/commands/{line}"), "");
+            if reply.status == 200 {
+                cell.await_end(line);
+                cell.rest("DELETE", &format!("/commands/{line}"), "");
+            }
+            true
+        }
+    }
+}
+
+fn restart(cell: &mut HandCell, process: &str) {
+    cell.clean();
+    match process {
+        "executor" => drop(cell.start_executor()),
+        "loader" => drop(cell.start_loader()),
+        device => drop(cell.start_driver(device)),
+    }
+    cell.await_devices();
+}
+
+/// strace on a running thread or process; returns when it traces.
+fn attach(id: u32, options: &[String]) -> Child {
+    let mut command = Command::new("strace");
+    command.args(options).args(["-p", &id.to_string()]);
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let mut child = ends_with_test(&mut command).spawn().expect("strace starts");
+    await_some("strace to be attached", || {
+        let text = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+        let traced = text
+            .lines()
+            .any(|line| line.starts_with("TracerPid:") && !line.ends_with("\t0"));
+        let gone = text.is_empty() || child.try_wait().expect("the child is ours").is_some();
+        (traced || gone).then_some(())
+    });
+    child
+}
+
+fn detach(strace: &mut Child) {
+    signal(strace.id(), Signal::SIGINT);
+    strace.wait().expect("the child is ours");
+}
