@@ -138,7 +138,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
         .arg("--config")
         .arg(cell.config())
         .arg("--parent-death");
-    command.env("RCC_TEST_PANIC", format!("pump@{}", trigger.display()));
+    command.env("RCC_TEST_PANIC", format!("maker@{}", trigger.display()));
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut executor = Traced(ends_with_test(&mut command).spawn().expect("it starts"));
     cell.await_devices();
@@ -153,7 +153,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     stderr.read_to_string(&mut words).expect("text");
     assert_eq!(status.code(), Some(1), "{words}");
     assert!(
-        words.contains("the helper thread `pump` panicked"),
+        words.contains("the helper thread `maker` panicked"),
         "{words}"
     );
     assert_within_limits(&arm.await_rest(), &[LOST]);

@@ -46,7 +46,7 @@ impl State {
     fn fail(&mut self, name: &str, how: &str) {
         self.failure.get_or_insert_with(|| {
             format!(
-                "the helper thread `{name}` {how}: everything was brought to rest, and this process ends to be started again"
+                "the helper thread `{name}` {how}: everything is brought to rest, and this process ends to be started again"
             )
         });
     }
