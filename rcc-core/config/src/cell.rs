@@ -6,15 +6,13 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use rcc_core::frame::DeviceModel;
-use rcc_core::pose::Pose;
 
 use crate::access::AccessConfig;
-use crate::device::{ChannelConfig, DeviceConfig, kind_name};
+use crate::device::DeviceConfig;
 use crate::diagnostic::Faults;
 use crate::file::{self, Text};
 use crate::ports::Numbers;
 use crate::recorder::RecorderConfig;
-use crate::robot::RobotConfig;
 
 mod clock;
 mod read;
@@ -191,103 +189,5 @@ impl CellConfig {
             .iter()
             .enumerate()
             .find(|(_, device)| device.name == name)
-    }
-
-    /// A hash (FNV-1a, 64 bits) of everything that a plan depends on: the period; the devices in their order with name,
-    /// kinematics, joints and limits; the channels in their order with kind, name and unit. Ports, drivers, settings,
-    /// scales and the file's form do not count.
-    #[must_use]
-    pub fn fingerprint(&self) -> u64 {
-        let mut hash = Fnv::default();
-        hash.number(self.period_ns);
-        hash.number(self.devices.len() as u64);
-        for device in &self.devices {
-            hash.text(&device.name);
-            hash.number(device.first_tolerance_rad.to_bits());
-            hash.number(u64::from(device.robot.is_some()));
-            if device.base != Pose::IDENTITY {
-                hash.text("base");
-                hash.reals(device.base.to_slots());
-            }
-            if let Some(space) = &device.workspace {
-                hash.text("workspace");
-                hash.reals(
-                    [space.lower, space.upper, space.point]
-                        .into_iter()
-                        .flatten(),
-                );
-                hash.reals([space.singularity_min]);
-            }
-            if let Some(robot) = &device.robot {
-                hash.robot(robot);
-            }
-            hash.number(device.channels.len() as u64);
-            for channel in &device.channels {
-                hash.channel(channel);
-            }
-        }
-        hash.0
-    }
-}
-
-/// FNV-1a, 64 bits (Fowler, Noll, Vo): stable across builds and machines, unlike the standard library's hashes.
-struct Fnv(u64);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Fnv(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    fn bytes(&mut self, bytes: impl IntoIterator<Item = u8>) {
-        for byte in bytes {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
-        }
-    }
-
-    fn number(&mut self, number: u64) {
-        self.bytes(number.to_le_bytes());
-    }
-
-    fn reals(&mut self, values: impl IntoIterator<Item = f64>) {
-        for value in values {
-            self.number(value.to_bits());
-        }
-    }
-
-    /// With its end, so that "ab", "c" and "a", "bc" differ.
-    fn text(&mut self, text: &str) {
-        self.bytes(text.bytes().chain([0]));
-    }
-
-    fn robot(&mut self, robot: &RobotConfig) {
-        let (kind, parameters) = robot.arm.parameters();
-        self.number(u64::from(kind));
-        self.reals(parameters);
-        self.number(robot.joints.len() as u64);
-        for joint in &robot.joints {
-            self.text(&joint.name);
-            self.reals([
-                joint.lower_rad,
-                joint.upper_rad,
-                joint.velocity_rad_s,
-                joint.acceleration_rad_s2,
-                joint.jerk_rad_s3,
-            ]);
-        }
-        if let Some(limits) = &robot.impedance {
-            self.text("impedance");
-            self.reals(limits.to_slots());
-        }
-    }
-
-    fn channel(&mut self, channel: &ChannelConfig) {
-        self.text(&channel.name);
-        self.text(kind_name(channel.kind));
-        self.number(u64::from(channel.index));
-        self.bytes(channel.unit.exponents.map(|power| power.to_le_bytes()[0]));
-        let [lower, upper] = channel.range.unwrap_or([f64::NAN; 2]);
-        self.reals([lower, upper]);
     }
 }

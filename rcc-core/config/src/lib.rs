@@ -4,10 +4,12 @@
 pub mod access;
 mod base;
 pub mod cell;
+pub mod change;
 pub mod codes;
 pub mod device;
 pub mod diagnostic;
 mod file;
+pub mod fingerprint;
 pub mod ports;
 pub mod quantity;
 mod reader;
@@ -18,6 +20,7 @@ pub mod yaml;
 
 pub use access::{AccessConfig, TcpAccess};
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
+pub use change::{Change, FileWatch};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
 pub use ports::{Protocol, auto_ports, free_port};
 pub use recorder::RecorderConfig;
