@@ -13,9 +13,11 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rcc_config::{CellConfig, Change, FileWatch};
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
+use rcc_ipc::configuration::changed;
 use rcc_ipc::events::{self, Kind, Origin};
-use rcc_ipc::{Announced, Announcement, Cell, Role, room, take};
+use rcc_ipc::{Announced, Announcement, Cell, Configuration, Role, room, take};
 use rcc_loader::server::api::{DeviceView, StatusView};
 use rcc_loader::server::codes;
 
@@ -31,6 +33,8 @@ use policy::Verdict;
 pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// How often the devices are asked for.
 const DEVICES_EVERY: Duration = Duration::from_millis(250);
+/// How often the configuration's files are looked at.
+const FILES_EVERY: Duration = Duration::from_secs(1);
 /// How long one answer of the loader may take; nobody waits for it.
 const ANSWER_LIMIT: Duration = Duration::from_millis(500);
 /// How long a cell, and each of its processes, may take to be up.
@@ -66,6 +70,8 @@ pub struct Supervisor {
     devices: Vec<(String, String)>,
     devices_asked: Instant,
     grade_told: u32,
+    files: FileWatch,
+    files_looked: Instant,
     /// When the janitor has to run again, on the supervisor's clock.
     clean_due: Option<Duration>,
     looked: Instant,
@@ -90,7 +96,7 @@ impl Supervisor {
         let specs = launch::specs(name, &prepared)?;
         places::program("rcc-janitor")?;
         let cell = Cell::new(name).map_err(|error| of_cell(&error))?;
-        let presence = take(&cell)?;
+        let presence = take(&cell, &prepared.config)?;
         let logs = cell.runtime_dir().join("logs");
         let client = furnish(&cell, &prepared, &logs).inspect_err(|_| {
             // Nothing of ours stays; what cannot be removed, the next `up` removes.
@@ -100,6 +106,7 @@ impl Supervisor {
         let supervision = &prepared.config.supervision;
         let children = specs.into_iter().enumerate();
         let children = children.map(|(number, spec)| Child::new(spec, number, supervision, &logs));
+        let files = FileWatch::new(prepared.config.clone(), prepared.ports.clone());
         let mut supervisor = Supervisor {
             children: children.collect(),
             cell,
@@ -110,6 +117,8 @@ impl Supervisor {
             devices: Vec::new(),
             devices_asked: Instant::now(),
             grade_told: 0,
+            files,
+            files_looked: Instant::now(),
             clean_due: None,
             looked: Instant::now(),
             failed: false,
@@ -169,7 +178,22 @@ impl Supervisor {
             self.devices_asked = Instant::now();
             self.look_at_devices();
         }
+        if self.files_looked.elapsed() >= FILES_EVERY {
+            self.files_looked = Instant::now();
+            self.look_at_files();
+        }
         self.looked = Instant::now();
+    }
+
+    /// Says once what the files of the configuration say that is not in force; the loader writes it to the event log.
+    fn look_at_files(&mut self) {
+        let words = match self.files.look() {
+            None => return,
+            Some(Change::None) => changed("", None),
+            Some(Change::Differs(words)) => changed(&words.join("; "), None),
+            Some(Change::Invalid(fault)) => changed("", Some(fault)),
+        };
+        self.say("configuration", &words);
     }
 
     /// True once a process failed for good.
@@ -440,9 +464,10 @@ fn furnish(cell: &Cell, prepared: &Prepared, logs: &Path) -> Result<Client, Fail
 }
 
 /// Takes the cell for this process, if nobody has it; what somebody has is not touched.
-fn take(cell: &Cell) -> Result<Announced, Failure> {
+fn take(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
     let supervisor = Announcement::supervisor()
-        .map_err(|error| Failure::new(codes::PROCESS_FAILED, error.to_string(), ""))?;
+        .map_err(|error| Failure::new(codes::PROCESS_FAILED, error.to_string(), ""))?
+        .configured(Configuration::new(config.identity()));
     take::take(cell, &supervisor).map_err(|error| {
         let name = cell.name();
         match &error {

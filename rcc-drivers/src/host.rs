@@ -10,8 +10,8 @@ use rcc_core::message::Measurement;
 use rcc_ipc::control::MEASUREMENT;
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{
-    AnnounceError, Announced, Announcement, BoardError, BoardWriter, Cell, CommandReader, Role,
-    Session, SessionError, monotonic_ns,
+    AnnounceError, Announced, Announcement, BoardError, BoardWriter, Cell, CommandReader,
+    Configuration, Role, Session, SessionError, monotonic_ns,
 };
 use rcc_process::Helpers;
 use thiserror::Error;
@@ -43,7 +43,7 @@ use diary::Diary;
 use pulse::Pulse;
 use reason::Reason;
 use station::{LOOK_PERIODS, Station};
-use watch::Watch;
+use watch::{News, Watch};
 
 /// Longest wait for the device: a stop that was asked for is seen after it.
 const WAIT_MAX: Duration = Duration::from_millis(10);
@@ -119,6 +119,7 @@ impl Host {
         };
         board.write(station.measurement());
         let announcement = Announcement::of(&session)
+            .configured(Configuration::new(config.identity()).only(&device.name))
             .service(MEASUREMENT, board.service())
             .note(&reason::note(reasons));
         let helpers = Helpers::default();
@@ -126,7 +127,7 @@ impl Host {
         let turn = move || writer.turn();
         let recorder = Recorder::watched(cell, Role::Driver, &device.name, turn)?;
         // All threads are made before the device is announced; they begin with `Host::run`.
-        let watch = Watch::start(session, &device.name, recorder.clone(), &helpers)?;
+        let watch = Watch::start(session, announcement.clone(), recorder.clone(), &helpers)?;
         let diagnosis = Diagnosis::start(cell, device, reasons, link, &helpers)?;
         let predecessor = events::predecessor(cell, Role::Driver, &device.name);
         let announced = cell.announce(&announcement)?;
@@ -243,8 +244,12 @@ impl Host {
 
     fn take_boards(&mut self) {
         while let Some(news) = self.watch.news() {
-            let old = std::mem::replace(&mut self.commands, news);
-            if let Some(old) = old {
+            self.station.meet_stranger(matches!(news, News::Stranger));
+            let commands = match news {
+                News::Commands(commands) => Some(commands),
+                News::Gone | News::Stranger => None,
+            };
+            if let Some(old) = std::mem::replace(&mut self.commands, commands) {
                 self.watch.give_back(old);
             }
         }

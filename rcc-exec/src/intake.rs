@@ -17,7 +17,7 @@ use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::rehearsal::Rehearsed;
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
-use rcc_ipc::{Announcement, BoardReader, Life, Liveness, Role, Session, monotonic_ns, wire};
+use rcc_ipc::{Announcement, BoardReader, Disagreement, Life, Liveness, Role, Session, monotonic_ns, wire};
 use rcc_process::Helpers;
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
@@ -40,6 +40,8 @@ struct Watched {
     name: String,
     /// Incarnation and our own reader of its board (the real-time thread has another one).
     attached: Option<(u64, BoardReader<Measurement>)>,
+    /// Incarnation of the driver that was told of last because it runs with another configuration; 0: none.
+    refused: u64,
 }
 
 /// A caller who waits for an answer, and what is done when it comes.
@@ -93,6 +95,7 @@ pub struct Intake {
     recorder: Option<Recorder>,
     scribe: Option<Sender<incidents::Made>>,
     recordings: Recordings,
+    announcement: Announcement,
 }
 
 /// What the intake thread must know about the cell.
@@ -111,6 +114,8 @@ pub struct IntakeConfig {
     pub costs: Costs,
     /// Where the thread that makes nets belongs to.
     pub helpers: Helpers,
+    /// What this executor announces: a driver that announces another configuration is not attached.
+    pub announcement: Announcement,
 }
 
 impl Intake {
@@ -131,6 +136,7 @@ impl Intake {
             .map(|name| Watched {
                 name,
                 attached: None,
+                refused: 0,
             })
             .collect();
         let site = Site {
@@ -158,6 +164,7 @@ impl Intake {
             recorder: None,
             scribe: None,
             recordings: Recordings::default(),
+            announcement: config.announcement,
         })
     }
 
@@ -535,7 +542,9 @@ impl Intake {
         (input, hold)
     }
 
-    /// Attaches drivers that announced themselves and detaches dead ones. Whoever may live stays attached.
+    /// Attaches drivers that announced themselves and detaches dead ones; whoever may live stays attached. A driver that was started with another
+    /// configuration is not attached: its measurements and our set-points would mean other channels. To look once in each
+    /// of its lives is enough, because neither of us reads the configuration again.
     fn watch_drivers(&mut self) {
         for index in 0..self.devices.len() {
             let Some(device) = self.devices.get(index) else {
@@ -547,9 +556,7 @@ impl Intake {
                 Ok(Some(announced)) if attached != Some(announced.incarnation) => {
                     match announced.liveness() {
                         Liveness::Alive => {
-                            if let Some(service) = announced.services.get(MEASUREMENT) {
-                                self.attach(index, &announced, service);
-                            }
+                            self.take(index, &announced);
                         }
                         // Not followed before it is known to live.
                         Liveness::Unknown(error) => self.doubt(index, &error),
@@ -564,6 +571,19 @@ impl Intake {
                     self.detach_dead(index);
                 }
             }
+        }
+    }
+
+    /// Attaches a driver that lives, unless it means other channels than this executor by its set-points.
+    fn take(&mut self, index: usize, driver: &Announcement) {
+        let Some(device) = self.devices.get(index) else {
+            return;
+        };
+        if let Some(why) = Disagreement::about_device(driver, &self.announcement, &device.name) {
+            self.detach(index);
+            self.refuse(index, driver, &why);
+        } else if let Some(service) = driver.services.get(MEASUREMENT) {
+            self.attach(index, driver, service);
         }
     }
 
@@ -621,6 +641,17 @@ impl Intake {
             "whether driver/{name} lives is not known ({why}); looked at again; {others} more such looks"
         );
         self.record(what);
+    }
+
+    /// Tells once of a driver that runs with another configuration than this executor.
+    fn refuse(&mut self, index: usize, driver: &Announcement, why: &Disagreement) {
+        if std::mem::replace(&mut self.devices[index].refused, driver.incarnation)
+            == driver.incarnation
+        {
+            return;
+        }
+        warn!("{} is not attached: {why}; {}", driver.who(), why.remedy());
+        self.record(why.event(driver));
     }
 
     fn attach(&mut self, index: usize, driver: &Announcement, service: &str) {

@@ -30,7 +30,7 @@ use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, HELPERS, RECORDS, STATUS, TABLES, TIMING, command_board};
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::{Announcement, BoardError, BoardReader, Cell, Role, Session, monotonic_ns};
+use rcc_ipc::{Announcement, BoardError, BoardReader, Cell, Configuration, Role, Session, monotonic_ns};
 use rcc_process::signals::request_stop;
 use rcc_process::{CellArguments, Ending, Helpers, Notifier, Pulse, Stop, ending};
 use tracing::{error, info, warn};
@@ -76,6 +76,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     let server = session.serve(CONTROL)?;
     let publisher = session.publisher(RECORDS)?;
     let announcement = Announcement::of(&session)
+        .configured(Configuration::new(config.identity()))
         .service(CONTROL, server.service())
         .service(STATUS, boards.status.service())
         .service(TABLES, boards.tables.service())
@@ -109,6 +110,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         stale_after_ns: config.stale_after_ns,
         costs,
         helpers: helpers.clone(),
+        announcement: announcement.clone(),
     };
     let HelperEnds {
         orders,

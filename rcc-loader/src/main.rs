@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::{Announcement, Cell, Role, Session};
+use rcc_ipc::{Announcement, Cell, Configuration, Role, Session};
 use rcc_loader::server::doors::Doors;
 use rcc_loader::server::executor::Executor;
 use rcc_loader::server::routes;
@@ -70,7 +70,8 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
     let turn = move || writer.turn();
     let recorder = Recorder::watched(&cell, Role::Loader, session.label(), turn)?;
     let predecessor = events::predecessor(&cell, Role::Loader, session.label());
-    let announced = cell.announce(&Announcement::of(&session))?;
+    let announced = cell
+        .announce(&Announcement::of(&session).configured(Configuration::new(config.identity())))?;
     recorder.tell(Kind::Started {
         note: String::new(),
         predecessor,
@@ -82,8 +83,11 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
             error.into()
         }
     })?;
-    let service = Service::new(Executor::new(session), config).recording(recorder.clone());
-    let service = Arc::new(service.watching(helpers.clone()));
+    let service = Service::new(Executor::new(session), config)
+        .recording(recorder.clone())
+        .watching(helpers.clone())
+        .watching_files(arguments.chosen_ports());
+    let service = Arc::new(service);
     let tended = Arc::clone(&service);
     helpers.spawn("tend", SLOW_TURN_MAX, move |helper| {
         while !helper.rest(TEND_EVERY) {

@@ -6,6 +6,7 @@ pub mod api;
 pub mod catalogue;
 pub mod codes;
 pub mod compile;
+pub mod configuration;
 pub mod door;
 pub mod doors;
 pub mod error;

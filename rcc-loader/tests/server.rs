@@ -323,6 +323,7 @@ fn names_with_topic(id: u64) -> Names {
 fn every_refusal_has_a_code_names_and_a_remedy() {
     let config = config();
     let namer = Namer {
+        stranger: &|_| None,
         config: &config,
         net: &|id| format!("net#{id}"),
         names: &names_with_topic,

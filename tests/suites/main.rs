@@ -5,6 +5,7 @@ mod arrows;
 mod bad_input;
 mod cells;
 mod clock;
+mod configuration;
 mod crash;
 mod crash_others;
 mod descriptors;

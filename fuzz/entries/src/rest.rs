@@ -17,7 +17,7 @@ use bytemuck::{Zeroable, bytes_of_mut};
 use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::Timing;
 use rcc_ipc::control::{Answer, CONTROL, Call, READ_ELEMENTS_MAX, STATUS, TABLES, TIMING, Values};
-use rcc_ipc::{Announcement, BoardWriter, Cell, Role, Server, Session, wire};
+use rcc_ipc::{Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire};
 use rcc_loader::server::codes;
 use rcc_loader::server::executor::Executor;
 use rcc_loader::server::routes::router;
@@ -137,6 +137,7 @@ fn set_up() -> Stage {
     let tables = good(session.create_board::<Tables>(TABLES));
     let timing = good(session.create_board::<Timing>(TIMING));
     let announcement = Announcement::of(&session)
+        .configured(Configuration::new(shipped().cell.identity()))
         .service(CONTROL, server.service())
         .service(STATUS, status.service())
         .service(TABLES, tables.service())

@@ -207,7 +207,7 @@ fn send(
         // Dead in between: that is what was wanted.
         let _ = kill(Pid::from_raw(pid), signal);
     }
-    if signal == Signal::SIGSEGV && announced.is_alive() {
+    if signal == Signal::SIGSEGV && announced.liveness().is_alive() {
         return Err(Failure::new(
             codes::PROCESS_FAILED,
             format!("{target} (pid {pid}) still lives after {SEGV_TRIES} signals"),

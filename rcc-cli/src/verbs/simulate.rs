@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandState, EndReason};
-use rcc_language::names::Names;
 use rcc_ipc::control::PlanData;
+use rcc_language::names::Names;
 use rcc_loader::server::api::{FaultView, RehearsalView};
 use rcc_loader::server::codes::{self, Asked, exit};
 use rcc_loader::server::compile::compile;
@@ -167,7 +167,11 @@ impl Scenario {
         })?;
         remark_drawing(&draw(&compiled.warnings, Some(&source), Context::colour()));
         let names = serde_json::from_value(compiled.names).map_err(|error| {
-            Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it with the net")
+            Failure::new(
+                codes::PROCESS_FAILED,
+                error.to_string(),
+                "report it with the net",
+            )
         })?;
         Ok(Prepared {
             config,
@@ -203,8 +207,13 @@ pub(super) fn not_written(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(codes::NOT_STORED, message, "name another file")
 }
 
-pub(super) fn with_namer<T>(names: &Names, config: &CellConfig, what: impl FnOnce(&Namer<'_>) -> T) -> T {
+pub(super) fn with_namer<T>(
+    names: &Names,
+    config: &CellConfig,
+    what: impl FnOnce(&Namer<'_>) -> T,
+) -> T {
     what(&Namer {
+        stranger: &|_| None,
         config,
         net: &|_| names.net.clone(),
         names: &|_| names.clone(),
@@ -212,14 +221,21 @@ pub(super) fn with_namer<T>(names: &Names, config: &CellConfig, what: impl FnOnc
     })
 }
 
-pub(super) fn failure(error: &SimulateError, net: &Names, config: &CellConfig, csv: Option<&Path>) -> Failure {
+pub(super) fn failure(
+    error: &SimulateError,
+    net: &Names,
+    config: &CellConfig,
+    csv: Option<&Path>,
+) -> Failure {
     match error {
         SimulateError::Refused(refusal) => {
             let refused = with_namer(net, config, |namer| namer.refusal(1, *refusal));
             Failure::answered(refused.body())
         }
         SimulateError::Write(error) => not_written(csv.unwrap_or(Path::new("the table")), error),
-        SimulateError::Silent => Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it"),
+        SimulateError::Silent => {
+            Failure::new(codes::PROCESS_FAILED, error.to_string(), "report it")
+        }
     }
 }
 
@@ -255,7 +271,10 @@ fn human(report: &Report) -> String {
         (None, None) => report.state.clone(),
     };
     let cycles = table::grouped(report.cycles);
-    let mut head = format!("{}  after {} s, {cycles} cycles  {state}", report.net, report.time_s);
+    let mut head = format!(
+        "{}  after {} s, {cycles} cycles  {state}",
+        report.net, report.time_s
+    );
     if let Some(rehearsal) = &report.rehearsal {
         head = format!("{head}\n{}", rehearsal.words);
     }
@@ -264,7 +283,9 @@ fn human(report: &Report) -> String {
     }
     let mut rows = table::table(&["MONITOR", "LAST", "UNIT"]);
     for row in &report.monitors {
-        let last = row.last.map_or("null".to_owned(), |value| format!("{value:.6}"));
+        let last = row
+            .last
+            .map_or("null".to_owned(), |value| format!("{value:.6}"));
         rows.add_row([&row.name, &last, &row.unit]);
     }
     format!("{head}\n\n{}", table::text(&rows))

@@ -57,10 +57,11 @@ struct Status {
 fn human(status: &StatusView, measured: Option<&Record>) -> String {
     let executor = &status.executor;
     let head = format!(
-        "cell {}  {}\nexecutor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up {} \
+        "cell {}  {}\n{}executor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up {} \
          after its time; {} nets running{}\n{}{}\nmachine   {}\n",
         status.cell,
         status.config,
+        configuration(&status.configuration),
         grouped(executor.cycle),
         time(executor.period_ns),
         late(executor),
@@ -106,6 +107,11 @@ fn helpers(helpers: &[HelperView]) -> String {
         ]);
     }
     table::text(&rows)
+}
+
+/// What is wrong with the configuration, a line each.
+fn configuration(words: &[String]) -> String {
+    words.iter().map(|words| format!("CONFIGURATION  {words}\n")).collect()
 }
 
 /// How many were late, and of them how many nobody has acknowledged.

@@ -10,6 +10,7 @@ use nix::fcntl::Flock;
 
 use crate::cell::{Cell, CellError};
 use crate::clean::write_private;
+use crate::configuration::Configuration;
 use crate::life::{Life, Liveness};
 use crate::lock::{self, LockError};
 use crate::session::{Role, Session};
@@ -38,6 +39,9 @@ pub struct Announcement {
     /// A word for people.
     #[serde(default)]
     pub note: String,
+    /// The configuration that it was started with; `None` of processes that need none, and of older builds.
+    #[serde(default)]
+    pub configuration: Option<Configuration>,
 }
 
 impl Announcement {
@@ -53,6 +57,7 @@ impl Announcement {
             start_time_ticks: life.start_time_ticks,
             services: BTreeMap::new(),
             note: String::new(),
+            configuration: None,
         }
     }
 
@@ -68,6 +73,22 @@ impl Announcement {
     pub fn note(mut self, note: &str) -> Announcement {
         note.clone_into(&mut self.note);
         self
+    }
+
+    /// Sets the configuration that it was started with.
+    #[must_use]
+    pub fn configured(mut self, configuration: Configuration) -> Announcement {
+        self.configuration = Some(configuration);
+        self
+    }
+
+    /// Who it is, for people: `executor`, `driver io`.
+    #[must_use]
+    pub fn who(&self) -> String {
+        match self.role {
+            Role::Driver => format!("driver {}", self.label),
+            role => role.to_string(),
+        }
     }
 
     /// The life of the process that announced this.
@@ -292,7 +313,7 @@ fn write(path: &Path, announcement: &Announcement) -> Result<(), AnnounceError> 
 }
 
 /// 64 bits as text: JSON readers in other languages keep only 53 of a number.
-mod hexadecimal {
+pub(crate) mod hexadecimal {
     use serde::de::{Deserialize, Deserializer, Error};
 
     pub fn serialize<S: serde::Serializer>(value: &u64, serializer: S) -> Result<S::Ok, S::Error> {

@@ -23,6 +23,7 @@ pub mod cell;
 pub mod clean;
 pub mod clock;
 pub mod commands;
+pub mod configuration;
 pub mod control;
 pub mod events;
 pub mod life;
@@ -47,6 +48,7 @@ pub use board::{BoardError, BoardReader, BoardWriter};
 pub use cell::{Cell, CellError};
 pub use clock::{monotonic_ns, sleep_until};
 pub use commands::{CommandReader, CommandWriter};
+pub use configuration::{Configuration, Disagreement};
 pub use life::{Life, Liveness};
 pub use request::{
     AnswerError, CallError, Client, PollError, REQUEST_MAX, RESPONSE_MAX, Request, RequestError,

@@ -37,6 +37,7 @@ impl Announcement {
             start_time_ticks: life.start_time_ticks,
             services: Default::default(),
             note: "supervisor".to_owned(),
+            configuration: None,
         })
     }
 

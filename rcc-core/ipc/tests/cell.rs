@@ -13,7 +13,8 @@ use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
 use rcc_ipc::take::{give_back, take};
 use rcc_ipc::{
-    AnnounceError, Announcement, BoardError, Cell, Life, RequestError, Role, Session, SessionError,
+    AnnounceError, Announcement, BoardError, Cell, Configuration, Life, RequestError, Role,
+    Session, SessionError,
 };
 
 /// The second process: in the cell, announced or not, until it is killed.
@@ -47,6 +48,12 @@ fn of_this_process(label: &str) -> Announcement {
         start_time_ticks: life.start_time_ticks,
         services: [("meas".to_owned(), "driver-lwr/0/meas".to_owned())].into(),
         note: "online".to_owned(),
+        configuration: Some(Configuration::new((
+            "/etc/rcc/cells/lwr.yaml".to_owned(),
+            7,
+            ["channels"],
+            vec![("lwr".to_owned(), [u64::MAX])],
+        ))),
     }
 }
 

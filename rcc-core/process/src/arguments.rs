@@ -1,6 +1,7 @@
 //! The arguments that all programs of a cell take, by option or by environment.
 //! Read once, by the main thread.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use rcc_config::CellConfig;
@@ -36,9 +37,15 @@ impl CellArguments {
     /// # Errors
     /// Every fault of the configuration; the exit code is that of a configuration error.
     pub fn load(&self) -> Result<CellConfig, Ending> {
+        CellConfig::load(&self.config, &self.chosen_ports())
+            .map_err(|faults| Ending::configuration(&faults))
+    }
+
+    /// The ports that were given.
+    #[must_use]
+    pub fn chosen_ports(&self) -> BTreeMap<String, u16> {
         let ports = self.ports.iter();
-        let ports = ports.map(|port| (port.name.clone(), port.number)).collect();
-        CellConfig::load(&self.config, &ports).map_err(|faults| Ending::configuration(&faults))
+        ports.map(|port| (port.name.clone(), port.number)).collect()
     }
 }
 

@@ -12,7 +12,8 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::{CommandImage, DeviceState, Joints, Measurement, SetPoint};
 use rcc_ipc::control::{MEASUREMENT, command_board};
 use rcc_ipc::{
-    Announced, Announcement, BoardReader, Cell, CommandWriter, Role, Session, monotonic_ns,
+    Announced, Announcement, BoardReader, Cell, CommandWriter, Configuration, Role, Session,
+    monotonic_ns,
 };
 
 use super::judge::Judge;
@@ -38,6 +39,8 @@ pub struct TestCell {
     pub device: DeviceConfig,
     /// The executor's incarnation, 0 = there never was one.
     pub executor: u64,
+    /// What executors announce that they were started with; `None`: nothing, as an older build.
+    pub executors: Option<CellConfig>,
     config: CellConfig,
     stop: Arc<AtomicBool>,
     host: Option<JoinHandle<()>>,
@@ -62,6 +65,7 @@ impl TestCell {
             cell: Cell::at("conformance", &folder).expect("a folder"),
             device: device.clone(),
             executor: 0,
+            executors: Some(super::cell(device)),
             config: super::cell(device),
             stop: Arc::default(),
             host: None,
@@ -112,7 +116,13 @@ impl TestCell {
         let session = Session::join(&self.cell, Role::Executor, "main").expect("a session");
         let name = command_board(&self.device.name);
         let board = session.create_commands(&name).expect("a board");
-        let announcement = Announcement::of(&session).service(&name, board.service());
+        let announcement = Announcement {
+            configuration: self
+                .executors
+                .as_ref()
+                .map(|config| Configuration::new(config.identity())),
+            ..Announcement::of(&session).service(&name, board.service())
+        };
         let announced = self
             .cell
             .announce(&announcement)

@@ -30,6 +30,8 @@ pub struct Station {
     /// The last exchange found the outputs released after a stop was asked for.
     released: bool,
     terminating: bool,
+    /// There is an executor, but it has another configuration of this device.
+    stranger: bool,
 }
 
 impl Station {
@@ -63,6 +65,7 @@ impl Station {
             commandable: false,
             released: false,
             terminating: false,
+            stranger: false,
         }
     }
 
@@ -78,6 +81,11 @@ impl Station {
     /// Takes over what is new of the commands, `None` without executor; at least every [`LOOK_PERIODS`] cycles.
     pub fn observe(&mut self, now_ns: u64, image: Option<&CommandImage>) {
         self.player.observe(now_ns, image);
+    }
+
+    /// An executor is there, or is there no more, that is not followed because of its configuration.
+    pub fn meet_stranger(&mut self, stranger: bool) {
+        self.stranger = stranger;
     }
 
     /// An exchange with the device: what is it told?
@@ -212,7 +220,12 @@ impl Station {
             DeviceState::Ready | DeviceState::Commanded => 0,
             _ => player.reason(),
         };
-        let reasons = [exchange.reason, history, range];
+        // First: nothing at the device helps against it.
+        let stranger = match self.stranger {
+            true => reason::OTHER_CONFIGURATION,
+            false => 0,
+        };
+        let reasons = [stranger, exchange.reason, history, range];
         let outputs = self.release.values();
         self.measurement = Measurement {
             state: state as u32,

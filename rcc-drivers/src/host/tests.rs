@@ -158,6 +158,40 @@ fn a_lost_device_is_offline_with_its_reason_and_comes_back() {
     bench.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
 }
 
+/// An executor that commands the lamp is not followed, and the driver says why.
+fn assert_not_followed(executors: Option<CellConfig>) {
+    let mut bench = Bench::new();
+    bench.cell.executors = executors;
+    bench.cell.start_executor();
+    bench.until(
+        |bench| bench.command(Some(true)),
+        |told, measured| {
+            assert_eq!(told.digital, 0, "the lamp is on");
+            measured.reason == reason::OTHER_CONFIGURATION
+        },
+    );
+    let known = bench.cell.measured().sequence;
+    bench.until(
+        |bench| bench.command(Some(true)),
+        |told, measured| {
+            assert_eq!(told.digital, 0, "the lamp is on");
+            is(measured, DeviceState::Online) && measured.sequence > known + 200
+        },
+    );
+}
+
+#[test]
+fn an_executor_that_means_another_wire_by_a_channel_is_not_followed() {
+    let mut other = Bench::new().cell.executors.take().expect("a configuration");
+    other.devices[0].channels[0].address = 2.into();
+    assert_not_followed(Some(other));
+}
+
+#[test]
+fn an_executor_that_announces_no_configuration_is_not_followed() {
+    assert_not_followed(None);
+}
+
 #[test]
 fn a_second_driver_for_the_device_is_refused() {
     let bench = Bench::new();

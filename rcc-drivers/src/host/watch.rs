@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use rcc_ipc::control::command_board;
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::seldom::Seldom;
-use rcc_ipc::{Announcement, CommandReader, Liveness, Role, Session};
+use rcc_ipc::{Announcement, CommandReader, Disagreement, Liveness, Role, Session};
 use rcc_process::{Helper, Helpers};
 
 /// How long a look may take: announcements are read and boards opened.
@@ -15,8 +15,16 @@ const TURN_MAX: Duration = Duration::from_secs(5);
 /// How often the announcements are looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Where the executor writes the commands, or that it does no more.
-pub type News = Option<CommandReader>;
+/// What has become of the executor.
+#[derive(Debug)]
+pub enum News {
+    /// Where it writes the commands.
+    Commands(CommandReader),
+    /// It is gone.
+    Gone,
+    /// It was started with another configuration of this device: what it writes is not looked at.
+    Stranger,
+}
 
 /// The ends of the helper thread.
 #[derive(Debug)]
@@ -27,13 +35,13 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to watch the cell of `session` for `device`'s commands.
+    /// Begins to watch the cell of `session` for the commands of the device whose driver is announced as `own`.
     ///
     /// # Errors
     /// The system refuses a thread.
     pub fn start(
         session: Session,
-        device: &str,
+        own: Announcement,
         recorder: Recorder,
         helpers: &Helpers,
     ) -> std::io::Result<Self> {
@@ -41,10 +49,12 @@ impl Watch {
         let (give_back, old) = channel();
         let watched = Watched {
             session,
-            board: command_board(device),
+            board: command_board(&own.label),
+            own,
             tell,
             recorder,
             followed: None,
+            stranger: None,
             complaint: String::new(),
             doubts: Seldom::default(),
         };
@@ -87,43 +97,59 @@ struct Watched {
     session: Session,
     /// Name of the device's commands.
     board: String,
+    own: Announcement,
     tell: Sender<News>,
     recorder: Recorder,
     followed: Option<Announcement>,
+    /// The executor that is not followed because of its configuration.
+    stranger: Option<Announcement>,
     /// The last complaint, so that it is made once.
     complaint: String,
     doubts: Seldom,
 }
 
 impl Watched {
-    /// Lets go of an executor that is known to be dead, and follows one that is known to live.
+    /// Lets go of an executor that is known to be dead, and follows one that is known to live and means the same by our
+    /// device's channels.
     fn look(&mut self) -> Result<(), Over> {
-        match self.followed.as_ref().map(Announcement::liveness) {
-            Some(Liveness::Dead) => {
-                tracing::info!("the executor has gone");
-                self.followed = None;
-                self.tell.send(None).map_err(|_| Over)?;
+        let known = [&self.followed, &self.stranger];
+        let known = known.map(|one| one.as_ref().map(|one| (one.incarnation, one.liveness())));
+        for liveness in known.iter().flatten().map(|(_, liveness)| liveness) {
+            match liveness {
+                Liveness::Alive => {}
+                Liveness::Dead => {
+                    tracing::info!("the executor has gone");
+                    (self.followed, self.stranger) = (None, None);
+                    self.tell.send(News::Gone).map_err(|_| Over)?;
+                }
+                // It is followed on: without fresh commands the device is brought to rest anyway.
+                Liveness::Unknown(error) => self.doubt(error),
             }
-            // It is followed on: without fresh commands the device is brought to rest anyway.
-            Some(Liveness::Unknown(error)) => self.doubt(&error),
-            Some(Liveness::Alive) | None => {}
         }
         let Some(executor) = self.executor() else {
             return Ok(());
         };
-        let followed = self.followed.as_ref().map(|one| one.incarnation);
+        let is_known = |one: &(u64, Liveness)| one.0 == executor.incarnation;
+        if known.iter().flatten().any(is_known) {
+            return Ok(());
+        }
+        // Once in a life of the executor is enough: neither of us reads the configuration again.
+        if let Some(why) = Disagreement::about_device(&self.own, &executor, &self.own.label) {
+            let (pid, remedy) = (executor.pid, why.remedy());
+            tracing::warn!("takes no set-point from the executor (pid {pid}): {why}; {remedy}");
+            self.recorder.tell(why.event(&executor));
+            (self.followed, self.stranger) = (None, Some(executor));
+            return self.tell.send(News::Stranger).map_err(|_| Over);
+        }
         let Some(service) = executor.services.get(&self.board) else {
             return Ok(());
         };
-        if Some(executor.incarnation) == followed {
-            return Ok(());
-        }
         match self.session.open_commands(service) {
             Ok(reader) => {
                 tracing::info!(service, "follows the executor's board");
                 self.complaint.clear();
-                self.followed = Some(executor);
-                self.tell.send(Some(reader)).map_err(|_| Over)?;
+                (self.followed, self.stranger) = (Some(executor), None);
+                self.tell.send(News::Commands(reader)).map_err(|_| Over)?;
             }
             Err(error) => {
                 let words = error.to_string();

@@ -378,6 +378,10 @@ pub struct StatusView {
     pub cell: String,
     /// The configuration's file.
     pub config: String,
+    /// What is wrong with it, a sentence each: its files say something else than what is in force, or processes were
+    /// started with different ones. Empty: nothing.
+    #[serde(default)]
+    pub configuration: Vec<String>,
     /// The executor.
     pub executor: ExecutorView,
     /// All announced processes.

@@ -127,6 +127,12 @@ impl Executor {
         self.session.cell()
     }
 
+    /// What the loader announces, but for its configuration.
+    #[must_use]
+    pub fn own(&self) -> Announcement {
+        Announcement::of(&self.session)
+    }
+
     /// The living executor, looked for anew when the one we knew is dead. The second value is true when it is another
     /// one than before.
     ///

@@ -25,6 +25,9 @@ impl Service {
                 "{\"stop\": [\"a\"], \"start\": [\"b\"]}",
             ));
         }
+        if !switch.start.is_empty() {
+            self.require_agreement(&attached)?;
+        }
         let stop = self.named(&attached, &store, &switch.stop, |state| state.is_active())?;
         let start = self.named(&attached, &store, &switch.start, |state| {
             Operation::Start.suits(state)

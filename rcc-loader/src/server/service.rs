@@ -9,6 +9,7 @@ use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
 use rcc_ipc::control::{Answer, Call, Recorded};
 use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::{Announcement, Configuration};
 use rcc_language::devices::DeviceTable;
 use rcc_process::Helpers;
 
@@ -16,6 +17,7 @@ use super::address::{self, Address};
 use super::api::{CommandDetail, CommandView, Done, Finding, Frozen};
 use super::codes;
 use super::compile::{self, Compiled};
+use super::configuration::Files;
 use super::error::ApiError;
 use super::executor::{Attached, Executor};
 use super::store::{CommandFile, Store};
@@ -32,6 +34,11 @@ const SWEEP_AGE: Duration = Duration::from_secs(5);
 pub struct Service {
     pub(super) executor: Executor,
     pub(super) config: CellConfig,
+    /// What this loader announces.
+    pub(super) own: Announcement,
+    /// By which devices and channels of the executor are named: [`Service::config`] as far as it is the executor's.
+    pub(super) naming: Mutex<Arc<CellConfig>>,
+    pub(super) files: Mutex<Files>,
     /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
     loading: Mutex<BTreeMap<u64, CommandFile>>,
     recorder: Option<Recorder>,
@@ -78,8 +85,12 @@ impl Service {
     /// The loader of the cell that `executor` belongs to.
     #[must_use]
     pub fn new(executor: Executor, config: CellConfig) -> Service {
+        let configuration = Configuration::new(config.identity());
         Service {
+            own: executor.own().configured(configuration),
             executor,
+            naming: Mutex::new(Arc::new(config.clone())),
+            files: Mutex::default(),
             config,
             loading: Mutex::new(BTreeMap::new()),
             recorder: None,
@@ -108,7 +119,7 @@ impl Service {
         self
     }
 
-    fn record(&self, what: Kind) {
+    pub(super) fn record(&self, what: Kind) {
         if let Some(recorder) = &self.recorder {
             recorder.tell(what);
         }
@@ -147,6 +158,7 @@ impl Service {
         let store = Store::of(self.executor.cell(), attached.announcement.incarnation);
         if new {
             tracing::info!(pid = attached.announcement.pid, "the executor is attached");
+            self.meet(&attached.announcement);
             store.remove_others();
             self.reject_orphans(&attached, &store);
         }
@@ -155,6 +167,7 @@ impl Service {
 
     /// What is due from time to time: attaching, and forgetting what was unloaded.
     pub fn tend(&self) {
+        self.look_at_files();
         if let Ok((attached, store)) = self.attach() {
             let snapshot = attached.tables();
             store.sweep(|id| snapshot.command(id).is_some(), SWEEP_AGE);
@@ -190,7 +203,8 @@ impl Service {
     /// # Errors
     /// No executor, or no row left in its table.
     pub fn reserve(&self, text: &str) -> Result<u64, ApiError> {
-        self.attach()?;
+        let (attached, _) = self.attach()?;
+        self.require_agreement(&attached)?;
         match self.executor.call(&Call::Reserve)? {
             Answer::Reserved { id } => {
                 let file = CommandFile {
@@ -241,6 +255,7 @@ impl Service {
 
     fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
         let (attached, store) = self.attach()?;
+        self.require_agreement(&attached)?;
         let stored = |file: &CommandFile| {
             store.write(file).map_err(|error| {
                 ApiError::new(
@@ -350,6 +365,9 @@ impl Service {
     /// There is no executor or no such command, or the executor refuses.
     pub fn operate(&self, name: &str, operation: Operation) -> Result<Done, ApiError> {
         let (attached, store) = self.attach()?;
+        if operation == Operation::Start {
+            self.require_agreement(&attached)?;
+        }
         let id = self.resolve(&attached, &store, name, |state| operation.suits(state))?;
         let net = store.read(id).map(|file| file.net).unwrap_or_default();
         match self.executor.call(&operation.call(id))? {
@@ -514,8 +532,10 @@ impl Service {
             serde_json::from_value(names).unwrap_or_default()
         };
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
+        let stranger = |device: &str| self.stranger(device);
         what(&Namer {
-            config: &self.config,
+            config: &self.naming(),
+            stranger: &stranger,
             net: &net,
             names: &names,
             reason: &reason,

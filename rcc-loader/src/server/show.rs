@@ -11,6 +11,7 @@ use super::api::{
     ChannelView, ClockView, DeviceView, ExecutorView, HelperView, ProcessView, StatusView,
 };
 use super::codes;
+use super::configuration::stranger_words;
 use super::error::ApiError;
 use super::executor::Attached;
 use super::service::Service;
@@ -37,7 +38,11 @@ impl Service {
             let state = row.map_or(DeviceState::Offline, |row| {
                 DeviceState::from_number(row.state)
             });
+            let stranger = self.stranger(&device.name);
             let reason = match row {
+                _ if stranger.is_some() => stranger
+                    .map(|why| stranger_words("its driver is not attached: it", &why))
+                    .unwrap_or_default(),
                 Some(row) if row.attached == 1 => self.reason_words(&device.name, row.reason),
                 _ => "no driver is attached".to_owned(),
             };
@@ -59,7 +64,7 @@ impl Service {
             }
         };
         let rows = (0..DEVICES_MAX).map(|index| rows.get(index));
-        Ok(self.config.devices.iter().zip(rows).map(view).collect())
+        Ok(self.naming().devices.iter().zip(rows).map(view).collect())
     }
 
     /// The executor's health and all processes.
@@ -74,6 +79,7 @@ impl Service {
             cell: cell.name().to_owned(),
             config: self.config.source.display().to_string(),
             executor: self.executor_view(&attached, &store),
+            configuration: self.configuration_words(&attached, &processes),
             processes: processes.iter().map(process).collect(),
             helpers: self.helper_views(&attached),
         })
@@ -122,7 +128,8 @@ impl Service {
     }
 
     fn clock(&self, status: &ClockStatus) -> ClockView {
-        let device = self.config.devices.get(status.device as usize);
+        let naming = self.naming();
+        let device = naming.devices.get(status.device as usize);
         ClockView {
             state: ClockState::from_number(status.state).name().to_owned(),
             device: device.map(|device| device.name.clone()),

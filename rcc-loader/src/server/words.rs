@@ -11,6 +11,7 @@ use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
 use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
+use rcc_ipc::Disagreement;
 use rcc_ipc::control::{InputFault, Refusal};
 use rcc_language::names::Names;
 
@@ -27,6 +28,8 @@ pub struct Namer<'a> {
     pub net: &'a dyn Fn(u64) -> String,
     /// The names of that net; none: nobody knows them.
     pub names: &'a dyn Fn(u64) -> Names,
+    /// Why the driver of a device is not attached although it lives: it was started with another configuration.
+    pub stranger: &'a dyn Fn(&str) -> Option<Disagreement>,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
 }
@@ -296,6 +299,16 @@ impl Namer<'_> {
         reason: u32,
     ) -> (Code, String, String) {
         let name = self.device_name(device);
+        if let Some(why) = (self.stranger)(&name) {
+            return (
+                codes::DEVICE_NOT_READY,
+                format!(
+                    "{net} needs {name}, whose driver is not attached: it was started with another configuration than \
+                     the executor ({why})"
+                ),
+                why.remedy(),
+            );
+        }
         let words = (self.reason)(&name, reason);
         let because = if words.is_empty() {
             String::new()

@@ -11,7 +11,9 @@ use bytemuck::Zeroable;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
 use rcc_core::timing::Timing;
 use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES, TIMING, Values};
-use rcc_ipc::{Announced, Announcement, BoardWriter, Cell, Role, Server, Session, wire};
+use rcc_ipc::{
+    Announced, Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire,
+};
 
 /// A cell in a folder of its own, removed at the end of its test.
 pub struct TestCell {
@@ -86,6 +88,7 @@ impl FakeExecutor {
         let announced = cell
             .announce(
                 &Announcement::of(&session)
+                    .configured(Configuration::new(crate::served::config().identity()))
                     .service(CONTROL, server.service())
                     .service(STATUS, status.service())
                     .service(TABLES, board.service())

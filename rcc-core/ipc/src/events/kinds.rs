@@ -160,6 +160,26 @@ kinds! {
         /// The driver's life.
         driver: String,
     }
+    /// A process was started with another configuration than this one: they do not work together.
+    OtherConfiguration = "other-configuration", "executor, driver, loader", Error {
+        /// The other one: `driver io`, `executor`.
+        process: String,
+        /// Its process id.
+        pid: u32,
+        /// Its life.
+        life: String,
+        /// In what the configurations differ, as far as that can be told.
+        differs: String,
+        /// What to do.
+        remedy: String,
+    }
+    /// The files of the configuration say something else than what the cell was started with, or that again.
+    ConfigurationChanged = "configuration-changed", "loader", Warning {
+        /// What is not in force; empty: the files say again what is.
+        differs: String,
+        /// The first fault, if no process could be started with the files now.
+        fault: Option<String>,
+    }
     /// Cycles were late: at most one line a second.
     Late = "late", "executor", Warning {
         /// How many since the last line.
@@ -444,6 +464,7 @@ impl Kind {
             | Kind::DeviceState { device, .. }
             | Kind::DriverAttached { device, .. }
             | Kind::DriverGone { device, .. } => Some(device),
+            Kind::OtherConfiguration { process, .. } => process.strip_prefix("driver "),
             Kind::Command {
                 fault: Some(fault), ..
             } => fault.device.as_deref(),

@@ -248,6 +248,19 @@ impl Kind {
 
     fn of_process(&self) -> String {
         match self {
+            Kind::OtherConfiguration {
+                process,
+                pid,
+                differs,
+                remedy,
+                ..
+            } => format!(
+                "does not work with {process} (pid {pid}), which was started with another configuration ({differs}); \
+                 {remedy}"
+            ),
+            Kind::ConfigurationChanged { differs, fault } => {
+                crate::configuration::changed(differs, fault.as_deref())
+            }
             Kind::ProcessStarted { process, pid } => format!("{process} up (pid {pid})"),
             Kind::ProcessDied {
                 process,

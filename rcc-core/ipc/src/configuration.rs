@@ -1,0 +1,217 @@
+//! What a process announces of the configuration that it was started with, so that others notice a different one.
+//! Written at start, compared by threads that are not real-time.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use crate::announce::Announcement;
+use crate::events::{self, Kind};
+
+/// A configuration as far as processes compare it.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Configuration {
+    /// Its file.
+    pub file: String,
+    /// Fingerprint of what plans depend on.
+    #[serde(with = "crate::announce::hexadecimal")]
+    pub cell: u64,
+    /// The devices that the process knows, in the order of the file; a driver's is its own only.
+    pub devices: Vec<DeviceParts>,
+}
+
+/// Fingerprints of one device's configuration.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct DeviceParts {
+    /// Its name.
+    pub name: String,
+    /// 16 hexadecimal digits, by the part of the configuration.
+    pub parts: BTreeMap<String, String>,
+}
+
+impl Configuration {
+    /// The configuration of this file and fingerprint, and its devices with a fingerprint for each of the parts `names`
+    /// (`CellConfig::identity`).
+    #[must_use]
+    pub fn new<const PARTS: usize>(
+        (file, cell, names, devices): (String, u64, [&str; PARTS], Vec<(String, [u64; PARTS])>),
+    ) -> Configuration {
+        let parts = |values: [u64; PARTS]| {
+            let named = names.into_iter().zip(values);
+            named
+                .map(|(name, value)| (name.to_owned(), format!("{value:016x}")))
+                .collect()
+        };
+        let row = |(name, values)| DeviceParts {
+            name,
+            parts: parts(values),
+        };
+        Configuration {
+            file,
+            cell,
+            devices: devices.into_iter().map(row).collect(),
+        }
+    }
+
+    /// Only this device, as its driver announces it.
+    #[must_use]
+    pub fn only(mut self, device: &str) -> Configuration {
+        self.devices.retain(|one| one.name == device);
+        self
+    }
+
+    /// The parts of `device` that are not the same in both, as words; empty if they agree.
+    #[must_use]
+    pub fn device_differences(&self, other: &Configuration, device: &str) -> Vec<String> {
+        let parts = |configuration: &Configuration| {
+            let mut devices = configuration.devices.iter();
+            devices
+                .find(|one| one.name == device)
+                .map(|one| one.parts.clone())
+        };
+        let (Some(here), Some(there)) = (parts(self), parts(other)) else {
+            return vec![format!("one of them has no device {device}")];
+        };
+        let keys = here
+            .keys()
+            .chain(there.keys().filter(|key| !here.contains_key(*key)));
+        keys.filter(|key| here.get(*key) != there.get(*key))
+            .cloned()
+            .collect()
+    }
+
+    /// What is not the same in both, as words; empty if they agree in everything, also in the order of devices.
+    #[must_use]
+    pub fn differences(&self, other: &Configuration) -> Vec<String> {
+        if self.cell == other.cell && self.devices == other.devices {
+            return Vec::new();
+        }
+        let names = |configuration: &Configuration| -> Vec<String> {
+            let devices = configuration.devices.iter();
+            devices.map(|one| one.name.clone()).collect()
+        };
+        let (here, there) = (names(self), names(other));
+        let mut words = Vec::new();
+        for name in here
+            .iter()
+            .chain(there.iter().filter(|name| !here.contains(name)))
+        {
+            match (here.contains(name), there.contains(name)) {
+                (true, true) => {
+                    let parts = self.device_differences(other, name);
+                    if !parts.is_empty() {
+                        words.push(format!("{name}: {}", parts.join(", ")));
+                    }
+                }
+                _ => words.push(format!("device {name}")),
+            }
+        }
+        if words.is_empty() {
+            let order = here != there;
+            words.push(if order { "order of devices" } else { "period" }.to_owned());
+        }
+        words
+    }
+}
+
+/// Two processes that were started with different configurations and do not work together for that.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Disagreement {
+    /// What differs; empty if one of them does not announce any configuration.
+    pub differs: Vec<String>,
+    /// Who was started earlier, and has therefore read the older file: `executor`, `driver io`.
+    pub older: String,
+}
+
+impl Disagreement {
+    /// What keeps a driver and an executor from working together; none if their configurations of the driver's device
+    /// are the same. It cannot change while both live: each announces what it was started with, before anybody can
+    /// find it, and reads no file again.
+    #[must_use]
+    pub fn about_device(
+        driver: &Announcement,
+        executor: &Announcement,
+        device: &str,
+    ) -> Option<Disagreement> {
+        Disagreement::between(driver, executor, |one, other| {
+            one.device_differences(other, device)
+        })
+    }
+
+    /// What keeps two processes that know all devices from working together.
+    #[must_use]
+    pub fn about_cell(one: &Announcement, other: &Announcement) -> Option<Disagreement> {
+        Disagreement::between(one, other, Configuration::differences)
+    }
+
+    fn between(
+        one: &Announcement,
+        other: &Announcement,
+        differences: impl FnOnce(&Configuration, &Configuration) -> Vec<String>,
+    ) -> Option<Disagreement> {
+        let both = one.configuration.as_ref().zip(other.configuration.as_ref());
+        let differs = both.map(|(here, there)| differences(here, there));
+        if differs.as_ref().is_some_and(Vec::is_empty) {
+            return None;
+        }
+        let earlier = match one.start_time_ticks <= other.start_time_ticks {
+            true => one,
+            false => other,
+        };
+        Some(Disagreement {
+            differs: differs.unwrap_or_default(),
+            older: earlier.who(),
+        })
+    }
+
+    /// For the event log of a process that does not work with `other` because of this.
+    #[must_use]
+    pub fn event(&self, other: &Announcement) -> Kind {
+        Kind::OtherConfiguration {
+            process: other.who(),
+            pid: other.pid,
+            life: events::digits(other.incarnation),
+            differs: events::text(&self.to_string()),
+            remedy: events::text(&self.remedy()),
+        }
+    }
+
+    /// What to do.
+    #[must_use]
+    pub fn remedy(&self) -> String {
+        match self.differs.as_slice() {
+            [] => "install all programs from one build, and restart the cell".to_owned(),
+            _ => format!(
+                "restart the cell, so that all its processes read the same file; {} was started first and has read the \
+                 older one",
+                self.older
+            ),
+        }
+    }
+}
+
+/// What differs.
+impl fmt::Display for Disagreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.differs.as_slice() {
+            [] => write!(f, "one of them announces no configuration"),
+            differs => write!(f, "different in: {}", differs.join("; ")),
+        }
+    }
+}
+
+/// That the files of a configuration are not in force, as a sentence: what `differs`, or the first `fault` of files that
+/// no process could be started with.
+#[must_use]
+pub fn changed(differs: &str, fault: Option<&str>) -> String {
+    match (differs, fault) {
+        (_, Some(fault)) => format!(
+            "the configuration's files are not valid any more ({fault}); the cell goes on with what it was started with, \
+             but a process that dies now does not come back: correct them"
+        ),
+        ("", None) => "the configuration's files say again what is in force".to_owned(),
+        (differs, None) => format!(
+            "the configuration's files have changed ({differs}), and that is not in force: restart the cell; a process \
+             that is started alone reads the new files, and the others do not work with it"
+        ),
+    }
+}

@@ -1,0 +1,232 @@
+//! Whether everybody in the cell was started with the same configuration, and whether its files still say the same.
+//! Run by blocking threads of the server and by the thread that tends the link.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use rcc_config::{CellConfig, Change, DeviceConfig, FileWatch};
+use rcc_core::pose::Pose;
+use rcc_ipc::configuration::changed;
+use rcc_ipc::events::{self, Kind};
+use rcc_ipc::{Announcement, Configuration, Disagreement, Role};
+
+use super::codes;
+use super::error::ApiError;
+use super::executor::Attached;
+use super::service::Service;
+
+/// How often the configuration's files are looked at.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// What stands for the driver of a device that this loader knows with another one.
+const UNKNOWN: &str = "?";
+
+/// The files of the configuration; none are watched unless somebody asks for it.
+#[derive(Debug, Default)]
+pub struct Files {
+    watch: Option<FileWatch>,
+    looked: Option<Instant>,
+}
+
+impl Service {
+    /// Watches the files of the configuration, which was loaded with these ports.
+    #[must_use]
+    pub fn watching_files(mut self, ports: BTreeMap<String, u16>) -> Service {
+        let files = self.files.get_mut().unwrap_or_else(PoisonError::into_inner);
+        files.watch = Some(FileWatch::new(self.config.clone(), ports));
+        self
+    }
+
+    /// Looks at the files of the configuration, and tells once what they say that is not in force.
+    pub(super) fn look_at_files(&self) {
+        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let is_due = |looked: Instant| now.duration_since(looked) >= LOOK_EVERY;
+        if !files.looked.is_none_or(is_due) {
+            return;
+        }
+        files.looked = Some(now);
+        let Some(change) = files.watch.as_mut().and_then(FileWatch::look) else {
+            return;
+        };
+        let (differs, fault) = told(change);
+        tracing::warn!("{}", changed(&differs, fault.as_deref()));
+        self.record(Kind::ConfigurationChanged { differs, fault });
+    }
+
+    /// A life of the executor is found: with another configuration than ours nothing is loaded or started, and things are
+    /// named only as far as both mean the same.
+    pub(super) fn meet(&self, executor: &Announcement) {
+        let why = Disagreement::about_cell(&self.own, executor);
+        let naming = match (&why, &executor.configuration) {
+            (None, _) => self.config.clone(),
+            (Some(_), theirs) => common(&self.config, theirs.as_ref()),
+        };
+        *self.naming.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(naming);
+        if let Some(why) = why {
+            let remedy = why.remedy();
+            tracing::warn!(
+                "loads and starts nothing: the executor was started with another configuration: {why}; {remedy}"
+            );
+            self.record(why.event(executor));
+        }
+    }
+
+    /// By which devices and channels of the executor are named.
+    pub(super) fn naming(&self) -> Arc<CellConfig> {
+        Arc::clone(&self.naming.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Refuses LOAD and START while loader and executor have different configurations: what a text means here would be
+    /// something else there.
+    pub(super) fn require_agreement(&self, attached: &Attached) -> Result<(), ApiError> {
+        match Disagreement::about_cell(&self.own, &attached.announcement) {
+            None => Ok(()),
+            Some(why) => Err(ApiError::new(
+                codes::OTHER_CONFIGURATION,
+                format!(
+                    "nothing is loaded or started: loader and executor were started with different configurations ({why})"
+                ),
+                why.remedy(),
+            )),
+        }
+    }
+
+    /// Why the living driver of a device is not attached to the executor, if that is because of its configuration.
+    pub(super) fn stranger(&self, device: &str) -> Option<Disagreement> {
+        let (attached, _) = self.executor.attach().ok()?;
+        let driver = self.executor.cell().announced(Role::Driver, device);
+        let driver = driver.ok().flatten().filter(Announcement::is_alive)?;
+        Disagreement::about_device(&driver, &attached.announcement, device)
+    }
+
+    /// What is wrong with the configuration, a sentence each.
+    pub(super) fn configuration_words(
+        &self,
+        attached: &Attached,
+        processes: &[Announcement],
+    ) -> Vec<String> {
+        let mut words = self.files_words(processes);
+        let executor = &attached.announcement;
+        if let Some(why) = Disagreement::about_cell(&self.own, executor) {
+            words.push(stranger_words(
+                "the loader loads and starts nothing: it",
+                &why,
+            ));
+        }
+        for driver in processes
+            .iter()
+            .filter(|one| one.role == Role::Driver && one.liveness().is_alive())
+        {
+            if let Some(why) = Disagreement::about_device(driver, executor, &driver.label) {
+                let who = format!("the driver of {} is not attached: it", driver.label);
+                words.push(stranger_words(&who, &why));
+            }
+        }
+        words
+    }
+
+    /// That the files say something else, and who was started with something else than that.
+    fn files_words(&self, processes: &[Announcement]) -> Vec<String> {
+        let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(watch) = files.watch.as_ref() else {
+            return Vec::new();
+        };
+        let mut words = Vec::new();
+        if *watch.change() != Change::None {
+            let (differs, fault) = told(watch.change());
+            words.push(changed(&differs, fault.as_deref()));
+        }
+        if let Some(disk) = watch.disk() {
+            let disk = Configuration::new(disk.identity());
+            let others = processes.iter().filter(|one| one.liveness().is_alive());
+            let others = others.filter(|one| is_older(one, &disk));
+            let names: Vec<String> = others.map(Announcement::who).collect();
+            if !names.is_empty() {
+                words.push(format!(
+                    "not started with what its files say now: {}",
+                    names.join(", ")
+                ));
+            }
+        }
+        words
+    }
+}
+
+/// The process was started with something else than `disk`, as far as processes agree on it.
+fn is_older(process: &Announcement, disk: &Configuration) -> bool {
+    let Some(own) = &process.configuration else {
+        return false;
+    };
+    match process.role {
+        Role::Driver => !own.device_differences(disk, &process.label).is_empty(),
+        _ => !own.differences(disk).is_empty(),
+    }
+}
+
+/// A sentence about a process that the executor does not work with.
+pub(super) fn stranger_words(who: &str, why: &Disagreement) -> String {
+    let remedy = why.remedy();
+    format!("{who} was started with another configuration than the executor ({why}); {remedy}")
+}
+
+/// What is told of a change, short enough for the event log.
+fn told(change: &Change) -> (String, Option<String>) {
+    match change {
+        Change::None => (String::new(), None),
+        Change::Differs(words) => (events::text(&words.join("; ")), None),
+        Change::Invalid(fault) => (String::new(), Some(events::text(fault))),
+    }
+}
+
+/// What this loader can name of an executor with another configuration: its devices in its order, and of them what both
+/// mean in the same way.
+fn common(ours: &CellConfig, theirs: Option<&Configuration>) -> CellConfig {
+    let mine = Configuration::new(ours.identity());
+    let named = |theirs: &Configuration, name: &str| {
+        let Some((_, known)) = ours.device(name) else {
+            return unknown(name);
+        };
+        let differs = theirs.device_differences(&mine, name);
+        let same = |part: &str| differs.iter().all(|one| one != part);
+        let (driver, robot, channels) = (same("driver"), same("robot"), same("channels"));
+        DeviceConfig {
+            driver: if driver {
+                known.driver.clone()
+            } else {
+                UNKNOWN.to_owned()
+            },
+            robot: known.robot.clone().filter(|_| robot),
+            channels: if channels {
+                known.channels.clone()
+            } else {
+                Vec::new()
+            },
+            ..known.clone()
+        }
+    };
+    let devices = theirs.map(|theirs| {
+        let names = theirs.devices.iter().map(|device| &device.name);
+        names.map(|name| named(theirs, name)).collect()
+    });
+    CellConfig {
+        devices: devices.unwrap_or_default(),
+        ..ours.clone()
+    }
+}
+
+/// A device of which nothing is known but its name.
+fn unknown(name: &str) -> DeviceConfig {
+    DeviceConfig {
+        name: name.to_owned(),
+        driver: UNKNOWN.to_owned(),
+        robot: None,
+        settings: serde_json::Value::Null,
+        channels: Vec::new(),
+        first_tolerance_rad: 0.0,
+        base: Pose::IDENTITY,
+        workspace: None,
+        command_timeout_ns: 0,
+        delay_ns: 0,
+    }
+}

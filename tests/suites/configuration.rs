@@ -1,0 +1,264 @@
+//! Processes of one cell that were started with different configurations: nothing is measured, commanded, loaded or
+//! started between them, and everybody is told why. Each test has a cell of its own.
+
+use std::fs;
+
+use nix::sys::signal::Signal;
+use rcc_ipc::Role;
+use rcc_ipc::events::{Event, Kind, Origin, Reader};
+use rcc_tests::place::Place;
+use rcc_tests::processes::signal;
+use rcc_tests::rest::Reply;
+use rcc_tests::{HandCell, TestCell, await_some, nets};
+
+/// Two channels of a device change places in the file: what was the first digital output is the second.
+const LAMP: &str =
+    "      lamp:  {kind: digital output, address: coil 0, on_release: {safe: false}}\n";
+const CLAMP: &str = "      clamp: {kind: digital output, address: coil 1, on_release: hold}     # what is clamped must not fall\n";
+/// A second of the simulated controller's time.
+const SECOND: u64 = 1000;
+
+/// Changes the cell's file while it runs, as an editor does.
+fn edit(place: &Place, from: &str, to: &str) {
+    let text = fs::read_to_string(place.config()).expect("the configuration");
+    assert!(text.contains(from), "{from} is not in the file");
+    let new = place.config().with_extension("new");
+    fs::write(&new, text.replacen(from, to, 1)).expect("written");
+    fs::rename(&new, place.config()).expect("replaced");
+}
+
+fn swap_lamp_and_clamp(place: &Place) {
+    edit(place, &format!("{LAMP}{CLAMP}"), &format!("{CLAMP}{LAMP}"));
+}
+
+/// Waits until the device is offline because of its driver's configuration; returns the words.
+fn await_stranger(place: &Place, device: &str) -> String {
+    let words = await_some(
+        &format!("the driver of {device} not to be attached"),
+        || {
+            let row = place.device(device)?;
+            let reason = row["reason"].as_str()?.to_owned();
+            reason.contains("another configuration").then(|| {
+                assert_eq!(row["state"], "offline", "{row}");
+                reason
+            })
+        },
+    );
+    assert!(words.contains("restart the cell"), "{words}");
+    words
+}
+
+/// START is refused, by words that say which configuration and what to do.
+fn assert_not_started(place: &Place, id: u64, code: &str) {
+    let reply: Reply = place.operate(id, "start");
+    let words = reply.words();
+    assert_eq!((reply.status, reply.code()), (409, code), "{reply:?}");
+    for word in ["configuration", "restart the cell"] {
+        assert!(words.contains(word), "{word}: {words}");
+    }
+    assert_eq!(place.state(id)["state"], "ready");
+}
+
+/// Who in the cell told of a process with another configuration, as far as that is written now.
+fn tellers(place: &Place) -> Vec<(Origin, String)> {
+    let events: Vec<Event> = Reader::open(place.cell()).poll().expect("the log");
+    let told = events.into_iter().filter_map(|event| match event.what {
+        Kind::OtherConfiguration { process, .. } => Some((event.source.role, process)),
+        _ => None,
+    });
+    told.collect()
+}
+
+fn coils(station: &mut rcc_tests::simulator::Simulator) -> [bool; 2] {
+    let coils = station.state()["coils"].clone();
+    [coils[0] == true, coils[1] == true]
+}
+
+#[test]
+fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_nothing() {
+    let mut cell = TestCell::demo();
+    let mut station = cell.simulator("io_control");
+    let before = cell.load(&nets::lamp("before"));
+    swap_lamp_and_clamp(&cell);
+    await_some("up to say that the change is not in force", || {
+        let log = fs::read_to_string(cell.folder().join("up.log")).ok()?;
+        let said = log.contains("io: channels lamp, clamp") && log.contains("not in force");
+        said.then_some(())
+    });
+    let dead = cell.kill(Role::Driver, "io");
+    let driver = cell.await_successor(Role::Driver, "io", dead);
+    let words = await_stranger(&cell, "io");
+    assert!(
+        words.contains("channels") && words.contains("executor"),
+        "{words}"
+    );
+    // What was loaded before and what is loaded now: neither may switch anything.
+    assert_not_started(&cell, before, "RCC3008");
+    let after = cell.load(&nets::lamp("after"));
+    assert_not_started(&cell, after, "RCC3008");
+    let (out, _) = cell.cli_exits(0, &["devices"]);
+    assert!(out.contains("another configuration"), "{out}");
+    let (out, _) = cell.cli_exits(0, &["status"]);
+    for word in [
+        "not in force",
+        "io: channels lamp, clamp",
+        "loader, executor",
+        "is not attached",
+    ] {
+        assert!(out.contains(word), "{word}: {out}");
+    }
+    let told = |teller: Origin, of: &str| {
+        tellers(&cell)
+            .iter()
+            .filter(|row| **row == (teller, of.to_owned()))
+            .count()
+    };
+    await_some("both to tell of each other", || {
+        let counts = (
+            told(Origin::Executor, "driver io"),
+            told(Origin::Driver, "executor"),
+        );
+        (counts.0 > 0 && counts.1 > 0).then_some(())
+    });
+    // Another arm's net runs meanwhile; looks at the announcements go on, and nobody says it again.
+    let line = cell.run(&nets::line("line", 0.1, 0.1));
+    cell.assert_ends(line, "finished");
+    assert_eq!(
+        (
+            told(Origin::Executor, "driver io"),
+            told(Origin::Driver, "executor")
+        ),
+        (1, 1)
+    );
+    assert_eq!(coils(&mut station), [false, false], "nothing was switched");
+    assert!(driver.liveness().is_alive());
+    drop(station);
+    signal(cell.supervisor(), Signal::SIGINT);
+    cell.await_end_of_up();
+    cell.up_again();
+    let mut station = cell.simulator("io_control");
+    cell.run(&nets::lamp("again"));
+    await_some("the lamp", || {
+        (coils(&mut station) == [true, false]).then_some(())
+    });
+    cell.stop();
+}
+
+#[test]
+fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driver_that_stayed() {
+    let mut cell = HandCell::demo();
+    let mut station = cell.simulator("io_control");
+    swap_lamp_and_clamp(&cell);
+    cell.end("executor", Signal::SIGTERM);
+    cell.end("loader", Signal::SIGTERM);
+    cell.start_executor();
+    cell.start_loader();
+    await_stranger(&cell, "io");
+    let lamp = cell.load(&nets::lamp("lamp"));
+    assert_not_started(&cell, lamp, "RCC3008");
+    await_some("the driver to tell of the executor", || {
+        let row = (Origin::Driver, "executor".to_owned());
+        tellers(&cell).contains(&row).then_some(())
+    });
+    // The configuration of the other device is the same: it works on.
+    cell.await_device("lwr", "ready");
+    let line = cell.run(&nets::line("line", 0.1, 0.1));
+    cell.assert_ends(line, "finished");
+    assert_eq!(coils(&mut station), [false, false], "nothing was switched");
+    cell.end("io", Signal::SIGTERM);
+    cell.start_driver("io");
+    cell.await_devices();
+    cell.start_when_ready(lamp);
+    await_some("the lamp", || {
+        (coils(&mut station) == [true, false]).then_some(())
+    });
+    cell.done(lamp, "cancel");
+    cell.assert_ends(lamp, "canceled");
+    cell.stop();
+}
+
+#[test]
+fn a_driver_with_the_file_of_another_arm_moves_nothing() {
+    let mut cell = HandCell::demo();
+    let mut arm = cell.simulator("fri_control");
+    let before = cell.load(&nets::line("before", 0.2, 0.1));
+    edit(&cell, "/lwr4plus.yaml", "/iiwa7.yaml");
+    cell.end("lwr", Signal::SIGKILL);
+    cell.start_driver("lwr");
+    let words = await_stranger(&cell, "lwr");
+    assert!(words.contains("robot"), "{words}");
+    assert_not_started(&cell, before, "RCC3008");
+    let (_, row) = cell.load_any(&nets::line("after", 0.2, 0.1));
+    assert_eq!(
+        row["state"], "rejected",
+        "nobody knows where the arm is: {row}"
+    );
+    arm.assert_still(SECOND);
+    cell.end("lwr", Signal::SIGTERM);
+    edit(&cell, "/iiwa7.yaml", "/lwr4plus.yaml");
+    cell.start_driver("lwr");
+    cell.await_devices();
+    cell.start_when_ready(before);
+    cell.assert_ends(before, "finished");
+    drop(arm);
+    cell.stop();
+}
+
+#[test]
+fn a_loader_with_another_configuration_loads_and_starts_nothing() {
+    let mut cell = HandCell::demo();
+    let mut station = cell.simulator("io_control");
+    let running = cell.run(&nets::clock("running"));
+    let before = cell.load(&nets::lamp("before"));
+    swap_lamp_and_clamp(&cell);
+    await_some("the loader to tell of the changed file", || {
+        let events = Reader::open(cell.cell()).poll().expect("the log");
+        let told = events.into_iter().any(|event| {
+            matches!(event.what, Kind::ConfigurationChanged { differs, .. } if differs == "io: channels lamp, clamp")
+        });
+        told.then_some(())
+    });
+    cell.end("loader", Signal::SIGKILL);
+    cell.start_loader();
+    assert_not_started(&cell, before, "RCC4020");
+    let loaded = cell.rest("POST", "/commands", &nets::lamp("after"));
+    assert_eq!(
+        (loaded.status, loaded.code()),
+        (409, "RCC4020"),
+        "{loaded:?}"
+    );
+    let named = r#"{"stop": [], "start": ["before"]}"#;
+    let switched = cell.rest("POST", "/switch", named);
+    assert_eq!(
+        (switched.status, switched.code()),
+        (409, "RCC4020"),
+        "{switched:?}"
+    );
+    // What it cannot name it does not name, and what ends something is still done.
+    assert_eq!(
+        cell.device("io").expect("a row")["channels"],
+        serde_json::json!([])
+    );
+    assert!(
+        cell.device("lwr").expect("a row")["channels"]
+            .as_array()
+            .is_some_and(|all| !all.is_empty())
+    );
+    let status = cell.rest("GET", "/status", "").body;
+    let words = status["configuration"].to_string();
+    assert!(words.contains("loads and starts nothing"), "{words}");
+    cell.done(running, "cancel");
+    cell.assert_ends(running, "canceled");
+    assert_eq!(coils(&mut station), [false, false]);
+    assert!(tellers(&cell).contains(&(Origin::Loader, "executor".to_owned())));
+    cell.end("loader", Signal::SIGTERM);
+    edit(&cell, &format!("{CLAMP}{LAMP}"), &format!("{LAMP}{CLAMP}"));
+    cell.start_loader();
+    cell.start_when_ready(before);
+    await_some("the lamp", || {
+        (coils(&mut station) == [true, false]).then_some(())
+    });
+    cell.done(before, "cancel");
+    cell.assert_ends(before, "canceled");
+    cell.stop();
+}
