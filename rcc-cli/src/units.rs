@@ -325,6 +325,26 @@ mod tests {
     }
 
     #[test]
+    fn when_memory_runs_out_units_go_in_the_same_order_as_under_up() {
+        for (unit, stage) in [
+            ("executor", launch::Stage::Executor),
+            ("driver", launch::Stage::Driver),
+            ("loader", launch::Stage::Loader),
+            ("simulator", launch::Stage::Simulator),
+        ] {
+            let path = format!("etc/systemd/system/rcc-{unit}@.service");
+            let found = SHIPPED.iter().find(|(name, _)| *name == path);
+            let lines = found.map_or("", |(_, text)| *text).lines();
+            let score = lines.filter_map(|line| line.strip_prefix("OOMScoreAdjust="));
+            assert_eq!(
+                score.collect::<Vec<_>>(),
+                [stage.oom_score().to_string()],
+                "{unit}"
+            );
+        }
+    }
+
+    #[test]
     fn words_are_quoted_for_units() {
         assert_eq!(quoted("a b%c$d\"e"), "\"a b%%c$$d\\\"e\"");
     }

@@ -50,6 +50,8 @@ const READER_GONE: u8 = 141;
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    // When memory runs out the kernel ends those first that only look; the score can always be raised, see proc(5).
+    let _ = std::fs::write("/proc/self/oom_score_adj", "500");
     let Verb::Tail {
         patterns,
         output,

@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_config::cell::SupervisionConfig;
-use rcc_process::ending;
 use rcc_process::signals::PARENT;
+use rcc_process::{ending, memory};
 
-use super::launch::{Ready, Spec};
+use super::launch::{LOADER_ENVIRONMENT, Ready, Spec, Stage};
 use super::notices::Notices;
 use super::policy::Restarts;
 
@@ -96,6 +96,9 @@ impl Child {
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
             command.env_remove(name);
         }
+        if self.spec.stage == Stage::Loader {
+            command.envs(LOADER_ENVIRONMENT);
+        }
         // One that starts while we die must not outlive us.
         command.env(PARENT, std::process::id().to_string());
         self.hung = None;
@@ -113,6 +116,8 @@ impl Child {
             .process_group(0)
             .spawn()
             .map_err(|error| named(&self.spec.program, error))?;
+        // An ordinary user may only raise it: then the loader and the simulators go first, which is what counts.
+        let _ = memory::set(process.id(), self.spec.stage.oom_score());
         self.life = Life::Starting(process);
         Ok(())
     }

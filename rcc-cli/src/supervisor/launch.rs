@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, auto_ports, free_port};
 use rcc_loader::server::codes;
+use rcc_process::memory;
 
 use super::places;
 use crate::failure::Failure;
@@ -35,6 +36,25 @@ impl Stage {
         Stage::Driver,
         Stage::Simulator,
     ];
+}
+
+/// What the loader's memory is asked with: what a long text took goes back to the system (mallopt(3)).
+pub const LOADER_ENVIRONMENT: [(&str, &str); 3] = [
+    ("MALLOC_ARENA_MAX", "2"),
+    ("MALLOC_TRIM_THRESHOLD_", "131072"),
+    ("MALLOC_MMAP_THRESHOLD_", "131072"),
+];
+
+impl Stage {
+    /// How gladly the kernel ends it when memory runs out.
+    #[must_use]
+    pub fn oom_score(self) -> i32 {
+        match self {
+            Stage::Executor | Stage::Driver => memory::RUNS_THE_ROBOT,
+            Stage::Loader => memory::STARTED_AGAIN,
+            Stage::Simulator => memory::ONLY_LOOKS,
+        }
+    }
 }
 
 /// How one tells that a process is ready.

@@ -10,6 +10,7 @@ use rcc_core::printable::{Coloured, Printable};
 pub mod arguments;
 pub mod ending;
 pub mod helpers;
+pub mod memory;
 pub mod notify;
 pub mod signals;
 
