@@ -12,7 +12,9 @@ use hyper::body::Bytes;
 use hyper::{Method, Request, StatusCode};
 use hyper_util::rt::TokioIo;
 use rcc_loader::server::api::{ErrorBody, ValuesView};
+use rcc_loader::server::caller::TIMEOUT_HEADER;
 use rcc_loader::server::codes;
+use rcc_loader::server::head::is_stop;
 use rcc_loader::server::token::Token;
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -199,7 +201,7 @@ impl Client {
                         "the loader of cell '{}' did not answer within {:?}",
                         self.cell, self.timeout
                     ),
-                    "whether it did what was asked is not known; give it more time with --timeout",
+                    silent(path),
                 ));
             }
         };
@@ -218,6 +220,8 @@ impl Client {
         body: String,
     ) -> io::Result<(StatusCode, Bytes)> {
         let mut request = Request::builder().method(method).uri(path);
+        let time = u64::try_from(self.timeout.as_millis()).unwrap_or(u64::MAX);
+        request = request.header(TIMEOUT_HEADER, time);
         match &self.door {
             Door::Socket(socket) => {
                 let stream = UnixStream::connect(socket).await?;
@@ -251,6 +255,19 @@ impl Client {
                 format!("no loader answers at {} ({cause})", remote.authority),
                 "its cell must run and have `access: {tcp: …}`; through a firewall use ssh -L",
             ),
+        }
+    }
+}
+
+/// What is known of a request that was sent and not answered in time.
+fn silent(path: &str) -> &'static str {
+    match is_stop(path) {
+        true => {
+            "it was sent and is not confirmed yet: the loader carries it out as soon as it can, also now that nobody waits; \
+             `rcc-cli state NAME` tells, and asking again does no harm"
+        }
+        false => {
+            "unless the loader had begun it, it is not done any more: `rcc-cli state` tells; give it more time with --timeout"
         }
     }
 }
@@ -324,6 +341,16 @@ mod tests {
     fn a_name_becomes_one_segment() {
         assert_eq!(segment("line#7"), "line%237");
         assert_eq!(segment("a/../b?"), "a%2F..%2Fb%3F");
+    }
+
+    #[test]
+    fn what_ends_a_motion_is_done_also_when_nobody_waits_and_is_told_so() {
+        for path in ["/commands/line%237/cancel", "/commands/7/abort"] {
+            assert!(silent(path).contains("not confirmed yet"), "{path}");
+        }
+        for path in ["/commands/7/start", "/commands", "/switch"] {
+            assert!(silent(path).contains("not done any more"), "{path}");
+        }
     }
 
     #[test]

@@ -78,13 +78,13 @@ pub fn load(
     name: &str,
     text: &str,
     rejected: Rejected,
-) -> Result<CommandDetail, Failure> {
+) -> Result<CommandView, Failure> {
     let path = format!("/commands?file={}", segment(name));
     let Loaded { id, .. } = client.post(&path, text.to_owned())?;
     let limit = Instant::now() + LOAD_LIMIT;
     loop {
-        let detail = state(client, &id.to_string())?;
-        match detail.command.state.as_str() {
+        let command = brief(client, &id.to_string())?;
+        match command.state.as_str() {
             "loading" if Instant::now() < limit => std::thread::sleep(POLL),
             "loading" => {
                 return Err(Failure::new(
@@ -100,9 +100,9 @@ pub fn load(
                     // Failing leaves it in the table, where `unload` finds it.
                     let _ = unload(client, id);
                 }
-                return Err(Failure::invalid(&what, detail.command.diagnostics, source));
+                return Err(Failure::invalid(&what, command.diagnostics, source));
             }
-            _ => return Ok(detail),
+            _ => return Ok(command),
         }
     }
 }
@@ -115,7 +115,15 @@ pub fn unload(client: &Client, id: u64) -> Result<Done, Failure> {
     client.delete(&format!("/commands/{id}"))
 }
 
-/// One command.
+/// One command, without its text and names: to be asked for often.
+///
+/// # Errors
+/// Not reachable, or no such command.
+pub fn brief(client: &Client, name: &str) -> Result<CommandView, Failure> {
+    client.get(&format!("/commands/{}?brief=true", segment(name)))
+}
+
+/// One command with its text and names.
 ///
 /// # Errors
 /// Not reachable, or no such command.

@@ -41,7 +41,7 @@ impl Named {
         Named {
             id,
             net: file.net,
-            names: serde_json::from_value(file.names).unwrap_or_default(),
+            names: file.names.unwrap_or_default(),
         }
     }
 

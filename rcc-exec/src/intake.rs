@@ -11,7 +11,7 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, JOINTS_MAX, Joints, MAGIC, Measurement};
 use rcc_ipc::control::{
     Answer, Call, InputValue, MEASUREMENT, READ_ELEMENTS_MAX, READ_MAX, Refusal, SET_ELEMENTS_MAX,
-    SET_MAX, SWITCH_MAX,
+    SET_MAX, SWITCH_MAX, installs,
 };
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::rehearsal::Rehearsed;
@@ -85,6 +85,10 @@ pub struct Intake {
     loaded: HashMap<u64, Loaded>,
     /// Commands whose net is being made.
     making: HashSet<u64>,
+    /// Those of them that are being made anew, for a START.
+    starting: HashSet<u64>,
+    /// Those of them that somebody wanted to end meanwhile.
+    withdrawn: HashSet<u64>,
     /// Calls that name one of them, in order.
     behind: VecDeque<(Call, Request)>,
     next_ticket: u64,
@@ -156,6 +160,8 @@ impl Intake {
             waiting: HashMap::new(),
             loaded: HashMap::new(),
             making: HashSet::new(),
+            starting: HashSet::new(),
+            withdrawn: HashSet::new(),
             behind: VecDeque::new(),
             next_ticket: 1,
             watched_at: None,
@@ -257,7 +263,12 @@ impl Intake {
         }
     }
 
-    fn take(&mut self, request: Request) {
+    fn take(&mut self, mut request: Request) {
+        if let Some(id) = installs(request.bytes()) {
+            let (ticket, sight) = (self.ticket(), self.sight());
+            let what = What::Encoded(request.take_bytes());
+            return self.make(ticket, id, what, sight, request);
+        }
         let call = match wire::decode::<Call>(request.bytes()) {
             Ok(call) => call,
             Err(error) => {
@@ -265,6 +276,17 @@ impl Intake {
                 return reply(request, &Answer::Refused(Refusal::NotUnderstood));
             }
         };
+        // Whoever wants an arm to stop does not wait for a net to be made: a START that has not begun is withdrawn, and of a
+        // command that is loading the real-time thread says so.
+        if let Call::Cancel { id } | Call::Abort { id } = call
+            && self.making.contains(&id)
+        {
+            if self.starting.contains(&id) {
+                self.withdraw(id);
+                return reply(request, &Answer::Done { cycle: 0 });
+            }
+            return self.obey(call, request);
+        }
         // What concerns a command whose net is being made comes after it.
         if named_in(&call).iter().any(|id| self.making.contains(id)) {
             if self.behind.len() >= BEHIND_MAX {
@@ -273,6 +295,19 @@ impl Intake {
             return self.behind.push_back((call, request));
         }
         self.obey(call, request);
+    }
+
+    /// Every START of this command that has not begun is refused.
+    fn withdraw(&mut self, id: u64) {
+        self.withdrawn.insert(id);
+        for (call, request) in std::mem::take(&mut self.behind) {
+            match call {
+                Call::Start { id: other } if other == id => {
+                    reply(request, &Answer::Refused(Refusal::Withdrawn));
+                }
+                call => self.behind.push_back((call, request)),
+            }
+        }
     }
 
     fn ticket(&mut self) -> u64 {
@@ -360,6 +395,7 @@ impl Intake {
 
     /// Has a net made; who asked for it waits.
     fn make(&mut self, ticket: u64, id: u64, what: What, sight: Sight, request: Request) {
+        let anew = matches!(what, What::Anew(..));
         let job = Job {
             ticket,
             id,
@@ -369,6 +405,9 @@ impl Intake {
         match self.maker.give(job) {
             Ok(()) => {
                 self.making.insert(id);
+                if anew {
+                    self.starting.insert(id);
+                }
                 let then = Then::Nothing;
                 self.waiting.insert(ticket, Waiting { request, then });
             }
@@ -385,6 +424,11 @@ impl Intake {
             net,
         } = made;
         self.making.remove(&id);
+        self.starting.remove(&id);
+        let net = match self.withdrawn.remove(&id) {
+            true => Err(Refusal::Withdrawn),
+            false => net,
+        };
         let waiting = self.waiting.remove(&ticket);
         if let Some(Waiting { request, .. }) = waiting {
             match net {

@@ -10,8 +10,9 @@ use rcc_core::message::{DeviceState, Joints};
 use rcc_engine::costs::Costs;
 use rcc_engine::net::{Net, Origin};
 use rcc_engine::rehearsal::{Scene, rehearse};
-use rcc_ipc::control::{InputValue, PlanData, Refusal};
+use rcc_ipc::control::{Call, InputValue, PlanData, Refusal};
 use rcc_ipc::rehearsal::Rehearsed;
+use rcc_ipc::wire;
 use rcc_process::{Helper, Helpers};
 
 /// How long one net may take: its paths are planned and it is rehearsed, both bounded in work, not in time.
@@ -57,6 +58,8 @@ impl Sight {
 pub enum What {
     /// A new command's plan.
     Plan(Box<PlanData>),
+    /// An encoded [`Call::Install`]: decoding a large plan takes longer than a CANCEL may wait for the intake thread.
+    Encoded(Vec<u8>),
     /// A command that is ready, from where its arms rest now, with what was set meanwhile.
     Anew(Origin, Vec<InputValue>),
 }
@@ -144,14 +147,27 @@ impl Maker {
 }
 
 impl Site {
+    fn build(&self, plan: PlanData, sight: &Sight) -> Result<Box<Net>, Refusal> {
+        let dt_s = self.period_ns as f64 / 1e9;
+        let holds = &sight.holds;
+        Ok(Net::build(
+            plan,
+            &self.models,
+            self.configuration,
+            holds,
+            dt_s,
+        )?)
+    }
+
     fn make(&self, job: Job) -> Result<(Box<Net>, Option<Rehearsed>), Refusal> {
         let Job { what, sight, .. } = job;
         let dt_s = self.period_ns as f64 / 1e9;
         let (mut net, values) = match what {
-            What::Plan(plan) => {
-                let net = Net::build(*plan, &self.models, self.configuration, &sight.holds, dt_s)?;
-                (net, Vec::new())
-            }
+            What::Plan(plan) => (self.build(*plan, &sight)?, Vec::new()),
+            What::Encoded(bytes) => match wire::decode(&bytes) {
+                Ok(Call::Install { plan, .. }) => (self.build(plan, &sight)?, Vec::new()),
+                Ok(_) | Err(_) => return Err(Refusal::NotUnderstood),
+            },
             What::Anew(origin, values) => {
                 let net = Net::anew(&origin, &self.models, self.configuration, &sight.holds)?;
                 (net, values)

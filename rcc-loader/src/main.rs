@@ -19,6 +19,7 @@ use rcc_loader::server::executor::Executor;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use rcc_process::helpers::Hang;
+use rcc_process::memory;
 use rcc_process::signals::{end_with_parent, let_through};
 use rcc_process::{CellArguments, Ending, Helper, Helpers, Notifier, Pulse, ending};
 use tokio::signal::unix::{SignalKind, signal};
@@ -53,6 +54,8 @@ struct Arguments {
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
+    // Without /proc nothing can be said about it.
+    let _ = memory::end_me_first(memory::STARTED_AGAIN);
     ending::conclude(serve(&cell))
 }
 
@@ -94,7 +97,10 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
             tended.tend();
         }
     })?;
+    let router = routes::router(service)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
+        // As many as there are requests at a time, and those that compile: none waits for a thread.
+        .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)
         .enable_all()
         .thread_keep_alive(FOR_EVER)
         .build()?;
@@ -121,7 +127,7 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
         // All threads are made: now it says that it is ready.
         helpers.go();
         tokio::select! {
-            served = doors.recording(recorder.clone()).serve(routes::router(service)) => served?,
+            served = doors.recording(recorder.clone()).serve(router) => served?,
             _ = terminate.recv() => {}
             _ = interrupt.recv() => {}
         }

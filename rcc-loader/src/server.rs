@@ -3,6 +3,8 @@
 
 pub mod address;
 pub mod api;
+pub mod bodies;
+pub mod caller;
 pub mod catalogue;
 pub mod codes;
 pub mod compile;
@@ -12,8 +14,10 @@ pub mod doors;
 pub mod error;
 pub mod executor;
 mod handover;
-mod head;
+pub mod head;
 mod impedance;
+pub mod index;
+pub mod lane;
 pub mod manual;
 mod rehearsal;
 pub mod routes;

@@ -19,11 +19,14 @@ use std::time::Instant;
 use executor::TestCell;
 use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
+use rcc_loader::server::bodies::{self, TEXT_MAX};
 use rcc_loader::server::door::{
-    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, Limits, TCP, UNIX,
+    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, HEADS_MAX, Limits, STOPS, STRANGERS, TCP,
+    UNIX,
 };
 use rcc_loader::server::doors::{DoorError, Doors};
-use rcc_loader::server::routes::{self, TEXT_MAX};
+use rcc_loader::server::routes;
+use rcc_loader::server::store;
 use rcc_loader::server::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
 use served::{LIMIT, Served, answer, ask, exchange};
 
@@ -54,6 +57,12 @@ fn another_process_is_served(cell: &Cell) -> bool {
 
 fn get(path: &str, lines: &str) -> Vec<u8> {
     format!("GET {path} HTTP/1.1\r\nhost: x\r\n{lines}\r\n").into_bytes()
+}
+
+/// A request whose body does not come.
+fn slow_body(lines: &str) -> Vec<u8> {
+    format!("POST /commands HTTP/1.1\r\nhost: x\r\n{lines}content-length: 1000\r\n\r\nnet: ")
+        .into_bytes()
 }
 
 fn with_token() -> String {
@@ -120,7 +129,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
     let kib = |bytes: usize| format!("{} KiB", bytes >> 10);
     let mib = |bytes: usize| format!("{} MiB", bytes >> 20);
     let seconds = |time: std::time::Duration| format!("{} s", time.as_secs());
-    let door = |limits: Limits| {
+    let requests = |limits: Limits| {
         let Limits {
             connections,
             connections_of_peer,
@@ -130,17 +139,49 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         format!("{connections}; {connections_of_peer} a peer | {rate} a second, {burst} at once")
     };
     for row in [
-        format!("| Unix socket | process | {} |", door(UNIX)),
-        format!("| TCP | address | {} |", door(TCP)),
+        format!("| Unix socket | process | {} |", requests(UNIX)),
+        format!("| TCP, with the token | address | {} |", requests(TCP)),
+        format!(
+            "| CANCEL and ABORT, at each | as there | {} |",
+            requests(STOPS)
+        ),
+        format!(
+            "| TCP, without the token | address | refused | {} a second, {} at once |",
+            STRANGERS.0, STRANGERS.1
+        ),
+        format!(
+            "| connections of a door without a whole head | {HEADS_MAX} | {} |",
+            seconds(HEAD_TIME)
+        ),
+        format!(
+            "| body of a LOAD | {}, all together {} | {} |",
+            mib(TEXT_MAX),
+            mib(bodies::TEXTS_MAX),
+            seconds(bodies::BODY_TIME)
+        ),
+        format!(
+            "| body of START, a hand-over or inputs | {} | {} |",
+            kib(bodies::SET_TEXT_MAX),
+            seconds(bodies::BODY_TIME)
+        ),
+        format!(
+            "| long answers, all together | {} | {} |",
+            mib(bodies::ANSWERS_MAX),
+            seconds(CONNECTION_TIME)
+        ),
+        format!(
+            "| files of commands, all together | {} | – |",
+            mib(store::KEPT_MAX as usize)
+        ),
+        format!(
+            "| kept of a rejected text; of its findings | {}; {} | – |",
+            kib(store::REJECTED_TEXT_MAX),
+            kib(store::FINDINGS_MAX)
+        ),
         format!(
             "| head of a request | {}, {HEADERS_MAX} lines | {} |",
             kib(HEAD_MAX),
             seconds(HEAD_TIME)
-        ),
-        format!(
-            "| body of a request | {} | {} |",
-            mib(TEXT_MAX),
-            seconds(routes::BODY_TIME)
         ),
         format!(
             "| work for a request | {} at a time, {} of them texts | {} |",
@@ -288,12 +329,16 @@ fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_ser
     let test = TestCell::new("many");
     let served = Served::start(&test.cell);
     let held: Vec<_> = (0..UNIX.connections_of_peer)
-        .map(|_| connect(&test.cell))
+        .map(|_| {
+            let mut stream = connect(&test.cell);
+            stream.write_all(&slow_body("")).unwrap();
+            stream
+        })
         .collect();
-    let (status, body) = answer(connect(&test.cell));
+    let (status, body) = ask(&test.cell, "GET /primitives", b"");
     assert_eq!((status, &body["code"]), (429, &"RCC4010".into()));
     assert!(another_process_is_served(&test.cell));
-    told(&served, "connections of process");
+    told(&served, "requests of process");
     // Each of them had its time; then there is room again.
     for stream in held {
         assert_eq!(answer(stream).0, 408);
@@ -339,9 +384,17 @@ fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_se
     let served = Served::with(&test.cell, &tcp(&test.cell));
     let door = served.address.unwrap();
     let _held: Vec<_> = (0..TCP.connections_of_peer)
-        .map(|_| connect_from(1, door))
+        .map(|_| {
+            let mut stream = connect_from(1, door);
+            stream.write_all(&slow_body(&with_token())).unwrap();
+            stream
+        })
         .collect();
-    assert_eq!(answer(connect_from(1, door)).1["code"], "RCC4010");
+    let request = get("/primitives", &with_token());
+    assert_eq!(
+        exchange(connect_from(1, door), &request).1["code"],
+        "RCC4010"
+    );
     assert_eq!(
         exchange(connect_from(2, door), &get("/primitives", &with_token())).0,
         200
@@ -370,6 +423,29 @@ fn over_tcp_only_the_token_opens() {
         200
     );
     assert!(!served.log().contains(TOKEN));
+}
+
+#[test]
+fn wrong_tokens_take_nothing_from_the_holder_of_the_right_one_at_the_same_address() {
+    let test = TestCell::new("lock-out");
+    let served = Served::with(&test.cell, &tcp(&test.cell));
+    let door = served.address.unwrap();
+    let wrong = get("/primitives", "authorization: Bearer wrong\r\n");
+    let mut refused = [0, 0];
+    for _ in 0..3 * TCP.burst {
+        match exchange(connect_from(1, door), &wrong).0 {
+            401 => refused[0] += 1,
+            // Closed with a word, or at once.
+            _ => refused[1] += 1,
+        }
+    }
+    assert!(refused[0] >= STRANGERS.1 && refused[1] > 0, "{refused:?}");
+    // Heads that never come do not take the holder's place, either.
+    let _silent: Vec<_> = (0..HEADS_MAX + 8).map(|_| connect_from(1, door)).collect();
+    for _ in 0..60 {
+        let right = get("/nothing", &with_token());
+        assert_eq!(exchange(connect_from(1, door), &right).0, 404);
+    }
 }
 
 #[test]

@@ -19,11 +19,17 @@ use rcc_core::topic::Topic;
 use rcc_ipc::control::{Call, Refusal};
 use rcc_language::names::{InputNames, Names, TopicNames};
 use rcc_loader::server::api::{Done, Named, Switch};
+use rcc_loader::server::caller::Caller;
 use rcc_loader::server::codes;
 use rcc_loader::server::service::Operation;
 use rcc_loader::server::store::{CommandFile, Store};
 use rcc_loader::server::words::Namer;
 use served::{Served, ask, config, service};
+
+/// Somebody who waits as long as it takes.
+fn patient() -> Caller {
+    Caller::default()
+}
 
 fn line() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/nets/line.yaml");
@@ -35,20 +41,23 @@ fn a_net_is_named_before_the_executor_has_its_plan() {
     let test = TestCell::new("names");
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
-    let id = service.reserve(&line()).expect("a row is free");
+    let id = service.reserve(&patient(), line()).expect("a row is free");
     assert_eq!(
-        service.detail(&id.to_string()).map(|d| d.command.state),
+        service
+            .detail(&id.to_string(), true)
+            .map(|d| d.command.state),
         Ok("loading".into())
     );
     service.install(id, "line.yaml");
     assert!(executor.seen.lock().expect("seen").named_before_install);
-    let detail = service.detail("line").expect("found by its name");
+    let detail = service.detail("line", true).expect("found by its name");
     assert_eq!(
         (detail.command.id, detail.command.state.as_str()),
         (id, "ready")
     );
     assert_eq!(detail.command.uses, ["lwr"]);
-    assert_eq!(detail.names["monitors"][0]["source"], "move.pose");
+    let monitors = detail.names.expect("names").monitors;
+    assert_eq!(monitors[0].source, "move.pose");
 }
 
 #[test]
@@ -56,9 +65,14 @@ fn a_text_with_faults_is_rejected_and_says_why_afterwards() {
     let test = TestCell::new("faults");
     let _executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
-    let id = service.reserve("net: broken\n").expect("a row is free");
+    let id = service
+        .reserve(&patient(), "net: broken\n".to_owned())
+        .expect("a row is free");
     service.install(id, "broken.yaml");
-    let command = service.detail("broken").expect("found by its name").command;
+    let command = service
+        .detail("broken", true)
+        .expect("found by its name")
+        .command;
     assert_eq!((command.id, command.state.as_str()), (id, "rejected"));
     let first = command.diagnostics.first().expect("a diagnostic");
     assert!(
@@ -73,9 +87,12 @@ fn a_refused_plan_tells_the_executors_reason_by_name() {
     let refusal = Refusal::Prepare(PrepareFault::HoldUnknown { device: 0 });
     let _executor = FakeExecutor::start(&test.cell, &[], Some(refusal));
     let service = service(&test.cell);
-    let id = service.reserve(&line()).expect("a row is free");
+    let id = service.reserve(&patient(), line()).expect("a row is free");
     service.install(id, "line.yaml");
-    let command = service.detail(&id.to_string()).expect("there").command;
+    let command = service
+        .detail(&id.to_string(), true)
+        .expect("there")
+        .command;
     assert_eq!(command.state, "rejected");
     let last = command.diagnostics.last().expect("a diagnostic");
     assert_eq!(last.code, codes::NOT_PREPARED.code);
@@ -98,9 +115,12 @@ fn a_restarted_loader_rejects_what_a_dead_one_was_loading_and_keeps_names() {
     };
     store.write(&running).expect("written");
     let service = service(&test.cell);
-    let weld = service.detail("weld").expect("found by its name").command;
+    let weld = service
+        .detail("weld", true)
+        .expect("found by its name")
+        .command;
     assert_eq!((weld.id, weld.state.as_str()), (6, "running"));
-    let orphan = service.detail("5").expect("there").command;
+    let orphan = service.detail("5", true).expect("there").command;
     assert_eq!(orphan.state, "rejected");
     assert_eq!(orphan.diagnostics[0].code, codes::LOADER_DIED.code);
     let calls = &executor.seen.lock().expect("seen").calls;
@@ -130,10 +150,13 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
     }
     let service = service(&test.cell);
     let line = || Named::Name("line".to_owned());
-    let switched = service.switch(&Switch {
-        stop: vec![line()],
-        start: vec![line(), Named::Id(5)],
-    });
+    let switched = service.switch(
+        &patient(),
+        &Switch {
+            stop: vec![line()],
+            start: vec![line(), Named::Id(5)],
+        },
+    );
     let switched = switched.expect("done");
     let ids = |rows: &[Done]| rows.iter().map(|done| done.id).collect::<Vec<_>>();
     assert_eq!(
@@ -150,7 +173,7 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
         "{last:?}"
     );
     let nothing = service
-        .switch(&Switch::default())
+        .switch(&patient(), &Switch::default())
         .expect_err("nothing named");
     assert_eq!(nothing.code, codes::BAD_REQUEST);
     let nine = Switch {
@@ -158,7 +181,10 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
         start: Vec::new(),
     };
     assert_eq!(
-        service.switch(&nine).expect_err("too many").code,
+        service
+            .switch(&patient(), &nine)
+            .expect_err("too many")
+            .code,
         codes::NAMED_TWICE
     );
     let unknown = Switch {
@@ -166,7 +192,10 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
         start: vec![Named::Name("nobody".to_owned())],
     };
     assert_eq!(
-        service.switch(&unknown).expect_err("unknown").code,
+        service
+            .switch(&patient(), &unknown)
+            .expect_err("unknown")
+            .code,
         codes::UNKNOWN_COMMAND
     );
 }
@@ -235,18 +264,18 @@ fn an_operation_means_the_newest_net_of_a_name_that_it_suits() {
     let service = service(&test.cell);
     assert_eq!(
         service
-            .operate("line", Operation::Abort)
+            .operate(&patient(), "line", Operation::Abort)
             .map(|done| done.id),
         Ok(3)
     );
     assert_eq!(
         service
-            .operate("line", Operation::Start)
+            .operate(&patient(), "line", Operation::Start)
             .map(|done| done.id),
         Ok(4)
     );
     assert_eq!(
-        service.detail("line").map(|detail| detail.command.id),
+        service.detail("line", true).map(|detail| detail.command.id),
         Ok(4)
     );
 }
@@ -256,19 +285,19 @@ fn an_unloaded_net_leaves_no_file() {
     let test = TestCell::new("unload");
     let executor = FakeExecutor::start(&test.cell, &[], None);
     let service = service(&test.cell);
-    let id = service.reserve(&line()).expect("a row is free");
+    let id = service.reserve(&patient(), line()).expect("a row is free");
     service.install(id, "line.yaml");
     let refused = service
-        .operate("line", Operation::Cancel)
+        .operate(&patient(), "line", Operation::Cancel)
         .map_err(|error| error.code);
     assert_eq!(refused.map(|done| done.id), Err(codes::NOT_CANCELABLE));
     service
-        .operate("line", Operation::Unload)
+        .operate(&patient(), "line", Operation::Unload)
         .expect("it is not active");
     let store = Store::of(&test.cell, executor.incarnation);
     assert_eq!(store.read(id), None);
     assert_eq!(
-        service.detail("line").map_err(|error| error.code),
+        service.detail("line", true).map_err(|error| error.code),
         Err(codes::UNKNOWN_COMMAND)
     );
 }
@@ -382,6 +411,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         Refusal::Overloaded,
         Refusal::Stopping,
         Refusal::NoRecorder,
+        Refusal::Withdrawn,
     ];
     for refusal in refusals {
         let error = namer.refusal(8, refusal);

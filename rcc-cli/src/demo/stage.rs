@@ -109,9 +109,9 @@ impl Stage<'_> {
         let limit = Instant::now() + READY_LIMIT;
         loop {
             let loaded = follow::load(self.client, name, text, Rejected::Goes)?;
-            let id = loaded.command.id;
+            let id = loaded.id;
             let refused = match follow::operate(self.client, &id.to_string(), "start") {
-                Ok(_) => return Ok(loaded),
+                Ok(_) => return follow::state(self.client, &id.to_string()),
                 Err(failure) => failure,
             };
             follow::unload(self.client, id)?;

@@ -33,7 +33,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Ok(());
     };
     loop {
-        let command = follow::state(&client, &done.id.to_string())?.command;
+        let command = follow::brief(&client, &done.id.to_string())?;
         if follow::is_over(&command) {
             context.print(&command, |command: &CommandView| {
                 let (title, state) = (follow::title(command), follow::state_words(command));

@@ -23,8 +23,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let loaded = follow::load(&client, &source.0, &source.1, Rejected::Stays)?;
-    remark_drawing(&draw(&loaded.command.diagnostics, Some(&source), Context::colour()));
-    context.print(&loaded.command, |command| match &command.rehearsal {
+    remark_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
+    context.print(&loaded, |command| match &command.rehearsal {
         Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
         None => line(command),
     });

@@ -34,7 +34,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let interrupts = Interrupts::listen()?;
-    let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?.command;
+    let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?;
     remark_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
     let printer = Printer::start();
     let show = |line: &str| {
@@ -73,7 +73,7 @@ fn start_and_follow(
     let (mut shown, mut obeyed) = (String::new(), 0);
     let mut answered = Instant::now();
     loop {
-        let command = match follow::state(client, &id) {
+        let command = match follow::brief(client, &id) {
             // A loader that died is started again; the net runs on meanwhile.
             Err(failure)
                 if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE =>
@@ -81,7 +81,7 @@ fn start_and_follow(
                 std::thread::sleep(follow::POLL);
                 continue;
             }
-            state => state?.command,
+            state => state?,
         };
         answered = Instant::now();
         let words = follow::state_words(&command);

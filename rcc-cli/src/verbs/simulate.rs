@@ -166,17 +166,10 @@ impl Scenario {
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
         remark_drawing(&draw(&compiled.warnings, Some(&source), Context::colour()));
-        let names = serde_json::from_value(compiled.names).map_err(|error| {
-            Failure::new(
-                codes::PROCESS_FAILED,
-                error.to_string(),
-                "report it with the net",
-            )
-        })?;
         Ok(Prepared {
             config,
             plan: compiled.plan,
-            names,
+            names: compiled.names,
             options,
         })
     }

@@ -123,7 +123,7 @@ impl Screen {
     /// The net is over: how it ended, in words and as the exit code. In JSON the last line says that its state is
     /// `terminated`.
     fn over(&self, client: &Client, id: &str) -> Result<(), Failure> {
-        let command = follow::state(client, id)?.command;
+        let command = follow::brief(client, id)?;
         if matches!(self.format, Format::Human) {
             say(&format!("{}  {}", follow::title(&command), follow::state_words(&command)));
         }

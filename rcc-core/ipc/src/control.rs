@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::rehearsal::{Foreseen, Rehearsed};
 use crate::request::{REQUEST_MAX, RESPONSE_MAX};
-use crate::wire::Message;
+use crate::wire::{self, Message};
 
 /// Name of the executor's request service in its announcement.
 pub const CONTROL: &str = "control";
@@ -150,6 +150,22 @@ pub enum InputFault {
     Twice,
     /// It comes from another net.
     Subscribed,
+}
+
+/// How the bytes of a call begin, in the order of [`Call`].
+#[derive(Deserialize)]
+enum Beginning {
+    Reserve,
+    Install { id: u64 },
+}
+
+/// The command of an encoded [`Call::Install`], without decoding its plan; `None` for all other calls and bytes.
+#[must_use]
+pub fn installs(bytes: &[u8]) -> Option<u64> {
+    match wire::decode_beginning(bytes) {
+        Ok(Beginning::Install { id }) => Some(id),
+        Ok(Beginning::Reserve) | Err(_) => None,
+    }
 }
 
 /// A request to the executor.
@@ -413,4 +429,28 @@ pub enum Refusal {
     Stopping,
     /// The cell's configuration switches the flight recorder off.
     NoRecorder,
+    /// A CANCEL or ABORT came before the START had begun: the command stays ready.
+    Withdrawn,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_is_told_from_other_calls_by_the_beginning_of_its_bytes() {
+        let plan = PlanData::default();
+        let calls = [
+            (Call::Install { id: 1 << 40, plan }, Some(1 << 40)),
+            (Call::Reserve, None),
+            (Call::Reject { id: 7 }, None),
+            (Call::Cancel { id: 7 }, None),
+            (Call::Acknowledge, None),
+        ];
+        for (call, id) in calls {
+            let bytes = wire::encode(&call).unwrap_or_default();
+            assert_eq!(installs(&bytes), id, "{call:?}");
+        }
+        assert_eq!((installs(&[]), installs(&[1])), (None, None));
+    }
 }

@@ -27,7 +27,7 @@ pub const REQUEST_MAX: usize = 4 << 20;
 /// The longest answer, in bytes.
 pub const RESPONSE_MAX: usize = 16 << 10;
 /// Clients of one server at a time, dead ones that were not cleaned up included.
-pub const CLIENTS_MAX: usize = 16;
+pub const CLIENTS_MAX: usize = 32;
 
 /// Calls of one client that a server may hold: one in progress, and one given up by a client that calls again.
 const ACTIVE_MAX: usize = 2;
@@ -35,7 +35,7 @@ const ACTIVE_MAX: usize = 2;
 const MESSAGE_MAX: usize = 4 << 10;
 /// Answers that a server has memory for at a time; iceoryx2 would reckon with 256 of the longest, and an executor
 /// locks all of its memory.
-const ANSWERS_MAX: usize = CLIENTS_MAX;
+const ANSWERS_MAX: usize = 16;
 /// Shared memory of a client or server; measured below 900 kB.
 const PORT_ROOM: u64 = 1 << 20;
 /// A client looks for the answer at these intervals: at once, then in growing steps.
@@ -237,6 +237,12 @@ impl Request {
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
+    }
+
+    /// Takes out what the client sent, so that another thread can decode it.
+    #[must_use]
+    pub fn take_bytes(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.bytes)
     }
 
     /// True while the client waits for the answer (a client killed a moment ago still seems to).

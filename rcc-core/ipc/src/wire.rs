@@ -86,6 +86,20 @@ fn to_bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, bincode::error::EncodeEr
     bincode::serde::encode_to_vec(value, bincode::config::standard())
 }
 
+/// What `bytes` begin with, as [`decode`]; what follows is not looked at.
+///
+/// # Errors
+/// They do not begin with an encoded `T`.
+pub fn decode_beginning<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
+    match from_bytes(bytes) {
+        Ok((value, _)) => Ok(value),
+        Err(cause) => Err(DecodeError::Malformed {
+            size: bytes.len(),
+            cause,
+        }),
+    }
+}
+
 /// A number of one byte counts up to sixteen times of it, so a message may claim sixteen times its length and not more:
 /// otherwise a text of nine bytes could claim, and have allocated, as much as the longest message holds. bincode takes its
 /// limit as a constant, hence the steps.

@@ -121,6 +121,8 @@ codes! {
     HEAD_TOO_LARGE = "RCC4016", 431, USAGE, "The head of the request is too large.";
     TOO_SLOW = "RCC4017", 408, TIMEOUT, "The request came too slowly.";
     OTHER_CONFIGURATION = "RCC4020", 409, CONFLICT, "Processes were started with different configurations.";
+    NOT_KEPT = "RCC4021", 507, FAILED, "The loader keeps no more of it.";
+    GIVEN_UP = "RCC4022", 504, TIMEOUT, "The client did not wait for it.";
     NO_INCIDENT = "RCC4030", 422, INVALID, "A file is no incident that this build can replay.";
     REPLAY_DIFFERS = "RCC4031", 500, FAILED, "A replay differs from what was recorded.";
     NOT_COMPARED = "RCC4032", 422, FAILED, "Nothing of an incident can be compared.";

@@ -2,10 +2,11 @@
 //! Run by blocking threads of the server, and by `rcc-cli check` without a server.
 
 use rcc_config::CellConfig;
-use rcc_config::diagnostic::{Faults, Row, Severity, render};
+use rcc_config::diagnostic::{DRAWN_MAX, Faults, Row, Severity, render};
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
 use rcc_ipc::control::PlanData;
+use rcc_language::names::Names;
 use rcc_language::syntax::is_net_name;
 
 use super::api::{Finding, Place};
@@ -20,7 +21,7 @@ pub struct Compiled {
     /// Its plan.
     pub plan: PlanData,
     /// Where every port and monitor lies in the plan.
-    pub names: serde_json::Value,
+    pub names: Names,
     /// Warnings.
     pub warnings: Vec<Finding>,
     /// What it claims for itself alone.
@@ -70,11 +71,12 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
         }));
     }
     let topics = compiled.names.publishes.iter();
+    let topics = topics.map(|row| row.topic.clone()).collect();
     Ok(Compiled {
-        topics: topics.map(|row| row.topic.clone()).collect(),
+        topics,
+        names: compiled.names,
         net: compiled.net,
         description: compiled.description,
-        names: serde_json::to_value(&compiled.names).unwrap_or_default(),
         warnings: findings(&compiled.warnings),
         plan: compiled.plan,
         uses,
@@ -83,15 +85,20 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
     })
 }
 
-/// Faults as they travel.
+/// Faults as they travel; of very many the first [`DRAWN_MAX`] show their lines, which takes a look through the whole text
+/// each.
 #[must_use]
 pub fn findings(faults: &Faults) -> Vec<Finding> {
     let drawn = |row: &Row| render(std::slice::from_ref(row), &faults.sources, false);
     faults
         .rows()
         .into_iter()
-        .map(|row| Finding {
-            rendered: drawn(&row),
+        .enumerate()
+        .map(|(number, row)| Finding {
+            rendered: match number < DRAWN_MAX {
+                true => drawn(&row),
+                false => format!("{}: {}\n", row.code, row.message),
+            },
             ..finding(row)
         })
         .collect()

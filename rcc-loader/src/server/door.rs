@@ -1,27 +1,30 @@
 //! The doors of the loader: a Unix socket, and TCP if it is configured. One request a connection, each bounded in size
-//! and time, so many connections and requests a second for each peer; whoever asks too much is answered with words, cut
-//! off and told in the log, while the others are served. Run by the one thread that serves connections.
+//! and time, so many requests at a time and a second for each peer; whoever asks too much is answered with words, cut
+//! off and told in the log, while the others are served. CANCEL and ABORT have places of their own.
+//! Run by the one thread that serves connections.
 
-use std::collections::HashMap;
+mod accounts;
+
 use std::convert::Infallible;
-use std::fmt;
-use std::net::IpAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::http::StatusCode;
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
-use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::seldom::Seldom;
+use rcc_ipc::events::{self, Recorder};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
 use tokio::time::timeout;
 
+use accounts::{Accounts, HeadPlace, Kind, Peer};
+pub use accounts::{HEADS_MAX, Limits, STOPS, STRANGERS, TCP, UNIX};
+
 use super::codes;
 use super::error::ApiError;
-use super::head::{self, Rewound};
+use super::head::{self, Head, Rewound};
 use super::token::Token;
 
 /// Longest head of a request, bytes.
@@ -34,38 +37,10 @@ pub const HEAD_TIME: Duration = Duration::from_secs(2);
 pub const CONNECTION_TIME: Duration = Duration::from_secs(20);
 /// So long, and so many bytes, a client that was answered early may go on talking: an answer would get lost otherwise.
 const LINGER: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
-/// Peers that are remembered; beyond, those without a connection are forgotten.
-const PEERS_MAX: usize = 1024;
+/// So many of them at a time.
+const LINGERING_MAX: usize = 64;
 /// Pause after the system gave no connection (no free descriptor).
 const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
-
-/// How much a door lets in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Connections at a time.
-    pub connections: usize,
-    /// Connections of one peer at a time.
-    pub connections_of_peer: usize,
-    /// Requests of one peer a second, on average.
-    pub rate: u32,
-    /// Requests of one peer at once, after a quiet time.
-    pub burst: u32,
-}
-
-/// A peer on the Unix socket is a process.
-pub const UNIX: Limits = Limits {
-    connections: 64,
-    connections_of_peer: 16,
-    rate: 1000,
-    burst: 2000,
-};
-/// A peer on TCP is an address.
-pub const TCP: Limits = Limits {
-    connections: 32,
-    connections_of_peer: 8,
-    rate: 100,
-    burst: 200,
-};
 
 /// Where connections come from.
 #[derive(Debug)]
@@ -76,131 +51,33 @@ pub enum Listener {
     Tcp(TcpListener),
 }
 
-/// Who comes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Peer {
-    Process(i32),
-    Address(IpAddr),
-}
-
-impl fmt::Display for Peer {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Peer::Process(pid) => write!(formatter, "process {pid}"),
-            Peer::Address(address) => address.fmt(formatter),
-        }
-    }
-}
-
-/// What a door remembers of a peer.
-struct Account {
-    connections: usize,
-    /// Requests that it may still make at once.
-    credit: f64,
-    counted: Instant,
-}
-
-#[derive(Default)]
-struct Accounts {
-    connections: usize,
-    peers: HashMap<Peer, Account>,
-    complaints: Seldom,
-}
-
 /// A door.
 struct Door {
-    limits: Limits,
+    accounts: Arc<Accounts>,
     token: Option<Token>,
-    accounts: Mutex<Accounts>,
     recorder: Option<Recorder>,
-}
-
-/// A connection that is counted until it is dropped.
-struct Place {
-    door: Arc<Door>,
-    peer: Peer,
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let mut accounts = self.door.accounts();
-        accounts.connections -= 1;
-        if let Some(account) = accounts.peers.get_mut(&self.peer) {
-            account.connections -= 1;
-        }
-    }
+    lingering: AtomicUsize,
 }
 
 impl Door {
-    fn accounts(&self) -> MutexGuard<'_, Accounts> {
-        // A panic in another task leaves numbers, and those are whole.
-        self.accounts.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// A place for a connection of this peer, if it has one left.
-    fn admit(self: &Arc<Door>, peer: Peer, now: Instant) -> Result<Place, ApiError> {
-        let Limits {
-            connections,
-            connections_of_peer,
-            rate,
-            burst,
-        } = self.limits;
-        let mut accounts = self.accounts();
-        if accounts.connections >= connections {
-            return Err(too_many(format!("{connections} connections are open")));
-        }
-        if accounts.peers.len() >= PEERS_MAX {
-            accounts.peers.retain(|_, account| account.connections > 0);
-        }
-        let account = accounts.peers.entry(peer).or_insert(Account {
-            connections: 0,
-            credit: f64::from(burst),
-            counted: now,
-        });
-        if account.connections >= connections_of_peer {
-            return Err(too_many(format!(
-                "{connections_of_peer} connections of {peer} are open"
-            )));
-        }
-        let earned = now.saturating_duration_since(account.counted).as_secs_f64() * f64::from(rate);
-        account.credit = (account.credit + earned).min(f64::from(burst));
-        account.counted = now;
-        if account.credit < 1.0 {
-            return Err(too_many(format!(
-                "{peer} asks more than {rate} times a second"
-            )));
-        }
-        account.credit -= 1.0;
-        account.connections += 1;
-        accounts.connections += 1;
-        Ok(Place {
-            door: Arc::clone(self),
-            peer,
-        })
-    }
-
     fn complain(&self, peer: Peer, error: &ApiError) {
-        let said = self.accounts().complaints.say(Instant::now());
+        let said = self.accounts.complain(Instant::now());
         if let Some(others) = said {
             let (code, message) = (error.code.code, &error.message);
             tracing::warn!(%peer, code, others, "cut off: {message}");
             if let Some(recorder) = &self.recorder {
-                recorder.tell(Kind::ClientCutOff {
+                recorder.tell(events::Kind::ClientCutOff {
                     client: peer.to_string(),
                     why: events::text(&format!("{code} {message}")),
                 });
             }
         }
     }
-}
 
-fn too_many(what: String) -> ApiError {
-    let message = format!("{what}, more are not taken");
-    ApiError::new(
-        codes::TOO_MANY,
-        message,
-        "try again in a moment, less often",
-    )
+    fn lets_in(&self, bearer: Option<&[u8]>) -> bool {
+        let token = self.token.as_ref();
+        token.is_none_or(|token| token.is(bearer.unwrap_or_default()))
+    }
 }
 
 /// Serves one door for ever. Over TCP nobody gets in without the token.
@@ -212,10 +89,10 @@ pub async fn serve(
     router: Router,
 ) -> Infallible {
     let door = Arc::new(Door {
-        limits,
+        accounts: Accounts::new(limits),
         token,
-        accounts: Mutex::default(),
         recorder,
+        lingering: AtomicUsize::new(0),
     });
     loop {
         let accepted = match &listener {
@@ -234,48 +111,49 @@ pub async fn serve(
     }
 }
 
-/// Gives a connection a task of its own, or sends it away.
-fn greet<I>(door: &Arc<Door>, peer: Peer, mut io: I, router: &Router)
+/// Gives a connection a task of its own.
+fn greet<I>(door: &Arc<Door>, peer: Peer, io: I, router: &Router)
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    match door.admit(peer, Instant::now()) {
-        Ok(place) => {
-            let router = router.clone();
-            tokio::spawn(async move {
-                if timeout(CONNECTION_TIME, converse(&place, io, router))
-                    .await
-                    .is_err()
-                {
-                    let what = format!("the connection took longer than {CONNECTION_TIME:?}");
-                    place.door.complain(peer, &too_slow(what));
-                }
-            });
+    let (door, router) = (Arc::clone(door), router.clone());
+    let place = door.accounts.await_head(peer);
+    tokio::spawn(async move {
+        let talk = converse(&door, peer, place, io, router);
+        if timeout(CONNECTION_TIME, talk).await.is_err() {
+            let what = format!("the connection took longer than {CONNECTION_TIME:?}");
+            door.complain(peer, &too_slow(what));
         }
-        Err(error) => {
-            door.complain(peer, &error);
-            // What goes into the socket's buffer at once is said; nobody is waited for.
-            let text = raw(&error);
-            let mut context = std::task::Context::from_waker(std::task::Waker::noop());
-            let _ = std::pin::Pin::new(&mut io).poll_write(&mut context, &text);
-        }
-    }
+    });
 }
 
 /// One request and its answer.
-async fn converse<I>(place: &Place, mut io: I, router: Router)
+async fn converse<I>(door: &Door, peer: Peer, place: HeadPlace, mut io: I, router: Router)
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let head = match timeout(HEAD_TIME, head::read(&mut io)).await {
-        Ok(Ok(Some(head))) if place.door.lets_in(head.bearer.as_deref()) => head,
-        Ok(Ok(Some(_))) => return refuse(place, io, &no_token()).await,
-        Ok(Ok(None)) => return,
-        Ok(Err(error)) => return refuse(place, io, &error).await,
-        Err(_) => {
-            let what = format!("the head of the request took longer than {HEAD_TIME:?}");
-            return refuse(place, io, &too_slow(what)).await;
-        }
+    let head = match read_head(place, &mut io).await {
+        Ok(Some(head)) => head,
+        Ok(None) => return,
+        Err(error) => return refuse(door, peer, io, &error).await,
+    };
+    // The token counts before the quota: whoever has none takes nothing from those of his address who have it.
+    if !door.lets_in(head.bearer.as_deref()) {
+        return match door.accounts.admit(peer, Kind::Stranger, Instant::now()) {
+            Ok(_place) => refuse(door, peer, io, &no_token()).await,
+            Err(error) => {
+                door.complain(peer, &error);
+                say_at_once(&mut io, &error);
+            }
+        };
+    }
+    let kind = match head.is_stop {
+        true => Kind::Stop,
+        false => Kind::Usual,
+    };
+    let place = match door.accounts.admit(peer, kind, Instant::now()) {
+        Ok(place) => place,
+        Err(error) => return refuse(door, peer, io, &error).await,
     };
     let mut server = hyper::server::conn::http1::Builder::new();
     server
@@ -286,16 +164,31 @@ where
         .header_read_timeout(None);
     let io = TokioIo::new(Rewound::new(head.bytes, io));
     let connection = server.serve_connection(io, TowerToHyperService::new(router));
+    let served = connection.without_shutdown().await;
+    // It has its answer: what it still sends keeps nobody out.
+    drop(place);
     // An error is a client that went away: there is nobody to tell.
-    if let Ok(parts) = connection.without_shutdown().await {
-        linger(parts.io.into_inner().io).await;
+    if let Ok(parts) = served {
+        linger(door, parts.io.into_inner().io).await;
     }
 }
 
-impl Door {
-    fn lets_in(&self, bearer: Option<&[u8]>) -> bool {
-        let token = self.token.as_ref();
-        token.is_none_or(|token| token.is(bearer.unwrap_or_default()))
+/// The head, unless it takes too long or others want the place more; nothing when the client said nothing.
+async fn read_head<I: AsyncRead + Unpin>(
+    mut place: HeadPlace,
+    io: &mut I,
+) -> Result<Option<Head>, ApiError> {
+    tokio::select! {
+        // What is there is read, however many wait.
+        biased;
+        head = timeout(HEAD_TIME, head::read(io)) => head.unwrap_or_else(|_| {
+            Err(too_slow(format!("the head of the request took longer than {HEAD_TIME:?}")))
+        }),
+        _ = &mut place.displaced => Err(ApiError::new(
+            codes::TOO_MANY,
+            format!("{HEADS_MAX} connections have sent no whole head, and this is the oldest of its client"),
+            "send the head of a request at once",
+        )),
     }
 }
 
@@ -311,11 +204,23 @@ fn no_token() -> ApiError {
     )
 }
 
-async fn refuse<I: AsyncRead + AsyncWrite + Unpin>(place: &Place, mut io: I, error: &ApiError) {
-    place.door.complain(place.peer, error);
-    if io.write_all(&raw(error)).await.is_ok() {
-        linger(io).await;
+async fn refuse<I>(door: &Door, peer: Peer, mut io: I, error: &ApiError)
+where
+    I: AsyncRead + AsyncWrite + Unpin,
+{
+    door.complain(peer, error);
+    if timeout(LINGER.0, io.write_all(&raw(error)))
+        .await
+        .is_ok_and(|sent| sent.is_ok())
+    {
+        linger(door, io).await;
     }
+}
+
+/// What goes into the socket's buffer at once is said; nobody is waited for.
+fn say_at_once<I: AsyncWrite + Unpin>(io: &mut I, error: &ApiError) {
+    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
+    let _ = std::pin::Pin::new(io).poll_write(&mut context, &raw(error));
 }
 
 /// An answer without an HTTP library: status, code and words.
@@ -337,76 +242,17 @@ fn raw(error: &ApiError) -> Vec<u8> {
 }
 
 /// Ends our side and takes what is still coming, for a short time: closing at once would make the system throw away
-/// what the client has not read yet.
-async fn linger<I: AsyncRead + AsyncWrite + Unpin>(mut io: I) {
+/// what the client has not read yet. Of too many clients at a time not all are waited for.
+async fn linger<I: AsyncRead + AsyncWrite + Unpin>(door: &Door, mut io: I) {
     let (time, bytes) = LINGER;
-    // A client that is gone already, or goes on talking, is not our concern any more.
-    let _ = timeout(time, async {
-        io.shutdown().await?;
-        tokio::io::copy(&mut (&mut io).take(bytes), &mut tokio::io::sink()).await
-    })
-    .await;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const LIMITS: Limits = Limits {
-        connections: 3,
-        connections_of_peer: 2,
-        rate: 10,
-        burst: 5,
-    };
-
-    fn door() -> Arc<Door> {
-        Arc::new(Door {
-            limits: LIMITS,
-            token: None,
-            accounts: Mutex::default(),
-            recorder: None,
+    // Relaxed: one thread counts.
+    if door.lingering.fetch_add(1, Ordering::Relaxed) < LINGERING_MAX {
+        // A client that is gone already, or goes on talking, is not our concern any more.
+        let _ = timeout(time, async {
+            io.shutdown().await?;
+            tokio::io::copy(&mut (&mut io).take(bytes), &mut tokio::io::sink()).await
         })
+        .await;
     }
-
-    #[test]
-    fn a_peer_has_so_many_connections_and_others_still_have_theirs() {
-        let (door, now) = (door(), Instant::now());
-        let one = door.admit(Peer::Process(1), now);
-        let _two = door.admit(Peer::Process(1), now);
-        assert!(door.admit(Peer::Process(1), now).is_err());
-        let _other = door.admit(Peer::Process(2), now);
-        assert!(
-            door.admit(Peer::Process(3), now).is_err(),
-            "the door is full"
-        );
-        drop(one);
-        assert!(door.admit(Peer::Process(3), now).is_ok());
-    }
-
-    #[test]
-    fn a_peer_makes_so_many_requests_a_second_and_others_theirs() {
-        let (door, now) = (door(), Instant::now());
-        let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
-        let admitted = |now| (0..100).filter(|_| door.admit(peer, now).is_ok()).count();
-        assert_eq!(admitted(now), 5, "the burst");
-        assert_eq!(admitted(now + Duration::from_millis(200)), 2, "10 a second");
-        assert!(door.admit(Peer::Process(2), now).is_ok());
-        assert_eq!(
-            admitted(now + Duration::from_secs(3600)),
-            5,
-            "no more than the burst"
-        );
-    }
-
-    #[test]
-    fn peers_without_connections_are_forgotten() {
-        let (door, now) = (door(), Instant::now());
-        let _kept = door.admit(Peer::Process(-1), now);
-        for pid in 0..3000 {
-            drop(door.admit(Peer::Process(pid), now));
-        }
-        let accounts = door.accounts();
-        assert!(accounts.peers.len() <= PEERS_MAX && accounts.connections == 1);
-        assert!(accounts.peers.contains_key(&Peer::Process(-1)));
-    }
+    door.lingering.fetch_sub(1, Ordering::Relaxed);
 }

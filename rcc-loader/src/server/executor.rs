@@ -1,7 +1,7 @@
 //! The loader's link to the executor of its cell: found by its announcement, lost with its life, found again.
 //! Used by blocking threads of the server; it never waits for the real-time thread, only for the intake thread.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use rcc_core::helper::{HelperEntry, HelperTable};
@@ -10,6 +10,7 @@ use rcc_core::timing::Timing;
 use rcc_ipc::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
 use rcc_ipc::{Announcement, BoardReader, Cell, Client, Liveness, Role, Session, wire};
 
+use super::caller::Caller;
 use super::codes;
 use super::error::ApiError;
 
@@ -19,11 +20,52 @@ pub const EXECUTOR_LABEL: &str = "exec";
 /// How long the executor may take for an answer: it allocates arenas and plans paths meanwhile.
 const CALL_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// Calls that wait for each other, because they share a port to the executor. What takes long, or is asked often, never
+/// keeps a CANCEL or ABORT waiting: these have two ports of their own, so that one without an answer does not either.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lane {
+    Stops,
+    /// Plans are decoded, and nets made and rehearsed: up to seconds.
+    Loads,
+    /// As long as a net is made anew.
+    Changes,
+    /// A cycle or two.
+    Looks,
+}
+
+impl Lane {
+    fn of(call: &Call) -> Lane {
+        match call {
+            Call::Cancel { .. } | Call::Abort { .. } => Lane::Stops,
+            Call::Install { .. } => Lane::Loads,
+            Call::Start { .. }
+            | Call::Switch { .. }
+            | Call::Set { .. }
+            | Call::Unload { .. }
+            | Call::Reject { .. } => Lane::Changes,
+            Call::Reserve | Call::Read { .. } | Call::Record | Call::Acknowledge => Lane::Looks,
+        }
+    }
+
+    /// Its ports, as indices.
+    fn ports(self) -> std::ops::Range<usize> {
+        match self {
+            Lane::Stops => 0..2,
+            Lane::Loads => 2..3,
+            Lane::Changes => 3..4,
+            Lane::Looks => 4..PORTS,
+        }
+    }
+}
+
+/// Ports of a loader to the executor.
+const PORTS: usize = 5;
+
 /// One life of the executor, with what it offers.
 pub struct Attached {
     /// What it announced.
     pub announcement: Announcement,
-    client: Mutex<Client>,
+    clients: Vec<Mutex<Client>>,
     status: Mutex<BoardReader<CycleStatus>>,
     tables: Mutex<BoardReader<Tables>>,
     timing: Mutex<BoardReader<Timing>>,
@@ -73,7 +115,18 @@ impl Attached {
         self.announcement.liveness().is_dead()
     }
 
-    fn call(&self, cell: &str, call: &Call) -> Result<Answer, ApiError> {
+    /// A port of the lane, as soon as one is free.
+    fn port(&self, lane: Lane) -> Option<MutexGuard<'_, Client>> {
+        let ports = self.clients.get(lane.ports())?;
+        let free = ports.iter().find_map(|port| match port.try_lock() {
+            Ok(client) => Some(client),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        });
+        free.or_else(|| ports.last().map(locked))
+    }
+
+    fn call(&self, cell: &str, caller: &Caller, call: &Call) -> Result<Answer, ApiError> {
         let other_build = |error: &dyn std::fmt::Display| {
             ApiError::new(
                 codes::OTHER_BUILD,
@@ -82,9 +135,18 @@ impl Attached {
             )
         };
         let bytes = wire::encode(call).map_err(|error| other_build(&error))?;
-        let answer = locked(&self.client)
-            .call(&bytes, CALL_TIMEOUT)
+        let lane = Lane::of(call);
+        let client = self.port(lane).ok_or_else(|| ApiError::no_executor(cell))?;
+        // Asked when it is our turn: others may have taken all of the caller's time. An operation that ends a motion is
+        // carried out although nobody waits any more: whoever asked for it wanted the arm to stop.
+        let patience = match lane {
+            Lane::Stops => CALL_TIMEOUT,
+            _ => caller.patience(CALL_TIMEOUT)?,
+        };
+        let answer = client
+            .call(&bytes, patience)
             .map_err(|error| ApiError::of_call(cell, &error))?;
+        drop(client);
         wire::decode(&answer).map_err(|error| other_build(&error))
     }
 }
@@ -169,13 +231,21 @@ impl Executor {
         Ok((found, true))
     }
 
-    /// Asks the executor.
+    /// Asks the executor, whoever waits for it.
     ///
     /// # Errors
     /// It is not there, does not answer, or does not understand.
     pub fn call(&self, call: &Call) -> Result<Answer, ApiError> {
+        self.call_for(&Caller::default(), call)
+    }
+
+    /// Asks the executor while `caller` waits; to CANCEL and ABORT in any case.
+    ///
+    /// # Errors
+    /// As [`Executor::call`]; or nobody waits for it any more, and it was not asked.
+    pub fn call_for(&self, caller: &Caller, call: &Call) -> Result<Answer, ApiError> {
         let (attached, _) = self.attach()?;
-        attached.call(self.session.cell().name(), call)
+        attached.call(self.session.cell().name(), caller, call)
     }
 
     fn open(&self, announcement: Announcement) -> Result<Attached, ApiError> {
@@ -196,13 +266,15 @@ impl Executor {
                 "try again; if it stays so, restart the cell",
             )
         };
-        let client = self.session.client(service(CONTROL)?);
+        let control = service(CONTROL)?;
+        let clients = (0..PORTS).map(|_| self.session.client(control).map(Mutex::new));
+        let clients: Result<Vec<_>, _> = clients.collect();
         let status = self.session.open_board(service(STATUS)?);
         let tables = self.session.open_board(service(TABLES)?);
         let timing = self.session.open_board(service(TIMING)?);
         let helpers = self.session.open_board(service(HELPERS)?);
         Ok(Attached {
-            client: Mutex::new(client.map_err(|error| failed(&error))?),
+            clients: clients.map_err(|error| failed(&error))?,
             status: Mutex::new(status.map_err(|error| failed(&error))?),
             tables: Mutex::new(tables.map_err(|error| failed(&error))?),
             timing: Mutex::new(timing.map_err(|error| failed(&error))?),

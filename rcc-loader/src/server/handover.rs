@@ -5,6 +5,7 @@ use rcc_core::message::CommandState;
 use rcc_ipc::control::{Answer, Call, SWITCH_MAX};
 
 use super::api::{Done, Named, Switch, Switched};
+use super::caller::Caller;
 use super::codes;
 use super::error::ApiError;
 use super::executor::Attached;
@@ -16,7 +17,7 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor, a name means nothing, or the executor refuses: then nothing has changed.
-    pub fn switch(&self, switch: &Switch) -> Result<Switched, ApiError> {
+    pub fn switch(&self, caller: &Caller, switch: &Switch) -> Result<Switched, ApiError> {
         let (attached, store) = self.attach()?;
         if switch.stop.is_empty() && switch.start.is_empty() {
             return Err(ApiError::new(
@@ -44,13 +45,13 @@ impl Service {
                 .push_str("; nothing is stopped and nothing is started");
             error
         };
-        match self.executor.call(&call)? {
+        match self.executor.call_for(caller, &call)? {
             Answer::Done { cycle } => {
                 let done = |ids: &[u64]| {
                     ids.iter()
                         .map(|id| Done {
                             id: *id,
-                            net: store.read(*id).map(|file| file.net).unwrap_or_default(),
+                            net: self.net(&store, *id),
                             cycle,
                         })
                         .collect()
@@ -71,8 +72,8 @@ impl Service {
     ///
     /// # Errors
     /// As [`Service::switch`].
-    pub fn start_after(&self, switch: &Switch) -> Result<Done, ApiError> {
-        let mut switched = self.switch(switch)?;
+    pub fn start_after(&self, caller: &Caller, switch: &Switch) -> Result<Done, ApiError> {
+        let mut switched = self.switch(caller, switch)?;
         switched.started.pop().ok_or_else(unexpected)
     }
 

@@ -21,6 +21,8 @@ pub(super) struct Head {
     pub bytes: Vec<u8>,
     /// What follows `Bearer ` in `authorization`.
     pub bearer: Option<Vec<u8>>,
+    /// It is a CANCEL or an ABORT.
+    pub is_stop: bool,
 }
 
 /// Reads a head; nothing when the client closed before it sent anything.
@@ -36,8 +38,12 @@ pub(super) async fn read(io: &mut (impl AsyncRead + Unpin)) -> Result<Option<Hea
             Ok(_) => {}
         }
         let looked_at = before < BEGINNING || bytes[before..].contains(&b'\n');
-        if looked_at && let Some(bearer) = parse(&bytes)? {
-            return Ok(Some(Head { bytes, bearer }));
+        if looked_at && let Some((bearer, is_stop)) = parse(&bytes)? {
+            return Ok(Some(Head {
+                bytes,
+                bearer,
+                is_stop,
+            }));
         }
         if bytes.len() > HEAD_MAX {
             return Err(too_large(format!("more than {HEAD_MAX} bytes")));
@@ -45,8 +51,9 @@ pub(super) async fn read(io: &mut (impl AsyncRead + Unpin)) -> Result<Option<Hea
     }
 }
 
-/// The token of a whole head, if it has one; nothing while it is not whole.
-fn parse(bytes: &[u8]) -> Result<Option<Option<Vec<u8>>>, ApiError> {
+/// The token of a whole head, if it has one, and whether it is a CANCEL or an ABORT; nothing while it is not whole.
+#[allow(clippy::type_complexity)] // Two facts of one head, used once.
+fn parse(bytes: &[u8]) -> Result<Option<(Option<Vec<u8>>, bool)>, ApiError> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS_MAX];
     let mut request = httparse::Request::new(&mut headers);
     match request.parse(bytes) {
@@ -58,7 +65,8 @@ fn parse(bytes: &[u8]) -> Result<Option<Option<Vec<u8>>>, ApiError> {
                 headers.filter(|header| header.name.eq_ignore_ascii_case("authorization"));
             let value = named.next().map(|header| header.value);
             let bearer = value.and_then(|value| value.strip_prefix(b"Bearer "));
-            Ok(Some(bearer.map(<[u8]>::to_vec)))
+            let is_stop = request.method == Some("POST") && request.path.is_some_and(is_stop);
+            Ok(Some((bearer.map(<[u8]>::to_vec), is_stop)))
         }
         Err(httparse::Error::TooManyHeaders) => {
             Err(too_large(format!("more than {HEADERS_MAX} lines")))
@@ -104,6 +112,16 @@ fn check(request: &httparse::Request<'_, '_>) -> Result<(), ApiError> {
         return Err(malformed(why));
     }
     Ok(())
+}
+
+/// True for the paths of CANCEL and ABORT.
+#[must_use]
+pub fn is_stop(path: &str) -> bool {
+    let path = path.split('?').next().unwrap_or_default();
+    let name = path
+        .strip_prefix("/commands/")
+        .and_then(|rest| rest.split_once('/'));
+    name.is_some_and(|(_, what)| matches!(what, "cancel" | "abort"))
 }
 
 fn malformed(why: impl std::fmt::Display) -> ApiError {
@@ -178,7 +196,7 @@ impl<I: AsyncWrite + Unpin> AsyncWrite for Rewound<I> {
 mod tests {
     use super::*;
 
-    fn code(result: Result<Option<Option<Vec<u8>>>, ApiError>) -> Option<&'static str> {
+    fn code<T>(result: Result<T, ApiError>) -> Option<&'static str> {
         result.err().map(|error| error.code.code)
     }
 
@@ -188,11 +206,21 @@ mod tests {
         for end in 0..text.len() {
             assert_eq!(parse(&text[..end]), Ok(None), "{end}");
         }
-        assert_eq!(parse(text), Ok(Some(Some(b"abc".to_vec()))));
+        assert_eq!(parse(text), Ok(Some((Some(b"abc".to_vec()), false))));
         assert_eq!(
             parse(b"GET / HTTP/1.1\r\nauthorization: Basic abc\r\n\r\n"),
-            Ok(Some(None))
+            Ok(Some((None, false)))
         );
+        for (line, stops) in [
+            ("POST /commands/line%237/cancel", true),
+            ("POST /commands/7/abort?x", true),
+            ("GET /commands/7/abort", false),
+            ("POST /commands/7/start", false),
+            ("POST /commands/a/b/cancel", false),
+        ] {
+            let head = format!("{line} HTTP/1.1\r\n\r\n");
+            assert_eq!(parse(head.as_bytes()), Ok(Some((None, stops))), "{line}");
+        }
     }
 
     #[test]
@@ -221,7 +249,7 @@ mod tests {
             "Transfer-Encoding: Chunked",
         ] {
             let text = format!("POST /commands HTTP/1.1\r\n{lines}\r\n\r\n");
-            assert_eq!(parse(text.as_bytes()), Ok(Some(None)), "{lines}");
+            assert_eq!(parse(text.as_bytes()), Ok(Some((None, false))), "{lines}");
         }
     }
 

@@ -1,18 +1,19 @@
 //! The addresses of the REST interface (paper, section IV-B) and their OpenAPI document.
 //! Run by the one thread that serves connections; everything that may block goes to blocking threads.
 
-use std::sync::Arc;
-use std::time::Duration;
+use std::io;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
-use axum::http::{StatusCode, header};
+use axum::extract::{DefaultBodyLimit, Extension, MatchedPath, Path, Query, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Json, Router};
 use rcc_core::printable::Printable;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use tokio::sync::Semaphore;
 use utoipa::OpenApi;
 
@@ -21,33 +22,38 @@ use super::api::{
     Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
     Loaded, PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView,
 };
+use super::bodies::{self, ANSWERS_MAX, Held, TEXTS_MAX};
+use super::caller::{Caller, TIMEOUT_HEADER};
 use super::catalogue;
 use super::codes;
 use super::error::ApiError;
+use super::lane::Lane;
 use super::service::{Operation, Service};
 
-/// Longest text of a net, bytes.
-pub const TEXT_MAX: usize = 4 << 20;
-/// Longest text of what is set, bytes.
-pub const SET_TEXT_MAX: usize = 64 << 10;
-/// Texts that are compiled at a time; further ones wait.
-const COMPILING_MAX: usize = 2;
+/// Texts longer than this are compiled one after the other, because each takes a hundred times its memory meanwhile; shorter
+/// ones do not wait for them.
+const LONG_TEXT: usize = 256 << 10;
 /// Texts that are compiled or wait for it; further ones are refused.
 pub const LOADING_MAX: usize = 32;
-/// Requests that are answered at a time; further ones are refused.
+/// Requests that are answered at a time; further ones are refused. CANCEL and ABORT are not counted.
 pub const REQUESTS_MAX: usize = 64;
-/// So long a body may take to come.
-pub const BODY_TIME: Duration = Duration::from_secs(5);
-/// So long a request may take from then on.
+/// Requests of them that read the files of commands at a time; further ones wait.
+pub const READING_MAX: usize = 2;
+/// So long a request may take after its body has come.
 pub const REQUEST_TIME: Duration = Duration::from_secs(10);
 
 /// What all requests share.
 #[derive(Clone)]
 struct Shared {
     service: Arc<Service>,
+    stops: Lane,
     requests: Arc<Semaphore>,
     loading: Arc<Semaphore>,
     compiling: Arc<Semaphore>,
+    compiling_long: Arc<Semaphore>,
+    reading: Arc<Semaphore>,
+    texts: Arc<Semaphore>,
+    answers: Arc<Semaphore>,
 }
 
 #[derive(OpenApi)]
@@ -88,14 +94,27 @@ pub fn document() -> Result<String, serde_json::Error> {
     Document::openapi().to_pretty_json()
 }
 
-/// All addresses.
-pub fn router(service: Arc<Service>) -> Router {
+/// All addresses. Makes the threads of CANCEL and ABORT.
+///
+/// # Errors
+/// The system gives no thread.
+pub fn router(service: Arc<Service>) -> io::Result<Router> {
+    let places = |count| Arc::new(Semaphore::new(count));
     let shared = Shared {
         service,
-        requests: Arc::new(Semaphore::new(REQUESTS_MAX)),
-        loading: Arc::new(Semaphore::new(LOADING_MAX)),
-        compiling: Arc::new(Semaphore::new(COMPILING_MAX)),
+        stops: Lane::start()?,
+        requests: places(REQUESTS_MAX),
+        loading: places(LOADING_MAX),
+        compiling: places(1),
+        compiling_long: places(1),
+        reading: places(READING_MAX),
+        texts: places(TEXTS_MAX),
+        answers: places(ANSWERS_MAX),
     };
+    Ok(routes(shared))
+}
+
+fn routes(shared: Shared) -> Router {
     Router::new()
         .route("/commands", post(load).get(list))
         .route("/commands/{name}", get(detail).delete(unload))
@@ -123,16 +142,32 @@ pub fn router(service: Arc<Service>) -> Router {
 }
 
 /// Bounds the number of requests, the size of each, and the time it takes to come and to be answered.
-async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+async fn limited(State(shared): State<Shared>, mut request: Request, next: Next) -> Response {
+    let route = request.extensions().get::<MatchedPath>();
+    let route = route.map_or_else(String::new, |route| route.as_str().to_owned());
+    let Some(most) = bodies::body_max(request.method(), &route) else {
+        return in_time(next.run(request)).await;
+    };
+    let caller = match caller(request.headers()) {
+        Ok(caller) => caller,
+        Err(error) => return error.into_response(),
+    };
+    // As long as the client's connection is open, this future lives.
+    let _presence = caller.presence();
+    request.extensions_mut().insert(caller);
     // First the body: whoever sends slowly holds nothing that others need.
-    let request = match whole(request).await {
+    let request = match whole(request, most, &shared).await {
         Ok(request) => request,
         Err(error) => return error.into_response(),
     };
     let Ok(_place) = shared.requests.try_acquire() else {
         return too_many(REQUESTS_MAX).into_response();
     };
-    match tokio::time::timeout(REQUEST_TIME, next.run(request)).await {
+    in_time(next.run(request)).await
+}
+
+async fn in_time(answer: impl Future<Output = Response>) -> Response {
+    match tokio::time::timeout(REQUEST_TIME, answer).await {
         Ok(response) if response.status().is_client_error() && !is_json(&response) => {
             let message = "the address or its query is not understood";
             ApiError::new(
@@ -157,29 +192,31 @@ async fn limited(State(shared): State<Shared>, request: Request, next: Next) -> 
     }
 }
 
+/// How long the client says that it waits.
+fn caller(head: &HeaderMap) -> Result<Caller, ApiError> {
+    let Some(given) = head.get(TIMEOUT_HEADER) else {
+        return Ok(Caller::default());
+    };
+    let time = given.to_str().ok().and_then(|text| text.parse().ok());
+    let time = time.map(Duration::from_millis).ok_or_else(|| {
+        ApiError::new(
+            codes::BAD_REQUEST,
+            format!("`{TIMEOUT_HEADER}` has no number of milliseconds"),
+            format!("send `{TIMEOUT_HEADER}: 2000`, or leave it out"),
+        )
+    })?;
+    Ok(Caller::until(Instant::now().checked_add(time)))
+}
+
 /// The request with all of its body in memory.
-async fn whole(request: Request) -> Result<Request, ApiError> {
-    let (parts, body) = request.into_parts();
-    let read = axum::body::to_bytes(body, TEXT_MAX);
-    match tokio::time::timeout(BODY_TIME, read).await {
-        Ok(Ok(bytes)) => Ok(Request::from_parts(parts, bytes.into())),
-        Ok(Err(error)) => {
-            let too_large = std::error::Error::source(&error)
-                .is_some_and(|source| source.is::<http_body_util::LengthLimitError>());
-            Err(if too_large {
-                let message = format!("a text has at most {TEXT_MAX} bytes");
-                ApiError::new(codes::TOO_LARGE, message, "divide the net into several")
-            } else {
-                let message = format!("the body is not whole: {error}");
-                ApiError::new(codes::BAD_REQUEST, message, "send all of it")
-            })
-        }
-        Err(_) => Err(ApiError::new(
-            codes::TOO_SLOW,
-            format!("the body took longer than {BODY_TIME:?}"),
-            "send the whole request at once",
-        )),
+async fn whole(request: Request, most: usize, shared: &Shared) -> Result<Request, ApiError> {
+    if most == 0 {
+        return bodies::none(&request).map(|()| request);
     }
+    let (mut parts, body) = request.into_parts();
+    let (bytes, held) = bodies::take(body, most, &shared.texts).await?;
+    parts.extensions.insert(held);
+    Ok(Request::from_parts(parts, bytes.into()))
 }
 
 /// Errors of ours are JSON; those that the extractors make by themselves are not.
@@ -212,6 +249,47 @@ async fn blocking<T: Send + 'static>(
         })
 }
 
+/// As [`blocking`], with the result as JSON, which is written there, too.
+async fn answering<T: Serialize>(
+    shared: Shared,
+    what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
+) -> Result<Response, ApiError> {
+    let answers = Arc::clone(&shared.answers);
+    let bytes = blocking(shared, |service| written(&what(service)?)).await?;
+    bodies::answer(bytes, &answers)
+}
+
+/// As [`answering`], for what reads the files of commands.
+async fn reading<T: Serialize>(
+    shared: Shared,
+    what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
+) -> Result<Response, ApiError> {
+    let places = Arc::clone(&shared.reading);
+    // The semaphores are never closed.
+    let place = places.acquire_owned().await.ok();
+    answering(shared, move |service| {
+        // Given back when the files are read and the answer is written, also if nobody waits for it any more.
+        let _place = place;
+        what(service)
+    })
+    .await
+}
+
+fn written<T: Serialize>(value: &T) -> Result<Vec<u8>, ApiError> {
+    serde_json::to_vec(value)
+        .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))
+}
+
+fn text_of(body: Bytes, what: &str) -> Result<String, ApiError> {
+    String::from_utf8(body.into()).map_err(|_| {
+        ApiError::new(
+            codes::BAD_REQUEST,
+            format!("{what} not UTF-8"),
+            "send YAML or JSON as UTF-8",
+        )
+    })
+}
+
 #[derive(Deserialize)]
 struct LoadQuery {
     /// How diagnostics name the text.
@@ -227,30 +305,32 @@ struct LoadQuery {
 async fn load(
     State(shared): State<Shared>,
     Query(query): Query<LoadQuery>,
+    Extension(caller): Extension<Caller>,
+    Extension(held): Extension<Held>,
     body: Bytes,
 ) -> Result<Response, ApiError> {
-    let text = String::from_utf8(body.to_vec()).map_err(|_| {
-        ApiError::new(
-            codes::BAD_REQUEST,
-            "the text is not UTF-8",
-            "send YAML or JSON as UTF-8",
-        )
-    })?;
     let place = Arc::clone(&shared.loading)
         .try_acquire_owned()
         .map_err(|_| too_many(LOADING_MAX))?;
-    let id = blocking(shared.clone(), move |service| service.reserve(&text)).await?;
+    let turns = Arc::clone(match body.len() > LONG_TEXT {
+        true => &shared.compiling_long,
+        false => &shared.compiling,
+    });
+    let id = blocking(shared.clone(), move |service| {
+        service.reserve(&caller, text_of(body, "the text is")?)
+    })
+    .await?;
     // It goes into every drawing of a fault.
     let file = Printable(query.file.as_deref().unwrap_or("net")).to_string();
     tokio::spawn(async move {
         // The semaphores are never closed.
-        let _turn = shared.compiling.acquire().await;
+        let _turn = turns.acquire().await;
         let service = Arc::clone(&shared.service);
         let compiled = tokio::task::spawn_blocking(move || service.install(id, &file));
         if let Err(error) = compiled.await {
             tracing::error!(id, %error, "a load panicked");
         }
-        drop(place);
+        drop((place, held));
     });
     let state = "loading".to_owned();
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
@@ -259,26 +339,42 @@ async fn load(
 /// All commands, by id.
 #[utoipa::path(get, path = "/commands",
     responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
-async fn list(State(shared): State<Shared>) -> Result<Json<Vec<CommandView>>, ApiError> {
-    blocking(shared, Service::list).await.map(Json)
+async fn list(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    answering(shared, Service::list).await
+}
+
+#[derive(Deserialize)]
+struct DetailQuery {
+    /// Without text and names.
+    #[serde(default)]
+    brief: bool,
 }
 
 /// STATE: one command, by id or by the net's name (then the newest of that name).
-#[utoipa::path(get, path = "/commands/{name}", params(("name" = String, Path, description = "id or name")),
+#[utoipa::path(get, path = "/commands/{name}",
+    params(("name" = String, Path, description = "id or name"),
+        ("brief" = Option<bool>, Query, description = "without `text` and `names`, which are long")),
     responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody)))]
 async fn detail(
     State(shared): State<Shared>,
     Path(name): Path<String>,
-) -> Result<Json<CommandDetail>, ApiError> {
-    blocking(shared, move |service| service.detail(&name))
-        .await
-        .map(Json)
+    Query(DetailQuery { brief }): Query<DetailQuery>,
+) -> Result<Response, ApiError> {
+    match brief {
+        true => answering(shared, move |service| service.detail(&name, false)).await,
+        false => reading(shared, move |service| service.detail(&name, true)).await,
+    }
 }
 
-async fn operate(shared: Shared, name: String, what: Operation) -> Result<Json<Done>, ApiError> {
-    blocking(shared, move |service| service.operate(&name, what))
+/// CANCEL and ABORT are carried out also when their client is gone: whoever sent them wanted the arm to stop.
+async fn stop(shared: Shared, name: String, what: Operation) -> Result<Response, ApiError> {
+    let service = shared.service;
+    let stopped = move || service.operate(&Caller::default(), &name, what);
+    shared
+        .stops
+        .run(stopped)
         .await
-        .map(Json)
+        .map(|done| Json(done).into_response())
 }
 
 /// START: evaluated from the next cycle on. With `after_stopping` those commands end between the same two cycles, and
@@ -290,22 +386,24 @@ async fn operate(shared: Shared, name: String, what: Operation) -> Result<Json<D
 async fn start(
     State(shared): State<Shared>,
     Path(name): Path<String>,
+    Extension(caller): Extension<Caller>,
     body: Bytes,
-) -> Result<Json<Done>, ApiError> {
-    let api::Start { after_stopping } = match body.is_empty() {
-        true => api::Start::default(),
-        false => json(&body)?,
-    };
-    if after_stopping.is_empty() {
-        return operate(shared, name, Operation::Start).await;
-    }
-    let switch = api::Switch {
-        stop: after_stopping,
-        start: vec![api::Named::Name(name)],
-    };
-    blocking(shared, move |service| service.start_after(&switch))
-        .await
-        .map(Json)
+) -> Result<Response, ApiError> {
+    answering(shared, move |service| {
+        let api::Start { after_stopping } = match body.is_empty() {
+            true => api::Start::default(),
+            false => json(&body)?,
+        };
+        if after_stopping.is_empty() {
+            return service.operate(&caller, &name, Operation::Start);
+        }
+        let switch = api::Switch {
+            stop: after_stopping,
+            start: vec![api::Named::Name(name)],
+        };
+        service.start_after(&caller, &switch)
+    })
+    .await
 }
 
 /// Hand-over: some commands end and others begin between the same two cycles, or nothing changes. An arm goes on without
@@ -313,11 +411,15 @@ async fn start(
 #[utoipa::path(post, path = "/switch", request_body(content = api::Switch),
     responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
-async fn switch(State(shared): State<Shared>, body: Bytes) -> Result<Json<Switched>, ApiError> {
-    let switch: api::Switch = json(&body)?;
-    blocking(shared, move |service| service.switch(&switch))
-        .await
-        .map(Json)
+async fn switch(
+    State(shared): State<Shared>,
+    Extension(caller): Extension<Caller>,
+    body: Bytes,
+) -> Result<Response, ApiError> {
+    answering(shared, move |service| {
+        service.switch(&caller, &json(&body)?)
+    })
+    .await
 }
 
 /// Sets inputs of a ready or active net: a mapping from their names to constants of the language, YAML or JSON; null
@@ -330,26 +432,13 @@ async fn switch(State(shared): State<Shared>, body: Bytes) -> Result<Json<Switch
 async fn set(
     State(shared): State<Shared>,
     Path(name): Path<String>,
+    Extension(caller): Extension<Caller>,
     body: Bytes,
-) -> Result<Json<InputsSet>, ApiError> {
-    let text = String::from_utf8(body.to_vec()).map_err(|_| {
-        ApiError::new(
-            codes::BAD_REQUEST,
-            "the values are not UTF-8",
-            "send YAML or JSON as UTF-8",
-        )
-    })?;
-    if text.len() > SET_TEXT_MAX {
-        let message = format!("what is set at a time has at most {SET_TEXT_MAX} bytes");
-        return Err(ApiError::new(
-            codes::TOO_LARGE,
-            message,
-            "set it in several requests",
-        ));
-    }
-    blocking(shared, move |service| service.set(&name, &text))
-        .await
-        .map(Json)
+) -> Result<Response, ApiError> {
+    answering(shared, move |service| {
+        service.set(&caller, &name, &text_of(body, "the values are")?)
+    })
+    .await
 }
 
 #[derive(Deserialize)]
@@ -377,12 +466,12 @@ async fn values(
     State(shared): State<Shared>,
     Path(name): Path<String>,
     Query(query): Query<ValuesQuery>,
-) -> Result<Json<ValuesView>, ApiError> {
-    blocking(shared, move |service| {
-        service.values(&name, &query.patterns())
+    Extension(caller): Extension<Caller>,
+) -> Result<Response, ApiError> {
+    reading(shared, move |service| {
+        service.values(&caller, &name, &query.patterns())
     })
     .await
-    .map(Json)
 }
 
 /// A body of JSON.
@@ -402,8 +491,8 @@ fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
 async fn cancel(
     State(shared): State<Shared>,
     Path(name): Path<String>,
-) -> Result<Json<Done>, ApiError> {
-    operate(shared, name, Operation::Cancel).await
+) -> Result<Response, ApiError> {
+    stop(shared, name, Operation::Cancel).await
 }
 
 /// ABORT: the devices get no command any more, and their drivers bring them to rest.
@@ -412,8 +501,8 @@ async fn cancel(
 async fn abort(
     State(shared): State<Shared>,
     Path(name): Path<String>,
-) -> Result<Json<Done>, ApiError> {
-    operate(shared, name, Operation::Abort).await
+) -> Result<Response, ApiError> {
+    stop(shared, name, Operation::Abort).await
 }
 
 /// UNLOAD: forgets a command that is not active.
@@ -422,68 +511,99 @@ async fn abort(
 async fn unload(
     State(shared): State<Shared>,
     Path(name): Path<String>,
-) -> Result<Json<Done>, ApiError> {
-    operate(shared, name, Operation::Unload).await
+    Extension(caller): Extension<Caller>,
+) -> Result<Response, ApiError> {
+    answering(shared, move |service| {
+        service.operate(&caller, &name, Operation::Unload)
+    })
+    .await
 }
 
 /// Has the flight recorder write its last seconds to a file.
 #[utoipa::path(post, path = "/incidents",
     responses((status = 200, body = Frozen), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
-async fn incident(State(shared): State<Shared>) -> Result<Json<Frozen>, ApiError> {
-    blocking(shared, Service::freeze).await.map(Json)
+async fn incident(
+    State(shared): State<Shared>,
+    Extension(caller): Extension<Caller>,
+) -> Result<Response, ApiError> {
+    answering(shared, move |service| service.freeze(&caller)).await
 }
 
 /// The devices, in the order of the cell's configuration.
 #[utoipa::path(get, path = "/devices",
     responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
-async fn devices(State(shared): State<Shared>) -> Result<Json<Vec<DeviceView>>, ApiError> {
-    blocking(shared, Service::devices).await.map(Json)
+async fn devices(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    answering(shared, Service::devices).await
 }
 
 /// Every primitive with its ports and parameters.
 #[utoipa::path(get, path = "/primitives", responses((status = 200, body = Vec<PrimitiveView>)))]
-async fn primitives() -> Json<Vec<PrimitiveView>> {
-    Json(catalogue::primitives())
+async fn primitives(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    static WRITTEN: OnceLock<Bytes> = OnceLock::new();
+    constant(shared, &WRITTEN, |_| written(&catalogue::primitives())).await
+}
+
+/// An answer that is always the same for this process: made once, by a blocking thread.
+async fn constant(
+    shared: Shared,
+    kept: &'static OnceLock<Bytes>,
+    make: impl FnOnce(&Service) -> Result<Vec<u8>, ApiError> + Send + 'static,
+) -> Result<Response, ApiError> {
+    let bytes = match kept.get() {
+        Some(bytes) => bytes.clone(),
+        None => {
+            let made = blocking(shared, make).await?;
+            kept.get_or_init(|| made.into()).clone()
+        }
+    };
+    Ok(([(header::CONTENT_TYPE, "application/json")], bytes).into_response())
 }
 
 /// The JSON Schema of nets, with the names of this cell's devices and channels.
 #[utoipa::path(get, path = "/schema", responses((status = 200, body = serde_json::Value)))]
-async fn schema(State(shared): State<Shared>) -> Json<serde_json::Value> {
-    Json(shared.service.schema())
+async fn schema(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    answering(shared, |service| Ok(service.schema())).await
 }
 
 /// The executor's health and the processes of the cell.
 #[utoipa::path(get, path = "/status",
     responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
-async fn status(State(shared): State<Shared>) -> Result<Json<StatusView>, ApiError> {
-    blocking(shared, Service::status).await.map(Json)
+async fn status(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    answering(shared, Service::status).await
 }
 
 /// Late cycles are acknowledged: what is latched, worst values and histograms begin anew.
 #[utoipa::path(post, path = "/status/acknowledge",
     responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody)))]
-async fn acknowledge(State(shared): State<Shared>) -> Result<Json<Acknowledged>, ApiError> {
-    blocking(shared, Service::acknowledge).await.map(Json)
+async fn acknowledge(
+    State(shared): State<Shared>,
+    Extension(caller): Extension<Caller>,
+) -> Result<Response, ApiError> {
+    answering(shared, move |service| service.acknowledge(&caller)).await
 }
 
 /// Values that go from net to net: who publishes what, and who subscribes to it.
 #[utoipa::path(get, path = "/topics",
     responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
-async fn topics(State(shared): State<Shared>) -> Result<Json<Vec<TopicView>>, ApiError> {
-    blocking(shared, Service::topics).await.map(Json)
+async fn topics(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    answering(shared, Service::topics).await
 }
 
 /// Histograms of the cycle, and what primitives cost.
 #[utoipa::path(get, path = "/timing",
     responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
-async fn timing(State(shared): State<Shared>) -> Result<Json<TimingView>, ApiError> {
-    blocking(shared, Service::timing).await.map(Json)
+async fn timing(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    answering(shared, Service::timing).await
 }
 
-async fn openapi() -> Result<Response, ApiError> {
-    let text = document()
-        .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))?;
-    Ok(([("content-type", "application/json")], text).into_response())
+async fn openapi(State(shared): State<Shared>) -> Result<Response, ApiError> {
+    static WRITTEN: OnceLock<Bytes> = OnceLock::new();
+    constant(shared, &WRITTEN, |_| {
+        let text = document();
+        text.map(String::into_bytes)
+            .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))
+    })
+    .await
 }
 
 async fn no_route() -> ApiError {

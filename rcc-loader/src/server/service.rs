@@ -11,16 +11,20 @@ use rcc_ipc::control::{Answer, Call, Recorded};
 use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::{Announcement, Configuration};
 use rcc_language::devices::DeviceTable;
+use rcc_language::names::Names;
 use rcc_process::Helpers;
+use serde::Serialize;
 
 use super::address::{self, Address};
-use super::api::{CommandDetail, CommandView, Done, Finding, Frozen};
+use super::api::{CommandView, Done, Finding, Frozen};
+use super::caller::Caller;
 use super::codes;
 use super::compile::{self, Compiled};
 use super::configuration::Files;
 use super::error::ApiError;
 use super::executor::{Attached, Executor};
-use super::store::{CommandFile, Store};
+use super::index::Entry;
+use super::store::{CommandFile, Store, StoreError};
 use super::words::{self, Namer};
 
 /// How long a recording may take until it is in a file.
@@ -40,12 +44,33 @@ pub struct Service {
     pub(super) naming: Mutex<Arc<CellConfig>>,
     pub(super) files: Mutex<Files>,
     /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
-    loading: Mutex<BTreeMap<u64, CommandFile>>,
+    loading: Mutex<BTreeMap<u64, Loading>>,
     recorder: Option<Recorder>,
     /// The helper threads of this process, for whoever asks how it does.
     pub(super) helpers: Helpers,
     /// Process and incarnation of the executor that the event log was told of.
     told: Mutex<Option<(u32, u64)>>,
+    /// The commands of the executor of that incarnation.
+    store: Mutex<Option<(u64, Arc<Store>)>>,
+}
+
+/// A text on its way to become a command.
+struct Loading {
+    entry: Arc<Entry>,
+    /// Taken by whoever compiles it.
+    text: String,
+}
+
+/// A command with what only its file holds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Detail {
+    /// The command.
+    #[serde(flatten)]
+    pub command: CommandView,
+    /// The text that was loaded.
+    pub text: String,
+    /// Where every port and monitor lies in the plan.
+    pub names: Option<Names>,
 }
 
 /// An operation on a command that exists.
@@ -96,6 +121,7 @@ impl Service {
             recorder: None,
             helpers: Helpers::default(),
             told: Mutex::new(None),
+            store: Mutex::new(None),
         }
     }
 
@@ -147,15 +173,15 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor.
-    pub fn attach(&self) -> Result<(Arc<Attached>, Store), ApiError> {
+    pub fn attach(&self) -> Result<(Arc<Attached>, Arc<Store>), ApiError> {
         let attached = self.executor.attach();
         let found = attached.as_ref().ok().map(|(attached, _)| {
             let announced = &attached.announcement;
             (announced.pid, announced.incarnation)
         });
         self.tell_executor(found);
-        let (attached, new) = attached?;
-        let store = Store::of(self.executor.cell(), attached.announcement.incarnation);
+        let (attached, _) = attached?;
+        let (store, new) = self.store(attached.announcement.incarnation);
         if new {
             tracing::info!(pid = attached.announcement.pid, "the executor is attached");
             self.meet(&attached.announcement);
@@ -163,6 +189,20 @@ impl Service {
             self.reject_orphans(&attached, &store);
         }
         Ok((attached, store))
+    }
+
+    /// The commands of an executor, and whether they were only now read from their files.
+    fn store(&self, incarnation: u64) -> (Arc<Store>, bool) {
+        // A panic leaves it whole: it is one value. Others wait for the one that reads: without names they can do nothing.
+        let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
+        match store.as_ref().filter(|(known, _)| *known == incarnation) {
+            Some((_, store)) => (Arc::clone(store), false),
+            None => {
+                let found = Arc::new(Store::open(self.executor.cell(), incarnation));
+                *store = Some((incarnation, Arc::clone(&found)));
+                (found, true)
+            }
+        }
     }
 
     /// What is due from time to time: attaching, and forgetting what was unloaded.
@@ -188,6 +228,7 @@ impl Service {
             let mut file = store.read(row.id).unwrap_or_default();
             file.id = row.id;
             file.diagnostics.push(lost.finding());
+            file.cut();
             if let Err(error) = store.write(&file) {
                 tracing::warn!(%error, "a rejected command has no file");
             }
@@ -201,20 +242,21 @@ impl Service {
     /// LOAD, first half: gives the text an id. The second half is [`Service::install`].
     ///
     /// # Errors
-    /// No executor, or no row left in its table.
-    pub fn reserve(&self, text: &str) -> Result<u64, ApiError> {
-        let (attached, _) = self.attach()?;
+    /// No executor, no row left in its table, or no room for what belongs to a command.
+    pub fn reserve(&self, caller: &Caller, text: String) -> Result<u64, ApiError> {
+        let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
-        match self.executor.call(&Call::Reserve)? {
+        store
+            .has_room(text.len() as u64)
+            .map_err(|error| not_stored(&error))?;
+        match self.executor.call_for(caller, &Call::Reserve)? {
             Answer::Reserved { id } => {
-                let file = CommandFile {
-                    id,
-                    net: compile::name_of(text),
-                    text: text.to_owned(),
+                let entry = Arc::new(Entry {
+                    net: compile::name_of(&text),
                     loaded_at: seconds_now(),
-                    ..CommandFile::default()
-                };
-                self.loading().insert(id, file);
+                    ..Entry::default()
+                });
+                self.loading().insert(id, Loading { entry, text });
                 Ok(id)
             }
             Answer::Refused(refusal) => {
@@ -227,7 +269,16 @@ impl Service {
     /// LOAD, second half: compiles, writes the names, hands the plan over. The command becomes ready or rejected;
     /// what was wrong is in its file.
     pub fn install(&self, id: u64, file_name: &str) {
-        let file = self.loading().get(&id).cloned().unwrap_or_default();
+        let file = match self.loading().get_mut(&id) {
+            Some(loading) => CommandFile {
+                id,
+                net: loading.entry.net.clone(),
+                text: std::mem::take(&mut loading.text),
+                loaded_at: loading.entry.loaded_at,
+                ..CommandFile::default()
+            },
+            None => CommandFile::default(),
+        };
         if let Err(error) = self.try_install(id, file, file_name) {
             tracing::warn!(
                 id,
@@ -241,7 +292,10 @@ impl Service {
     }
 
     fn record_rejected(&self, id: u64, first: &Finding, count: usize) {
-        let net = self.loading().get(&id).map(|file| file.net.clone());
+        let net = self
+            .loading()
+            .get(&id)
+            .map(|loading| loading.entry.net.clone());
         let told = *self.told.lock().unwrap_or_else(PoisonError::into_inner);
         self.record(Kind::Rejected {
             command: id,
@@ -256,15 +310,7 @@ impl Service {
     fn try_install(&self, id: u64, mut file: CommandFile, name: &str) -> Result<(), ApiError> {
         let (attached, store) = self.attach()?;
         self.require_agreement(&attached)?;
-        let stored = |file: &CommandFile| {
-            store.write(file).map_err(|error| {
-                ApiError::new(
-                    codes::NOT_STORED,
-                    error.to_string(),
-                    "make room there, or set RCC_RUNTIME_DIR to another folder",
-                )
-            })
-        };
+        let stored = |file: &CommandFile| store.write(file).map_err(|error| not_stored(&error));
         let Compiled {
             net,
             description,
@@ -283,9 +329,11 @@ impl Service {
                     self.record_rejected(id, first, errors.count());
                 }
                 file.diagnostics = diagnostics;
-                stored(&file)?;
+                file.cut();
+                // Without a file they are in memory, and it is rejected all the same.
+                let kept = stored(&file);
                 self.executor.call(&Call::Reject { id })?;
-                return Ok(());
+                return kept;
             }
         };
         file.uses = self.with_namer(None, |namer| {
@@ -293,7 +341,7 @@ impl Service {
             uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
                 .collect()
         });
-        (file.net, file.description, file.names) = (net, description, names);
+        (file.net, file.description, file.names) = (net, description, Some(names));
         (file.diagnostics, file.primitives) = (warnings, primitives);
         self.record(Kind::Loaded {
             command: id,
@@ -328,6 +376,7 @@ impl Service {
         let finding = refused.finding();
         self.record_rejected(id, &finding, 1);
         file.diagnostics.push(finding);
+        file.cut();
         stored(&file)
     }
 
@@ -339,20 +388,24 @@ impl Service {
         let (attached, store) = self.attach()?;
         let mut rows = attached.tables().commands;
         rows.sort_by_key(|row| row.id);
-        Ok(rows.iter().map(|row| self.view(&store, row).0).collect())
+        Ok(rows.iter().map(|row| self.view(&store, row)).collect())
     }
 
-    /// One command, by id or by name (then the newest of that name).
+    /// One command, by id or by name (then the newest of that name); its text and its names only if they are asked for.
     ///
     /// # Errors
     /// There is no executor or no such command.
-    pub fn detail(&self, name: &str) -> Result<CommandDetail, ApiError> {
+    pub fn detail(&self, name: &str, in_full: bool) -> Result<Detail, ApiError> {
         let (attached, store) = self.attach()?;
         let id = self.resolve(&attached, &store, name, |_| true)?;
         let row = attached.tables().command(id).copied();
         let row = row.or_else(|| self.loading_row(id));
-        let (command, file) = self.view(&store, &row.ok_or_else(|| words::unknown(name))?);
-        Ok(CommandDetail {
+        let command = self.view(&store, &row.ok_or_else(|| words::unknown(name))?);
+        let file = in_full
+            .then(|| store.read(id))
+            .flatten()
+            .unwrap_or_default();
+        Ok(Detail {
             command,
             text: file.text,
             names: file.names,
@@ -363,14 +416,19 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor or no such command, or the executor refuses.
-    pub fn operate(&self, name: &str, operation: Operation) -> Result<Done, ApiError> {
+    pub fn operate(
+        &self,
+        caller: &Caller,
+        name: &str,
+        operation: Operation,
+    ) -> Result<Done, ApiError> {
         let (attached, store) = self.attach()?;
         if operation == Operation::Start {
             self.require_agreement(&attached)?;
         }
         let id = self.resolve(&attached, &store, name, |state| operation.suits(state))?;
-        let net = store.read(id).map(|file| file.net).unwrap_or_default();
-        match self.executor.call(&operation.call(id))? {
+        let net = self.net(&store, id);
+        match self.executor.call_for(caller, &operation.call(id))? {
             Answer::Done { cycle } | Answer::Rehearsed { cycle, .. } => {
                 if operation == Operation::Unload {
                     store.remove(id);
@@ -388,10 +446,10 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor, it records nothing, or the file is not written.
-    pub fn freeze(&self) -> Result<Frozen, ApiError> {
+    pub fn freeze(&self, caller: &Caller) -> Result<Frozen, ApiError> {
         let (attached, _) = self.attach()?;
         let incarnation = attached.announcement.incarnation;
-        let cycle = match self.executor.call(&Call::Record)? {
+        let cycle = match self.executor.call_for(caller, &Call::Record)? {
             Answer::Done { cycle } => cycle,
             Answer::Refused(refusal) => {
                 return Err(self.with_namer(None, |namer| namer.refusal(0, refusal)));
@@ -442,8 +500,8 @@ impl Service {
         let name = match Address::read(name) {
             Some(Address::Id(id)) => return Ok(id),
             Some(Address::Both(net, id)) => {
-                let is = self.file(store, id).map(|file| file.net);
-                return match is.as_deref() {
+                let is = self.entry(store, id);
+                return match is.as_ref().map(|entry| entry.net.as_str()) {
                     Some(is) if is == net => Ok(id),
                     is => Err(address::other_name(net, id, is)),
                 };
@@ -451,25 +509,39 @@ impl Service {
             Some(Address::Name(name)) => name,
             None => return Err(words::unknown(name)),
         };
-        // Collected first: `file` locks what is loading, too.
-        let loading: Vec<u64> = self.loading().keys().copied().collect();
-        let loading = loading.into_iter().map(|id| (id, CommandState::Loading));
         let rows = attached.tables().commands;
-        let rows = rows
+        let state = |id: u64| {
+            let row = rows.iter().find(|row| row.id == id)?;
+            Some((id, CommandState::from_number(row.state)))
+        };
+        let loading = self.loading();
+        let loading = loading
             .iter()
-            .map(|row| (row.id, CommandState::from_number(row.state)));
-        let named: Vec<(u64, CommandState)> = rows
-            .chain(loading)
-            .filter(|(id, _)| self.file(store, *id).is_some_and(|file| file.net == name))
+            .filter(|(_, loading)| loading.entry.net == name);
+        let loading: Vec<_> = loading
+            .map(|(id, _)| (*id, CommandState::Loading))
             .collect();
+        let named = store.named(name).into_iter().filter_map(state);
+        let named: Vec<(u64, CommandState)> = named.chain(loading).collect();
         let newest = |of: &mut dyn Iterator<Item = &(u64, CommandState)>| of.map(|row| row.0).max();
         newest(&mut named.iter().filter(|(_, state)| suits(*state)))
             .or_else(|| newest(&mut named.iter()))
             .ok_or_else(|| words::unknown(name))
     }
 
-    fn file(&self, store: &Store, id: u64) -> Option<CommandFile> {
-        store.read(id).or_else(|| self.loading().get(&id).cloned())
+    fn entry(&self, store: &Store, id: u64) -> Option<Arc<Entry>> {
+        let loading = || {
+            self.loading()
+                .get(&id)
+                .map(|loading| Arc::clone(&loading.entry))
+        };
+        store.entry(id).or_else(loading)
+    }
+
+    /// The name of a command's net; empty if nobody knows it.
+    pub(super) fn net(&self, store: &Store, id: u64) -> String {
+        let entry = self.entry(store, id);
+        entry.map_or_else(String::new, |entry| entry.net.clone())
     }
 
     /// A command that is so new that the snapshot of the table does not have it.
@@ -481,19 +553,19 @@ impl Service {
         })
     }
 
-    fn view(&self, store: &Store, row: &CommandEntry) -> (CommandView, CommandFile) {
+    fn view(&self, store: &Store, row: &CommandEntry) -> CommandView {
         // Looked at before the file: what the load came to is written after the executor has answered.
         let is_loading = self.loading().contains_key(&row.id);
-        let file = self.file(store, row.id).unwrap_or_default();
+        let known = self.entry(store, row.id).unwrap_or_default();
         let state = match CommandState::from_number(row.state) {
             CommandState::Ready | CommandState::Rejected if is_loading => CommandState::Loading,
             state => state,
         };
         let reason = EndReason::from_number(row.reason);
-        let view = CommandView {
+        CommandView {
             id: row.id,
-            net: file.net.clone(),
-            description: file.description.clone(),
+            net: known.net.clone(),
+            description: known.description.clone(),
             state: state.name().to_owned(),
             reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
             fault: self.with_namer(Some(store), |namer| namer.fault(&row.fault)),
@@ -505,13 +577,12 @@ impl Service {
             exec_max_ns: row.exec_max_ns,
             exec_mean_ns: row.exec_sum_ns.checked_div(row.cycles).unwrap_or(0),
             expected_ns: row.expected_ns,
-            primitives: file.primitives,
-            uses: file.uses.clone(),
-            loaded_at: file.loaded_at,
-            rehearsal: file.rehearsal.clone(),
-            diagnostics: file.diagnostics.clone(),
-        };
-        (view, file)
+            primitives: known.primitives,
+            uses: known.uses.clone(),
+            loaded_at: known.loaded_at,
+            rehearsal: known.rehearsal.clone(),
+            diagnostics: known.diagnostics.clone(),
+        }
     }
 
     pub(super) fn with_namer<T>(
@@ -519,17 +590,13 @@ impl Service {
         store: Option<&Store>,
         what: impl FnOnce(&Namer<'_>) -> T,
     ) -> T {
-        let net = |id: u64| {
-            let file = store.and_then(|store| self.file(store, id));
-            match file {
-                Some(file) if !file.net.is_empty() => format!("{}#{id}", file.net),
-                _ => format!("#{id}"),
-            }
+        let net = |id: u64| match store.map(|store| self.net(store, id)) {
+            Some(net) if !net.is_empty() => format!("{net}#{id}"),
+            _ => format!("#{id}"),
         };
         let names = |id: u64| {
-            let file = store.and_then(|store| self.file(store, id));
-            let names = file.map(|file| file.names).unwrap_or_default();
-            serde_json::from_value(names).unwrap_or_default()
+            let entry = store.and_then(|store| self.entry(store, id));
+            entry.map(|entry| entry.names.clone()).unwrap_or_default()
         };
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
         let stranger = |device: &str| self.stranger(device);
@@ -542,7 +609,7 @@ impl Service {
         })
     }
 
-    fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, CommandFile>> {
+    fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, Loading>> {
         // A panic between two insertions leaves a whole map.
         self.loading.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -563,6 +630,20 @@ fn not_recorded(why: String) -> ApiError {
         format!("the recording was not written: {why}"),
         "what it held is lost; see that the folder of incidents can be written (`recorder: {folder: …}`)",
     )
+}
+
+fn not_stored(error: &StoreError) -> ApiError {
+    let (code, help) = match error {
+        StoreError::File { .. } => (
+            codes::NOT_STORED,
+            "make room there, or set RCC_RUNTIME_DIR to another folder",
+        ),
+        StoreError::Full { .. } => (
+            codes::NOT_KEPT,
+            "unload commands that are over: `rcc-cli ls`, then `rcc-cli unload NAME`",
+        ),
+    };
+    ApiError::new(code, error.to_string(), help)
 }
 
 pub(super) fn unexpected() -> ApiError {

@@ -31,7 +31,7 @@ impl Service {
         let rows = attached.tables().devices;
         let drivers = self.announced(Role::Driver)?;
         let net = |id: u64| {
-            let net = store.read(id).map(|file| file.net).unwrap_or_default();
+            let net = self.net(&store, id);
             format!("{net}#{id}")
         };
         let view = |(device, row): (&DeviceConfig, Option<&DeviceEntry>)| {

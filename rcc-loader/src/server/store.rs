@@ -1,16 +1,28 @@
-//! The files that give commands their names: `commands/<executor incarnation>/<id>.json`, one a command.
-//! Written by the loader's threads before the executor gets a plan; read by monitors and by a restarted loader.
+//! The files that give commands their names: `commands/<executor incarnation>/<id>.json`, one a command, and what of them
+//! stays in memory. Written by the loader's threads before the executor gets a plan; read by monitors and by a restarted
+//! loader, and by those requests alone that need a text or the places of ports.
 
+use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 use rcc_ipc::Cell;
+use rcc_language::names::{InputNames, Names, TopicNames};
 use serde::{Deserialize, Serialize};
 
 use super::api::{Finding, RehearsalView};
+use super::index::Entry;
+
+/// Bytes of all files of commands together: they lie in memory (tmpfs).
+pub const KEPT_MAX: u64 = 256 << 20;
+/// Bytes of the text of a rejected command that are kept.
+pub const REJECTED_TEXT_MAX: usize = 64 << 10;
+/// Bytes of the findings of a command that are kept; of more, how many there were.
+pub const FINDINGS_MAX: usize = 128 << 10;
 
 /// Everything the loader knows about a command and the executor does not.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -22,11 +34,12 @@ pub struct CommandFile {
     /// The net's description.
     #[serde(default)]
     pub description: String,
-    /// The text that was loaded.
-    pub text: String,
-    /// Where every port and monitor lies in the plan.
+    /// The text that was loaded; of a rejected command its beginning.
     #[serde(default)]
-    pub names: serde_json::Value,
+    pub text: String,
+    /// Where every port and monitor lies in the plan; none if it was never ready.
+    #[serde(default)]
+    pub names: Option<Names>,
     /// Faults and warnings of the text.
     #[serde(default)]
     pub diagnostics: Vec<Finding>,
@@ -44,52 +57,375 @@ pub struct CommandFile {
     pub loaded_at: u64,
 }
 
-/// The folder of one executor's commands.
-#[derive(Clone, Debug)]
+impl CommandFile {
+    /// True if its diagnostics say that it cannot be run.
+    #[must_use]
+    pub fn is_rejected(&self) -> bool {
+        self.diagnostics.iter().any(|row| row.severity == "error")
+    }
+
+    /// Leaves out what a rejected command does not need: nobody starts it, but people look at what was wrong.
+    pub fn cut(&mut self) {
+        bound(&mut self.diagnostics);
+        if !self.is_rejected() {
+            return;
+        }
+        self.names = None;
+        let size = self.text.len();
+        if size > REJECTED_TEXT_MAX {
+            let end = self.text.floor_char_boundary(REJECTED_TEXT_MAX);
+            self.text.truncate(end);
+            self.text.shrink_to_fit();
+            self.text
+                .push_str(&format!("\n# the loader kept {end} of {size} bytes\n"));
+        }
+    }
+}
+
+/// Keeps as many findings as fit into [`FINDINGS_MAX`], the first error among them, and says how many there were.
+fn bound(findings: &mut Vec<Finding>) {
+    let size = |row: &Finding| {
+        let place = |place: &Option<super::api::Place>| {
+            place
+                .as_ref()
+                .map_or(0, |place| place.file.len() + place.label.len())
+        };
+        let help = row.help.as_ref().map_or(0, String::len);
+        row.message.len()
+            + row.rendered.len()
+            + help
+            + place(&row.place)
+            + place(&row.used_at)
+            + 200
+    };
+    let count = findings.len();
+    if findings.iter().map(size).sum::<usize>() <= FINDINGS_MAX {
+        return;
+    }
+    // Errors come first: a rejected command stays one.
+    findings.sort_by_key(|row| row.severity != "error");
+    for row in findings.iter_mut() {
+        shorten(&mut row.message);
+        shorten(&mut row.rendered);
+        row.help.iter_mut().for_each(shorten);
+        for place in row.place.iter_mut().chain(&mut row.used_at) {
+            shorten(&mut place.file);
+            shorten(&mut place.label);
+        }
+    }
+    let mut sum = 0;
+    findings.retain(|row| {
+        sum += size(row);
+        sum <= FINDINGS_MAX
+    });
+    let (kept, message) = (findings.len(), "the loader keeps the first of them");
+    if kept < count {
+        findings.push(Finding {
+            code: super::codes::NOT_KEPT.code.to_owned(),
+            severity: "warning".to_owned(),
+            message: format!("{count} findings, {kept} are shown: {message}"),
+            help: Some("`rcc-cli check FILE` shows all".to_owned()),
+            rendered: format!(
+                "{count} findings, {kept} are shown; `rcc-cli check FILE` shows all\n"
+            ),
+            ..Finding::default()
+        });
+    }
+}
+
+/// Words of one finding that came from a text of any length.
+fn shorten(words: &mut String) {
+    const MOST: usize = 8 << 10;
+    if words.len() > MOST {
+        words.truncate(words.floor_char_boundary(MOST));
+        words.push('…');
+    }
+}
+
+/// Why a command has no file.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The system does not take it.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Everything that may be kept is kept, and by commands that are not rejected.
+    #[error(
+        "the loader keeps {kept} bytes for its commands and {most} at most: there is no room for {size} more"
+    )]
+    Full {
+        /// Bytes of the file.
+        size: u64,
+        /// Bytes in use.
+        kept: u64,
+        /// The limit.
+        most: u64,
+    },
+}
+
+/// The commands of one life of the executor.
+#[derive(Debug)]
 pub struct Store {
     folder: PathBuf,
+    most: u64,
+    index: Mutex<Index>,
+}
+
+#[derive(Debug, Default)]
+struct Index {
+    kept: u64,
+    rows: BTreeMap<u64, Row>,
+}
+
+#[derive(Debug)]
+struct Row {
+    entry: Arc<Entry>,
+    /// Of its file; 0: it has none.
+    bytes: u64,
+    is_rejected: bool,
+    since: Instant,
+}
+
+/// What a restarted loader takes over of a file; the rest of it is passed over.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Brief {
+    net: String,
+    description: String,
+    names: Option<BriefNames>,
+    diagnostics: Vec<Finding>,
+    uses: Vec<String>,
+    primitives: u32,
+    rehearsal: Option<RehearsalView>,
+    loaded_at: u64,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct BriefNames {
+    net: String,
+    inputs: Vec<InputNames>,
+    publishes: Vec<TopicNames>,
+    motions: Vec<String>,
+}
+
+impl From<Brief> for Entry {
+    fn from(file: Brief) -> Entry {
+        let is_named = file.names.is_some();
+        let names = file.names.unwrap_or_default();
+        Entry {
+            net: file.net,
+            description: file.description,
+            diagnostics: file.diagnostics,
+            uses: file.uses,
+            primitives: file.primitives,
+            rehearsal: file.rehearsal,
+            loaded_at: file.loaded_at,
+            names: Names {
+                net: names.net,
+                inputs: names.inputs,
+                publishes: names.publishes,
+                motions: names.motions,
+                ..Names::default()
+            },
+            is_named,
+        }
+    }
+}
+
+/// Counts what is written.
+struct Counted<W> {
+    into: W,
+    bytes: u64,
+}
+
+impl<W: Write> Write for Counted<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.into.write(bytes)?;
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.into.flush()
+    }
 }
 
 impl Store {
-    /// The folder for the commands of that life of the executor.
+    /// The folder for the commands of that life of the executor, with an empty index.
     #[must_use]
     pub fn of(cell: &Cell, incarnation: u64) -> Store {
         Store {
             folder: cell.commands_dir().join(format!("{incarnation:016x}")),
+            most: KEPT_MAX,
+            index: Mutex::default(),
         }
+    }
+
+    /// As [`Store::of`], with what a dead loader left there.
+    #[must_use]
+    pub fn open(cell: &Cell, incarnation: u64) -> Store {
+        let store = Store::of(cell, incarnation);
+        for path in entries(&store.folder) {
+            if path.extension().is_none_or(|extension| extension != "json") {
+                // A loader died while it wrote it.
+                let _ = fs::remove_file(&path);
+                continue;
+            }
+            let Some(id) = id_of(&path) else {
+                continue;
+            };
+            if let Some((entry, bytes)) = read::<Brief>(&path) {
+                store.index().insert(id, entry.into(), bytes);
+            }
+        }
+        store
+    }
+
+    fn index(&self) -> MutexGuard<'_, Index> {
+        // A panic between two changes leaves a whole map, and a sum that the next sweep corrects.
+        self.index.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn path(&self, id: u64) -> PathBuf {
         self.folder.join(format!("{id}.json"))
     }
 
-    /// Writes the file whole or not at all.
+    /// Writes the file whole or not at all, and keeps in memory what requests by name need; that also if there is no room
+    /// for the file. The oldest files of rejected commands make room for new ones.
     ///
     /// # Errors
-    /// What the system says, with the path.
-    pub fn write(&self, command: &CommandFile) -> io::Result<()> {
+    /// What the system says, with the path; or that nothing more may be kept.
+    pub fn write(&self, command: &CommandFile) -> Result<(), StoreError> {
+        let entry = Entry::of(command);
+        let written = self.write_file(command);
+        let bytes = written.as_ref().map_or(0, |bytes| *bytes);
+        self.index().insert(command.id, entry, bytes);
+        written.map(|_| ())
+    }
+
+    fn write_file(&self, command: &CommandFile) -> Result<u64, StoreError> {
         let path = self.path(command.id);
-        let named =
-            |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-        fs::create_dir_all(&self.folder).map_err(named)?;
-        let bytes = serde_json::to_vec(command).map_err(io::Error::other)?;
+        let failed = |source| StoreError::File {
+            path: path.clone(),
+            source,
+        };
         let half = path.with_extension("half");
-        let mut options = fs::OpenOptions::new();
-        options.write(true).create(true).truncate(true).mode(0o600);
-        let mut file = options.open(&half).map_err(named)?;
-        file.write_all(&bytes).map_err(named)?;
-        fs::rename(&half, &path).map_err(named)
+        let write = || {
+            fs::create_dir_all(&self.folder)?;
+            let mut options = fs::OpenOptions::new();
+            options.write(true).create(true).truncate(true).mode(0o600);
+            let into = BufWriter::new(options.open(&half)?);
+            let mut counted = Counted { into, bytes: 0 };
+            serde_json::to_writer(&mut counted, command)?;
+            counted.flush()?;
+            Ok(counted.bytes)
+        };
+        let removed = |error| {
+            // What is left of it is removed with the next life of the loader.
+            let _ = fs::remove_file(&half);
+            error
+        };
+        let bytes = write().map_err(failed).map_err(removed)?;
+        self.make_room(command.id, bytes).map_err(removed)?;
+        fs::rename(&half, &path).map_err(failed).map_err(removed)?;
+        Ok(bytes)
+    }
+
+    /// Whether a file of that size could be written: of what is kept, rejected commands make room.
+    ///
+    /// # Errors
+    /// Nothing more may be kept.
+    pub fn has_room(&self, bytes: u64) -> Result<(), StoreError> {
+        let index = self.index();
+        let stay = index.rows.values().filter(|row| !row.is_rejected);
+        let kept: u64 = stay.map(|row| row.bytes).sum();
+        if kept + bytes > self.most {
+            return Err(StoreError::Full {
+                size: bytes,
+                kept,
+                most: self.most,
+            });
+        }
+        Ok(())
+    }
+
+    /// Removes the oldest files of rejected commands until `bytes` more fit.
+    fn make_room(&self, id: u64, bytes: u64) -> Result<(), StoreError> {
+        let mut index = self.index();
+        let own = index.rows.get(&id).map_or(0, |row| row.bytes);
+        let mut going = Vec::new();
+        let mut kept = index.kept - own;
+        let rejected = index.rows.iter_mut();
+        let rejected =
+            rejected.filter(|(other, row)| **other != id && row.is_rejected && row.bytes > 0);
+        for (other, row) in rejected {
+            if kept + bytes <= self.most {
+                break;
+            }
+            kept -= row.bytes;
+            row.bytes = 0;
+            going.push(*other);
+        }
+        index.kept = kept + own;
+        drop(index);
+        for other in going {
+            // What cannot be removed is counted no more, and the next sweep does not find it: the folder goes with the executor.
+            let _ = fs::remove_file(self.path(other));
+        }
+        if kept + bytes > self.most {
+            return Err(StoreError::Full {
+                size: bytes,
+                kept,
+                most: self.most,
+            });
+        }
+        Ok(())
+    }
+
+    /// What is known of a command without its file.
+    #[must_use]
+    pub fn entry(&self, id: u64) -> Option<Arc<Entry>> {
+        self.index().rows.get(&id).map(|row| Arc::clone(&row.entry))
+    }
+
+    /// The ids of the commands that have this name.
+    #[must_use]
+    pub fn named(&self, net: &str) -> Vec<u64> {
+        let index = self.index();
+        let rows = index.rows.iter().filter(|(_, row)| row.entry.net == net);
+        rows.map(|(id, _)| *id).collect()
+    }
+
+    /// Bytes of all files.
+    #[must_use]
+    pub fn kept(&self) -> u64 {
+        self.index().kept
     }
 
     /// The file of a command; `None` if there is none or it is not one.
     #[must_use]
     pub fn read(&self, id: u64) -> Option<CommandFile> {
-        let bytes = fs::read(self.path(id)).ok()?;
-        serde_json::from_slice(&bytes).ok()
+        read(&self.path(id)).map(|(file, _)| file)
+    }
+
+    /// Where the ports of a command lie; `None` if it has no file or was never ready.
+    #[must_use]
+    pub fn names(&self, id: u64) -> Option<Names> {
+        #[derive(Deserialize)]
+        struct Named {
+            names: Option<Names>,
+        }
+        read::<Named>(&self.path(id)).and_then(|(file, _)| file.names)
     }
 
     /// Forgets a command. A file that is not there is no error.
     pub fn remove(&self, id: u64) {
+        self.index().remove(id);
         // What cannot be removed now is removed by the next sweep.
         let _ = fs::remove_file(self.path(id));
     }
@@ -98,14 +434,18 @@ impl Store {
     /// executor's table before its file is written, so a young one may only be newer than the snapshot.
     pub fn sweep(&self, exists: impl Fn(u64) -> bool, age: Duration) {
         for path in entries(&self.folder) {
-            let id = path
-                .file_stem()
-                .and_then(|stem| stem.to_str()?.parse().ok());
+            let id = id_of(&path);
             if !id.is_some_and(&exists) && is_older(&path, age) {
                 // The next sweep tries again.
                 let _ = fs::remove_file(&path);
+                if let Some(id) = id {
+                    self.index().remove(id);
+                }
             }
         }
+        // Those without a file.
+        let stays = |id: u64, row: &Row| row.bytes > 0 || exists(id) || row.since.elapsed() < age;
+        self.index().rows.retain(|id, row| stays(*id, row));
     }
 
     /// Removes the folders of executors that are dead.
@@ -120,6 +460,40 @@ impl Store {
             }
         }
     }
+}
+
+impl Index {
+    fn insert(&mut self, id: u64, entry: Entry, bytes: u64) {
+        self.remove(id);
+        self.kept += bytes;
+        let is_rejected = entry.diagnostics.iter().any(|row| row.severity == "error");
+        let entry = Arc::new(entry);
+        let row = Row {
+            entry,
+            bytes,
+            is_rejected,
+            since: Instant::now(),
+        };
+        self.rows.insert(id, row);
+    }
+
+    fn remove(&mut self, id: u64) {
+        if let Some(row) = self.rows.remove(&id) {
+            self.kept = self.kept.saturating_sub(row.bytes);
+        }
+    }
+}
+
+/// What is in a file, and its length.
+fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Option<(T, u64)> {
+    let bytes = fs::read(path).ok()?;
+    let value = serde_json::from_slice(&bytes).ok()?;
+    Some((value, bytes.len() as u64))
+}
+
+fn id_of(path: &Path) -> Option<u64> {
+    path.file_stem()
+        .and_then(|stem| stem.to_str()?.parse().ok())
 }
 
 fn entries(folder: &Path) -> Vec<PathBuf> {
@@ -138,67 +512,4 @@ fn is_older(path: &Path, age: Duration) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    struct Folder(Store);
-
-    impl Folder {
-        fn new(name: &str) -> Folder {
-            let base =
-                std::env::temp_dir().join(format!("rcc-store-{}-{name}", std::process::id()));
-            Folder(Store {
-                folder: base.join("00000000000000aa"),
-            })
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            if let Some(base) = self.0.folder.parent() {
-                let _ = fs::remove_dir_all(base);
-            }
-        }
-    }
-
-    fn command(id: u64) -> CommandFile {
-        CommandFile {
-            id,
-            net: "line".into(),
-            ..CommandFile::default()
-        }
-    }
-
-    #[test]
-    fn what_is_written_is_read_back() -> io::Result<()> {
-        let folder = Folder::new("back");
-        folder.0.write(&command(7))?;
-        assert_eq!(folder.0.read(7), Some(command(7)));
-        assert_eq!(folder.0.read(8), None);
-        Ok(())
-    }
-
-    #[test]
-    fn a_sweep_removes_what_does_not_exist_and_nothing_young() -> io::Result<()> {
-        let folder = Folder::new("sweep");
-        for id in [1, 2] {
-            folder.0.write(&command(id))?;
-        }
-        folder.0.sweep(|id| id == 1, Duration::from_secs(3600));
-        assert!(folder.0.read(2).is_some());
-        folder.0.sweep(|id| id == 1, Duration::ZERO);
-        assert!(folder.0.read(1).is_some() && folder.0.read(2).is_none());
-        Ok(())
-    }
-
-    #[test]
-    fn folders_of_dead_executors_go() -> io::Result<()> {
-        let folder = Folder::new("others");
-        folder.0.write(&command(1))?;
-        let other = folder.0.folder.with_file_name("00000000000000bb");
-        fs::create_dir_all(&other)?;
-        folder.0.remove_others();
-        assert!(!other.exists() && folder.0.read(1).is_some());
-        Ok(())
-    }
-}
+mod tests;

@@ -10,6 +10,7 @@ use rcc_ipc::control::{Answer, Call};
 use super::api::{
     Acknowledged, BucketView, HistogramView, LateView, PrimitiveTimeView, TimingView,
 };
+use super::caller::Caller;
 use super::error::ApiError;
 use super::executor::{Attached, Snapshot};
 use super::service::{Service, unexpected};
@@ -29,11 +30,11 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor.
-    pub fn acknowledge(&self) -> Result<Acknowledged, ApiError> {
+    pub fn acknowledge(&self, caller: &Caller) -> Result<Acknowledged, ApiError> {
         let (attached, store) = self.attach()?;
         let status = attached.status();
         let late = status.late.saturating_sub(status.late_acknowledged);
-        match self.executor.call(&Call::Acknowledge)? {
+        match self.executor.call_for(caller, &Call::Acknowledge)? {
             Answer::Done { cycle } => Ok(Acknowledged { cycle, late }),
             Answer::Refused(refusal) | Answer::RefusedFor { refusal, .. } => {
                 Err(self.with_namer(Some(&store), |namer| namer.refusal(0, refusal)))

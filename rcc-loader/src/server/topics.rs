@@ -85,13 +85,13 @@ impl Service {
         let mut topics: BTreeMap<[String; 3], TopicView> = BTreeMap::new();
         for row in rows {
             let state = CommandState::from_number(row.state);
-            let file = store.read(row.id);
-            let Some(file) = file.filter(|_| state == CommandState::Ready || state.is_active())
+            let entry = store.entry(row.id);
+            let Some(entry) = entry.filter(|_| state == CommandState::Ready || state.is_active())
             else {
                 continue;
             };
-            let names: Names = serde_json::from_value(file.names).unwrap_or_default();
-            for it in uses(&names) {
+            let names = &entry.names;
+            for it in uses(names) {
                 let key = [it.topic, it.ty, it.unit].map(str::to_owned);
                 let view = topics.entry(key).or_insert_with(|| TopicView {
                     topic: it.topic.to_owned(),

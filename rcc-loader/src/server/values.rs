@@ -11,11 +11,11 @@ use rcc_language::setting;
 use serde_json::{Number, Value};
 
 use super::api::{InputsSet, ValueView, ValuesView};
+use super::caller::Caller;
 use super::codes;
 use super::compile::findings;
 use super::error::ApiError;
 use super::service::{Service, unexpected};
-use super::store::Store as Files;
 
 /// A port, or an element of one, that somebody wants to see.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,30 +32,26 @@ pub struct Shown {
     whole: bool,
 }
 
-/// A command with its names.
-pub(super) struct Named {
-    pub id: u64,
-    pub names: Names,
-}
-
 impl Service {
     /// Sets inputs of a ready or active net, all of them between the same two cycles, or none; `text` maps their names to
     /// constants of the language.
     ///
     /// # Errors
     /// There is no such command, a value is not one of its input, or the executor refuses: then nothing has changed.
-    pub fn set(&self, name: &str, text: &str) -> Result<InputsSet, ApiError> {
+    pub fn set(&self, caller: &Caller, name: &str, text: &str) -> Result<InputsSet, ApiError> {
         let (attached, store) = self.attach()?;
         let suits = |state: CommandState| state == CommandState::Ready || state.is_active();
         let id = self.resolve(&attached, &store, name, suits)?;
-        let Named { id, names } = named(&store, id)?;
-        let values = setting::read(text, "values", &names).map_err(|faults| refused(&faults))?;
+        let entry = store.entry(id).filter(|entry| entry.is_named);
+        let entry = entry.ok_or_else(|| no_names(id))?;
+        let names = &entry.names;
+        let values = setting::read(text, "values", names).map_err(|faults| refused(&faults))?;
         let set = values.iter().filter_map(|value| {
             let input = names.inputs.get(value.input as usize)?;
             Some(input.primitive.clone())
         });
         let (set, net) = (set.collect(), names.net.clone());
-        match self.executor.call(&Call::Set { id, values })? {
+        match self.executor.call_for(caller, &Call::Set { id, values })? {
             Answer::Done { cycle } => Ok(InputsSet {
                 id,
                 net,
@@ -73,13 +69,18 @@ impl Service {
     ///
     /// # Errors
     /// There is no such command or port, or more is asked for than is read at a time.
-    pub fn values(&self, name: &str, ports: &[String]) -> Result<ValuesView, ApiError> {
+    pub fn values(
+        &self,
+        caller: &Caller,
+        name: &str,
+        ports: &[String],
+    ) -> Result<ValuesView, ApiError> {
         let (attached, store) = self.attach()?;
         let id = self.resolve(&attached, &store, name, |state| state.is_active())?;
-        let Named { id, names } = named(&store, id)?;
+        let names = store.names(id).ok_or_else(|| no_names(id))?;
         let shown = select(&names, ports)?;
         let points = shown.iter().map(|shown| shown.point).collect();
-        match self.executor.call(&Call::Read { id, points })? {
+        match self.executor.call_for(caller, &Call::Read { id, points })? {
             Answer::Values(values) => {
                 let period_ns = attached.status().period_ns;
                 Ok(view(id, &names.net, period_ns, &shown, &values))
@@ -92,16 +93,9 @@ impl Service {
     }
 }
 
-/// The names of a command.
-pub(super) fn named(store: &Files, id: u64) -> Result<Named, ApiError> {
-    let file = store
-        .read(id)
-        .ok_or_else(|| super::words::unknown(&id.to_string()))?;
-    let names = serde_json::from_value(file.names).map_err(|_| {
-        let message = format!("#{id} has no names: it was never ready");
-        ApiError::new(codes::WRONG_STATE, message, "`rcc-cli state` says why")
-    })?;
-    Ok(Named { id, names })
+fn no_names(id: u64) -> ApiError {
+    let message = format!("#{id} has no names: it was never ready");
+    ApiError::new(codes::WRONG_STATE, message, "`rcc-cli state` says why")
 }
 
 fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {

@@ -246,6 +246,11 @@ impl Namer<'_> {
                 "this cell records nothing: its configuration says `recorder: {memory: 0 MB}`".into(),
                 "give the recorder memory there (64 MB by default) and start the cell again".into(),
             ),
+            Refusal::Withdrawn => (
+                codes::WRONG_STATE,
+                format!("{net} was cancelled or aborted before it had begun, and stays ready"),
+                format!("start it again if that is what you want: `rcc-cli start {net}`"),
+            ),
         };
         ApiError::new(code, message, help)
     }

@@ -47,6 +47,8 @@ pub struct Seen {
     pub calls: Vec<Call>,
     /// At an Install: the file with the names was there already.
     pub named_before_install: bool,
+    /// Everything but CANCEL and ABORT is answered only when this is false again.
+    pub holds: bool,
 }
 
 /// The fake; ends when dropped.
@@ -135,6 +137,32 @@ impl FakeExecutor {
     }
 }
 
+#[allow(dead_code)] // Each test program uses a part of it.
+impl FakeExecutor {
+    /// Everything but CANCEL and ABORT waits for its answer from now on, or not any more.
+    pub fn hold(&self, holds: bool) {
+        self.seen.lock().expect("seen").holds = holds;
+    }
+
+    /// Waits until so many of the calls that it saw are such.
+    pub fn saw(&self, count: usize, such: impl Fn(&Call) -> bool) {
+        let begun = std::time::Instant::now();
+        while self.count(&such) < count {
+            assert!(
+                begun.elapsed() < Duration::from_secs(60),
+                "it never saw them"
+            );
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// How many of the calls that it saw are such.
+    pub fn count(&self, such: impl Fn(&Call) -> bool) -> usize {
+        let seen = self.seen.lock().expect("seen");
+        seen.calls.iter().filter(|call| such(call)).count()
+    }
+}
+
 impl Drop for FakeExecutor {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
@@ -145,15 +173,29 @@ impl Drop for FakeExecutor {
 }
 
 fn serve(server: &Server, state: &mut State, stop: &AtomicBool) {
+    let mut held = Vec::new();
     while !stop.load(Ordering::Relaxed) {
-        match server.poll().expect("poll") {
-            None => thread::sleep(Duration::from_millis(1)),
-            Some(request) => {
-                let call: Call = wire::decode(request.bytes()).expect("a call");
-                let answer = state.answer(call);
-                let bytes = wire::encode(&answer).expect("an answer");
-                request.answer(&bytes).expect("answered");
+        let request = server.poll().expect("poll");
+        let idle = request.is_none();
+        if let Some(request) = request {
+            let call: Call = wire::decode(request.bytes()).expect("a call");
+            let answer = state.answer(call.clone());
+            held.push((request, call, answer));
+        }
+        let holds = state.seen.lock().expect("seen").holds;
+        let waits =
+            |call: &Call| holds && !matches!(call, Call::Cancel { .. } | Call::Abort { .. });
+        for (request, call, answer) in std::mem::take(&mut held) {
+            if waits(&call) {
+                held.push((request, call, answer));
+                continue;
             }
+            let bytes = wire::encode(&answer).expect("an answer");
+            // Its client may have given it up.
+            let _ = request.answer(&bytes);
+        }
+        if idle {
+            thread::sleep(Duration::from_millis(1));
         }
     }
 }

@@ -65,7 +65,7 @@ impl Served {
                 .expect("a runtime");
             runtime.block_on(async {
                 tokio::select! {
-                    served = doors.serve(routes::router(service)) => served.expect("served"),
+                    served = doors.serve(routes::router(service).expect("threads")) => served.expect("served"),
                     _ = stopped => {}
                 }
             });
