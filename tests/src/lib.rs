@@ -4,6 +4,7 @@
 pub mod cell;
 pub mod census;
 pub mod endurance;
+pub mod flood;
 pub mod hand;
 pub mod handover;
 pub mod injection;

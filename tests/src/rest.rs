@@ -35,11 +35,24 @@ impl Reply {
 /// # Errors
 /// Nobody serves the socket, or the answer is no HTTP.
 pub fn request(socket: &Path, method: &str, path: &str, body: &[u8]) -> io::Result<Reply> {
+    over(connect(socket)?, method, path, "", body)
+}
+
+/// As [`request`], over a connection, with further lines of the head.
+///
+/// # Errors
+/// As [`request`].
+pub fn over(
+    mut stream: impl Read + Write,
+    method: &str,
+    path: &str,
+    lines: &str,
+    body: &[u8],
+) -> io::Result<Reply> {
     let head = format!(
-        "{method} {path} HTTP/1.1\r\nhost: rcc\r\nconnection: close\r\ncontent-length: {}\r\n\r\n",
+        "{method} {path} HTTP/1.1\r\nhost: rcc\r\nconnection: close\r\n{lines}content-length: {}\r\n\r\n",
         body.len()
     );
-    let mut stream = connect(socket)?;
     stream.write_all(head.as_bytes())?;
     // A server that refuses a body for its size may close before it has read all of it.
     let sent = stream.write_all(body);

@@ -15,6 +15,7 @@ mod errors_at_start;
 mod errors_in_motion;
 mod events;
 mod examples;
+mod flood;
 mod handover;
 mod impedance;
 mod incidents;

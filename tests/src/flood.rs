@@ -1,0 +1,318 @@
+//! CANCEL by name while every door of a loader is flooded: how long it takes, as a distribution, with the machine's own
+//! stalls beside it. Floods are processes of their own, because to the Unix socket each process is a peer.
+//! Run by the main thread of an example, or by the thread of a test.
+
+pub mod kinds;
+pub mod report;
+
+use std::fs;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rcc_core::message::{CommandState, EndReason};
+use serde_json::Value;
+
+use crate::cell::TestCell;
+use crate::place::{Watch, await_some};
+use crate::processes::ends_with_test;
+use crate::rest::{self, Reply};
+use kinds::Kind;
+use report::{Cancel, Door, Report};
+
+/// Tells a process that was started again what to flood: `KIND SOCKET ADDRESS`.
+pub const FLOOD: &str = "RCC_FLOOD";
+/// The token of the flooded cell.
+pub const TOKEN: &str = "0123456789abcdef0123456789abcdef";
+/// The machine is asked so often whether it stalls.
+const STALL_EVERY: Duration = Duration::from_millis(1);
+
+/// How much of everything.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Large nets that are loaded before.
+    pub nets: usize,
+    /// Primitives of each.
+    pub primitives: usize,
+    /// CANCELs, in turn through each door.
+    pub cancels: usize,
+    /// Processes of each kind of flood.
+    pub processes: usize,
+    /// Kinds of floods.
+    pub kinds: Vec<Kind>,
+}
+
+/// Where the doors are.
+#[derive(Clone, Debug)]
+pub struct Doors {
+    /// The Unix socket.
+    pub socket: PathBuf,
+    /// The TCP door.
+    pub address: SocketAddr,
+}
+
+impl Doors {
+    /// One request through a door, with the right token.
+    ///
+    /// # Errors
+    /// Nobody serves it, or the answer is no HTTP.
+    pub fn ask(&self, door: Door, method: &str, path: &str, body: &[u8]) -> std::io::Result<Reply> {
+        match door {
+            Door::Tcp => {
+                let stream = TcpStream::connect(self.address)?;
+                let limit = Some(Duration::from_secs(20));
+                stream.set_read_timeout(limit)?;
+                stream.set_write_timeout(limit)?;
+                stream.set_nodelay(true)?;
+                let line = format!("authorization: Bearer {TOKEN}\r\n");
+                rest::over(stream, method, path, &line, body)
+            }
+            Door::Unix | Door::Cli => rest::request(&self.socket, method, path, body),
+        }
+    }
+}
+
+/// A net of so many primitives that does nothing and can be cancelled.
+#[must_use]
+pub fn net(name: &str, primitives: usize) -> String {
+    let mut text = format!(
+        "net: {name}\nprimitives:\n  cancel: {{type: Cancel}}\n  end: {{type: Termination, inputs: {{done: cancel.requested}}}}\n"
+    );
+    for number in 0..primitives.saturating_sub(2) {
+        let before = match number {
+            0 => "0.5".to_owned(),
+            number => format!("a{}.out", number - 1),
+        };
+        text.push_str(&format!(
+            "  a{number}: {{type: Add, inputs: {{a: {before}, b: 1.0}}}}\n"
+        ));
+    }
+    if primitives > 2 {
+        text.push_str(&format!("discard: [a{}.out]\n", primitives - 3));
+    }
+    text
+}
+
+/// If this process was started to flood: does so until it is killed.
+pub fn flood_if_asked() {
+    let Ok(order) = std::env::var(FLOOD) else {
+        return;
+    };
+    let words: Vec<&str> = order.split(' ').collect();
+    let [kind, socket, address] = words[..] else {
+        panic!("{FLOOD} is KIND SOCKET ADDRESS, not `{order}`");
+    };
+    let doors = Doors {
+        socket: PathBuf::from(socket),
+        address: address.parse().expect("an address"),
+    };
+    Kind::named(kind).expect("a kind of flood").run(&doors);
+}
+
+/// Processes that flood until this is dropped.
+struct Flooders(Vec<Child>);
+
+impl Flooders {
+    fn start(options: &Options, doors: &Doors, again: &dyn Fn() -> Command) -> Flooders {
+        let mut all = Flooders(Vec::new());
+        for kind in &options.kinds {
+            for _ in 0..options.processes {
+                let order = format!(
+                    "{} {} {}",
+                    kind.name(),
+                    doors.socket.display(),
+                    doors.address
+                );
+                let mut command = again();
+                command
+                    .env(FLOOD, order)
+                    .stdin(Stdio::null())
+                    .stdout(Stdio::null())
+                    .stderr(Stdio::null());
+                let child = ends_with_test(&mut command).spawn();
+                all.0.push(child.expect("a process that floods"));
+            }
+        }
+        all
+    }
+
+    /// Each of them still floods.
+    fn assert_running(&mut self) {
+        for child in &mut self.0 {
+            let ended = child.try_wait().expect("the child is ours");
+            assert!(ended.is_none(), "a flood ended by itself: {ended:?}");
+        }
+    }
+}
+
+impl Drop for Flooders {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            // One that ended already is no matter here.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// A cell with both doors open.
+fn cell(folder: &Path) -> (TestCell, Doors) {
+    fs::create_dir_all(folder).expect("a folder");
+    let token = folder.join("token");
+    let mut options = fs::File::options();
+    let options = options.write(true).create(true).truncate(true).mode(0o600);
+    let mut file = options.open(&token).expect("a token file");
+    std::io::Write::write_all(&mut file, TOKEN.as_bytes()).expect("written");
+    let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|door| door.local_addr());
+    let address = free.expect("a free port");
+    let access = format!(
+        "access: {{tcp: {{listen: {address}, token_file: {}}}}}\n",
+        token.display()
+    );
+    let cell = TestCell::changed(|text| text + &access);
+    let doors = Doors {
+        socket: cell.cell().socket(),
+        address,
+    };
+    (cell, doors)
+}
+
+/// Loads the large nets, floods every door, and cancels a small net again and again; `again` starts this very program so
+/// that it calls [`flood_if_asked`].
+pub fn run(options: &Options, again: &dyn Fn() -> Command) -> Report {
+    let folder = std::env::temp_dir().join(format!("rcc-flood-{}", std::process::id()));
+    let (cell, doors) = cell(&folder);
+    for number in 0..options.nets {
+        cell.load(&net(&format!("large-{number}"), options.primitives));
+    }
+    let loader = cell.announced(rcc_ipc::Role::Loader, "loader").pid;
+    let mut report = Report::new(options.clone(), resident(loader));
+    let watch = cell.watch();
+    let stalls = Stalls::watch();
+    let mut flooders = Flooders::start(options, &doors, again);
+    for number in 0..options.cancels {
+        let door = Door::ALL[number % Door::ALL.len()];
+        report
+            .cancels
+            .push(cancel(&cell, &doors, &watch, door, number));
+        report.loader_peak = report.loader_peak.max(resident(loader));
+        flooders.assert_running();
+    }
+    drop(flooders);
+    report.stalls = stalls.end();
+    report.late = watch.status().late;
+    let after = cell.announced(rcc_ipc::Role::Loader, "loader").pid;
+    report.loader_restarted = after != loader;
+    drop(watch);
+    drop(cell);
+    // Ours alone.
+    let _ = fs::remove_dir_all(&folder);
+    report
+}
+
+/// Loads and starts a small net, however often it takes while others want the same places, and cancels it once.
+fn cancel(cell: &TestCell, doors: &Doors, watch: &Watch, door: Door, number: usize) -> Cancel {
+    let name = format!("small-{number}");
+    let text = net(&name, 2);
+    let retried = |what: &str, method: &str, path: &str, body: &[u8], good: u16| -> Value {
+        await_some(&format!("{what} of {name}"), || {
+            let reply = doors.ask(Door::Unix, method, path, body).ok()?;
+            (reply.status == good).then_some(reply.body)
+        })
+    };
+    let loaded = retried("the load", "POST", "/commands", text.as_bytes(), 202);
+    let id = loaded["id"].as_u64().expect("an id");
+    let state = || {
+        let tables = watch.tables();
+        let row = tables.commands.iter().find(|row| row.id == id)?;
+        Some((
+            CommandState::from_number(row.state),
+            EndReason::from_number(row.reason),
+        ))
+    };
+    await_some(&format!("{name} to run"), || {
+        // Refused while others have all places, or answered too late; what counts is what the executor says.
+        let _ = doors.ask(Door::Unix, "POST", &format!("/commands/{id}/start"), b"");
+        (state()?.0 == CommandState::Running).then_some(())
+    });
+    let begun = Instant::now();
+    let (answered, words) = match door {
+        Door::Cli => {
+            let output = cell.cli(&["cancel", &name]);
+            let words = String::from_utf8_lossy(&output.stderr).into_owned();
+            (output.status.success(), words)
+        }
+        door => match doors.ask(door, "POST", &format!("/commands/{name}/cancel"), b"") {
+            Ok(reply) => (
+                reply.status == 200,
+                format!("{} {}", reply.status, reply.words()),
+            ),
+            Err(error) => (false, error.to_string()),
+        },
+    };
+    let took = begun.elapsed();
+    let done = await_some(&format!("the end of {name}"), || {
+        let (state, reason) = state()?;
+        (state == CommandState::Terminated).then_some(reason == EndReason::Canceled)
+    });
+    retried("the unload", "DELETE", &format!("/commands/{id}"), b"", 200);
+    Cancel {
+        door,
+        took,
+        answered,
+        done,
+        words,
+    }
+}
+
+/// How late a thread that sleeps is woken.
+struct Stalls {
+    stop: Arc<AtomicBool>,
+    thread: thread::JoinHandle<Vec<Duration>>,
+}
+
+impl Stalls {
+    fn watch() -> Stalls {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            let mut all = Vec::new();
+            while !stopped.load(Ordering::Relaxed) {
+                let begun = Instant::now();
+                thread::sleep(STALL_EVERY);
+                all.push(begun.elapsed().saturating_sub(STALL_EVERY));
+            }
+            all
+        });
+        Stalls { stop, thread }
+    }
+
+    fn end(self) -> Vec<Duration> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap_or_default()
+    }
+}
+
+/// Resident memory of a process, bytes; 0 when it is gone.
+#[must_use]
+pub fn resident(pid: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kib = line.and_then(|line| line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok());
+    kib.unwrap_or(0) << 10
+}
+
+/// Connects to a Unix socket, waiting while its queue is full.
+pub(crate) fn connect(socket: &Path) -> Option<UnixStream> {
+    let stream = UnixStream::connect(socket).ok()?;
+    let limit = Some(Duration::from_secs(20));
+    stream.set_read_timeout(limit).ok()?;
+    stream.set_write_timeout(limit).ok()?;
+    Some(stream)
+}

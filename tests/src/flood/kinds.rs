@@ -1,0 +1,196 @@
+//! The ways in which a door is flooded. Run by processes that do nothing else, until they are killed.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::thread;
+use std::time::Duration;
+
+use super::report::Door;
+use super::{Doors, connect, net};
+use crate::rest;
+
+/// Threads of a process that floods.
+const THREADS: usize = 4;
+/// Connections that a process holds without a word.
+const SILENT: usize = 100;
+
+/// A way of flooding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Texts of 4 MiB that are no net, unloaded again.
+    Rejected,
+    /// Bodies of 4 MiB of JSON, wherever one is taken and where none is.
+    Json,
+    /// Connections that say nothing, as fast as they are taken.
+    Silent,
+    /// Heads and bodies that come byte by byte.
+    Slow,
+    /// Tokens that are not the right one, over TCP.
+    WrongTokens,
+    /// Lists, details, values and the status, over both doors.
+    Looks,
+    /// Large nets that are loaded and unloaded.
+    Loads,
+    /// Heads that are none.
+    Nonsense,
+}
+
+impl Kind {
+    /// Every kind.
+    pub const ALL: [Kind; 8] = [
+        Kind::Rejected,
+        Kind::Json,
+        Kind::Silent,
+        Kind::Slow,
+        Kind::WrongTokens,
+        Kind::Looks,
+        Kind::Loads,
+        Kind::Nonsense,
+    ];
+
+    /// Its name on a command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Rejected => "rejected",
+            Kind::Json => "json",
+            Kind::Silent => "silent",
+            Kind::Slow => "slow",
+            Kind::WrongTokens => "wrong-tokens",
+            Kind::Looks => "looks",
+            Kind::Loads => "loads",
+            Kind::Nonsense => "nonsense",
+        }
+    }
+
+    /// The kind of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Kind> {
+        Kind::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Floods for ever.
+    pub(super) fn run(self, doors: &Doors) {
+        thread::scope(|scope| {
+            for number in 0..THREADS {
+                scope.spawn(move || {
+                    for turn in 0.. {
+                        // Refused, cut off, or not reached: it goes on. The pause keeps a door that refuses at once from
+                        // becoming a measurement of this process alone.
+                        self.once(doors, number, turn);
+                        thread::sleep(Duration::from_millis(1));
+                    }
+                });
+            }
+        });
+    }
+
+    fn once(self, doors: &Doors, number: usize, turn: usize) {
+        match self {
+            Kind::Rejected => load(doors, &rejected(number + turn)),
+            Kind::Json => json(doors, turn),
+            Kind::Silent => silent(doors),
+            Kind::Slow => slow(doors, turn),
+            Kind::WrongTokens => wrong_token(doors),
+            Kind::Looks => looks(doors, turn),
+            Kind::Loads => load(doors, &net(&format!("load-{number}"), 5000)),
+            Kind::Nonsense => {
+                // What comes back is of no interest.
+                let _ = rest::raw(&doors.socket, b"\x16\x03\x01\r\n\r\n");
+            }
+        }
+    }
+}
+
+fn rejected(number: usize) -> String {
+    let line = match number % 3 {
+        0 => "  x: {type: Nothing, inputs: {a: b.c}}\n",
+        1 => "- \u{1}\u{2}\u{3}\n",
+        _ => "  y: [1, 2, {z: \"w\"}]\n",
+    };
+    "net: rejected\nprimitives:\n".to_owned() + &line.repeat((4 << 20) / line.len() - 10)
+}
+
+/// Loads and unloads, so that the table has room for others.
+fn load(doors: &Doors, text: &str) {
+    let loaded = doors.ask(Door::Unix, "POST", "/commands", text.as_bytes());
+    let Some(id) = loaded.ok().and_then(|reply| reply.body["id"].as_u64()) else {
+        return;
+    };
+    for _ in 0..200 {
+        thread::sleep(Duration::from_millis(50));
+        let gone = doors.ask(Door::Unix, "DELETE", &format!("/commands/{id}"), b"");
+        if gone.is_ok_and(|reply| reply.status == 200 || reply.status == 404) {
+            return;
+        }
+    }
+}
+
+fn json(doors: &Doors, turn: usize) {
+    let (method, path) = [
+        ("PUT", "/commands/large-0/inputs"),
+        ("POST", "/commands/large-0/start"),
+        ("POST", "/switch"),
+        ("POST", "/commands"),
+        ("POST", "/status/acknowledge"),
+    ][turn % 5];
+    let body = "[".to_owned() + &"{\"a\":1},".repeat((4 << 20) / 8 - 4) + "0]";
+    let _ = doors.ask(Door::Unix, method, path, body.as_bytes());
+}
+
+fn silent(doors: &Doors) {
+    let unix: Vec<_> = (0..SILENT).map(|_| connect(&doors.socket)).collect();
+    let tcp: Vec<_> = (0..SILENT)
+        .map(|_| TcpStream::connect(doors.address))
+        .collect();
+    thread::sleep(Duration::from_millis(100));
+    drop((unix, tcp));
+}
+
+fn slow(doors: &Doors, turn: usize) {
+    let Some(mut stream) = connect(&doors.socket) else {
+        return;
+    };
+    let text = match turn % 2 {
+        0 => "GET /commands HTTP/1.1\r\nhost: x\r\nx: ".to_owned() + &"y".repeat(1000),
+        _ => {
+            "POST /commands HTTP/1.1\r\nhost: x\r\ncontent-length: 4000000\r\n\r\nnet: ".to_owned()
+                + &"y".repeat(1000)
+        }
+    };
+    let (quick, slow) = text.split_at(text.len() - 990);
+    if stream.write_all(quick.as_bytes()).is_err() {
+        return;
+    }
+    for byte in slow.bytes() {
+        if stream.write_all(&[byte]).is_err() {
+            return;
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn wrong_token(doors: &Doors) {
+    let Ok(mut stream) = TcpStream::connect(doors.address) else {
+        return;
+    };
+    let _ = stream.set_read_timeout(Some(Duration::from_secs(5)));
+    let head = b"GET /status HTTP/1.1\r\nhost: x\r\nauthorization: Bearer wrong\r\n\r\n";
+    if stream.write_all(head).is_ok() {
+        let _ = stream.read(&mut [0; 512]);
+    }
+}
+
+fn looks(doors: &Doors, turn: usize) {
+    let door = [Door::Unix, Door::Tcp][turn % 2];
+    let path = [
+        "/commands",
+        "/commands/large-1",
+        "/commands/large-1/values?ports=a1.*",
+        "/status",
+        "/primitives",
+        "/schema",
+        "/topics",
+    ][turn % 7];
+    let _ = doors.ask(door, "GET", path, b"");
+}

@@ -1,0 +1,54 @@
+//! CANCEL by name while every door is flooded. A short run of `cargo run --release -p rcc-tests --example
+//! cancel_latency`; it asserts that each is answered and done, and no time.
+
+use std::process::Command;
+
+use rcc_ipc::Role;
+use rcc_tests::TestCell;
+use rcc_tests::flood::{self, Options, kinds::Kind};
+
+/// The other processes: flood until they are killed.
+#[test]
+fn flooder() {
+    flood::flood_if_asked();
+}
+
+#[test]
+fn when_memory_runs_out_the_loader_goes_before_the_executor_and_the_drivers() {
+    let cell = TestCell::demo();
+    let score = |role, label| {
+        let pid = cell.announced(role, label).pid;
+        let text = std::fs::read_to_string(format!("/proc/{pid}/oom_score_adj"));
+        text.expect("it runs")
+            .trim()
+            .parse::<i32>()
+            .expect("a number")
+    };
+    let loader = score(Role::Loader, "loader");
+    let executor = score(Role::Executor, "exec");
+    assert!(executor < loader, "{executor} {loader}");
+    for driver in ["lwr", "io"] {
+        assert!(score(Role::Driver, driver) < loader, "{driver}");
+    }
+    cell.stop();
+}
+
+#[test]
+fn every_cancel_is_answered_and_done_while_every_door_is_flooded() {
+    let options = Options {
+        nets: 4,
+        primitives: 2000,
+        cancels: 12,
+        processes: 1,
+        kinds: Kind::ALL.to_vec(),
+    };
+    let again = || {
+        let mut command = Command::new(std::env::current_exe().expect("a program has a path"));
+        command.args(["--exact", "flood::flooder", "--test-threads", "1"]);
+        command
+    };
+    let report = flood::run(&options, &again);
+    assert_eq!(report.cancels.len(), options.cancels);
+    assert_eq!(report.failed().count(), 0, "{report}");
+    assert!(!report.loader_restarted, "{report}");
+}
