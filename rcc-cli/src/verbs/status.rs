@@ -111,7 +111,10 @@ fn helpers(helpers: &[HelperView]) -> String {
 
 /// What is wrong with the configuration, a line each.
 fn configuration(words: &[String]) -> String {
-    words.iter().map(|words| format!("CONFIGURATION  {words}\n")).collect()
+    let lines = words.iter();
+    lines
+        .map(|words| format!("CONFIGURATION  {words}\n"))
+        .collect()
 }
 
 /// How many were late, and of them how many nobody has acknowledged.

@@ -54,15 +54,20 @@ impl Service {
         self.record(Kind::ConfigurationChanged { differs, fault });
     }
 
-    /// A life of the executor is found: with another configuration than ours nothing is loaded or started, and things are
-    /// named only as far as both mean the same.
+    /// A life of the executor is there: when it is met first, and has another configuration than ours, that is told, and
+    /// things are named only as far as both mean the same.
     pub(super) fn meet(&self, executor: &Announcement) {
+        // A panic leaves it whole: it is replaced at once.
+        let mut naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
+        if naming.0 == executor.incarnation {
+            return;
+        }
         let why = Disagreement::about_cell(&self.own, executor);
-        let naming = match (&why, &executor.configuration) {
-            (None, _) => self.config.clone(),
-            (Some(_), theirs) => common(&self.config, theirs.as_ref()),
+        let config = match &why {
+            None => self.config.clone(),
+            Some(_) => common(&self.config, executor.configuration.as_ref()),
         };
-        *self.naming.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(naming);
+        *naming = (executor.incarnation, Arc::new(config));
         if let Some(why) = why {
             let remedy = why.remedy();
             tracing::warn!(
@@ -74,7 +79,8 @@ impl Service {
 
     /// By which devices and channels of the executor are named.
     pub(super) fn naming(&self) -> Arc<CellConfig> {
-        Arc::clone(&self.naming.lock().unwrap_or_else(PoisonError::into_inner))
+        let naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
+        Arc::clone(&naming.1)
     }
 
     /// Refuses LOAD and START while loader and executor have different configurations: what a text means here would be
@@ -228,5 +234,48 @@ fn unknown(name: &str) -> DeviceConfig {
         workspace: None,
         command_timeout_ns: 0,
         delay_ns: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn cell(devices: &str) -> CellConfig {
+        let text = format!("cell: a\nperiod: 1 ms\ndevices:\n{devices}");
+        let cell = CellConfig::parse(&text, "a.yaml", Path::new(""), &BTreeMap::new());
+        cell.unwrap_or_else(|faults| panic!("{faults}"))
+    }
+
+    #[test]
+    fn an_executor_with_another_configuration_is_named_as_far_as_both_mean_the_same() {
+        let torch = "{kind: digital output, address: 1, on_release: hold}";
+        let ours = format!(
+            "  one: {{driver: a, channels: {{torch: {torch}}}}}\n  two: {{driver: b, channels: {{torch: {torch}}}}}\n"
+        );
+        let theirs = format!(
+            "  new: {{driver: c}}\n  two: {{driver: b, channels: {{torch: {torch}}}}}\n  \
+             one: {{driver: d, channels: {{gas: {torch}}}}}\n"
+        );
+        let theirs = Configuration::new(cell(&theirs).identity());
+        let named = common(&cell(&ours), Some(&theirs));
+        let rows = named.devices.iter().map(|device| {
+            let channels = device.channels.iter().map(|channel| channel.name.as_str());
+            (
+                device.name.as_str(),
+                device.driver.as_str(),
+                channels.collect(),
+            )
+        });
+        let rows: Vec<(&str, &str, Vec<&str>)> = rows.collect();
+        let expected = [
+            ("new", UNKNOWN, vec![]),
+            ("two", "b", vec!["torch"]),
+            ("one", UNKNOWN, vec![]),
+        ];
+        assert_eq!(rows, expected);
+        assert!(common(&cell(&ours), None).devices.is_empty());
     }
 }

@@ -40,8 +40,9 @@ pub struct Service {
     pub(super) config: CellConfig,
     /// What this loader announces.
     pub(super) own: Announcement,
-    /// By which devices and channels of the executor are named: [`Service::config`] as far as it is the executor's.
-    pub(super) naming: Mutex<Arc<CellConfig>>,
+    /// The life of the executor that was met last, and by which its devices and channels are named:
+    /// [`Service::config`] as far as it is the executor's.
+    pub(super) naming: Mutex<(u64, Arc<CellConfig>)>,
     pub(super) files: Mutex<Files>,
     /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
     loading: Mutex<BTreeMap<u64, Loading>>,
@@ -114,7 +115,7 @@ impl Service {
         Service {
             own: executor.own().configured(configuration),
             executor,
-            naming: Mutex::new(Arc::new(config.clone())),
+            naming: Mutex::new((0, Arc::new(config.clone()))),
             files: Mutex::default(),
             config,
             loading: Mutex::new(BTreeMap::new()),
@@ -181,10 +182,10 @@ impl Service {
         });
         self.tell_executor(found);
         let (attached, _) = attached?;
+        self.meet(&attached.announcement);
         let (store, new) = self.store(attached.announcement.incarnation);
         if new {
             tracing::info!(pid = attached.announcement.pid, "the executor is attached");
-            self.meet(&attached.announcement);
             store.remove_others();
             self.reject_orphans(&attached, &store);
         }
