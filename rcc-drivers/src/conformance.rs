@@ -121,6 +121,7 @@ macro_rules! conformance {
             releases_outputs_on_termination,
             releases_outputs_when_the_executor_vanishes,
             releases_outputs_when_the_executor_stops_writing,
+            sends_every_safe_value_whatever_the_device_answers,
             survives_lost_packets,
             survives_late_packets,
             survives_duplicated_packets,

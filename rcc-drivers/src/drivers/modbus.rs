@@ -36,6 +36,11 @@ use report::{BegunLate, Report};
 use server::Server;
 use settings::{ModbusSettings, SERVERS_MAX, ServerSettings};
 
+/// At the end a server that is not connected has this time for one more connection.
+const LAST_CONNECT: Duration = Duration::from_secs(1);
+/// Nobody waits longer than this for lost servers at the end, unless a time-out is longer: a supervisor kills after 2 s.
+const LAST_MAX: Duration = Duration::from_millis(1500);
+
 /// A round that all servers have been asked for.
 #[derive(Clone, Copy, Debug)]
 struct Round {
@@ -291,35 +296,38 @@ impl Modbus {
 }
 
 impl Drop for Modbus {
-    /// The last outputs leave, if their servers take them within their time-out.
+    /// The last outputs leave. A server that is lost, or is lost by that, is sent each safe value once, if it is reached.
     fn drop(&mut self) {
         let start = Instant::now();
         let longest = self
             .connections
             .iter()
             .map(|one| one.server.settings().timeout);
-        let deadline = start + longest.max().unwrap_or_default();
+        let longest = longest.max().unwrap_or_default();
+        let deadline = start + longest.max((3 * longest + LAST_CONNECT).min(LAST_MAX));
         self.next = deadline;
         self.round = None;
         let mut finished = vec![false; self.connections.len()];
+        self.connections.iter_mut().for_each(|one| one.hurry(start));
         loop {
             let now = Instant::now();
             for (connection, finished) in self.connections.iter_mut().zip(&mut finished) {
                 connection.advance(now);
-                if !connection.is_online() {
-                    *finished = true;
-                } else if !*finished && connection.server.may_finish() {
+                if connection.is_open() && !*finished && connection.server.may_finish() {
                     connection.server.finish(&self.outputs, now);
                     connection.advance(now);
                     *finished = true;
                 }
             }
-            let idle = |one: &Connection| !one.is_online() || one.server.is_idle();
-            if now >= deadline
-                || finished.iter().all(|done| *done) && self.connections.iter().all(idle)
-            {
+            let mut all = self.connections.iter().zip(&finished);
+            let done = all.all(|(one, finished)| {
+                (one.is_open() && *finished && one.server.is_idle()) || one.is_let_go()
+            });
+            if now >= deadline || done {
                 return;
             }
+            let lost = self.connections.iter_mut().filter(|one| !one.is_let_go());
+            lost.for_each(|one| one.hurry(now));
             self.wait(now, deadline);
         }
     }

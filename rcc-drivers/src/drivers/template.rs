@@ -21,6 +21,7 @@ use crate::driver::{
     to_raw, to_si,
 };
 use crate::host::reason::Reason;
+use crate::host::release::Release;
 
 // 1. What can be wrong with the device, in words for people; numbers of a driver begin at 100.
 
@@ -55,6 +56,11 @@ pub struct LineIo {
     points: [Vec<Point>; 4],
     /// The next cycle.
     next: Instant,
+    /// What nobody commands.
+    released: Outputs,
+    /// When the box was heard last, and how long it may be silent before its outputs are released.
+    heard: Instant,
+    patience: Duration,
     /// Number of the next question.
     number: u64,
     late: u64,
@@ -94,6 +100,9 @@ impl Driver for LineIo {
                 points(device, ChannelKind::AnalogOutput)?,
             ],
             next: Instant::now(),
+            released: *Release::new(device).values(),
+            heard: Instant::now(),
+            patience: Duration::from_nanos(device.command_timeout_ns).max(5 * period),
             number: 0,
             late: 0,
             refused: 0,
@@ -113,8 +122,15 @@ impl Driver for LineIo {
         let read = self.hear()?;
         let Some(read) = read.and_then(|values| self.inputs(&values)) else {
             self.late += 1;
+            // It may hear us though we do not hear it: the host does not answer a silent device, so its safe values are
+            // sent here.
+            if self.heard.elapsed() > self.patience {
+                let released = self.released;
+                self.send(&released)?;
+            }
             return Err(LinkError::Silent);
         };
+        self.heard = Instant::now();
         *inputs = read;
         Ok(Exchange {
             strategy: Strategy::Position,

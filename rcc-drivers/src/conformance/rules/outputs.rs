@@ -3,10 +3,11 @@
 
 use rcc_core::message::SetPoint;
 
-use super::super::Subject;
 use super::super::bench::{Bench, Executor};
 use super::super::real::seed;
+use super::super::{Subject, Wire};
 use crate::driver::Driver;
+use crate::proxy::Rates;
 
 /// A device whose outputs are all on.
 fn all_on<S: Subject>() -> Bench<S> {
@@ -45,6 +46,38 @@ pub fn releases_outputs_on_termination<S: Subject>() {
 /// The executor's announcement goes away.
 pub fn releases_outputs_when_the_executor_vanishes<S: Subject>() {
     are_released(&mut all_on::<S>(), Executor::Absent);
+}
+
+/// The device does what it is told, and its answers are late, broken, or do not come. One that sends first gets an answer
+/// to what is heard of it and no more: all its outputs are in it.
+pub fn sends_every_safe_value_whatever_the_device_answers<S: Subject>() {
+    if S::WIRE == Wire::UdpFromDevice {
+        return;
+    }
+    let late = Rates {
+        late: 1.0,
+        late_steps_max: 200,
+        ..Rates::NONE
+    };
+    let lost = Rates {
+        lost: 1.0,
+        ..Rates::NONE
+    };
+    let truncated = Rates {
+        truncated: 1.0,
+        ..Rates::NONE
+    };
+    let corrupted = Rates {
+        corrupted: 1.0,
+        ..Rates::NONE
+    };
+    for answers in [late, lost, truncated, corrupted] {
+        let mut bench = all_on::<S>();
+        bench.set_rates(answers, Rates::NONE);
+        bench.until(Executor::Absent, "every safe value sent", |bench| {
+            bench.told_as(false)
+        });
+    }
 }
 
 /// The executor hangs: its board grows old.

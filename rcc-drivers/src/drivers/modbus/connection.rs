@@ -57,6 +57,8 @@ pub struct Connection {
     /// It answered within the last period: others wait for it.
     pub quick: bool,
     random: u64,
+    /// The last attempt to connect failed.
+    is_hopeless: bool,
     figures: Arc<Figures>,
 }
 
@@ -75,6 +77,7 @@ impl Connection {
             quality: 1000,
             quick: true,
             random: seed | 1,
+            is_hopeless: false,
         }
     }
 
@@ -147,6 +150,31 @@ impl Connection {
             && matches!(self.phase, Phase::Open { .. })
         {
             self.tell(&fault);
+        }
+    }
+
+    /// The end has come, and nothing is left to do: its safe values were sent, or it is not reached at all.
+    #[must_use]
+    pub fn is_let_go(&self) -> bool {
+        match self.phase {
+            Phase::Away { .. } => self.is_hopeless || !self.server.has_untried(),
+            Phase::Connecting { .. } => false,
+            Phase::Open { .. } | Phase::Pausing { .. } => self.server.is_released(),
+        }
+    }
+
+    /// There is a connection, and something is asked on it.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        matches!(self.phase, Phase::Open { .. })
+    }
+
+    /// The end has come: no pause before what is still to be sent.
+    pub fn hurry(&mut self, now: Instant) {
+        if let Phase::Away { until } | Phase::Pausing { until, .. } = &mut self.phase
+            && self.server.has_untried()
+        {
+            *until = now;
         }
     }
 
@@ -239,6 +267,7 @@ impl Connection {
         }
         stream.set_nodelay(true).map_err(Fault::Connect)?;
         self.figures.connected();
+        self.is_hopeless = false;
         self.open(|server| server.connected(now));
         self.exchange(now)
     }
@@ -284,6 +313,7 @@ impl Connection {
     fn lose(&mut self, fault: &Fault, now: Instant) {
         self.tell(fault);
         self.figures.lost(fault);
+        self.is_hopeless = !matches!(self.phase, Phase::Open { .. } | Phase::Pausing { .. });
         self.quality = 0;
         self.quick = false;
         self.online_since = None;
@@ -297,7 +327,13 @@ impl Connection {
             }
         }
         self.timeouts = 0;
-        let until = now + self.pause();
+        let was_open = matches!(self.phase, Phase::Open { .. });
+        // A server that closes after each request gets its safe values without growing pauses; each attempt brings some.
+        let pause = match was_open && self.server.has_untried() {
+            true => BACK_OFF_FIRST,
+            false => self.pause(),
+        };
+        let until = now + pause;
         let none = Phase::Away { until };
         let keeps = !timeout && !fault.ends_connection();
         self.phase = match std::mem::replace(&mut self.phase, none) {

@@ -1,8 +1,8 @@
 //! The dialog with one server: what is asked next, and what its answers mean.
 //! Pure, in time that the caller gives; run by the host's thread.
 //!
-//! On a new connection, and after every fault: safe values, `on_connect`, safe values that were refused before, and only
-//! then rounds: all inputs, what the outputs have become, the watchdog.
+//! On a new connection, and after every fault: safe values (see `safe`), `on_connect`, safe values that were refused
+//! before, and only then rounds: all inputs, what the outputs have become, the watchdog.
 
 use std::time::{Duration, Instant};
 
@@ -13,10 +13,14 @@ use super::settings::ServerSettings;
 use crate::driver::{Inputs, Outputs};
 
 mod answer;
+mod safe;
 mod sign;
 #[cfg(test)]
 mod tests;
 mod write;
+
+use answer::BUSY_PAUSE;
+use safe::Sweep;
 
 /// What is being done; the numbers are places in lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +28,7 @@ enum Step {
     /// Until the next round.
     Idle,
     /// Safe values; those refused are tried again after `on_connect`.
-    Safe { cursor: usize, again: bool },
+    Safe { again: bool },
     /// The values of `on_connect`.
     OnConnect(usize),
     /// Inputs.
@@ -44,11 +48,14 @@ enum Purpose {
     Read,
     /// Outputs up to `end`, exclusive; `mask` are the bits of a register.
     Write {
+        from: usize,
         end: usize,
         mask: u16,
     },
     /// The register whose bits are changed next.
-    Fetch,
+    Fetch {
+        place: usize,
+    },
     Watchdog,
 }
 
@@ -61,6 +68,13 @@ struct Pending {
     sent: usize,
     /// It is sent (again) from then on.
     from: Instant,
+}
+
+impl Pending {
+    /// All of its bytes have gone.
+    fn has_gone(&self) -> bool {
+        self.sent == self.message.bytes().len()
+    }
 }
 
 /// Counters since the driver began.
@@ -89,11 +103,16 @@ pub struct Server {
     /// What is being written.
     writing: Outputs,
     written: Vec<Raw>,
-    /// A register that is to be changed in part, as it was read.
-    fetched: Option<u16>,
+    /// A register that is to be changed in part, as it was read, and which output that is.
+    fetched: Option<(usize, u16)>,
     /// Outputs before this place are written one by one, as together they were refused.
     one_by_one: usize,
     refused: Option<Fault>,
+    /// The server was too busy for some of the outputs, which are written again after the others.
+    busy: Option<Fault>,
+    /// Requests wait until then.
+    not_before: Instant,
+    sweep: Sweep,
     building: Inputs,
     inputs: Inputs,
     complete: bool,
@@ -117,6 +136,7 @@ impl Server {
     pub fn new(settings: ServerSettings, points: Points, released: Outputs, now: Instant) -> Self {
         Self {
             written: vec![Raw::default(); points.outputs.len()],
+            sweep: Sweep::new(points.outputs.len(), now),
             settings,
             points,
             released,
@@ -130,6 +150,8 @@ impl Server {
             fetched: None,
             one_by_one: 0,
             refused: None,
+            busy: None,
+            not_before: now,
             building: Inputs::NONE,
             inputs: Inputs::NONE,
             complete: false,
@@ -173,13 +195,7 @@ impl Server {
         self.prepared = now;
         self.commanded = None;
         self.writing = self.released;
-        self.begin(
-            Step::Safe {
-                cursor: 0,
-                again: false,
-            },
-            now,
-        );
+        self.begin(Step::Safe { again: false }, now);
     }
 
     /// All inputs are known and the device's program lives.
@@ -291,10 +307,20 @@ impl Server {
     /// They are no answer, or one that ends this attempt.
     pub fn received(&mut self, count: usize, now: Instant) -> Result<(), Fault> {
         self.inbox.filled(count);
+        if self.is_deaf() {
+            self.inbox.clear();
+            return Ok(());
+        }
         let inbox = std::mem::take(&mut self.inbox);
         let (used, result) = self.look_at(inbox, now);
         self.inbox = used;
-        result
+        match result {
+            Err(fault @ Fault::Broken(_)) if matches!(self.step, Step::Safe { .. }) => {
+                self.stop_listening(fault);
+                Ok(())
+            }
+            result => result,
+        }
     }
 
     /// Goes on: makes the next request if there is none, and looks at the clock.
@@ -302,20 +328,14 @@ impl Server {
     /// # Errors
     /// No answer in time, or what was refused in this round.
     pub fn advance(&mut self, now: Instant) -> Result<(), Fault> {
+        if let Step::Safe { .. } = self.step {
+            self.give_way(now);
+        }
         if self.pending.is_none() {
             self.next(now)?;
         }
-        match &self.pending {
-            Some(pending) if now >= self.due => Err(match self.other_unit.take() {
-                Some(have) => Fault::OtherUnit {
-                    want: self.settings.unit,
-                    have,
-                },
-                None => Fault::Timeout {
-                    doing: self.doing(pending),
-                    timeout: self.settings.timeout,
-                },
-            }),
+        match self.unanswered() {
+            Some(pending) if now >= self.due => Err(self.overdue(&pending)),
             _ => Ok(()),
         }
     }
@@ -341,20 +361,31 @@ impl Server {
     /// When [`Server::advance`] has something to do though nothing comes.
     #[must_use]
     pub fn wake(&self, now: Instant) -> Option<Instant> {
-        let pending = self.pending.as_ref()?;
-        if pending.from > now {
-            return Some(pending.from.min(self.due));
-        }
-        Some(self.due)
+        let Some(_) = self.unanswered() else {
+            // A step that has just begun has its first request still to make.
+            let is_waiting = matches!(self.step, Step::Idle | Step::Decide);
+            return (!is_waiting).then_some(now);
+        };
+        let from = self.pending.map(|pending| pending.from);
+        let turn = match self.step {
+            Step::Safe { .. } => self.turn(),
+            _ => None,
+        };
+        let ahead = [from, turn].into_iter().flatten().filter(|at| *at > now);
+        Some(ahead.fold(self.due, Instant::min))
     }
 
     fn begin(&mut self, step: Step, now: Instant) {
         self.step = step;
         self.due = now + self.settings.timeout;
-        self.refused = None;
+        (self.refused, self.busy) = (None, None);
+        self.not_before = now;
         self.one_by_one = 0;
         self.fetched = None;
         self.other_unit = None;
+        if let Step::Safe { .. } = step {
+            self.sweep.begin();
+        }
     }
 
     /// Steps that need no answer are gone through; the first that needs one makes its request.
@@ -362,27 +393,24 @@ impl Server {
         loop {
             match self.step {
                 Step::Idle | Step::Decide => return Ok(()),
-                Step::Safe { cursor, again } => {
-                    if self.write_next(cursor, now) {
+                Step::Safe { again } => {
+                    if !self.sweep_on(now) {
                         return Ok(());
                     }
-                    match self.refused.take() {
-                        Some(fault) if again => return Err(fault),
-                        _ if again => self.step = Step::Idle,
-                        _ => self.begin(Step::OnConnect(0), now),
+                    match self.finish_sweep(again) {
+                        Some(fault) => return Err(fault),
+                        None if again => {
+                            self.sweep.forget();
+                            self.step = Step::Idle;
+                        }
+                        None => self.begin(Step::OnConnect(0), now),
                     }
                 }
                 Step::OnConnect(place) => {
                     if self.assign(place, now) {
                         return Ok(());
                     }
-                    self.begin(
-                        Step::Safe {
-                            cursor: 0,
-                            again: true,
-                        },
-                        now,
-                    );
+                    self.begin(Step::Safe { again: true }, now);
                 }
                 Step::Read(place) => {
                     if let Some(Read {
@@ -410,7 +438,13 @@ impl Server {
                     if self.write_next(cursor, now) {
                         return Ok(());
                     }
-                    if let Some(fault) = self.refused.take() {
+                    if self.busy.is_some() && now + BUSY_PAUSE < self.due {
+                        self.busy = None;
+                        self.not_before = now + BUSY_PAUSE;
+                        self.step = Step::Write(0);
+                        continue;
+                    }
+                    if let Some(fault) = self.refused.take().or(self.busy.take()) {
                         return Err(fault);
                     }
                     self.step = Step::Watchdog;
@@ -451,7 +485,7 @@ impl Server {
                 message,
                 purpose,
                 sent: 0,
-                from: now,
+                from: now.max(self.not_before),
             });
         }
     }

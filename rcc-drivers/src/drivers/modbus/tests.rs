@@ -1,5 +1,7 @@
 //! The driver against the simulated I/O station, which runs in a thread of the test.
 
+mod stubborn;
+
 use std::net::{SocketAddr, TcpListener};
 use std::sync::mpsc;
 

@@ -10,7 +10,7 @@ use super::super::value::WIDTH_MAX;
 use super::{Pending, Purpose, Server, Step};
 
 /// Before a request is repeated that a busy server has refused.
-const BUSY_PAUSE: Duration = Duration::from_millis(5);
+pub(super) const BUSY_PAUSE: Duration = Duration::from_millis(5);
 
 impl Server {
     /// Takes all whole messages out of `inbox` and gives it back.
@@ -25,7 +25,7 @@ impl Server {
                 // One that has not gone yet has no answer: this one is late.
                 Some(pending)
                     if pending.message.transaction() == incoming.transaction
-                        && pending.sent == pending.message.bytes().len() =>
+                        && pending.has_gone() =>
                 {
                     if incoming.unit == self.settings.unit {
                         match incoming.answer(&pending.message) {
@@ -38,10 +38,20 @@ impl Server {
                         Ok(())
                     }
                 }
-                _ => {
+                _ if incoming.unit != self.settings.unit => {
                     self.counts.discarded += 1;
                     Ok(())
                 }
+                _ => match self.take_overtaken(incoming.transaction) {
+                    Some(late) => match incoming.answer(&late.message) {
+                        Ok(answer) => self.understand_late(&late, &answer, now),
+                        Err(broken) => Err(Fault::Broken(broken)),
+                    },
+                    None => {
+                        self.counts.discarded += 1;
+                        Ok(())
+                    }
+                },
             };
             inbox.forget(length);
             if result.is_err() {
@@ -66,16 +76,26 @@ impl Server {
         }
     }
 
-    fn take(&mut self, purpose: Purpose, data: &[u8], now: Instant) {
+    pub(super) fn take(&mut self, purpose: Purpose, data: &[u8], now: Instant) {
         match (purpose, self.step) {
             (Purpose::OnConnect, Step::OnConnect(place)) => self.step = Step::OnConnect(place + 1),
             (Purpose::Read, Step::Read(place)) => {
                 self.decode(place, data, now);
                 self.step = Step::Read(place + 1);
             }
-            (Purpose::Fetch, _) => self.fetched = Some(frame::register(data, 0)),
-            (Purpose::Write { end, mask }, Step::Write(cursor) | Step::Safe { cursor, .. }) => {
-                self.confirm(cursor, end, mask);
+            (Purpose::Fetch { place }, step) => {
+                let register = frame::register(data, 0);
+                self.fetched = Some((place, register));
+                self.sweep.keep(place, register);
+                if let Step::Safe { .. } = step {
+                    self.has_fetched(place);
+                }
+            }
+            (Purpose::Write { from, end, mask }, Step::Write(_) | Step::Safe { .. }) => {
+                self.confirm(from, end, mask);
+                if let Step::Safe { .. } = self.step {
+                    self.sweep.confirm(from..end);
+                }
                 self.go_on_at(end);
             }
             (Purpose::Watchdog, _) => self.step = Step::Idle,
@@ -86,14 +106,35 @@ impl Server {
 
     pub(super) fn go_on_at(&mut self, place: usize) {
         match &mut self.step {
-            Step::Write(cursor) | Step::Safe { cursor, .. } => *cursor = place,
+            Step::Write(cursor) => *cursor = place,
             _ => {}
         }
     }
 
     /// A refused output is left out, so that it keeps none of the others from its value; the fault comes after them.
-    fn obey_exception(&mut self, pending: &Pending, code: u8, now: Instant) -> Result<(), Fault> {
+    pub(super) fn obey_exception(
+        &mut self,
+        pending: &Pending,
+        code: u8,
+        now: Instant,
+    ) -> Result<(), Fault> {
+        if let Step::Safe { .. } = self.step {
+            let doing = self.doing(pending);
+            let fault = Fault::Exception { doing, code };
+            self.obey_in_sweep(pending.purpose, PASSING.contains(&code), fault, now);
+            return Ok(());
+        }
         let from = now + BUSY_PAUSE;
+        if let (true, Step::Write(cursor)) = (PASSING.contains(&code), self.step) {
+            let end = match pending.purpose {
+                Purpose::Write { end, .. } => end,
+                _ => cursor + 1,
+            };
+            let doing = self.doing(pending);
+            self.busy = Some(Fault::Exception { doing, code });
+            self.go_on_at(end);
+            return Ok(());
+        }
         if PASSING.contains(&code) && from < self.due {
             self.transaction = self.transaction.wrapping_add(1);
             let mut again = *pending;
@@ -103,7 +144,7 @@ impl Server {
             return Ok(());
         }
         let cursor = match self.step {
-            Step::Write(cursor) | Step::Safe { cursor, .. } => cursor,
+            Step::Write(cursor) => cursor,
             _ => 0,
         };
         let fault = Fault::Exception {
@@ -112,7 +153,7 @@ impl Server {
         };
         match pending.purpose {
             Purpose::Write { end, .. } if end > cursor + 1 => self.one_by_one = end,
-            Purpose::Write { .. } | Purpose::Fetch => {
+            Purpose::Write { .. } | Purpose::Fetch { .. } => {
                 self.refused.get_or_insert(fault);
                 self.go_on_at(cursor + 1);
             }
@@ -159,6 +200,25 @@ impl Server {
         }
     }
 
+    /// Why there is no answer.
+    pub(super) fn overdue(&mut self, pending: &Pending) -> Fault {
+        let why = match self.step {
+            Step::Safe { .. } => self.end_sweep(),
+            _ => None,
+        };
+        match (why, self.other_unit.take()) {
+            (Some(fault), _) => fault,
+            (None, Some(have)) => Fault::OtherUnit {
+                want: self.settings.unit,
+                have,
+            },
+            (None, None) => Fault::Timeout {
+                doing: self.doing(pending),
+                timeout: self.settings.timeout,
+            },
+        }
+    }
+
     /// A request in words.
     pub(super) fn doing(&self, pending: &Pending) -> String {
         let points = |table: &str, first: u16, count: usize| match count {
@@ -185,12 +245,13 @@ impl Server {
                 let at = watchdog.map_or(String::new(), |one| one.address.to_string());
                 format!("writing the watchdog ({at})")
             }
-            (purpose, Step::Write(cursor) | Step::Safe { cursor, .. }) => {
-                let end = match purpose {
-                    Purpose::Write { end, .. } => end,
-                    _ => cursor + 1,
+            (Purpose::Write { .. } | Purpose::Fetch { .. }, _) => {
+                let (from, end, verb) = match pending.purpose {
+                    Purpose::Write { from, end, .. } => (from, end, "writing"),
+                    Purpose::Fetch { place } => (place, place + 1, "reading"),
+                    _ => (0, 0, "asking for"),
                 };
-                let outputs = self.points.outputs.get(cursor..end).unwrap_or(&[]);
+                let outputs = self.points.outputs.get(from..end).unwrap_or(&[]);
                 let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
                 let count = outputs
                     .iter()
@@ -199,11 +260,6 @@ impl Server {
                 let at = outputs.first().map_or(String::new(), |output| {
                     points(output.table.name(), output.address, count)
                 });
-                let verb = if purpose == Purpose::Fetch {
-                    "reading"
-                } else {
-                    "writing"
-                };
                 format!("{verb} {at} ({})", names.join(", "))
             }
             _ => "a request".to_owned(),

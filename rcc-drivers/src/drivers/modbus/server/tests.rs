@@ -11,6 +11,8 @@ use super::super::settings::ModbusSettings;
 use super::*;
 use crate::conformance::{self, Row};
 
+mod safe;
+
 const MS: Duration = Duration::from_millis(1);
 
 /// 100 points of each kind.

@@ -9,7 +9,7 @@ use super::super::address::Table;
 use super::super::fault::Fault;
 use super::super::frame::Request;
 use super::super::points::{Output, Raw, Source, Wanted};
-use super::{Purpose, Server};
+use super::{Purpose, Server, Step};
 
 /// More registers than one write has.
 const REGISTERS_MAX: usize = 128;
@@ -53,19 +53,19 @@ impl Server {
         }
     }
 
-    fn wanted(&self, place: usize) -> Option<Wanted> {
+    pub(super) fn wanted(&self, place: usize) -> Option<Wanted> {
         let output = self.points.outputs.get(place)?;
         Some(output.wanted(&self.writing))
     }
 
-    fn changed(&self, place: usize) -> Option<Raw> {
+    pub(super) fn changed(&self, place: usize) -> Option<Raw> {
         match self.wanted(place)? {
             Wanted::Value(wanted) if self.written.get(place)?.changes(&wanted) != 0 => Some(wanted),
             _ => None,
         }
     }
 
-    fn write_coils(&mut self, place: usize, now: Instant) {
+    pub(super) fn write_coils(&mut self, place: usize, now: Instant) {
         let mut values = [false; DIGITAL_MAX];
         let most = usize::from(self.settings.requests.write_bits).min(values.len());
         let mut length = 0;
@@ -75,13 +75,14 @@ impl Server {
         });
         let (first, values) = (self.points.outputs[place].address, &values[..length]);
         let purpose = Purpose::Write {
+            from: place,
             end,
             mask: u16::MAX,
         };
         self.ask(&Request::WriteCoils { first, values }, purpose, now);
     }
 
-    fn write_numbers(&mut self, place: usize, now: Instant) {
+    pub(super) fn write_numbers(&mut self, place: usize, now: Instant) {
         let mut values = [0; REGISTERS_MAX];
         let most = usize::from(self.settings.requests.write_registers).min(values.len());
         let mut length = 0;
@@ -91,6 +92,7 @@ impl Server {
         });
         let (first, values) = (self.points.outputs[place].address, &values[..length]);
         let purpose = Purpose::Write {
+            from: place,
             end,
             mask: u16::MAX,
         };
@@ -110,7 +112,7 @@ impl Server {
             let follows = output.table == first.table
                 && !matches!(output.source, Source::Bits { .. })
                 && usize::from(output.address) == usize::from(first.address) + length;
-            let alone = place > from && place < self.one_by_one;
+            let alone = place > from && (place < self.one_by_one || self.is_asked(place));
             match self.changed(place) {
                 Some(raw) if follows && !alone && length + width <= most => put(length, raw, width),
                 _ => break,
@@ -121,17 +123,24 @@ impl Server {
         place
     }
 
+    /// A safe value that is under way already.
+    fn is_asked(&self, place: usize) -> bool {
+        matches!(self.step, Step::Safe { .. }) && self.sweep.was_asked(place)
+    }
+
     /// Bits of a register: whole if all are ours, by function 22, or read and written back.
-    fn write_bits(&mut self, place: usize, wanted: Raw, now: Instant) {
+    pub(super) fn write_bits(&mut self, place: usize, wanted: Raw, now: Instant) {
         let first = self.points.outputs[place].address;
         let changes = self.written[place].changes(&wanted);
         let whole = wanted.mask == u16::MAX;
         let mask = if whole { u16::MAX } else { changes };
         let purpose = Purpose::Write {
+            from: place,
             end: place + 1,
             mask,
         };
-        let request = match self.fetched.take() {
+        let fetched = self.fetched.take().filter(|(at, _)| *at == place);
+        let request = match fetched {
             _ if whole => Request::WriteRegisters {
                 first,
                 values: &[wanted.words[0]],
@@ -141,7 +150,7 @@ impl Server {
                 mask,
                 values: wanted.words[0],
             },
-            Some(others) => {
+            Some((_, others)) => {
                 let value = (others & !mask) | (wanted.words[0] & mask);
                 self.ask(
                     &Request::WriteRegisters {
@@ -159,7 +168,7 @@ impl Server {
                     first,
                     count: 1,
                 };
-                self.ask(&request, Purpose::Fetch, now);
+                self.ask(&request, Purpose::Fetch { place }, now);
                 return;
             }
         };
@@ -167,7 +176,7 @@ impl Server {
     }
 }
 
-fn unfit(output: &Output, value: f64) -> Fault {
+pub(super) fn unfit(output: &Output, value: f64) -> Fault {
     let limits = match &output.source {
         Source::Number { format, .. } => format.number.limits(),
         _ => [0.0, 1.0],

@@ -1,0 +1,320 @@
+//! Servers that do what they are told and answer badly: late, as another unit, with half an answer, never. Whatever they
+//! answer, every safe value is sent to them, each once before any is sent again.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use rcc_config::{DeviceConfig, OnRelease};
+use rcc_core::primitive::ChannelKind::{AnalogOutput, DigitalInput, DigitalOutput};
+
+use super::super::Modbus;
+use crate::conformance::{self, Row};
+use crate::driver::{Driver, Inputs, LinkError, Outputs};
+
+/// How it answers; it acts at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Manner {
+    Well,
+    /// So long after the request, each by itself.
+    Late(Duration),
+    OtherUnit,
+    Half,
+    Never,
+    /// Answers with another function than was asked for.
+    Nonsense,
+    /// With bytes that are no Modbus.
+    Garbage,
+    /// With this exception, though it acts.
+    Exception(u8),
+    /// Answers, and closes.
+    Closes,
+    /// Closes without an answer.
+    Hangs,
+    /// What comes while it is at work (so long for each) is dropped.
+    OneAtATime(Duration),
+}
+
+struct State {
+    manner: Manner,
+    /// Coils, and holding registers.
+    points: [[u16; 32]; 2],
+    /// Which points were written, in order: table, number.
+    written: Vec<(usize, usize)>,
+}
+
+/// A server with 32 coils and 32 holding registers; discrete inputs are off.
+#[derive(Clone)]
+struct Stubborn {
+    address: SocketAddr,
+    state: Arc<Mutex<State>>,
+}
+
+impl Stubborn {
+    fn start() -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
+        let server = Self {
+            address: listener.local_addr().expect("an address"),
+            state: Arc::new(Mutex::new(State {
+                manner: Manner::Well,
+                points: [[0; 32]; 2],
+                written: Vec::new(),
+            })),
+        };
+        let own = server.clone();
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                let own = own.clone();
+                std::thread::spawn(move || own.serve(stream));
+            }
+        });
+        server
+    }
+
+    fn behave(&self, manner: Manner) {
+        let mut state = self.state.lock().expect("no panic");
+        state.manner = manner;
+        state.written.clear();
+    }
+
+    /// Ends with the connection.
+    fn serve(&self, mut stream: TcpStream) {
+        stream.set_nodelay(true).expect("a socket");
+        loop {
+            let mut head = [0; 6];
+            if stream.read_exact(&mut head).is_err() {
+                return;
+            }
+            let mut rest = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]]))];
+            if stream.read_exact(&mut rest).is_err() {
+                return;
+            }
+            let manner = self.state.lock().expect("no panic").manner;
+            let body = self.act(&rest[1..]);
+            let mut answer = head[..4].to_vec();
+            answer.extend((body.len() as u16 + 1).to_be_bytes());
+            answer.push(rest[0]);
+            answer.extend(body);
+            match manner {
+                Manner::Well | Manner::Closes => {}
+                Manner::Late(time) => {
+                    let mut own = stream.try_clone().expect("a socket");
+                    std::thread::spawn(move || {
+                        std::thread::sleep(time);
+                        // The driver may have gone.
+                        let _ = own.write_all(&answer);
+                    });
+                    continue;
+                }
+                Manner::OtherUnit => answer[6] ^= 1,
+                Manner::Half => answer.truncate(answer.len() / 2),
+                Manner::Never => continue,
+                Manner::Nonsense => answer[7] = 43,
+                Manner::Garbage => answer.fill(0x55),
+                Manner::Exception(code) => {
+                    answer.truncate(7);
+                    answer[5] = 3;
+                    answer.extend([rest[1] | 0x80, code]);
+                }
+                Manner::Hangs => return,
+                Manner::OneAtATime(time) => {
+                    std::thread::sleep(time);
+                    stream.set_nonblocking(true).expect("a socket");
+                    // Whatever came meanwhile.
+                    while stream.read(&mut [0; 1000]).is_ok_and(|count| count > 0) {}
+                    stream.set_nonblocking(false).expect("a socket");
+                }
+            }
+            if stream.write_all(&answer).is_err() || manner == Manner::Closes {
+                return;
+            }
+        }
+    }
+
+    /// Does what is asked for; returns function and data.
+    fn act(&self, request: &[u8]) -> Vec<u8> {
+        let word = |at: usize| u16::from_be_bytes([request[at], request[at + 1]]);
+        let (function, first, second) = (request[0], usize::from(word(1)), word(3));
+        let mut state = self.state.lock().expect("no panic");
+        match function {
+            1 | 2 => return vec![function, 1, 0],
+            3 => {
+                let value = state.points[1][first].to_be_bytes();
+                return vec![3, 2, value[0], value[1]];
+            }
+            5 => state.points[0][first] = u16::from(second != 0),
+            6 => state.points[1][first] = second,
+            _ => panic!("function {function} is not asked for here"),
+        }
+        state.written.push((usize::from(function) - 5, first));
+        request[..5].to_vec()
+    }
+
+    fn all_are(&self, outputs: &[(usize, usize)], value: u16) -> bool {
+        let state = self.state.lock().expect("no panic");
+        outputs
+            .iter()
+            .all(|&(table, number)| state.points[table][number] == value)
+    }
+
+    /// How often each output has been written since [`Stubborn::behave`].
+    fn tries(&self, outputs: &[(usize, usize)]) -> Vec<usize> {
+        let state = self.state.lock().expect("no panic");
+        let count = |output| state.written.iter().filter(|one| *one == output).count();
+        outputs.iter().map(count).collect()
+    }
+}
+
+/// Where the outputs are: each needs a request of its own.
+const OUTPUTS: [(usize, usize); 8] = [
+    (0, 0),
+    (0, 2),
+    (0, 4),
+    (0, 6),
+    (1, 10),
+    (1, 12),
+    (1, 14),
+    (1, 16),
+];
+
+fn device(server: SocketAddr, settings: &serde_json::Value) -> DeviceConfig {
+    let names: Vec<String> = (0..8).map(|number| format!("o{number}")).collect();
+    let mut rows: Vec<Row<'_>> = Vec::new();
+    for (name, (table, number)) in names.iter().zip(OUTPUTS) {
+        rows.push(match table {
+            0 => (
+                name,
+                DigitalOutput,
+                format!("coil {number}").into(),
+                Some(OnRelease::Safe(0.0)),
+                None,
+            ),
+            _ => (
+                name,
+                AnalogOutput,
+                format!("holding {number}").into(),
+                Some(OnRelease::Safe(0.0)),
+                Some([0.0, 1.0]),
+            ),
+        });
+    }
+    rows.push(("in", DigitalInput, "discrete 0".into(), None, None));
+    let mut settings = settings.clone();
+    settings["server"] = server.to_string().into();
+    conformance::device("modbus", settings, &rows)
+}
+
+fn all(on: bool) -> Outputs {
+    let mut outputs = Outputs {
+        digital: if on { 0b1111 } else { 0 },
+        digital_set: 0b1111,
+        ..Outputs::NONE
+    };
+    outputs.analog[..4].fill(f64::from(u8::from(on)));
+    outputs
+}
+
+/// One exchange as the host does it.
+fn exchange(driver: &mut Modbus, outputs: &Outputs) -> Result<(), LinkError> {
+    driver.receive(Duration::from_millis(10), &mut Inputs::NONE.clone())?;
+    driver.send(outputs)
+}
+
+/// A driver whose outputs are all on.
+fn running(server: &Stubborn, settings: &serde_json::Value) -> Modbus {
+    let mut driver = Modbus::open(&device(server.address, settings)).expect("a configuration");
+    until(|| {
+        // Not yet connected, or not yet read.
+        let _ = exchange(&mut driver, &all(true));
+        server.all_are(&OUTPUTS, 1)
+    });
+    driver
+}
+
+/// Waits for it without a bound that a slow machine could miss.
+fn until(mut done: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !done() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "never");
+    }
+}
+
+const TIMEOUT: Duration = Duration::from_millis(80);
+
+fn settings() -> serde_json::Value {
+    serde_json::json!({"timeout": "80 ms", "period": "5 ms"})
+}
+
+/// Tries of an output until all have had theirs: the write that was under way may be one, and a connection that closes
+/// takes one with it.
+const TRIES_MAX: usize = 3;
+
+const MANNERS: [Manner; 12] = [
+    Manner::Late(Duration::from_millis(200)),
+    Manner::Late(Duration::from_millis(75)),
+    Manner::OtherUnit,
+    Manner::Half,
+    Manner::Never,
+    Manner::Nonsense,
+    Manner::Garbage,
+    Manner::Exception(4),
+    Manner::Exception(6),
+    Manner::Closes,
+    Manner::Hangs,
+    Manner::OneAtATime(Duration::from_millis(120)),
+];
+
+#[test]
+fn every_safe_value_is_sent_whatever_the_server_answers() {
+    for manner in MANNERS {
+        let server = Stubborn::start();
+        let mut driver = running(&server, &settings());
+        server.behave(manner);
+        until(|| {
+            // It is lost, sooner or later.
+            let _ = exchange(&mut driver, &all(false));
+            let tries = server.tries(&OUTPUTS);
+            let most = tries.iter().max().copied().unwrap_or(0);
+            let done = server.all_are(&OUTPUTS, 0);
+            assert!(
+                done || most <= TRIES_MAX || matches!(manner, Manner::OneAtATime(_)),
+                "{manner:?}: {tries:?}"
+            );
+            done
+        });
+    }
+}
+
+#[test]
+fn every_safe_value_is_sent_before_the_driver_ends() {
+    for manner in MANNERS {
+        if let Manner::OneAtATime(_) = manner {
+            // It takes a round for each, which nobody waits for at the end.
+            continue;
+        }
+        let server = Stubborn::start();
+        let mut driver = running(&server, &settings());
+        server.behave(manner);
+        // The last word of the host.
+        let _ = driver.send(&all(false));
+        drop(driver);
+        until(|| server.all_are(&OUTPUTS, 0));
+        let tries = server.tries(&OUTPUTS);
+        assert!(
+            tries.iter().all(|tries| *tries > 0),
+            "{manner:?}: {tries:?}"
+        );
+    }
+}
+
+#[test]
+fn a_driver_ends_though_its_server_never_answers() {
+    let server = Stubborn::start();
+    let driver = running(&server, &settings());
+    server.behave(Manner::Never);
+    let begun = Instant::now();
+    drop(driver);
+    // The supervisor kills after 2 s; a machine under load may be late, but not by that much.
+    assert!(begun.elapsed() < 100 * TIMEOUT);
+}
