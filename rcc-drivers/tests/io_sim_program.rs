@@ -14,6 +14,7 @@ struct Simulator {
     child: Child,
     modbus: SocketAddr,
     control: Client,
+    at: SocketAddr,
 }
 
 impl Simulator {
@@ -40,6 +41,7 @@ impl Simulator {
             modbus: address("modbus="),
             child,
             control,
+            at: address("control="),
         }
     }
 
@@ -95,6 +97,45 @@ async fn outputs_reach_wired_inputs_and_inputs_can_be_set_by_hand() {
     );
     assert_eq!(simulator.ask(r#"{"quit":null}"#)["ok"], true);
     assert!(simulator.child.wait().unwrap().success());
+}
+
+/// The simulator is ours, and nobody is a program of another user.
+#[test]
+fn another_user_cannot_command_it() {
+    if !nix::unistd::getuid().is_root() {
+        return eprintln!(
+            "skipped: another_user_cannot_command_it (it takes root to be somebody else)"
+        );
+    }
+    // A simulator of root's admits nobody but root.
+    let mut simulator = Simulator::start(&[]);
+    let script = format!(
+        "exec 3<>/dev/tcp/127.0.0.1/{}; echo '{{\"state\":null}}' >&3; head -n 1 <&3",
+        simulator.at.port()
+    );
+    let ask = |user: &str| {
+        let output = Command::new("setpriv")
+            .args([
+                "--reuid",
+                user,
+                "--clear-groups",
+                "timeout",
+                "10",
+                "bash",
+                "-c",
+                &script,
+            ])
+            .output()
+            .unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let answer = ask("65534");
+    assert!(
+        answer.contains("user 65534 may not command this simulator") && !answer.contains("coils"),
+        "{answer}"
+    );
+    assert!(ask("0").contains("coils"));
+    assert!(simulator.ask(r#"{"state":null}"#)["coils"].is_array());
 }
 
 #[test]

@@ -1,12 +1,16 @@
 //! A control port: a TCP server on which each line is a request and gets one line as its answer.
 //! One thread accepts, one thread serves each connection; none of them ever touches a simulator's clock thread.
+//!
+//! A request may name a file, which is written with our rights: only programs of our own user (and root's) are answered.
 
+use super::peer;
+use rcc_ipc::seldom::Seldom;
 use rcc_process::signals::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest line that is read, in bytes.
 const LINE_MAX: u64 = 64 * 1024;
@@ -36,20 +40,38 @@ pub fn serve(address: SocketAddr, answer: Answer) -> io::Result<SocketAddr> {
     thread::Builder::new()
         .name("control".into())
         .spawn(move || {
+            let mut complaints = Seldom::default();
             for stream in listener.incoming() {
                 let answer = answer.clone();
                 let served = stream.and_then(|stream| {
+                    let stream = admit(stream)?;
                     let serve = move || converse(stream, &answer);
                     thread::Builder::new()
                         .name("control-client".into())
                         .spawn(serve)
                 });
-                if let Err(error) = served {
-                    tracing::warn!(%error, "a control connection was not served");
+                if let Err(error) = served
+                    && let Some(more) = complaints.say(Instant::now())
+                {
+                    tracing::warn!(%error, more, "a control connection was not served");
                 }
             }
         })?;
     Ok(bound)
+}
+
+/// Refuses whoever is neither our user nor root.
+fn admit(mut stream: TcpStream) -> io::Result<TcpStream> {
+    let user = peer::user_of(&stream)?;
+    let ours = nix::unistd::getuid().as_raw();
+    if user.is_some_and(|user| user == ours || user == 0) {
+        return Ok(stream);
+    }
+    let who = user.map_or("an unknown user".to_owned(), |user| format!("user {user}"));
+    let words = format!("{who} may not command this simulator: it is user {ours}'s");
+    // He may not wait for it.
+    let _ = writeln!(stream, "{}", serde_json::json!({ "error": words }));
+    Err(io::Error::new(io::ErrorKind::PermissionDenied, words))
 }
 
 /// Until the client hangs up, says something too long, or does not read.

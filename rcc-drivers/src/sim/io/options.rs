@@ -12,7 +12,7 @@ pub struct Options {
     /// Where the Modbus server listens; port 0 lets the system choose
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub bind: SocketAddr,
-    /// Where the control port listens (one JSON object a line); a loopback address
+    /// Where the control port listens (one JSON object a line); a loopback address, for programs of the same user and of root
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub control: SocketAddr,
     /// Wires an output back to an input: coil:N=discrete:N or holding:N=input:N, from 0

@@ -23,7 +23,7 @@ use tokio_modbus::{ExceptionCode, Request, Response};
 pub enum RunError {
     /// The control port is no loopback address.
     #[error(
-        "--control {0}: the control port asks for no password, so it takes a loopback address only"
+        "--control {0}: the control port tells users apart on this machine only, so it takes a loopback address"
     )]
     Control(SocketAddr),
     /// An address is taken or does not exist.

@@ -19,7 +19,7 @@ pub struct Options {
     /// Where to send from; port 0 lets the system choose
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub bind: SocketAddr,
-    /// Where the control port listens (one JSON object a line); a loopback address
+    /// Where the control port listens (one JSON object a line); a loopback address, for programs of the same user and of root
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub control: SocketAddr,
     /// Period of both directions, ms (KUKA: 1 to 100)
@@ -159,7 +159,7 @@ pub enum OptionError {
     Wall(#[from] WallError),
     /// The control port is no loopback address.
     #[error(
-        "--control {0}: the control port asks for no password, so it takes a loopback address only"
+        "--control {0}: the control port tells users apart on this machine only, so it takes a loopback address"
     )]
     Control(SocketAddr),
 }

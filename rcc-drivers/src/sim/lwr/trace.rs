@@ -5,6 +5,7 @@ use super::{JOINTS, Joints};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread;
@@ -199,7 +200,18 @@ struct Output {
 impl Output {
     fn open(&mut self, path: PathBuf) -> io::Result<()> {
         self.close()?;
-        let file = File::options().create(true).append(true).open(path)?;
+        // For our eyes, and not wherever a link leads that somebody has put there.
+        let file = File::options()
+            .create(true)
+            .append(true)
+            .mode(0o600)
+            .custom_flags(nix::libc::O_NOFOLLOW | nix::libc::O_NONBLOCK)
+            .open(path)?;
+        if !file.metadata()?.is_file() {
+            return Err(io::Error::other(
+                "this is no file: name one that is, or a new one",
+            ));
+        }
         let empty = file.metadata()?.len() == 0;
         let mut file = BufWriter::new(file);
         if empty {
