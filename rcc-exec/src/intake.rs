@@ -600,7 +600,7 @@ impl Intake {
                 Ok(Some(announced)) if attached != Some(announced.incarnation) => {
                     match announced.liveness() {
                         Liveness::Alive => {
-                            self.take(index, &announced);
+                            self.meet(index, &announced);
                         }
                         // Not followed before it is known to live.
                         Liveness::Unknown(error) => self.doubt(index, &error),
@@ -619,7 +619,7 @@ impl Intake {
     }
 
     /// Attaches a driver that lives, unless it means other channels than this executor by its set-points.
-    fn take(&mut self, index: usize, driver: &Announcement) {
+    fn meet(&mut self, index: usize, driver: &Announcement) {
         let Some(device) = self.devices.get(index) else {
             return;
         };

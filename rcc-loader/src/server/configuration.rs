@@ -102,7 +102,8 @@ impl Service {
     pub(super) fn stranger(&self, device: &str) -> Option<Disagreement> {
         let (attached, _) = self.executor.attach().ok()?;
         let driver = self.executor.cell().announced(Role::Driver, device);
-        let driver = driver.ok().flatten().filter(Announcement::is_alive)?;
+        let driver = driver.ok().flatten();
+        let driver = driver.filter(|one| one.liveness().is_alive())?;
         Disagreement::about_device(&driver, &attached.announcement, device)
     }
 

@@ -43,7 +43,11 @@ impl Lane {
             | Call::Set { .. }
             | Call::Unload { .. }
             | Call::Reject { .. } => Lane::Changes,
-            Call::Reserve | Call::Read { .. } | Call::Record | Call::Acknowledge => Lane::Looks,
+            Call::Reserve
+            | Call::Read { .. }
+            | Call::Record
+            | Call::Recorded { .. }
+            | Call::Acknowledge => Lane::Looks,
         }
     }
 
