@@ -386,7 +386,9 @@ impl HangWatch {
         let mut worst: Option<Hang> = None;
         for (beat, seen) in beats.iter().zip(&mut self.seen) {
             let turns = beat.turns();
-            if turns != seen.turns || beat.state() != HelperState::Running {
+            // One that waits although all were told to begin hangs as well.
+            let over = matches!(beat.state(), HelperState::Ended | HelperState::Panicked);
+            if turns != seen.turns || over {
                 *seen = Seen {
                     turns,
                     ..Seen::default()
@@ -496,6 +498,15 @@ mod tests {
         helpers.end();
         assert_eq!(helpers.join(Duration::from_millis(50), &[]), ["stuck"]);
         assert!(helpers.join(LIMIT, &["stuck"]).is_empty());
+    }
+
+    #[test]
+    fn one_that_never_begins_hangs_as_well() {
+        let helpers = Helpers::default();
+        let _helper = helpers.helper("maker", Duration::from_secs(2));
+        let mut watch = helpers.watch(|_| {});
+        let hang = watch.hang(Duration::from_secs(3)).unwrap();
+        assert_eq!(hang.helper, "maker");
     }
 
     #[test]

@@ -178,16 +178,24 @@ impl Voice {
             match farewells.recv_timeout(every) {
                 Err(RecvTimeoutError::Timeout) => self.tell(""),
                 Ok(done) => {
-                    self.send("STOPPING=1\nSTATUS=stopping\n");
-                    // Whoever waited may have given up.
-                    let _ = done.try_send(());
+                    self.part(&done);
                     break;
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
+        // Asked to end before it came to it, on a busy machine.
+        if let Ok(done) = farewells.try_recv() {
+            self.part(&done);
+        }
         // Nothing more is told, but the thread is one of the program's until all are asked to end.
         while !helper.rest(LOOK_EVERY) {}
+    }
+
+    fn part(&mut self, done: &SyncSender<()>) {
+        self.send("STOPPING=1\nSTATUS=stopping\n");
+        // Whoever waited may have given up.
+        let _ = done.try_send(());
     }
 
     fn send(&mut self, words: &str) {
