@@ -130,7 +130,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     let pump = Pump::new(records, events, publisher, names);
     let pump = pump.recording(&cell, recorder.clone());
     spawn_helpers(&helpers, intake, pump, scribe)?;
-    let supervisor = supervisor(&helpers, &recorder, status)?;
+    let supervisor = supervisor(&helpers, &recorder, status, config.period_ns)?;
     boards.beats = helpers.beats();
     let stop = Arc::new(AtomicBool::new(false));
     let (rt, grants) = start_rt(
@@ -180,6 +180,7 @@ fn supervisor(
     helpers: &Helpers,
     recorder: &Recorder,
     status: BoardReader<CycleStatus>,
+    period_ns: u64,
 ) -> Result<Supervisor, Ending> {
     let grants = Arc::new(OnceLock::<Grants>::new());
     let granted = Arc::clone(&grants);
@@ -195,7 +196,12 @@ fn supervisor(
     let none = Grants::default();
     let notifier = Notifier::start(helpers, move || {
         let grants = granted.get().unwrap_or(&none);
-        hangs.look(pulse(&status.read(), grants))
+        let mut status = status.read();
+        if status.cycle == 0 {
+            // READY may come before the first cycle.
+            status.period_ns = period_ns;
+        }
+        hangs.look(pulse(&status, grants))
     })?;
     Ok(Supervisor { notifier, grants })
 }
