@@ -495,6 +495,9 @@ mod tests {
         };
         helpers.spawn("stuck", LIMIT, work).unwrap();
         helpers.go();
+        while helpers.beats()[0].state() != HelperState::Running {
+            thread::yield_now();
+        }
         helpers.end();
         assert_eq!(helpers.join(Duration::from_millis(50), &[]), ["stuck"]);
         assert!(helpers.join(LIMIT, &["stuck"]).is_empty());
