@@ -72,8 +72,8 @@ fn a_run_is_a_success_only_if_its_net_finished() {
             );
         }
     }
-    let short = nets::clock("short").replace("done: cancel.requested", "done: true");
-    let short = cell.file(&short);
+    let short =
+        cell.file("net: short\nprimitives:\n  end: {type: Termination, inputs: {done: true}}\n");
     let (out, _) = cell.cli_exits(0, &["run", short.to_str().expect("plain")]);
     assert!(out.contains("finished"), "{out}");
     cell.stop();
@@ -96,21 +96,22 @@ fn every_verb_ends_with_what_became_of_what_was_asked_for() {
     watched("canceled", 8, "wait");
     watched("canceled", 8, "cancel");
     watched("aborted", 1, "abort");
-    // CANCEL was asked for, and the net ends by ABORT instead.
-    let id = cell.run(
-        "net: deaf
+    // CANCEL is asked for and is not obeyed; then the net ends by ABORT instead.
+    let deaf = "net: deaf
 primitives:
   cancel: {type: Cancel}
   heard: {type: Monitor, parameters: {rate: 10 Hz}, inputs: {value: cancel.requested}}
   end: {type: Termination, inputs: {done: false}}
-",
-    );
+";
+    let id = cell.run(deaf);
+    let (_, words) = cell.cli_exits(6, &["cancel", "deaf", "--wait", "100ms"]);
+    assert!(words.contains("rcc-cli abort"), "{words}");
+    cell.done(id, "abort");
+    let id = cell.run(deaf);
     let wait = begin(&cell, &["cancel", "deaf", "--wait"]);
     await_some("the cancel", || {
         (cell.state(id)["state"] == "canceling").then_some(())
     });
-    let (_, words) = cell.cli_exits(6, &["cancel", "deaf", "--wait", "100ms"]);
-    assert!(words.contains("rcc-cli abort"), "{words}");
     cell.done(id, "abort");
     let (code, words) = end(wait);
     assert_eq!(code, Some(1), "{words}");
@@ -129,6 +130,7 @@ primitives:
         (5, vec!["start", "deaf"]),
         (5, vec!["cancel", "deaf", "--wait"]),
         (5, vec!["abort", "deaf"]),
+        (0, vec!["unload", "deaf"]),
         (0, vec!["unload", "deaf"]),
         (1, vec!["unload", "deaf"]),
         (2, vec!["fault", "nothing", "kill"]),

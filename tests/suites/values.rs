@@ -153,7 +153,11 @@ fn a_watcher_that_is_killed_leaves_nothing_and_others_are_told_the_end() {
     cell.done(id, "cancel");
     let last = of_other.last().expect("a line").expect("text");
     assert!(last.contains(r#""state":"terminated""#), "{last}");
-    assert_eq!(other.wait().expect("it ends").code(), Some(0));
+    assert_eq!(
+        other.wait().expect("it ends").code(),
+        Some(8),
+        "it was canceled"
+    );
     cell.stop();
 }
 
