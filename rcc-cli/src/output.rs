@@ -106,7 +106,7 @@ impl Printer {
     #[must_use]
     pub fn start() -> Printer {
         let (texts, waiting) = sync_channel(LINES_WAITING_MAX);
-        let run = move || print_all(&waiting, &mut |stream, text| write(stream, text));
+        let run = move || print_all(&waiting, &mut write);
         // A system that gives no thread gives none to a cell either, and that is told by what fails next.
         let _ = thread::Builder::new().name("output".into()).spawn(run);
         Printer { texts }
@@ -172,7 +172,9 @@ fn print_all(texts: &Receiver<Text>, write: &mut dyn FnMut(Stream, &str) -> io::
                 }
             }
             // Whoever waited may have given up.
-            Text::Done(done) => drop(done.try_send(())),
+            Text::Done(done) => {
+                let _ = done.try_send(());
+            }
         }
     }
 }

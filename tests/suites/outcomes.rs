@@ -179,7 +179,7 @@ fn a_net_is_addressed_by_number_by_name_or_by_both_which_must_agree() {
         format!("left%23{right}"),
         format!("left%230{left}"),
         format!("0{left}"),
-        format!("left%23x"),
+        "left%23x".to_owned(),
         "1%2F".to_owned(),
     ] {
         let reply = cell.rest("POST", &format!("/commands/{path}/start"), "");

@@ -134,8 +134,7 @@ fn a_cell_is_taken_whole_while_others_clean_it() {
     let place = place();
     for _ in 0..4 {
         // What a dead life left: announcements and shared memory that are worth removing.
-        let first = one_of(&place, many(&place));
-        let mut first = first;
+        let mut first = one_of(&place, many(&place));
         for pid in std::iter::once(first.id()).chain(of_folder(place.folder())) {
             signal(pid, Signal::SIGKILL);
         }

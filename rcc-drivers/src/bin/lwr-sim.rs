@@ -10,7 +10,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     rcc_process::log();
     let options = Options::parse();
-    let result = program::run(&options, |line| rcc_process::say(line));
+    let result = program::run(&options, rcc_process::say);
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -178,9 +178,10 @@ mod tests {
             assert_eq!(outcome(Asked::Finish, reason), finish, "{reason:?}");
             assert_eq!(outcome(Asked::Cancel, reason), cancel, "{reason:?}");
         }
-        let ends = EndReason::ALL.iter().filter(|(end, _)| *end != EndReason::None);
-        assert!(ends.clone().count() == OUTCOMES.len());
-        assert!(ends.into_iter().all(|(end, _)| OUTCOMES.iter().any(|(row, _)| row == end)));
+        let ends = EndReason::ALL.iter().map(|(end, _)| *end);
+        let mut ends = ends.filter(|end| *end != EndReason::None);
+        assert_eq!(ends.clone().count(), OUTCOMES.len());
+        assert!(ends.all(|end| OUTCOMES.iter().any(|(row, _)| *row == end)));
     }
 
     #[test]
