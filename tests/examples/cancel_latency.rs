@@ -10,7 +10,7 @@ use rcc_tests::flood::{self, Options, kinds::Kind};
 #[derive(Parser)]
 struct Arguments {
     /// Large nets that are loaded before.
-    #[arg(long, default_value_t = 52)]
+    #[arg(long, default_value_t = 40)]
     nets: usize,
     /// Primitives of each.
     #[arg(long, default_value_t = 5000)]
