@@ -361,11 +361,11 @@ impl Server {
     /// When [`Server::advance`] has something to do though nothing comes.
     #[must_use]
     pub fn wake(&self, now: Instant) -> Option<Instant> {
-        let Some(_) = self.unanswered() else {
+        if self.unanswered().is_none() {
             // A step that has just begun has its first request still to make.
             let is_waiting = matches!(self.step, Step::Idle | Step::Decide);
             return (!is_waiting).then_some(now);
-        };
+        }
         let from = self.pending.map(|pending| pending.from);
         let turn = match self.step {
             Step::Safe { .. } => self.turn(),
