@@ -280,14 +280,19 @@ fn enter_as_it_is(
 /// own. While a process of the cell lives they are there and ours; without one the cell takes another prefix at the next
 /// look. All other names have numbers that nobody foresees, so what lies beside them keeps nobody out.
 fn refuse_foreign(cell: &Cell) -> Result<(), SessionError> {
-    let foreign = cell.foreign().map_err(|source| CellError::Folder {
+    let listed = |source| CellError::Folder {
         path: SHM.into(),
         source,
-    })?;
-    let root = cell.iox_root();
+    };
+    let foreign = cell.foreign().map_err(listed)?;
+    if foreign.is_empty() {
+        return Ok(());
+    }
+    let ours = cell.shared_memory().map_err(listed)?;
+    let (root, is_made) = (cell.iox_root(), ours.iter().any(|path| is_common(path)));
     let mut blocking = foreign
         .into_iter()
-        .filter(|file| file.path == root || is_common(&file.path));
+        .filter(|file| file.path == root || !is_made && is_common(&file.path));
     match blocking.next() {
         None => Ok(()),
         Some(first) => Err(SessionError::from(CellError::NotOurs {

@@ -434,7 +434,7 @@ fn a_file_of_another_user_under_the_prefix_does_not_block_the_cell() {
     let again = Cell::at("test", first.runtime_dir()).unwrap();
     let joined = Session::join(&again, Role::Loader, "loader");
     // While the cell lives, a file of another user keeps nobody out.
-    let beside = PathBuf::from("/dev/shm").join(format!("{}beside", again.prefix()));
+    let beside = PathBuf::from("/dev/shm").join(format!("{}beside.global_mgmt", again.prefix()));
     fs::write(&beside, "").unwrap();
     std::os::unix::fs::chown(&beside, Some(65534), None).unwrap();
     let second = Session::join(&again, Role::Driver, "lwr").map(drop);
