@@ -149,6 +149,9 @@ impl Supervised {
 impl Drop for Supervised {
     fn drop(&mut self) {
         let _ = self.executor.kill();
+        // A thread of it that a failed test has stopped is this thread's to wait for; without that the executor never ends.
+        let flags = wait::WaitPidFlag::__WALL | wait::WaitPidFlag::__WNOTHREAD;
+        while wait::waitpid(None, Some(flags)).is_ok() {}
         let _ = self.executor.wait();
         // What an executor that was killed leaves in shared memory.
         if let Ok(cell) = rcc_ipc::Cell::at("demo", &self.folder.join("demo")) {
