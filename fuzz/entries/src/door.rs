@@ -135,7 +135,7 @@ fn obey(bench: &mut Bench, call: Call) {
         Call::Cancel { id } => bench.ask(|ticket| Order::Cancel { ticket, id }),
         Call::Abort { id } => bench.ask(|ticket| Order::Abort { ticket, id }),
         Call::Unload { id } => bench.ask(|ticket| Order::Unload { ticket, id }),
-        Call::Record => bench.ask(|ticket| Order::Record { ticket }),
+        Call::Record | Call::Recorded { .. } => bench.ask(|ticket| Order::Record { ticket }),
         Call::Acknowledge => bench.ask(|ticket| Order::Acknowledge { ticket }),
         Call::Install { id, plan } => match bench.build(plan) {
             Ok(net) => bench.ask(|ticket| Order::Install { ticket, id, net }),

@@ -136,12 +136,15 @@ fn set_up() -> Stage {
     let status = good(session.create_board::<CycleStatus>(STATUS));
     let tables = good(session.create_board::<Tables>(TABLES));
     let timing = good(session.create_board::<Timing>(TIMING));
+    let helpers =
+        good(session.create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS));
     let announcement = Announcement::of(&session)
         .configured(Configuration::new(shipped().cell.identity()))
         .service(CONTROL, server.service())
         .service(STATUS, status.service())
         .service(TABLES, tables.service())
-        .service(TIMING, timing.service());
+        .service(TIMING, timing.service())
+        .service(rcc_ipc::control::HELPERS, helpers.service());
     let announced = good(cell.announce(&announcement));
     let said = Arc::new(Mutex::new(Said {
         tables: bytemuck::zeroed_box(),
@@ -155,7 +158,7 @@ fn set_up() -> Stage {
     let to_say = Arc::clone(&said);
     let executor = std::thread::spawn(move || {
         play(&server, (status, tables, timing), &to_say);
-        drop((announced, server, session));
+        drop((announced, helpers, server, session));
     });
     let loader = good(Session::join(&cell, Role::Loader, "loader"));
     let service = Arc::new(Service::new(Executor::new(loader), shipped().cell.clone()));
@@ -241,6 +244,9 @@ impl Said {
             Call::Abort { id } => (id, CommandState::Terminated),
             Call::Unload { id } => (id, CommandState::None),
             Call::Record => return Answer::Done { cycle: 8 },
+            Call::Recorded { .. } => {
+                return Answer::Recorded(rcc_ipc::control::Recorded::Lost { why: String::new() });
+            }
             Call::Acknowledge => return Answer::Done { cycle: 8 },
         };
         if let Some(row) = self.tables.commands.iter_mut().find(|row| row.id == *id) {

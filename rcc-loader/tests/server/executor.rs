@@ -81,6 +81,9 @@ impl FakeExecutor {
         let mut status = session.create_board::<CycleStatus>(STATUS).expect("status");
         let board = session.create_board::<Tables>(TABLES).expect("tables");
         let timing = session.create_board::<Timing>(TIMING).expect("timing");
+        let helpers = session
+            .create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS)
+            .expect("helpers");
         status.write(&CycleStatus {
             magic: MAGIC,
             cycle: 7,
@@ -94,7 +97,8 @@ impl FakeExecutor {
                     .service(CONTROL, server.service())
                     .service(STATUS, status.service())
                     .service(TABLES, board.service())
-                    .service(TIMING, timing.service()),
+                    .service(TIMING, timing.service())
+                    .service(rcc_ipc::control::HELPERS, helpers.service()),
             )
             .expect("announce");
         let mut tables = Box::new(Tables::zeroed());
@@ -122,7 +126,7 @@ impl FakeExecutor {
             serve(&server, &mut state, &stopped);
             drop((
                 announced as Announced,
-                (status, timing),
+                (status, timing, helpers),
                 state,
                 server,
                 session,
@@ -261,7 +265,7 @@ impl State {
                 }
                 None => Answer::Refused(Refusal::UnknownCommand),
             },
-            Call::Record => Answer::Refused(Refusal::NoRecorder),
+            Call::Record | Call::Recorded { .. } => Answer::Refused(Refusal::NoRecorder),
             Call::Acknowledge => Answer::Done { cycle: 8 },
         };
         self.board.write(&self.tables);
