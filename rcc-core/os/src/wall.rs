@@ -15,6 +15,12 @@ pub fn seconds() -> u64 {
     since_epoch().as_secs()
 }
 
+/// True while the wall clock shows a time before the epoch: some libraries panic then.
+#[must_use]
+pub fn is_before_epoch() -> bool {
+    SystemTime::now() < UNIX_EPOCH
+}
+
 /// How long ago the wall clock showed `time`; nothing if `time` is in its future, so that the clock was set meanwhile.
 #[must_use]
 pub fn age(time: SystemTime) -> Option<Duration> {

@@ -5,6 +5,7 @@
 
 mod accounts;
 
+use std::cell::Cell;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -41,6 +42,12 @@ const LINGER: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
 const LINGERING_MAX: usize = 64;
 /// Pause after the system gave no connection (no free descriptor).
 const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
+
+thread_local! {
+    /// hyper 1.12 keeps a date for each thread that serves, makes it at the first request even if nobody wants one, and
+    /// panics when the wall clock shows a time before 1970 at that moment; later the clock may show anything.
+    static DATED: Cell<bool> = const { Cell::new(false) };
+}
 
 /// Where connections come from.
 #[derive(Debug)]
@@ -155,10 +162,14 @@ where
         Ok(place) => place,
         Err(error) => return refuse(door, peer, io, &error).await,
     };
+    if rcc_os::wall::is_before_epoch() && !DATED.get() {
+        return refuse(door, peer, io, &no_clock()).await;
+    }
+    DATED.set(true);
     let mut server = hyper::server::conn::http1::Builder::new();
     server
         .keep_alive(false)
-        // It would panic while the wall clock shows a time before 1970; RFC 9110 (6.6.1) wants none without a clock.
+        // Nobody needs it, and the wall clock may show anything.
         .auto_date_header(false)
         .max_headers(HEADERS_MAX)
         .header_read_timeout(None);
@@ -190,6 +201,14 @@ async fn read_head<I: AsyncRead + Unpin>(
             "send the head of a request at once",
         )),
     }
+}
+
+fn no_clock() -> ApiError {
+    ApiError::new(
+        codes::PROCESS_FAILED,
+        "the clock of this machine shows a time before 1970, and no request can be answered then",
+        "set the clock (`timedatectl set-time`) and ask again; what runs goes on",
+    )
 }
 
 fn too_slow(what: String) -> ApiError {
