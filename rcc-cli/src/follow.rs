@@ -58,7 +58,7 @@ pub fn read_net(path: &str) -> Result<(String, String), Failure> {
 }
 
 /// Longest text of a net, bytes; more is refused by the loader, too.
-pub const TEXT_MAX: u64 = rcc_loader::server::routes::TEXT_MAX as u64;
+pub const TEXT_MAX: u64 = rcc_loader::server::bodies::TEXT_MAX as u64;
 
 /// What becomes of a command that is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

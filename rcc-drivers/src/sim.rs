@@ -3,5 +3,5 @@
 
 pub mod io;
 pub mod lines;
-pub mod peer;
 pub mod lwr;
+pub mod peer;

@@ -17,7 +17,9 @@ use rcc_ipc::events::{self, Kind, Recorder};
 use rcc_ipc::rehearsal::Rehearsed;
 use rcc_ipc::request::{PollError, Request, Server};
 use rcc_ipc::seldom::Seldom;
-use rcc_ipc::{Announcement, BoardReader, Disagreement, Life, Liveness, Role, Session, monotonic_ns, wire};
+use rcc_ipc::{
+    Announcement, BoardReader, Disagreement, Life, Liveness, Role, Session, monotonic_ns, wire,
+};
 use rcc_process::Helpers;
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};

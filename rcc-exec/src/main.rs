@@ -30,7 +30,9 @@ use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, HELPERS, RECORDS, STATUS, TABLES, TIMING, command_board};
 use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::{Announcement, BoardError, BoardReader, Cell, Configuration, Role, Session, monotonic_ns};
+use rcc_ipc::{
+    Announcement, BoardError, BoardReader, Cell, Configuration, Role, Session, monotonic_ns,
+};
 use rcc_process::signals::request_stop;
 use rcc_process::{CellArguments, Ending, Helpers, Notifier, Pulse, Stop, ending};
 use tracing::{error, info, warn};

@@ -100,9 +100,7 @@ pub fn tail(
             )),
             None if !follower.is_attached() && !waiting_told => {
                 waiting_told = true;
-                remark(&format!(
-                    "cell '{cell}' has no executor: waiting for one"
-                ));
+                remark(&format!("cell '{cell}' has no executor: waiting for one"));
             }
             _ => {}
         }
@@ -110,7 +108,9 @@ pub fn tail(
         match printed {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(End::ReaderGone),
             Err(error) => return Err(error.into()),
-            Ok(()) if options.count.is_some_and(|most| printer.printed >= most) => return Ok(End::Done),
+            Ok(()) if options.count.is_some_and(|most| printer.printed >= most) => {
+                return Ok(End::Done);
+            }
             Ok(()) => {}
         }
         if look.records.is_empty() {

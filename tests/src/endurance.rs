@@ -104,8 +104,9 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
                 scope.spawn(|| machine::processor(&field));
             }
         }
+        // Also when it panics: the threads of this scope run until the end.
+        let _end = End(journal);
         watch(&field, &mut report, &mut executor);
-        journal.end();
     });
     report.time = begun.elapsed();
     report.steal_ticks = steal_ticks(CORE).saturating_sub(steal);
@@ -115,6 +116,15 @@ pub fn run(options: Options, journal: &Arc<Journal>) -> Report {
     field.end(&mut executor);
     cell.stop();
     report
+}
+
+/// Ends the journal when it is dropped.
+struct End<'a>(&'a Journal);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.end();
+    }
 }
 
 /// Waits until the cell is up: its drivers are started by threads that have just begun.

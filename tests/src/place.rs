@@ -260,7 +260,8 @@ impl Place {
 
     /// Waits until another incarnation of a process is announced and alive.
     pub fn await_successor(&self, role: Role, label: &str, dead: u64) -> Announcement {
-        await_some(&format!("a successor of {role} {label}"), || {
+        // A helper that waits for a slow disk has a minute until it counts as hanging.
+        await_within(2 * LIMIT, &format!("a successor of {role} {label}"), || {
             let announced = self.cell.announced(role, label).ok().flatten()?;
             (announced.incarnation != dead && announced.liveness().is_alive()).then_some(announced)
         })
@@ -304,7 +305,9 @@ impl Place {
     pub fn await_dead(&self) {
         await_some("all processes to be dead", || {
             let announced = self.cell.announced_all().expect("a list");
-            let dead = announced.iter().all(|announced| announced.liveness().is_dead());
+            let dead = announced
+                .iter()
+                .all(|announced| announced.liveness().is_dead());
             (dead && processes::of_folder(&self.base).is_empty()).then_some(())
         });
     }
@@ -375,13 +378,18 @@ impl Watch {
 }
 
 /// Waits until `ask` gives something, with a generous limit.
-pub fn await_some<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+pub fn await_some<T>(what: &str, ask: impl FnMut() -> Option<T>) -> T {
+    await_within(LIMIT, what, ask)
+}
+
+/// As [`await_some`], for what may take longer by design.
+pub fn await_within<T>(limit: Duration, what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
     loop {
         if let Some(value) = ask() {
             return value;
         }
-        assert!(begun.elapsed() < LIMIT, "waited in vain for {what}");
+        assert!(begun.elapsed() < limit, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }

@@ -63,7 +63,10 @@ fn one_of(place: &Place, many: Vec<(Child, String)>) -> Child {
         assert!(!words.contains("cancel"), "{words}");
     }
     let supervisor = place.announced(Role::Cli, "up");
-    assert_eq!((supervisor.pid, supervisor.liveness().is_alive()), (winner.id(), true));
+    assert_eq!(
+        (supervisor.pid, supervisor.liveness().is_alive()),
+        (winner.id(), true)
+    );
     winner
 }
 
@@ -81,7 +84,10 @@ fn assert_whole(place: &Place) {
         (Role::Driver, "lwr"),
         (Role::Driver, "io"),
     ] {
-        assert!(place.announced(role, label).liveness().is_alive(), "{role} {label}");
+        assert!(
+            place.announced(role, label).liveness().is_alive(),
+            "{role} {label}"
+        );
     }
     let cell = place.cell();
     assert!(cell.running_file().is_file() && cell.events_file().is_file());

@@ -166,7 +166,7 @@ fn set_up() -> Stage {
         .worker_threads(1)
         .enable_all()
         .build();
-    let (runtime, router) = (good(runtime), router(Arc::clone(&service)));
+    let (runtime, router) = (good(runtime), good(router(Arc::clone(&service))));
     let folder = cell.runtime_dir().to_owned();
     Stage {
         runtime,

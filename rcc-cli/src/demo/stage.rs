@@ -13,8 +13,8 @@ use crate::client::Client;
 use crate::failure::Failure;
 use crate::follow::{self, Rejected};
 use crate::interrupt::Interrupts;
-use crate::supervisor::{LOOK_EVERY, Supervisor};
 use crate::output::Printer;
+use crate::supervisor::{LOOK_EVERY, Supervisor};
 
 /// How long a device that is not ready is waited for.
 const READY_LIMIT: Duration = Duration::from_secs(20);

@@ -126,7 +126,9 @@ fn of_running(name: &str) -> Result<Option<Chosen>, Failure> {
         return Ok(None);
     };
     let announced = cell.announced_all().unwrap_or_default();
-    let living = announced.iter().filter(|announced| announced.liveness().is_alive());
+    let living = announced
+        .iter()
+        .filter(|announced| announced.liveness().is_alive());
     let Some((path, ports)) = living.filter_map(arguments_of).next() else {
         return Ok(None);
     };

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::clean::WipeError;
-use rcc_ipc::take;
 use rcc_ipc::events::Kind;
+use rcc_ipc::take;
 use rcc_loader::server::api::{CommandView, DeviceView, StatusView};
 
 use super::child::{self, Life};

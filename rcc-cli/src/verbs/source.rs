@@ -16,8 +16,8 @@ use crate::client::Client;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
-use crate::supervisor::places;
 use crate::output::remark_drawing;
+use crate::supervisor::places;
 
 /// A net that compiled.
 pub struct Found {

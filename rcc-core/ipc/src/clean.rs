@@ -11,10 +11,11 @@ use std::time::{Duration, Instant};
 
 use crate::announce::AnnounceError;
 use crate::cell::{Cell, CellError};
-use crate::lock::{self, LockError};
+use crate::lock::LockError;
 use crate::room::SHM;
 use crate::session::{Role, SessionError};
-use crate::take::{self, Alone};
+use crate::take;
+use crate::take::Alone;
 
 mod half_created;
 mod janitor;

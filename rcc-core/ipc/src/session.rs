@@ -101,7 +101,9 @@ pub enum SessionError {
     #[error(transparent)]
     Cell(#[from] CellError),
     /// The start time of this process cannot be read.
-    #[error("this process cannot tell itself from others: {0}; it needs /proc and a free file descriptor")]
+    #[error(
+        "this process cannot tell itself from others: {0}; it needs /proc and a free file descriptor"
+    )]
     Life(std::io::Error),
     /// The cell is being wiped, and that takes too long.
     #[error("cell '{cell}': {source}")]

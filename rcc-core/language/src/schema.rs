@@ -85,7 +85,8 @@ fn files() -> [(&'static str, Value); 2] {
     );
     let fragments = by_name("fragment", "Fragments by their names.");
     let timing = |what: &str| json!({"description": what, "$ref": "#/$defs/quantity"});
-    let name = json!({"description": "Its name.", "type": "string", "pattern": "^[a-z][a-z0-9-]{0,63}$"});
+    let name =
+        json!({"description": "Its name.", "type": "string", "pattern": "^[a-z][a-z0-9-]{0,63}$"});
     let loss = "`null`: the net goes on with null when a device that it commands is lost.";
     let mut net = object(
         "A net.",

@@ -38,7 +38,12 @@ impl Service {
             let state = row.map_or(DeviceState::Offline, |row| {
                 DeviceState::from_number(row.state)
             });
-            let stranger = self.stranger(&device.name);
+            // The executor looks at announcements now and then: until it has, its row is still the former driver's.
+            let is_attached = row.is_some_and(|row| row.attached == 1);
+            let stranger = match is_attached {
+                true => None,
+                false => self.stranger(&device.name),
+            };
             let reason = match row {
                 _ if stranger.is_some() => stranger
                     .map(|why| stranger_words("its driver is not attached: it", &why))

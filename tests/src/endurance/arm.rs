@@ -7,6 +7,7 @@ use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use super::field::{ARM, Field, count, held};
+use super::io;
 use super::pairs::{self, Pair, Victim};
 use crate::journal::Random;
 use crate::nets;
@@ -69,9 +70,14 @@ impl Arm<'_> {
     fn round(&mut self, number: u64) {
         let field = self.field;
         field.renew(&mut self.watch);
-        self.recover();
+        recover(field, &self.watch);
         let fate = self.fate();
-        let calm = (fate == Fate::Kill).then(|| held(&field.io_driver));
+        let calm = (fate == Fate::Kill).then(|| {
+            let mut driver = held(&field.io_driver);
+            // Whoever holds it starts it again, if it was killed together with another one.
+            io::recover(field, &mut driver, &self.watch);
+            driver
+        });
         let lamp = calm.as_ref().map(|_| {
             let name = format!("beside-{number}");
             let lamp = field.load(&name, &nets::lamp(&name));
@@ -207,17 +213,6 @@ impl Arm<'_> {
         self.simulator.reset_statistics();
     }
 
-    /// Starts the driver if it was killed together with the executor.
-    fn recover(&mut self) {
-        let mut driver = held(&self.field.arm_driver);
-        if driver.ended().is_some() {
-            let pid = driver.start(self.field.place);
-            drop(driver);
-            self.field.clean();
-            self.field.await_driver(&self.watch, ARM, pid);
-        }
-    }
-
     /// Starts the driver again at once; each tenth time it is killed while it starts.
     fn start_driver(&mut self) {
         let (field, counts) = (self.field, &self.field.counts);
@@ -233,5 +228,16 @@ impl Arm<'_> {
         drop(driver);
         field.clean();
         field.await_driver(&self.watch, ARM, pid);
+    }
+}
+
+/// Starts the driver if it was killed together with the executor.
+pub fn recover(field: &Field<'_>, watch: &Watch) {
+    let mut driver = held(&field.arm_driver);
+    if driver.ended().is_some() {
+        let pid = driver.start(field.place);
+        drop(driver);
+        field.clean();
+        field.await_driver(watch, ARM, pid);
     }
 }

@@ -13,22 +13,11 @@ use crate::{await_some, nets};
 
 /// Starts the loader, and kills it now and then under load.
 pub fn loader(field: &Field<'_>) {
-    let serve = |loader: &mut Process| {
-        loader.start(field.place);
-        await_some("the loader to answer", || {
-            field.place.try_rest("GET", "/status", "")
-        });
-    };
-    serve(&mut held(&field.loader));
+    serve(field, &mut held(&field.loader));
     let mut random = field.random(3);
     let mut until_next = 20_000;
     field.journal.rounds("loader", |_| {
-        let mut loader = held(&field.loader);
-        if loader.ended().is_some() {
-            serve(&mut loader);
-            field.clean();
-        }
-        drop(loader);
+        recover(field, &mut held(&field.loader));
         field.journal.pause(Duration::from_millis(200));
         until_next -= 200_i64;
         if until_next > 0 || !field.options.load {
@@ -43,11 +32,26 @@ pub fn loader(field: &Field<'_>) {
             Signal::SIGTERM
         });
         std::thread::sleep(random.time_below(Duration::from_millis(100)));
-        serve(&mut loader);
+        serve(field, &mut loader);
         count(&field.counts.loaders);
         field.clean();
     });
     field.end(&mut held(&field.loader));
+}
+
+fn serve(field: &Field<'_>, loader: &mut Process) {
+    loader.start(field.place);
+    await_some("the loader to answer", || {
+        field.place.try_rest("GET", "/status", "")
+    });
+}
+
+/// Starts the loader if it was killed together with another process.
+pub fn recover(field: &Field<'_>, loader: &mut Process) {
+    if loader.ended().is_some() {
+        serve(field, loader);
+        field.clean();
+    }
 }
 
 /// Loads big nets, runs the smaller of them, and unloads them.

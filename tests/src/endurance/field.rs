@@ -279,6 +279,14 @@ impl<'a> Field<'a> {
         });
     }
 
+    /// Starts each process that was killed together with another one, as the thread that usually starts it would.
+    pub fn recover_all(&self) {
+        let watch = self.place.watch();
+        super::clients::recover(self, &mut held(&self.loader));
+        super::io::recover(self, &mut held(&self.io_driver), &watch);
+        super::arm::recover(self, &watch);
+    }
+
     /// Looks at the boards of the executor that lives now.
     pub fn renew(&self, watch: &mut Watch) {
         let seen = watch.status().incarnation;

@@ -67,7 +67,7 @@ pub fn run(field: &Field<'_>) {
 }
 
 /// Starts the driver if somebody has killed it, with another process at the same moment.
-fn recover(field: &Field<'_>, driver: &mut Process, watch: &Watch) {
+pub fn recover(field: &Field<'_>, driver: &mut Process, watch: &Watch) {
     if driver.ended().is_some() {
         let pid = driver.start(field.place);
         field.clean();

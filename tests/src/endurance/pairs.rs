@@ -125,6 +125,7 @@ pub fn strike_executor(field: &Field<'_>, executor: &mut Process, random: &mut R
     field
         .journal
         .note(format!("kill the executor and {victim:?}"));
+    field.recover_all();
     let mut arm = field.place.simulator("fri_control");
     arm.await_rest();
     arm.reset_statistics();

@@ -27,8 +27,10 @@ const LOST: i64 = 1;
 /// Below that of the endurance run, which may go on beside it: of two executors of one priority on a core one waits for the
 /// other, and the reference thread above them does not see it.
 const PRIORITY: u8 = endurance::PRIORITY - 4;
-/// Answers of a loader that has not found its executor yet, and of a device that is not ready yet.
-const NOT_YET: [&str; 2] = ["RCC4001", "RCC3008"];
+/// The answer of a loader that has not found its executor yet.
+const NO_EXECUTOR: &str = "RCC4001";
+/// The answer to START while a device is not ready, or not attached: then its words say which configurations differ.
+const NOT_READY: &str = "RCC3008";
 /// Primitives of the big net.
 const BIG: usize = 1500;
 
@@ -360,7 +362,7 @@ impl Stage {
         let text = nets::output("torch", "lwr", "torch");
         let loaded = await_some("an answer to LOAD", || {
             let reply = self.cell.try_rest("POST", "/commands", &text)?;
-            (!NOT_YET.contains(&reply.code())).then_some(reply)
+            (reply.code() != NO_EXECUTOR).then_some(reply)
         });
         let started = loaded.body["id"].as_u64().filter(|id| {
             let state = await_some("the torch's net to be loaded", || {
@@ -391,7 +393,8 @@ impl Stage {
             let reply = self
                 .cell
                 .try_rest("POST", &format!("/commands/{id}/start"), "")?;
-            (!NOT_YET.contains(&reply.code())).then_some(reply.status == 200)
+            let later = reply.code() == NOT_READY && !reply.words().contains("configuration");
+            (reply.code() != NO_EXECUTOR && !later).then_some(reply.status == 200)
         })
     }
 

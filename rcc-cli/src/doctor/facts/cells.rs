@@ -90,9 +90,8 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
     };
     let announced = cell.announced_all().unwrap_or_default();
     // Whoever may live is not counted among the dead: what they left is offered for removal.
-    let (dead, living): (Vec<_>, Vec<_>) = announced
-        .iter()
-        .partition(|one| one.liveness().is_dead());
+    let (dead, living): (Vec<_>, Vec<_>) =
+        announced.iter().partition(|one| one.liveness().is_dead());
     let words = |all: Vec<&rcc_ipc::Announcement>| -> Vec<String> {
         all.iter()
             .map(|one| format!("{}/{} (pid {})", one.role, one.label, one.pid))
