@@ -444,20 +444,16 @@ fn run_until_stopped(
                      started again";
         ended = Err(failed(words.to_owned()));
     }
-    match (&ended, signal) {
-        (Err(Ending { words, .. }), _) => {
+    match &ended {
+        Err(Ending { words, .. }) => {
             error!("{words}");
             let why = events::text(words);
             recorder.tell(Kind::HelperEnded { why });
         }
-        (Ok(()), Ok(signal)) => {
+        Ok(()) => {
             info!("{signal}: stopping");
             let why = signal.to_string();
             recorder.tell(Kind::Stopping { why });
-            supervisor.stopping();
-        }
-        (Ok(()), Err(error)) => {
-            warn!("signals cannot be awaited ({error}): stopping");
             supervisor.stopping();
         }
     }

@@ -10,6 +10,9 @@ use std::process::{Child, Command, Stdio};
 use crate::hand::HandCell;
 use crate::processes::ends_with_test;
 
+/// The call that gets no error: the kernel refuses no wake-up, and one that is swallowed hangs any program.
+pub const NEVER_FAILS: &str = "futex";
+
 /// The n-th call of a name in a thread.
 pub type Call = (String, usize);
 
@@ -108,4 +111,15 @@ pub fn choose<T: Clone>(all: &[T], sample: usize) -> Vec<T> {
     (0..count)
         .map(|part| all[(2 * part + 1) * all.len() / (2 * count)].clone())
         .collect()
+}
+
+/// True if code of ours has panicked. The standard library does where a sleep fails, and iceoryx2 where a file cannot be
+/// closed.
+pub fn panics_of_ours(log: &str) -> bool {
+    let places = log
+        .lines()
+        .filter_map(|line| line.split_once("panicked at "));
+    places
+        .into_iter()
+        .any(|(_, place)| place.starts_with("rcc-"))
 }

@@ -56,7 +56,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         let helpers = Helpers::default();
         let supervisor = Notifier::start(&helpers, look).map_err(|error| failed(&error))?;
         helpers.go();
-        stop.wait().map_err(|error| failed(&error))?;
+        stop.wait();
         supervisor.stopping();
     }
     drop(held);

@@ -28,12 +28,17 @@ pub struct DeviceParts {
     pub parts: BTreeMap<String, String>,
 }
 
+/// What `CellConfig::identity` tells: file, fingerprint of the cell, names of the parts, and a fingerprint for each part of
+/// each device.
+type Identity<'a, const PARTS: usize> =
+    (String, u64, [&'a str; PARTS], Vec<(String, [u64; PARTS])>);
+
 impl Configuration {
     /// The configuration of this file and fingerprint, and its devices with a fingerprint for each of the parts `names`
     /// (`CellConfig::identity`).
     #[must_use]
     pub fn new<const PARTS: usize>(
-        (file, cell, names, devices): (String, u64, [&str; PARTS], Vec<(String, [u64; PARTS])>),
+        (file, cell, names, devices): Identity<'_, PARTS>,
     ) -> Configuration {
         let parts = |values: [u64; PARTS]| {
             let named = names.into_iter().zip(values);

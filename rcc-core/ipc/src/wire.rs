@@ -110,19 +110,15 @@ fn from_bytes<T: DeserializeOwned>(
     const MIDDLE: usize = 256 << 10;
     const LARGE: usize = 4 << 20;
     let standard = bincode::config::standard();
-    match bytes.len() {
-        ..=SMALL => {
-            let limited = standard.with_limit::<{ 16 * SMALL }>();
-            bincode::serde::decode_from_slice(bytes, limited)
-        }
-        ..=MIDDLE => {
-            let limited = standard.with_limit::<{ 16 * MIDDLE }>();
-            bincode::serde::decode_from_slice(bytes, limited)
-        }
-        _ => {
-            let limited = standard.with_limit::<{ 16 * LARGE }>();
-            bincode::serde::decode_from_slice(bytes, limited)
-        }
+    if bytes.len() <= SMALL {
+        let limited = standard.with_limit::<{ 16 * SMALL }>();
+        bincode::serde::decode_from_slice(bytes, limited)
+    } else if bytes.len() <= MIDDLE {
+        let limited = standard.with_limit::<{ 16 * MIDDLE }>();
+        bincode::serde::decode_from_slice(bytes, limited)
+    } else {
+        let limited = standard.with_limit::<{ 16 * LARGE }>();
+        bincode::serde::decode_from_slice(bytes, limited)
     }
 }
 

@@ -1,9 +1,12 @@
 //! Life and death of a program: it ends on SIGTERM and SIGINT, and with its parent if asked to.
 //! The main thread calls all of it; one thread waits for the end.
 
+use std::time::Duration;
+
 use nix::errno::Errno;
 use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{SigSet, Signal, kill};
+use nix::sys::signalfd::{SfdFlags, SignalFd};
 use nix::unistd::{Pid, getpid, getppid};
 
 /// The signals that end a program.
@@ -14,8 +17,12 @@ fn ending() -> SigSet {
 /// The signals that end a program, blocked in every thread, taken by [`Stop::wait`].
 #[derive(Debug)]
 pub struct Stop {
-    signals: SigSet,
+    /// Open from the start: to wait needs nothing that could be missing then.
+    signals: SignalFd,
 }
+
+/// Pause before signals that could not be read are read again.
+const READ_AGAIN: Duration = Duration::from_millis(100);
 
 /// The program cannot be ended as it should.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -42,15 +49,26 @@ impl Stop {
         if with_parent {
             end_with_parent()?;
         }
+        let signals = SignalFd::with_flags(&signals, SfdFlags::SFD_CLOEXEC)?;
         Ok(Self { signals })
     }
 
-    /// Sleeps until one of the signals comes.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn wait(&self) -> Result<Signal, SignalError> {
-        Ok(self.signals.wait()?)
+    /// Sleeps until one of the signals comes. They stay pending while they cannot be read: that is told, and tried again.
+    pub fn wait(&self) -> Signal {
+        loop {
+            match self.signals.read_signal() {
+                Ok(Some(found)) => {
+                    if let Ok(signal) = Signal::try_from(found.ssi_signo.cast_signed()) {
+                        return signal;
+                    }
+                }
+                Ok(None) | Err(Errno::EINTR) => {}
+                Err(error) => {
+                    tracing::warn!("signals cannot be read ({error}); tried again");
+                    std::thread::sleep(READ_AGAIN);
+                }
+            }
+        }
     }
 }
 

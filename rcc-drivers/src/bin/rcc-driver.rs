@@ -70,10 +70,7 @@ fn run(options: &Options) -> Result<(), Ending> {
     let supervisor = Notifier::start(&helpers, move || hangs.look(pulse.look()))?;
     let failed = helpers.clone();
     helpers::thread("signals", move || {
-        // A refusal ends the driver as well: nobody could stop it otherwise.
-        if let Err(error) = signals.wait() {
-            tracing::error!(%error, "cannot wait for signals");
-        }
+        signals.wait();
         // Who ends because of a fault of its own stays under the watchdog until its device rests.
         if failed.failure().is_none() {
             supervisor.stopping();

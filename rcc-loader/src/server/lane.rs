@@ -4,8 +4,8 @@
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
 
+use rcc_process::helpers;
 use tokio::sync::oneshot;
 
 use super::codes;
@@ -32,9 +32,7 @@ impl Lane {
         let work = Arc::new(Mutex::new(work));
         for number in 0..THREADS {
             let work = Arc::clone(&work);
-            thread::Builder::new()
-                .name(format!("stop-{number}"))
-                .spawn(move || run(&work))?;
+            helpers::thread(&format!("stop-{number}"), move || run(&work))?;
         }
         Ok(Lane(jobs))
     }

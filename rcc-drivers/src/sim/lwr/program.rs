@@ -142,7 +142,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         "lwr-sim ready fri={address} driver={} control={control}",
         options.driver
     ));
-    stop.wait()?;
+    stop.wait();
     // Release pairs with the Acquire loads of clock and receiver; nothing else is handed over by it
     ending.store(true, Ordering::Release);
     clock.join().map_err(|_| RunError::Thread("clock"))??;
