@@ -150,13 +150,7 @@ impl Site {
     fn build(&self, plan: PlanData, sight: &Sight) -> Result<Box<Net>, Refusal> {
         let dt_s = self.period_ns as f64 / 1e9;
         let holds = &sight.holds;
-        Ok(Net::build(
-            plan,
-            &self.models,
-            self.configuration,
-            holds,
-            dt_s,
-        )?)
+        Net::build(plan, &self.models, self.configuration, holds, dt_s)
     }
 
     fn make(&self, job: Job) -> Result<(Box<Net>, Option<Rehearsed>), Refusal> {

@@ -455,7 +455,8 @@ mod tests {
     fn a_helper_that_panics_or_ends_by_itself_stops_the_program_and_is_named() {
         use std::sync::atomic::{AtomicU32, Ordering};
         static STOPS: AtomicU32 = AtomicU32::new(0);
-        let ends: [(&str, fn(&Helper)); 2] = [
+        type Work = fn(&Helper);
+        let ends: [(&str, Work); 2] = [
             ("panicked", |_| panic!("on purpose")),
             ("ended by itself", |_| {}),
         ];

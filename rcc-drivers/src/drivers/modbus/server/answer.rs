@@ -105,9 +105,8 @@ impl Server {
     }
 
     pub(super) fn go_on_at(&mut self, place: usize) {
-        match &mut self.step {
-            Step::Write(cursor) => *cursor = place,
-            _ => {}
+        if let Step::Write(cursor) = &mut self.step {
+            *cursor = place;
         }
     }
 
