@@ -75,9 +75,9 @@ const FIGURES: [Figure; 4] = [
     },
 ];
 
-/// The simulated arm and the ports by which the demo's configuration names it.
+/// The arm, its simulator and its torch, as the demo's configuration names them.
 const ARM: &str = "lwr";
-const CONTROL_PORT: &str = "fri_control";
+const SIMULATOR: &str = "lwr-sim";
 const TORCH: &str = "torch";
 /// Of the floor, N/m.
 const STIFFNESS: f64 = 3000.0;
@@ -159,7 +159,8 @@ fn play(
     let client = Client::new(cell.name(), &cell.socket(), timeout)?;
     let setting = Setting::of(prepared)?;
     let recorder = Recorder::start(&cell)?;
-    let mut simulator = Simulator::connect(setting.control_port).map_err(simulator_failed)?;
+    let control = cell.simulator_socket(SIMULATOR);
+    let mut simulator = Simulator::connect(&control).map_err(simulator_failed)?;
     let quiet = context.format == Format::Json;
     let status: StatusView = client.get("/status")?;
     if !quiet {
@@ -187,7 +188,6 @@ struct Setting {
     arm: Arm,
     torch_bit: u16,
     dt_s: f64,
-    control_port: u16,
 }
 
 impl Setting {
@@ -207,12 +207,10 @@ impl Setting {
             .and_then(|channel| channel.address.as_u64())
             .filter(|address| (1..=16).contains(address))
             .ok_or_else(|| lacks("digital output `torch` with a number as address"))?;
-        let port = config.ports.get(CONTROL_PORT).copied();
         Ok(Setting {
             arm: robot.arm,
             torch_bit: 1 << (torch - 1),
             dt_s: config.period_ns as f64 * 1e-9,
-            control_port: port.ok_or_else(|| lacks("port `fri_control`"))?,
         })
     }
 }

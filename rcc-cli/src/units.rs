@@ -24,6 +24,8 @@ pub const PACKAGED: &str = "usr/lib/systemd/system";
 pub const DROP_IN: &str = "50-cell.conf";
 /// Where the programs of a package lie; the units say so.
 pub const PROGRAMS: &str = "/usr/bin";
+/// Where the folders of cells lie; the units say so (`RCC_RUNTIME_DIR`).
+const RUNTIME: &str = "/run/rcc";
 /// The executor's nets have so long to end after they have been cancelled (as `rcc_exec::rt` has it).
 const NETS_END_MS: u64 = 5000;
 
@@ -203,7 +205,13 @@ impl Order<'_> {
             .arguments
             .iter()
             .filter(|one| *one != "--parent-death");
-        let arguments: String = arguments.map(|one| format!(" {}", quoted(one))).collect();
+        let mut arguments: String = arguments.map(|one| format!(" {}", quoted(one))).collect();
+        if simulator.device.is_some() {
+            let folder = Path::new(RUNTIME).join(cell);
+            let socket = rcc_ipc::cell::simulator_socket(&folder, &simulator.name);
+            let option = format!("--control={}", socket.display());
+            arguments += &format!(" {}", quoted(&option));
+        }
         let text = format!(
             "{}PartOf=rcc@{cell}.target\n\n[Service]\nExecStart={}{arguments}\n{}",
             limits(&self.config.supervision),

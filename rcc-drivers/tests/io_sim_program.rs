@@ -1,10 +1,16 @@
 //! The program `io-sim` on real sockets: a Modbus client reads back what it wrote, and sees inputs set by hand.
 //! Runs in the test harness; ports are chosen by the system.
 
+mod common;
+
+use common::Folder;
 use rcc_drivers::sim::lines::Client;
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
+use std::fs;
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::SocketAddr;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::net::UnixStream;
 use std::process::{Child, Command, Stdio};
 use tokio_modbus::ExceptionCode;
 use tokio_modbus::client::{Reader, Writer, tcp};
@@ -14,13 +20,16 @@ struct Simulator {
     child: Child,
     modbus: SocketAddr,
     control: Client,
-    at: SocketAddr,
+    folder: Folder,
 }
 
 impl Simulator {
     fn start(more: &[&str]) -> Self {
+        let folder = Folder::new();
         let mut child = Command::new(env!("CARGO_BIN_EXE_io-sim"))
             .arg("--parent-death")
+            .arg("--control")
+            .arg(folder.socket())
             .args(more)
             .stdout(Stdio::piped())
             .spawn()
@@ -36,12 +45,12 @@ impl Simulator {
                 .parse()
                 .unwrap()
         };
-        let control = Client::connect(address("control=")).unwrap();
+        let control = Client::connect(folder.socket()).unwrap();
         Self {
             modbus: address("modbus="),
             child,
             control,
-            at: address("control="),
+            folder,
         }
     }
 
@@ -99,43 +108,74 @@ async fn outputs_reach_wired_inputs_and_inputs_can_be_set_by_hand() {
     assert!(simulator.child.wait().unwrap().success());
 }
 
-/// The simulator is ours, and nobody is a program of another user.
 #[test]
 fn another_user_cannot_command_it() {
+    let mut simulator = Simulator::start(&[]);
+    let socket = simulator.folder.socket();
+    let mode = fs::metadata(&socket).unwrap().mode() & 0o777;
+    assert_eq!(mode, 0o600);
     if !nix::unistd::getuid().is_root() {
         return eprintln!(
             "skipped: another_user_cannot_command_it (it takes root to be somebody else)"
         );
     }
-    // A simulator of root's admits nobody but root.
-    let mut simulator = Simulator::start(&[]);
-    let script = format!(
-        "exec 3<>/dev/tcp/127.0.0.1/{}; echo '{{\"state\":null}}' >&3; head -n 1 <&3",
-        simulator.at.port()
-    );
-    let ask = |user: &str| {
-        let output = Command::new("setpriv")
-            .args([
-                "--reuid",
-                user,
-                "--clear-groups",
-                "timeout",
-                "10",
-                "bash",
-                "-c",
-                &script,
-            ])
-            .output()
-            .unwrap();
-        String::from_utf8(output.stdout).unwrap()
+    // The socket's own mode is what counts: a group may look into the folder of a cell.
+    fs::set_permissions(&simulator.folder.0, fs::Permissions::from_mode(0o755)).unwrap();
+    let connect_as = |user: u32| {
+        let socket = socket.clone();
+        // Of this thread alone, and without root's rights to files (setfsuid(2), capabilities(7)).
+        let connect = move || {
+            nix::unistd::setfsuid(nix::unistd::Uid::from_raw(user));
+            UnixStream::connect(socket).map_err(|error| error.kind())
+        };
+        std::thread::spawn(connect).join().unwrap()
     };
-    let answer = ask("65534");
-    assert!(
-        answer.contains("user 65534 may not command this simulator") && !answer.contains("coils"),
-        "{answer}"
-    );
-    assert!(ask("0").contains("coils"));
+    let theirs = connect_as(65534).map(|_| ());
+    assert_eq!(theirs, Err(ErrorKind::PermissionDenied));
+    assert!(connect_as(0).is_ok());
     assert!(simulator.ask(r#"{"state":null}"#)["coils"].is_array());
+}
+
+#[test]
+fn a_dead_simulators_socket_is_replaced_and_an_ended_one_leaves_none() {
+    let mut simulator = Simulator::start(&[]);
+    simulator.child.kill().unwrap();
+    simulator.child.wait().unwrap();
+    let socket = simulator.folder.socket();
+    assert!(socket.exists(), "it could not remove it");
+    let mut next = Command::new(env!("CARGO_BIN_EXE_io-sim"))
+        .args(["--parent-death", "--control"])
+        .arg(&socket)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let stdout = next.stdout.take().unwrap();
+    BufReader::new(stdout).read_line(&mut line).unwrap();
+    let mut control = Client::connect(&socket).unwrap();
+    // A second one is refused while the first lives.
+    let refused = Command::new(env!("CARGO_BIN_EXE_io-sim"))
+        .arg("--control")
+        .arg(&socket)
+        .output()
+        .unwrap();
+    let words = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(1), "{words}");
+    assert!(words.contains("another simulator listens there"), "{words}");
+    assert!(control.ask("\"quit\"").unwrap().contains("ok"));
+    assert!(next.wait().unwrap().success());
+    assert!(!socket.exists());
+}
+
+#[test]
+fn the_address_of_older_versions_is_refused_with_the_remedy() {
+    let output = Command::new(env!("CARGO_BIN_EXE_io-sim"))
+        .arg("--control=127.0.0.1:0")
+        .output()
+        .unwrap();
+    let words = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(words.contains("Unix socket: give the path"), "{words}");
 }
 
 #[test]

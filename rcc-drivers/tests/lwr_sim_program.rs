@@ -1,13 +1,18 @@
 //! The program `lwr-sim` on real sockets: it speaks first, lets itself be commanded, and ends when asked to.
 //! Runs in the test harness; ports are chosen by the system.
 
+mod common;
+
+use common::Folder;
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState, flags};
 use rcc_drivers::sim::lines::Client;
 use rcc_drivers::sim::lwr::trace::TraceRecord;
-use serde_json::Value;
+use serde_json::{Value, json};
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
-use std::path::PathBuf;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -15,11 +20,15 @@ use std::time::Duration;
 struct Simulator {
     child: Child,
     control: Client,
+    folder: Folder,
 }
 
 impl Simulator {
     fn start(driver: &UdpSocket, more: &[&str]) -> Self {
+        let folder = Folder::new();
         let mut child = Command::new(env!("CARGO_BIN_EXE_lwr-sim"))
+            .arg("--control")
+            .arg(folder.socket())
             .args(["--driver", &driver.local_addr().unwrap().to_string()])
             .args([
                 "--parent-death",
@@ -36,13 +45,15 @@ impl Simulator {
         BufReader::new(child.stdout.take().unwrap())
             .read_line(&mut line)
             .unwrap();
-        let control = line
-            .trim()
-            .rsplit_once("control=")
-            .expect("a line with the addresses")
-            .1;
-        let control = Client::connect(control).unwrap();
-        Self { child, control }
+        let told = line.trim().rsplit_once("control=");
+        let (_, told) = told.expect("a line with the places");
+        assert_eq!(Path::new(told), folder.socket());
+        let control = Client::connect(told).unwrap();
+        Self {
+            child,
+            control,
+            folder,
+        }
     }
 
     fn ask(&mut self, request: &str) -> Value {
@@ -129,6 +140,37 @@ fn a_pc_that_mirrors_gets_into_command_state_and_finds_its_answers_in_the_trace(
     assert!(simulator.ask("nonsense")["error"].is_string());
     assert_eq!(simulator.ask(r#"{"quit":null}"#)["ok"], true);
     assert!(simulator.child.wait().unwrap().success());
+}
+
+#[test]
+fn requests_write_files_below_the_folder_of_the_socket_only() {
+    let pc = pc();
+    let mut simulator = Simulator::start(&pc, &[]);
+    let elsewhere = Folder::new();
+    let folder = simulator.folder.0.clone();
+    let outside = elsewhere.0.join("trace.csv");
+    symlink(&elsewhere.0, folder.join("way")).unwrap();
+    symlink(&outside, folder.join("link.csv")).unwrap();
+    let name = elsewhere.0.file_name().unwrap().to_str().unwrap();
+    let up = format!("../{name}/trace.csv");
+    for (path, part) in [
+        (outside.to_str().unwrap(), "is not below"),
+        (up.as_str(), "is not below"),
+        ("way/trace.csv", "is not below"),
+        ("link.csv", "is a symbolic link"),
+    ] {
+        let answer = simulator.ask(&json!({"trace": {"path": path}}).to_string());
+        let words = answer["error"].as_str().unwrap_or_default();
+        assert!(words.contains(part), "{path}: {answer}");
+        assert!(!outside.exists(), "{path}");
+    }
+    let within = folder.join("whole.csv");
+    for path in [Path::new("trace.csv"), &within] {
+        let answer = simulator.ask(&json!({"trace": {"path": path}}).to_string());
+        assert_eq!(answer["ok"], true, "{answer}");
+        assert!(folder.join(path).exists());
+    }
+    assert_eq!(fs::read_dir(&elsewhere.0).unwrap().count(), 0);
 }
 
 #[test]

@@ -1,12 +1,15 @@
 //! The driver `modbus` with several servers, each an `io-sim` of its own; and the cell of docs/modbus.md.
 //! Runs in the test harness; ports are chosen by the system.
 
+mod common;
+
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use common::Folder;
 use rcc_config::{CellConfig, ChannelConfig, DeviceConfig, OnRelease};
 use rcc_core::primitive::ChannelKind::{self, DigitalInput, DigitalOutput};
 use rcc_core::unit::Unit;
@@ -24,6 +27,7 @@ struct Simulator {
     child: Child,
     modbus: SocketAddr,
     control: Client,
+    _folder: Folder,
 }
 
 impl Simulator {
@@ -32,8 +36,11 @@ impl Simulator {
     }
 
     fn start_with(arguments: &[&str]) -> Self {
+        let folder = Folder::new();
         let mut child = Command::new(env!("CARGO_BIN_EXE_io-sim"))
             .arg("--parent-death")
+            .arg("--control")
+            .arg(folder.socket())
             .args(arguments)
             .stdout(Stdio::piped())
             .spawn()
@@ -50,9 +57,10 @@ impl Simulator {
                 .unwrap()
         };
         Self {
-            control: Client::connect(address("control=")).unwrap(),
+            control: Client::connect(folder.socket()).unwrap(),
             modbus: address("modbus="),
             child,
+            _folder: folder,
         }
     }
 

@@ -59,7 +59,7 @@ impl Supervised {
         command
             .args(["--cell", "demo", "--parent-death"])
             .env("RCC_CONFIG", config)
-            .env("RCC_PORTS", "fri=1,fri_control=2,io=3,io_control=4")
+            .env("RCC_PORTS", "fri=1,io=3")
             .env("RCC_RUNTIME_DIR", &folder)
             .env("NOTIFY_SOCKET", path)
             .env("WATCHDOG_USEC", WATCHDOG.as_micros().to_string())

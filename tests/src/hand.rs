@@ -58,6 +58,8 @@ impl HandCell {
         let mut command = Command::new(program(&simulator.program));
         command
             .args(&simulator.arguments)
+            .arg("--control")
+            .arg(self.cell().simulator_socket(name))
             .env("RCC_RUNTIME_DIR", self.folder());
         self.spawn(name, command);
     }

@@ -91,9 +91,9 @@ impl Place {
         self.ports[name]
     }
 
-    /// The control port of a simulator, by the name of its port in the configuration.
-    pub fn simulator(&self, port: &str) -> Simulator {
-        Simulator::connect(self.port(port))
+    /// The control port of a simulator of the configuration.
+    pub fn simulator(&self, name: &str) -> Simulator {
+        Simulator::connect(&self.cell.simulator_socket(name))
     }
 
     /// A program of ours that takes `--cell`, in this cell.

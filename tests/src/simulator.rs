@@ -2,7 +2,8 @@
 //! Run by the threads of the test harness.
 
 use std::io::{BufRead, BufReader, Write};
-use std::net::{Ipv4Addr, TcpStream};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -16,19 +17,18 @@ pub const STILL: f64 = 4e-3;
 /// A connection to the control port of `lwr-sim` or `io-sim`.
 #[derive(Debug)]
 pub struct Simulator {
-    stream: BufReader<TcpStream>,
+    stream: BufReader<UnixStream>,
 }
 
 impl Simulator {
-    /// Connects once the simulator listens.
-    pub fn connect(port: u16) -> Simulator {
+    /// Connects once the simulator listens at its socket.
+    pub fn connect(path: &Path) -> Simulator {
         let stream = await_some("a simulator's control port", || {
-            TcpStream::connect((Ipv4Addr::LOCALHOST, port)).ok()
+            UnixStream::connect(path).ok()
         });
         stream
             .set_read_timeout(Some(Duration::from_secs(20)))
             .expect("a time-out can be set");
-        stream.set_nodelay(true).expect("a plain TCP socket");
         Simulator {
             stream: BufReader::new(stream),
         }

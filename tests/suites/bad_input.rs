@@ -75,7 +75,7 @@ fn datagrams_of_a_stranger_are_counted_and_ignored() {
         .open_board::<Measurement>(&driver.services[MEASUREMENT])
         .expect("the driver's board");
     let line = cell.run(&nets::line("line", 0.1, 0.1));
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     arm.await_motion();
     let before = board.read().refused;
     let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
@@ -144,7 +144,7 @@ fn an_io_station_that_is_gone_makes_its_ports_null_and_nothing_else() {
         "null while it was gone, then known again"
     );
     let lamp = cell.run(&nets::lamp("lamp"));
-    let mut simulator = cell.simulator("io_control");
+    let mut simulator = cell.simulator("io-sim");
     await_some("the lamp", || {
         (simulator.state()["coils"][0] == true).then_some(())
     });

@@ -28,7 +28,7 @@ fn two_cells_side_by_side_do_not_see_each_other() {
         of_one.iter().all(|pid| !of_two.contains(pid)),
         "{of_one:?} {of_two:?}"
     );
-    let mut still = two.simulator("fri_control");
+    let mut still = two.simulator("lwr-sim");
     let before = still.joints();
     // The death of one cell's processes is not noticed by the other.
     one.assert_ends(line, "finished");
@@ -111,9 +111,11 @@ fn a_dead_cell_is_cleaned_by_the_next_up() {
 fn ctrl_c_in_motion_cancels_rests_and_leaves_nothing() {
     let demo = repository().join("configs/cells/demo.yaml");
     let cell = TestCell::start(&demo, |text| text);
-    let trace = cell.folder().join("trace.csv");
-    let mut arm = cell.simulator("fri_control");
-    arm.ask(&serde_json::json!({"trace": {"path": trace}}));
+    // Below the folder of the simulator's socket; it goes with the logs.
+    let trace = cell.cell().runtime_dir().join("logs/trace.csv");
+    let mut arm = cell.simulator("lwr-sim");
+    let answer = arm.ask(&serde_json::json!({"trace": {"path": "logs/trace.csv"}}));
+    assert_eq!(answer["ok"], true, "{answer}");
     cell.run(&nets::line("line", 0.2, 0.1));
     cell.run(&nets::lamp("lamp"));
     arm.await_motion();

@@ -77,7 +77,7 @@ fn coils(station: &mut rcc_tests::simulator::Simulator) -> [bool; 2] {
 #[test]
 fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_nothing() {
     let mut cell = TestCell::demo();
-    let mut station = cell.simulator("io_control");
+    let mut station = cell.simulator("io-sim");
     let before = cell.load(&nets::lamp("before"));
     swap_lamp_and_clamp(&cell);
     await_some("up to say that the change is not in force", || {
@@ -138,7 +138,7 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
     signal(cell.supervisor(), Signal::SIGINT);
     cell.await_end_of_up();
     cell.up_again();
-    let mut station = cell.simulator("io_control");
+    let mut station = cell.simulator("io-sim");
     cell.run(&nets::lamp("again"));
     await_some("the lamp", || {
         (coils(&mut station) == [true, false]).then_some(())
@@ -149,7 +149,7 @@ fn a_driver_that_comes_back_with_swapped_channels_is_not_attached_and_switches_n
 #[test]
 fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driver_that_stayed() {
     let mut cell = HandCell::demo();
-    let mut station = cell.simulator("io_control");
+    let mut station = cell.simulator("io-sim");
     swap_lamp_and_clamp(&cell);
     cell.end("executor", Signal::SIGTERM);
     cell.end("loader", Signal::SIGTERM);
@@ -182,7 +182,7 @@ fn an_executor_that_comes_back_with_swapped_channels_is_not_followed_by_the_driv
 #[test]
 fn a_driver_with_the_file_of_another_arm_moves_nothing() {
     let mut cell = HandCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let before = cell.load(&nets::line("before", 0.2, 0.1));
     edit(&cell, "/lwr4plus.yaml", "/iiwa7.yaml");
     cell.end("lwr", Signal::SIGKILL);
@@ -209,7 +209,7 @@ fn a_driver_with_the_file_of_another_arm_moves_nothing() {
 #[test]
 fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     let mut cell = HandCell::demo();
-    let mut station = cell.simulator("io_control");
+    let mut station = cell.simulator("io-sim");
     let running = cell.run(&nets::clock("running"));
     let before = cell.load(&nets::lamp("before"));
     swap_lamp_and_clamp(&cell);

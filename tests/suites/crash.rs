@@ -25,7 +25,7 @@ fn a_killed_driver_ends_its_net_and_the_executor_carries_on() {
     let cell = TestCell::changed(|text| text.replace("{priority: 80}", "{priority: 85, core: 1}"));
     let lamp = cell.run(&nets::lamp("lamp"));
     let line = cell.run(&nets::line("line", 0.2, 0.1));
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     arm.await_motion();
     arm.reset_statistics();
     let (records, watch) = (Records::follow(&cell), cell.watch());
@@ -115,7 +115,7 @@ fn assert_late_with_the_machine(late: u64, records: &[MonitorRecord], stalls: &[
 fn without_the_executor_the_driver_brings_the_arm_to_rest_and_nothing_moves_by_itself_again() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.15));
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     arm.await_motion();
     let dead = cell.kill(Role::Executor, "exec");
     let rest = arm.await_rest();
@@ -138,8 +138,8 @@ fn without_the_executor_the_driver_brings_the_arm_to_rest_and_nothing_moves_by_i
 #[test]
 fn outputs_take_their_safe_value_when_the_executor_dies() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
-    let mut station = cell.simulator("io_control");
+    let mut arm = cell.simulator("lwr-sim");
+    let mut station = cell.simulator("io-sim");
     cell.run(&nets::output("torch", "lwr", "torch"));
     cell.run(&nets::output("gun", "lwr", "gun"));
     cell.run(&nets::lamp("lamp"));
@@ -172,7 +172,7 @@ fn outputs_take_their_safe_value_when_the_executor_dies() {
 #[test]
 fn outputs_of_a_killed_driver_take_their_safe_value_when_it_is_back() {
     let cell = TestCell::demo();
-    let mut station = cell.simulator("io_control");
+    let mut station = cell.simulator("io-sim");
     let lamp = cell.run(&nets::lamp("lamp"));
     await_some("the lamp", || {
         (station.state()["coils"][0] == true).then_some(())
@@ -205,7 +205,7 @@ fn twenty_driver_kills_at_random_moments_leak_nothing() {
     eprintln!("seed {seed}");
     let mut random = Random(seed);
     let mut cell = HandCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let executor = cell.pid("executor");
     let watch = cell.watch();
     let lamp = cell.run(&nets::lamp("lamp"));

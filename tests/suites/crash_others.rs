@@ -10,13 +10,13 @@ use rcc_core::message::CommandState;
 use rcc_ipc::Role;
 use rcc_tests::place::Place;
 use rcc_tests::processes::{ends_with_test, signal};
-use rcc_tests::simulator::assert_within_limits;
+use rcc_tests::simulator::{Simulator, assert_within_limits};
 use rcc_tests::{TestCell, await_some, nets, program, repository};
 
 #[test]
 fn a_killed_loader_changes_no_motion_and_its_successor_knows_all_names() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let (broken, row) = cell.load_any("net: broken\nprimitives: 7\n");
     assert_eq!(row["state"], "rejected", "{row}");
     let line = cell.run(&nets::line("line", 0.2, 0.1));
@@ -131,7 +131,7 @@ fn a_monitor_that_hangs_changes_nothing_and_is_told_what_it_lost() {
 #[test]
 fn a_killed_client_cannot_cancel_and_the_motion_ends_normally() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let path = cell.file(&nets::line("line", 0.2, 0.1));
     let mut run = cell.program("rcc-cli");
     run.arg("run")
@@ -156,7 +156,7 @@ fn a_killed_client_cannot_cancel_and_the_motion_ends_normally() {
 #[test]
 fn ctrl_c_on_run_cancels_and_unloads() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let path = cell.file(&nets::line("line", 0.2, 0.1));
     let mut run = cell.program("rcc-cli");
     run.arg("run").arg(&path).stdout(Stdio::piped());
@@ -186,7 +186,7 @@ fn a_loader_that_hangs_changes_no_motion_and_knows_everything_when_it_goes_on() 
             "period: 1 ms\nsupervision: {watchdog: 60 s}",
         )
     });
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.1, 0.1));
     arm.await_motion();
     let loader = cell.announced(Role::Loader, "loader").pid;
@@ -214,7 +214,7 @@ fn a_loader_that_hangs_changes_no_motion_and_knows_everything_when_it_goes_on() 
 #[test]
 fn a_driver_that_hangs_loses_its_net_and_rests_when_it_goes_on() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.1));
     arm.await_motion();
     let driver = cell.announced(Role::Driver, "lwr").pid;
@@ -251,7 +251,6 @@ fn a_killed_supervisor_takes_its_children_with_it_and_the_arm_rests() {
         .find(|simulator| simulator.name == "lwr-sim");
     let ports = |argument: &String| match argument.split_once('=') {
         Some(("--driver", _)) => format!("--driver=127.0.0.1:{}", place.port("fri")),
-        Some(("--control", _)) => format!("--control=127.0.0.1:{}", place.port("fri_control")),
         _ => argument.clone(),
     };
     let arguments: Vec<String> = simulator
@@ -261,10 +260,13 @@ fn a_killed_supervisor_takes_its_children_with_it_and_the_arm_rests() {
         .map(ports)
         .collect();
     let mut simulator = Command::new(program("lwr-sim"));
-    let simulator = simulator.args(arguments).stdout(Stdio::null());
+    // Not in the cell's folder: the robot outlives the cell.
+    let socket = place.folder().join("robot.sock");
+    let simulator = simulator.args(arguments).arg("--control").arg(&socket);
+    let simulator = simulator.stdout(Stdio::null());
     let mut simulator = ends_with_test(simulator).spawn().expect("lwr-sim starts");
     let mut cell = TestCell::in_place(place);
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = Simulator::connect(&socket);
     cell.run(&nets::line("line", 0.2, 0.1));
     arm.await_motion();
     cell.kill_supervisor();

@@ -67,7 +67,7 @@ fn starve(role: Role, label: &str, about: &str) {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let line = cell.run(&nets::line("line", 0.2, 0.02));
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     arm.await_motion();
     let pids = || {
         [

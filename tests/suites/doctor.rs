@@ -172,7 +172,7 @@ fn a_running_device_works_and_bad_quality_is_found() {
         let report: Value = serde_json::from_slice(&output.stdout).ok()?;
         (report["failed"].is_null() && output.status.success()).then_some(())
     });
-    let mut simulator = cell.simulator("fri_control");
+    let mut simulator = cell.simulator("lwr-sim");
     assert_eq!(simulator.ask(&json!({"drop": {"percent": 90}}))["ok"], true);
     await_some("the quality to be found bad", || {
         let output = cell.cli(&["--output", "json", "doctor", "fri", "lwr"]);

@@ -90,7 +90,7 @@ fn fail_everywhere(victim: &Victim) {
         return;
     }
     let mut cell = HandCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     arm.reset_statistics();
     cell.end(victim.name, Signal::SIGTERM);
     let calls = every_call(&cell, victim);

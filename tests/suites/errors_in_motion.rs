@@ -58,7 +58,7 @@ fn fail_in_motion(process: &str) {
         return;
     }
     let mut cell = HandCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let all = every_case(&cell, process, &mut arm);
     assert!(!all.is_empty(), "{process} makes no system calls");
     let chosen = choose(&all, SAMPLE);

@@ -36,7 +36,7 @@ fn place_of(events: &[Value], is: impl Fn(&Value) -> bool) -> usize {
 fn a_killed_driver_is_told_by_everybody_whom_it_concerns() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.1));
-    cell.simulator("fri_control").await_motion();
+    cell.simulator("lwr-sim").await_motion();
     let dead = cell.announced(Role::Driver, "lwr");
     cell.cli_exits(0, &["fault", "driver/lwr", "kill"]);
     cell.await_end(line);
@@ -124,7 +124,7 @@ fn the_log_is_read_and_followed_while_loader_and_executor_are_dead() {
 #[test]
 fn every_fault_of_the_arm_shows_and_ends() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     cell.cli_exits(0, &["fault", "lwr", "force", "0", "0", "20"]);
     assert_eq!(arm.state()["wrench"][2], 20.0);
     cell.cli_exits(

@@ -35,7 +35,7 @@ fn every_example_net_is_valid_offline() {
 #[test]
 fn every_example_net_runs_in_a_cell() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     for path in example_nets() {
         let text = std::fs::read_to_string(&path).expect("a net");
         let name = path.file_stem().expect("a name").display().to_string();

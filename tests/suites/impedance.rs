@@ -60,7 +60,7 @@ fn await_force(arm: &mut Simulator, wanted: f64) {
 
 fn pressing() -> (TestCell, Simulator, u64) {
     let cell = cell();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     cell.await_devices();
     let id = cell.run(&press());
     await_force(&mut arm, force(ON_TOP));
@@ -97,7 +97,7 @@ fn when_the_executor_dies_what_was_on_top_is_taken_away() {
 #[test]
 fn null_in_the_wrench_releases_the_arm() {
     let cell = cell();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     cell.await_devices();
     // A null wrench is a null set-point.
     let text = press()
@@ -135,7 +135,7 @@ fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
     let cell = TestCell::start(&path, |text| {
         text.replace("cartesian-impedance ", "joint-impedance ")
     });
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     cell.await_devices();
     let mut await_angle = |wanted: f64| {
         let mut close = || {
@@ -169,7 +169,7 @@ fn a_joint_turns_by_torque_over_stiffness_and_comes_back_at_the_end() {
 #[test]
 fn a_net_for_another_strategy_is_refused_in_words_and_nothing_moves() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     cell.await_devices();
     let id = cell.load(&press());
     await_some("the net to be ready", || {

@@ -32,7 +32,7 @@ fn number(value: &Value) -> u64 {
 fn a_killed_driver_leaves_an_incident_that_is_replayed_to_the_bit() {
     let cell = TestCell::demo();
     let line = cell.run(&nets::line("line", 0.2, 0.1));
-    cell.simulator("fri_control").await_motion();
+    cell.simulator("lwr-sim").await_motion();
     let dead = cell.announced(Role::Driver, "lwr");
     cell.cli_exits(0, &["fault", "driver/lwr", "kill"]);
     let ended = cell.await_end(line);

@@ -219,7 +219,7 @@ fn two_nets_run_at_once_on_different_devices() {
     let cell = TestCell::demo();
     let lamp = cell.run(&nets::lamp("lamp"));
     let line = cell.run(&nets::line("line", 0.1, 0.1));
-    let mut station = cell.simulator("io_control");
+    let mut station = cell.simulator("io-sim");
     await_some("the lamp", || {
         (station.state()["coils"][0] == true).then_some(())
     });
@@ -247,7 +247,7 @@ fn two_nets_run_at_once_on_different_devices() {
 #[test]
 fn a_cancelled_line_rests_on_its_path_and_the_next_net_goes_on_from_there() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.1));
     arm.await_motion();
     cell.cli_exits(0, &["cancel", "line", "--wait"]);
@@ -268,7 +268,7 @@ fn a_cancelled_line_rests_on_its_path_and_the_next_net_goes_on_from_there() {
 #[test]
 fn an_aborted_line_is_brought_to_rest_within_limits() {
     let cell = TestCell::demo();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     let line = cell.run(&nets::line("line", 0.2, 0.2));
     arm.await_motion();
     cell.cli_exits(0, &["abort", "line"]);

@@ -66,7 +66,7 @@ fn moves_on(out: Sink, err: Sink) {
         let ready = rows.iter().all(|row| row["state"] == "ready");
         (ready && !rows.is_empty()).then_some(())
     });
-    let mut arm = place.simulator("fri_control");
+    let mut arm = place.simulator("lwr-sim");
     let line = place.run(&nets::line("line", 0.2, 0.05));
     arm.await_motion();
     // Much to say about: a driver that dies and comes back.

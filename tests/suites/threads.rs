@@ -142,7 +142,7 @@ fn a_helper_that_panics_brings_the_arm_to_rest_on_its_path_and_the_executor_ends
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut executor = Traced(ends_with_test(&mut command).spawn().expect("it starts"));
     cell.await_devices();
-    let mut arm = cell.simulator("fri_control");
+    let mut arm = cell.simulator("lwr-sim");
     arm.reset_statistics();
     cell.run(&nets::line("line", 0.2, 0.05));
     arm.await_motion();

@@ -20,7 +20,7 @@ pub fn run(data: &[u8]) {
     if elsewhere {
         return;
     }
-    let names = ["fri", "fri_control", "io", "io_control"];
+    let names = ["fri", "io"];
     let ports: BTreeMap<String, u16> = names.into_iter().map(str::to_owned).zip(1..).collect();
     let base = repository().join("configs/cells");
     match CellConfig::parse(text, "cell.yaml", &base, &ports) {

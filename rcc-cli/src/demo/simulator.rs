@@ -2,7 +2,7 @@
 //! Blocks the demo's main thread for at most a few seconds.
 
 use std::io::{self, BufRead, BufReader, Write};
-use std::net::{Ipv4Addr, TcpStream};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -13,9 +13,9 @@ const ANSWER_LIMIT: Duration = Duration::from_secs(6);
 /// In a trace: the robot follows our set-points.
 const COMMAND_STATE: &str = "2";
 
-/// The control port of `lwr-sim`.
+/// The control port of `lwr-sim` or `io-sim`.
 pub struct Simulator {
-    stream: BufReader<TcpStream>,
+    stream: BufReader<UnixStream>,
 }
 
 /// One measurement datagram of the controller and our answer to it.
@@ -32,15 +32,14 @@ pub struct Exchange {
 }
 
 impl Simulator {
-    /// Connects to the port on this machine.
+    /// Connects to the socket of a simulator.
     ///
     /// # Errors
     /// What the system says.
-    pub fn connect(port: u16) -> io::Result<Simulator> {
-        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
+    pub fn connect(path: &Path) -> io::Result<Simulator> {
+        let stream = UnixStream::connect(path)?;
         stream.set_read_timeout(Some(ANSWER_LIMIT))?;
         stream.set_write_timeout(Some(ANSWER_LIMIT))?;
-        stream.set_nodelay(true)?;
         Ok(Simulator {
             stream: BufReader::new(stream),
         })
@@ -82,7 +81,7 @@ impl Simulator {
         self.ask(&json!({"wall": null})).map(|_| ())
     }
 
-    /// Traces into a new file.
+    /// Traces into a new file below the folder of its socket.
     ///
     /// # Errors
     /// As [`Simulator::ask`].

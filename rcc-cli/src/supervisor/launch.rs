@@ -6,10 +6,12 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use rcc_config::{CellConfig, auto_ports, free_port};
+use rcc_ipc::cell;
 use rcc_loader::server::codes;
 use rcc_process::memory;
 
 use super::places;
+use crate::context::of_cell;
 use crate::failure::Failure;
 
 /// A driver's SCHED_FIFO priority, where it is granted, is this much below the executor's.
@@ -131,21 +133,29 @@ pub fn driver_priority(executor: u8) -> u8 {
 /// The processes of a cell, in the order in which they are started.
 ///
 /// # Errors
-/// A program is not there.
-pub fn specs(cell: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
-    let mut common: Vec<OsString> = vec!["--cell".into(), cell.into(), "--config".into()];
+/// A program is not there, or the path of a control port is too long.
+pub fn specs(name: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
+    let mut common: Vec<OsString> = vec!["--cell".into(), name.into(), "--config".into()];
     common.push(prepared.path.clone().into());
-    for (name, port) in &prepared.ports {
-        common.extend(["--port".into(), format!("{name}={port}").into()]);
+    for (port, number) in &prepared.ports {
+        common.extend(["--port".into(), format!("{port}={number}").into()]);
     }
     common.push("--parent-death".into());
     let mut all = Vec::new();
     for simulator in &prepared.config.simulators {
+        let mut arguments: Vec<OsString> = simulator.arguments.iter().map(Into::into).collect();
+        if simulator.device.is_some() {
+            let socket = cell::simulator_socket(&cell::base_dir().join(name), &simulator.name);
+            cell::check_socket_path(&socket).map_err(|error| of_cell(&error))?;
+            let mut argument = OsString::from("--control=");
+            argument.push(socket);
+            arguments.push(argument);
+        }
         all.push(Spec {
             stage: Stage::Simulator,
             name: format!("simulator/{}", simulator.name),
             program: places::program(&simulator.program)?,
-            arguments: simulator.arguments.iter().map(Into::into).collect(),
+            arguments,
             ready: Ready::Line,
         });
     }

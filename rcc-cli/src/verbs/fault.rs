@@ -1,7 +1,7 @@
 //! `fault TARGET EFFECT`: breaks something on purpose, in cells with simulators only: a simulated device (by its
 //! simulator's control port) or a process of the cell (by a signal).
 
-use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use nix::sys::signal::{Signal, kill};
@@ -77,10 +77,10 @@ fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, Effect),
 }
 
 /// The control port of the simulator that plays a device.
-fn control_of(config: &CellConfig, device: &str) -> Option<SocketAddr> {
+fn control_of(cell: &Cell, config: &CellConfig, device: &str) -> Option<PathBuf> {
     let mut simulators = config.simulators.iter();
     let simulator = simulators.find(|one| one.device.as_deref() == Some(device))?;
-    simulator.control
+    Some(cell.simulator_socket(&simulator.name))
 }
 
 fn is_simulated(config: &CellConfig, device: &str) -> bool {
@@ -114,15 +114,15 @@ fn command_simulator(
     if config.device(device).is_none() {
         return Err(unknown(config, device));
     }
-    let address = control_of(config, device).ok_or_else(|| not_simulated(device))?;
+    let path = control_of(cell, config, device).ok_or_else(|| not_simulated(device))?;
     let failed = |error: std::io::Error| {
         Failure::new(
             codes::PROCESS_FAILED,
-            format!("the simulator of {device} at {address}: {error}"),
+            format!("the simulator of {device} at {}: {error}", path.display()),
             "not every simulator knows every fault; `rcc-cli fault DEVICE --help` says which is for what",
         )
     };
-    let mut simulator = Simulator::connect(address.port()).map_err(failed)?;
+    let mut simulator = Simulator::connect(&path).map_err(failed)?;
     told(cell, device, words);
     let begun = Instant::now();
     loop {

@@ -2,7 +2,6 @@
 //! Read once at start-up by every process that works with the cell; never by the real-time thread.
 
 use std::collections::BTreeMap;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use rcc_core::frame::DeviceModel;
@@ -111,12 +110,10 @@ pub struct SimulatorConfig {
     pub name: String,
     /// The program: a name beside our own programs, or a path.
     pub program: String,
-    /// Its arguments; `${port}` is already replaced, and `--control` is among them if there is a control port.
+    /// Its arguments; `${port}` is already replaced. With `device`, whoever starts it adds `--control`: its control port.
     pub arguments: Vec<String>,
     /// The device whose part it plays.
     pub device: Option<String>,
-    /// Its control port, on this machine.
-    pub control: Option<SocketAddr>,
 }
 
 impl Default for ExecutorConfig {

@@ -126,10 +126,23 @@ impl Reader {
         what: &'static str,
         keys: &[&'static str],
     ) -> Option<Fields<'n>> {
+        self.fields_or(node, place, what, keys, ("", ""))
+    }
+
+    /// As [`Reader::fields`]; `gone` is a key that older files have, and what to do about it.
+    pub fn fields_or<'n>(
+        &mut self,
+        node: &'n Node,
+        place: Span,
+        what: &'static str,
+        keys: &[&'static str],
+        gone: (&str, &str),
+    ) -> Option<Fields<'n>> {
         self.entries(node, what)?;
         for key in node.unknown_keys(keys) {
             let message = format!("{what} has no key `{}`", key.name);
             let help = match closest(&key.name, keys.iter().copied()) {
+                _ if key.name == gone.0 => gone.1.to_owned(),
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("its keys are: {}", keys.join(", ")),
             };

@@ -15,6 +15,10 @@ const NAME_LENGTH_MAX: usize = 32;
 const REMOVALS_MAX: u32 = 100;
 /// `sun_path` of a Unix socket address holds 108 bytes, the last of them zero (unix(7)).
 const SOCKET_PATH_MAX: usize = 107;
+/// What the name of a simulator's socket begins with.
+const SIMULATOR: &str = "sim-";
+/// What the name of a socket ends with.
+const SOCKET: &str = ".sock";
 
 /// One running instance of the whole system: everything it shares lies in its runtime folder, or in `/dev/shm` under
 /// its prefix. Two cells, also of two users, never meet.
@@ -129,11 +133,7 @@ impl Cell {
             runtime_dir,
             prefix: String::new(),
         };
-        let path = cell.socket();
-        let size = path.as_os_str().len();
-        if size > SOCKET_PATH_MAX {
-            return Err(CellError::PathTooLong { path, size });
-        }
+        check_socket_path(&cell.socket())?;
         unless_removed(|| cell.make_folders())?;
         let (file, lock) = (cell.prefix_file(), cell.lock_file());
         cell.prefix = prefix::of(uid(), &cell.runtime_dir, &file, &lock)?;
@@ -162,6 +162,12 @@ impl Cell {
     #[must_use]
     pub fn socket(&self) -> PathBuf {
         self.runtime_dir.join("loader.sock")
+    }
+
+    /// The control port of a simulator of the cell.
+    #[must_use]
+    pub fn simulator_socket(&self, simulator: &str) -> PathBuf {
+        simulator_socket(&self.runtime_dir, simulator)
     }
 
     /// One announcement file for each process.
@@ -298,6 +304,30 @@ fn check_name(name: &str) -> Result<(), CellError> {
             name: name.to_owned(),
         })
     }
+}
+
+/// The control port of a simulator, in the folder of its cell.
+#[must_use]
+pub fn simulator_socket(runtime_dir: &Path, simulator: &str) -> PathBuf {
+    runtime_dir.join(format!("{SIMULATOR}{simulator}{SOCKET}"))
+}
+
+/// Whether a file of a runtime folder is the control port of a simulator, by its name.
+pub(crate) fn is_simulator_socket(name: &str) -> bool {
+    name.starts_with(SIMULATOR) && name.ends_with(SOCKET)
+}
+
+/// Refuses the path of a socket that the system would refuse, with the remedy.
+///
+/// # Errors
+/// It is too long.
+pub fn check_socket_path(path: &Path) -> Result<(), CellError> {
+    let size = path.as_os_str().len();
+    if size > SOCKET_PATH_MAX {
+        let path = path.to_owned();
+        return Err(CellError::PathTooLong { path, size });
+    }
+    Ok(())
 }
 
 /// `[a-z0-9][a-z0-9_-]{0,31}`

@@ -3,14 +3,15 @@
 
 use std::fs;
 use std::io::{self, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::announce::AnnounceError;
-use crate::cell::{Cell, CellError};
+use crate::cell::{Cell, CellError, is_simulator_socket};
 use crate::lock::LockError;
 use crate::room::SHM;
 use crate::session::{Role, SessionError};
@@ -331,6 +332,10 @@ pub(crate) fn remove_rest(cell: &Cell, _alone: &Alone) -> Result<(), WipeError> 
     for path in ours.into_iter().chain(cell.life_files()) {
         remove_file(&path).map_err(|source| WipeError::File { path, source })?;
     }
+    remove_simulator_sockets(cell).map_err(|source| WipeError::File {
+        path: cell.runtime_dir().to_owned(),
+        source,
+    })?;
     let path = cell.incidents_dir();
     remove_folder(&path).map_err(|source| WipeError::File { path, source })?;
     // Last: from now on somebody else may make another one, lock that, and have the cell.
@@ -377,6 +382,28 @@ pub(crate) fn write_private(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut options = fs::OpenOptions::new();
     options.write(true).create(true).truncate(true).mode(0o600);
     options.open(path)?.write_all(bytes)
+}
+
+/// Removes the control ports that killed simulators left. A simulator is no process of the cell, so it may live: then it
+/// removes its own.
+fn remove_simulator_sockets(cell: &Cell) -> io::Result<()> {
+    let entries = match fs::read_dir(cell.runtime_dir()) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries?,
+    };
+    for entry in entries {
+        let entry = entry?;
+        let ours = entry.file_name().to_str().is_some_and(is_simulator_socket);
+        if !ours || !entry.file_type()?.is_socket() {
+            continue;
+        }
+        let path = entry.path();
+        let refused = UnixStream::connect(&path).map_err(|error| error.kind());
+        if matches!(refused, Err(io::ErrorKind::ConnectionRefused)) {
+            remove_file(&path)?;
+        }
+    }
+    Ok(())
 }
 
 /// True when the file was there.

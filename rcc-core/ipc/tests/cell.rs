@@ -5,6 +5,7 @@ mod common;
 
 use std::fs::{self, File, FileTimes};
 use std::os::unix::fs::MetadataExt;
+use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
@@ -257,6 +258,19 @@ fn a_removed_cell_leaves_no_file_and_foreign_files_alone() {
     fs::remove_file(foreign).unwrap();
     clean::remove_cell(&cell).unwrap();
     assert!(!cell.runtime_dir().exists() && cell.leftovers().unwrap().is_empty());
+}
+
+#[test]
+fn a_removed_cell_takes_the_sockets_of_dead_simulators_along_and_no_others() {
+    let cell = TestCell::new();
+    let (dead, living) = (cell.simulator_socket("dead"), cell.simulator_socket("lwr"));
+    drop(UnixListener::bind(&dead).unwrap());
+    let listener = UnixListener::bind(&living).unwrap();
+    clean::remove_cell(&cell).unwrap();
+    assert!(!dead.exists() && living.exists());
+    drop(listener);
+    clean::remove_cell(&cell).unwrap();
+    assert!(!cell.runtime_dir().exists());
 }
 
 #[test]

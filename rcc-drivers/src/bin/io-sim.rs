@@ -15,11 +15,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             rcc_process::remark(&format!("io-sim: {error}"));
-            ExitCode::from(if matches!(error, program::RunError::Control(_)) {
-                2
-            } else {
-                1
-            })
+            ExitCode::FAILURE
         }
     }
 }

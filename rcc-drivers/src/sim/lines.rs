@@ -1,13 +1,12 @@
-//! A control port: a TCP server on which each line is a request and gets one line as its answer.
+//! A control port: a Unix socket at which each line is a request and gets one line as its answer. Whoever may connect is
+//! answered; see [`super::control_socket`].
 //! One thread accepts, one thread serves each connection; none of them ever touches a simulator's clock thread.
-//!
-//! A request may name a file, which is written with our rights: only programs of our own user (and root's) are answered.
 
-use super::peer;
 use rcc_ipc::seldom::Seldom;
 use rcc_process::signals::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::Path;
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -30,13 +29,11 @@ pub struct Reply {
 /// Answers one line, which comes without its end.
 pub type Answer = Arc<dyn Fn(&str) -> Reply + Send + Sync>;
 
-/// Serves `answer` at `address` for the rest of the process's life; returns the address that was really taken.
+/// Serves `answer` to whoever connects, for the rest of the process's life.
 ///
 /// # Errors
-/// The address cannot be used, or the system gives no thread.
-pub fn serve(address: SocketAddr, answer: Answer) -> io::Result<SocketAddr> {
-    let listener = TcpListener::bind(address)?;
-    let bound = listener.local_addr()?;
+/// The system gives no thread.
+pub fn serve(listener: UnixListener, answer: Answer) -> io::Result<()> {
     thread::Builder::new()
         .name("control".into())
         .spawn(move || {
@@ -44,7 +41,6 @@ pub fn serve(address: SocketAddr, answer: Answer) -> io::Result<SocketAddr> {
             for stream in listener.incoming() {
                 let answer = answer.clone();
                 let served = stream.and_then(|stream| {
-                    let stream = admit(stream)?;
                     let serve = move || converse(stream, &answer);
                     thread::Builder::new()
                         .name("control-client".into())
@@ -57,33 +53,18 @@ pub fn serve(address: SocketAddr, answer: Answer) -> io::Result<SocketAddr> {
                 }
             }
         })?;
-    Ok(bound)
-}
-
-/// Refuses whoever is neither our user nor root.
-fn admit(mut stream: TcpStream) -> io::Result<TcpStream> {
-    let user = peer::user_of(&stream)?;
-    let ours = nix::unistd::getuid().as_raw();
-    if user.is_some_and(|user| user == ours || user == 0) {
-        return Ok(stream);
-    }
-    let who = user.map_or("an unknown user".to_owned(), |user| format!("user {user}"));
-    let words = format!("{who} may not command this simulator: it is user {ours}'s");
-    // He may not wait for it.
-    let _ = writeln!(stream, "{}", serde_json::json!({ "error": words }));
-    Err(io::Error::new(io::ErrorKind::PermissionDenied, words))
+    Ok(())
 }
 
 /// Until the client hangs up, says something too long, or does not read.
-fn converse(stream: TcpStream, answer: &Answer) {
+fn converse(stream: UnixStream, answer: &Answer) {
     let end = answer_lines(stream, answer);
     if let Err(error) = end {
         tracing::debug!(%error, "a control connection ended");
     }
 }
 
-fn answer_lines(stream: TcpStream, answer: &Answer) -> io::Result<()> {
-    stream.set_nodelay(true)?;
+fn answer_lines(stream: UnixStream, answer: &Answer) -> io::Result<()> {
     let mut writer = stream.try_clone()?;
     let mut reader = BufReader::new(stream);
     let mut line = String::new();
@@ -117,7 +98,7 @@ fn answer_lines(stream: TcpStream, answer: &Answer) -> io::Result<()> {
 /// A client of a control port: one request, one answer.
 #[derive(Debug)]
 pub struct Client {
-    stream: BufReader<TcpStream>,
+    stream: BufReader<UnixStream>,
 }
 
 impl Client {
@@ -125,9 +106,8 @@ impl Client {
     ///
     /// # Errors
     /// Nobody listens there.
-    pub fn connect(address: impl ToSocketAddrs) -> io::Result<Self> {
-        let stream = TcpStream::connect(address)?;
-        stream.set_nodelay(true)?;
+    pub fn connect(path: impl AsRef<Path>) -> io::Result<Self> {
+        let stream = UnixStream::connect(path)?;
         stream.set_read_timeout(Some(ANSWER_MAX))?;
         stream.set_write_timeout(Some(ANSWER_MAX))?;
         Ok(Self {
@@ -140,10 +120,7 @@ impl Client {
     /// # Errors
     /// The server is gone, hangs up or does not answer in time; which request it was is in the text.
     pub fn ask(&mut self, request: &str) -> io::Result<String> {
-        let stream = self.stream.get_ref();
-        let ends = (stream.local_addr().ok(), stream.peer_addr().ok());
         let mut reply = String::new();
-        // one write: two of them would wait for each other's acknowledgement
         self.stream
             .get_mut()
             .write_all(format!("{request}\n").as_bytes())
@@ -153,7 +130,7 @@ impl Client {
                 _ => Ok(reply),
             })
             .map_err(|error| {
-                let text = format!("no answer to {request} ({ends:?}): {error}");
+                let text = format!("no answer to {request}: {error}");
                 io::Error::new(error.kind(), text)
             })
     }

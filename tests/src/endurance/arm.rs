@@ -54,7 +54,7 @@ pub fn run(field: &Field<'_>) {
     let pid = held(&field.arm_driver).start(field.place);
     let mut arm = Arm {
         field,
-        simulator: field.place.simulator("fri_control"),
+        simulator: field.place.simulator("lwr-sim"),
         watch: field.place.watch(),
         random: field.random(1),
     };

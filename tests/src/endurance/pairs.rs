@@ -126,7 +126,7 @@ pub fn strike_executor(field: &Field<'_>, executor: &mut Process, random: &mut R
         .journal
         .note(format!("kill the executor and {victim:?}"));
     field.recover_all();
-    let mut arm = field.place.simulator("fri_control");
+    let mut arm = field.place.simulator("lwr-sim");
     arm.await_rest();
     arm.reset_statistics();
     let name = format!("struck-{}", executor.pid());

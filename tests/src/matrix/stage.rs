@@ -2,6 +2,7 @@
 //! Run by the thread of the matrix.
 
 use std::fs::File;
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
@@ -54,7 +55,7 @@ impl Stage {
         let demo = repository().join("configs/cells/demo.yaml");
         let place = Place::new(&demo, configured);
         let robot = start_robot(&place);
-        let arm = place.simulator("fri_control");
+        let arm = Simulator::connect(&robot_socket(&place));
         let cell = TestCell::in_place(place);
         let mut stage = Stage {
             cell,
@@ -570,6 +571,11 @@ fn configured(text: String) -> String {
     .replace("period: 1 ms\n", patient)
 }
 
+/// Not in the cell's folder: the robot outlives the cell.
+fn robot_socket(place: &Place) -> PathBuf {
+    place.folder().join("robot.sock")
+}
+
 /// The simulated robot of the demo, in this place's ports.
 fn start_robot(place: &Place) -> Child {
     let demo = repository().join("configs/cells/demo.yaml");
@@ -583,13 +589,14 @@ fn start_robot(place: &Place) -> Child {
         .iter()
         .map(|argument| match argument.split_once('=') {
             Some(("--driver", _)) => format!("--driver=127.0.0.1:{}", place.port("fri")),
-            Some(("--control", _)) => format!("--control=127.0.0.1:{}", place.port("fri_control")),
             _ => argument.clone(),
         });
     let log = File::create(place.folder().join("lwr-sim.log")).expect("a log can be written");
     let mut command = Command::new(program("lwr-sim"));
     command
         .args(arguments)
+        .arg("--control")
+        .arg(robot_socket(place))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(log);

@@ -2,7 +2,6 @@
 //! Run at start-up by whoever reads it.
 
 use std::collections::BTreeMap;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use rcc_core::message::{DEVICES_MAX, SET_POINTS};
@@ -38,7 +37,12 @@ const KEYS: [&str; 11] = [
 ];
 const EXECUTOR_KEYS: [&str; 5] = ["priority", "core", "late_in_a_row_max", "rt", "budget"];
 const SUPERVISION_KEYS: [&str; 4] = ["restarts", "within", "stop_timeout", "watchdog"];
-const SIMULATOR_KEYS: [&str; 4] = ["program", "arguments", "device", "control"];
+const SIMULATOR_KEYS: [&str; 3] = ["program", "arguments", "device"];
+/// A key of older files, and the remedy.
+const CONTROL: (&str, &str) = (
+    "control",
+    "remove this line, and the port that only it uses: a simulator with `device` has its control port in the cell's folder",
+);
 const DEVICE_KEYS: [&str; 9] = [
     "driver",
     "robot",
@@ -274,18 +278,13 @@ impl Reading<'_> {
     fn simulator(&mut self, Entry { key, value }: &Entry) -> Option<SimulatorConfig> {
         let reader = &mut self.reader;
         let name = reader.key_name(key, "a simulator", DEVICE_NAME);
-        let fields = reader.fields(value, key.span, "a simulator", &SIMULATOR_KEYS)?;
+        let fields = reader.fields_or(value, key.span, "a simulator", &SIMULATOR_KEYS, CONTROL)?;
         let program = reader.need(&fields, "program");
         let program = program.and_then(|node| Some((reader.text(node, "program")?, node.span)));
         let list = fields.get("arguments");
         let list = list.and_then(|node| reader.list(node, "arguments"));
         let list = list.unwrap_or_default().iter();
-        let mut arguments: Vec<String> = list.filter_map(|node| self.argument(node)).collect();
-        let control = match fields.get("control") {
-            Some(node) => Some(self.control(node)?),
-            None => None,
-        };
-        arguments.extend(control.map(|address| format!("--control={address}")));
+        let arguments: Vec<String> = list.filter_map(|node| self.argument(node)).collect();
         let device = match fields.get("device") {
             Some(node) => Some(self.name(node, "a device")?),
             None => None,
@@ -296,24 +295,7 @@ impl Reading<'_> {
             program: ports::substitute(&mut self.reader, program, span, &self.ports)?,
             arguments,
             device,
-            control,
         })
-    }
-
-    /// The address of a control port: nobody is asked for a password there.
-    fn control(&mut self, node: &Node) -> Option<SocketAddr> {
-        let text = self.reader.text(node, "control")?;
-        let text = ports::substitute(&mut self.reader, text, node.span, &self.ports)?;
-        match text.parse::<SocketAddr>() {
-            Ok(address) if address.ip().is_loopback() => Some(address),
-            _ => {
-                let message = format!("`{text}` is no loopback address with a port");
-                let fault = error(codes::BAD_ADDRESS, node.span, message);
-                self.reader
-                    .keep(fault.help("for example `control: 127.0.0.1:${lwr_control}`"));
-                None
-            }
-        }
     }
 
     /// A simulator plays the part of a device of this cell.

@@ -16,6 +16,7 @@ use crate::conformance::capture::Capture;
 use crate::conformance::{Peer, Subject, Told, Wire, conformance, device};
 use crate::driver::Inputs;
 use crate::host::reason::Reason;
+use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::lines::Client;
@@ -72,9 +73,11 @@ impl Subject for Station {
     fn start() -> Self {
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
         let wire = |text: &str| text.parse().expect("a wire");
+        // Needed until it is connected.
+        let folder = TestFolder::new("station");
         let options = Options {
             bind: any,
-            control: any,
+            control: Some(folder.0.join("sim.sock")),
             wire: vec![wire("coil:0=discrete:0"), wire("holding:0=input:0")],
             priority: None,
             parent_death: false,
@@ -90,7 +93,7 @@ impl Subject for Station {
             let rest = line.split(name).nth(1).expect("its address");
             rest.split(' ').next().expect("its address").to_owned()
         };
-        let control = Client::connect(place("control=")).expect("loopback");
+        let control = Client::connect(place("control=")).expect("it listens");
         Self {
             address: place("modbus=").parse().expect("an address"),
             control,

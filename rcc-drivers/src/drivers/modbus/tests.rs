@@ -10,6 +10,7 @@ use rcc_core::primitive::ChannelKind::{AnalogInput, AnalogOutput, DigitalInput, 
 
 use super::*;
 use crate::conformance::{self, Peer, Row};
+use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
 use crate::sim::lines::Client;
@@ -66,9 +67,11 @@ impl Station {
 
     /// Runs until the test process ends.
     fn start(&mut self) {
+        // Needed until it is connected.
+        let folder = TestFolder::new("station");
         let options = Options {
             bind: self.address,
-            control: "127.0.0.1:0".parse().expect("an address"),
+            control: Some(folder.0.join("sim.sock")),
             wire: vec![
                 "coil:0=discrete:0".parse().expect("a wire"),
                 "holding:0=input:0".parse().expect("a wire"),
@@ -83,8 +86,8 @@ impl Station {
             })
         });
         let line = told.recv().expect("the station starts");
-        let control = line.split("control=").nth(1).expect("its address");
-        self.control = Some(Client::connect(control).expect("loopback"));
+        let control = line.split("control=").nth(1).expect("its path");
+        self.control = Some(Client::connect(control).expect("it listens"));
     }
 
     fn say(&mut self, line: &str) {

@@ -5,11 +5,13 @@ use super::control::{Command, ControlError};
 use super::image::Image;
 use super::options::Options;
 use crate::priority::rise;
+use crate::sim::control_socket::{self, ControlSocket};
 use crate::sim::lines;
 use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 use std::future::Future;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -21,11 +23,14 @@ use tokio_modbus::{ExceptionCode, Request, Response};
 /// Why the simulator could not start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The control port is no loopback address.
-    #[error(
-        "--control {0}: the control port tells users apart on this machine only, so it takes a loopback address"
-    )]
-    Control(SocketAddr),
+    /// The control port cannot be where it should.
+    #[error("--control {path}: {source}")]
+    Control {
+        /// Its path.
+        path: PathBuf,
+        /// The reason.
+        source: io::Error,
+    },
     /// An address is taken or does not exist.
     #[error("{what} {address}: {source}")]
     Address {
@@ -74,9 +79,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// It could not start.
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let stop = Stop::prepare(options.parent_death)?;
-    if !options.control.ip().is_loopback() {
-        return Err(RunError::Control(options.control));
-    }
     let station = Arc::new(Station {
         image: Mutex::new(Image::new(options.wire.clone())),
         faults: Mutex::default(),
@@ -88,14 +90,15 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     })?;
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
-    let control =
-        lines::serve(options.control, answer_with(station.clone())).map_err(|source| {
-            RunError::Address {
-                what: "--control",
-                address: options.control,
-                source,
-            }
-        })?;
+    let control = options.control.as_deref().map(|path| {
+        let (listener, socket) = ControlSocket::bind(path)?;
+        lines::serve(listener, answer_with(station.clone()))?;
+        Ok(socket)
+    });
+    let control = control.transpose().map_err(|source| RunError::Control {
+        path: options.control.clone().unwrap_or_default(),
+        source,
+    })?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -112,7 +115,8 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
                 request_stop();
             }
         })?;
-    ready(&format!("io-sim ready modbus={address} control={control}"));
+    let place = control_socket::place_of(control.as_ref());
+    ready(&format!("io-sim ready modbus={address} control={place}"));
     stop.wait();
     Ok(())
 }

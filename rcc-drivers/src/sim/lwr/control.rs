@@ -7,9 +7,9 @@
 //! `{"network":{"to_pc":{"lost":0.1},"from_pc":{"corrupted":0.1}}}` · `{"clear":null}` ·
 //! `{"set_bool":{"number":3,"value":true}}` · `{"set_real":{"number":1,"value":2.5}}` ·
 //! `{"wire_bool":{"from":1,"to":1}}` · `{"wire_real":{"from":1,"to":1}}` · `{"reset_statistics":null}` ·
-//! `{"trace":{"path":"/tmp/trace.csv"}}` · `{"trace":null}` · `{"flush":null}` · `{"quit":null}`.
+//! `{"trace":{"path":"trace.csv"}}` · `{"trace":null}` · `{"flush":null}` · `{"quit":null}`.
 //! `network` takes the probabilities of lost, late (with late_steps_max), duplicated, reordered, truncated and corrupted
-//! datagrams; `clear` ends every fault that was asked for, and acknowledges.
+//! datagrams; a trace lies below the folder of the socket, where a relative path begins; `clear` ends every fault that was asked for, and acknowledges.
 //! A command without content may also be a bare name, `"state"`. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
 use super::krc::Krc;
@@ -18,6 +18,7 @@ use super::settings::Wire;
 use super::statistics::{KrlVariables, Snapshot};
 use super::surroundings::{Wall, WallError};
 use crate::fri_lwr::wire::{KrlBlock, Quality};
+use crate::sim::control_socket::PathError;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -105,7 +106,7 @@ pub struct Variable<T> {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TraceFile {
-    /// The file; it is appended to.
+    /// The file, below the folder of the control socket; it is appended to.
     pub path: PathBuf,
 }
 
@@ -130,6 +131,9 @@ pub enum ControlError {
     /// Acknowledged too early.
     #[error("the arm still moves: ask for `ack` again when `at_rest` is true")]
     Moving,
+    /// The file is not one that requests may name.
+    #[error(transparent)]
+    Path(#[from] PathError),
     /// The trace cannot be written.
     #[error(transparent)]
     Trace(#[from] super::trace::TraceError),

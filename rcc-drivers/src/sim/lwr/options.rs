@@ -4,6 +4,7 @@
 use super::settings::{Acknowledge, Limits, QualityRules, Script, Settings, Strategy, Wire};
 use super::surroundings::{Wall, WallError};
 use super::{JOINTS, Joints};
+use crate::sim::control_socket;
 use clap::Parser;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -19,9 +20,10 @@ pub struct Options {
     /// Where to send from; port 0 lets the system choose
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
     pub bind: SocketAddr,
-    /// Where the control port listens (one JSON object a line); a loopback address, for programs of the same user and of root
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
-    pub control: SocketAddr,
+    /// Where the control port is: a Unix socket (one JSON object a line) for programs of the same user and of root, in a
+    /// folder that only they can write to; files that requests name lie below that folder. Without it there is none
+    #[arg(long, value_name = "SOCKET", value_parser = control_socket::path)]
+    pub control: Option<PathBuf>,
     /// Period of both directions, ms (KUKA: 1 to 100)
     #[arg(long, value_name = "MS", default_value_t = 1.0)]
     pub period_ms: f64,
@@ -157,11 +159,6 @@ pub enum OptionError {
     /// The wall is impossible.
     #[error("--wall: {0}")]
     Wall(#[from] WallError),
-    /// The control port is no loopback address.
-    #[error(
-        "--control {0}: the control port tells users apart on this machine only, so it takes a loopback address"
-    )]
-    Control(SocketAddr),
 }
 
 impl<const N: usize> FromStr for Numbers<N> {
@@ -244,9 +241,6 @@ impl Options {
     }
 
     fn check_ranges(&self) -> Result<(), OptionError> {
-        if !self.control.ip().is_loopback() {
-            return Err(OptionError::Control(self.control));
-        }
         let range = |option, value: f64, range, inside: bool| {
             if inside {
                 Ok(())
@@ -342,7 +336,6 @@ mod tests {
             (["--bandwidth", "nan"], "bandwidth"),
             (["--start", "0,0,0,-3,0,0,0"], "joint 4"),
             (["--wall", "0,0,0,0,0,0,1,1"], "normal"),
-            (["--control", "0.0.0.0:0"], "loopback"),
         ] {
             let error = parsed(&arguments).settings().unwrap_err().to_string();
             assert!(error.contains(part), "{error}");

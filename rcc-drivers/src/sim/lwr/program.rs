@@ -12,6 +12,7 @@ use super::options::{OptionError, Options};
 use super::trace::{TraceError, TraceSink};
 use crate::fri_lwr::wire::CMD_SIZE;
 use crate::priority::rise;
+use crate::sim::control_socket::{self, ControlSocket, Folder};
 use crate::sim::lines;
 use nix::errno::Errno;
 use nix::sys::socket::{MsgFlags, SockaddrStorage, recvmsg};
@@ -21,6 +22,7 @@ use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::os::fd::AsRawFd;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -46,6 +48,14 @@ pub enum RunError {
         /// The address.
         address: SocketAddr,
         /// The system's reason.
+        source: io::Error,
+    },
+    /// The control port cannot be where it should.
+    #[error("--control {path}: {source}")]
+    Control {
+        /// Its path.
+        path: PathBuf,
+        /// The reason.
         source: io::Error,
     },
     /// The system refuses a thread or a socket's option.
@@ -96,14 +106,16 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
         trace.open(path.clone())?;
     }
     let (requests, obeyed) = sync_channel(16);
-    let control =
-        lines::serve(options.control, answer_with(requests, trace.clone())).map_err(|source| {
-            RunError::Address {
-                what: "--control",
-                address: options.control,
-                source,
-            }
-        })?;
+    let control = options.control.as_deref().map(|path| {
+        let (listener, socket) = ControlSocket::bind(path)?;
+        let answer = answer_with(requests, trace.clone(), socket.folder().clone());
+        lines::serve(listener, answer)?;
+        Ok(socket)
+    });
+    let control = control.transpose().map_err(|source| RunError::Control {
+        path: options.control.clone().unwrap_or_default(),
+        source,
+    })?;
     let ending = Arc::new(AtomicBool::new(false));
     let (arrived, arrivals) = sync_channel(ARRIVALS);
     let receiver = {
@@ -138,9 +150,10 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
             result
         })?
     };
+    let place = control_socket::place_of(control.as_ref());
+    let driver = options.driver;
     ready(&format!(
-        "lwr-sim ready fri={address} driver={} control={control}",
-        options.driver
+        "lwr-sim ready fri={address} driver={driver} control={place}"
     ));
     stop.wait();
     // Release pairs with the Acquire loads of clock and receiver; nothing else is handed over by it
@@ -151,10 +164,11 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
 }
 
 /// What the control port answers: the trace's commands here, all others on the clock thread.
-fn answer_with(requests: SyncSender<Request>, trace: TraceSink) -> lines::Answer {
+fn answer_with(requests: SyncSender<Request>, trace: TraceSink, folder: Folder) -> lines::Answer {
     Arc::new(move |line| {
         let command = serde_json::from_str(line).map_err(ControlError::from);
-        let answer = command.and_then(|command| answer_command(command, &requests, &trace));
+        let answer =
+            command.and_then(|command| answer_command(command, &requests, &trace, &folder));
         // `quit` ends the clock thread after its farewell, and that ends the process
         lines::Reply {
             line: control::to_line(answer),
@@ -167,9 +181,10 @@ fn answer_command(
     command: Command,
     requests: &SyncSender<Request>,
     trace: &TraceSink,
+    folder: &Folder,
 ) -> Result<Answer, ControlError> {
     match command {
-        Command::Trace(Some(TraceFile { path })) => trace.open(path)?,
+        Command::Trace(Some(TraceFile { path })) => trace.open(folder.below(&path)?)?,
         Command::Trace(None) => trace.close()?,
         Command::Flush => trace.flush()?,
         command => {

@@ -1,0 +1,252 @@
+//! Where the control port of a simulator is: a Unix socket of its user alone, and the folder that its requests may name
+//! files in. The main thread binds it and removes it; the control port's threads ask [`Folder::below`].
+
+use std::fs::{self, DirBuilder, File, TryLockError};
+use std::io;
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, PermissionsExt};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use nix::errno::Errno;
+use nix::sys::socket::{
+    AddressFamily, Backlog, SockFlag, SockType, UnixAddr, bind, listen, socket,
+};
+use nix::sys::stat::{Mode, fchmod};
+
+/// Connections that wait to be accepted.
+const WAITING: i32 = 64;
+/// Other simulators that start in this folder hold its lock for a moment.
+const LOCK_LIMIT: Duration = Duration::from_secs(5);
+
+/// Reads the value of `--control`.
+///
+/// # Errors
+/// It is empty, or an address of the form that older versions took.
+pub fn path(text: &str) -> Result<PathBuf, String> {
+    let port = text.rsplit_once(':').map(|(_, port)| port);
+    let is_port = port.is_some_and(|port| port.parse::<u16>().is_ok());
+    if is_port && !text.contains('/') {
+        return Err(
+            "the control port is a Unix socket: give the path of one, for example \
+             --control=/run/user/1000/sim/lwr.sock, in a folder that only its user can write to"
+                .to_owned(),
+        );
+    }
+    match text {
+        "" => Err("give the path of a Unix socket".to_owned()),
+        _ => Ok(text.into()),
+    }
+}
+
+/// The folder that requests may name files in.
+#[derive(Clone, Debug)]
+pub struct Folder(PathBuf);
+
+/// Why a request may not name a file.
+#[derive(Debug, thiserror::Error)]
+pub enum PathError {
+    /// It lies elsewhere.
+    #[error(
+        "{path} is not below {folder}: requests name files there only; a relative path begins there"
+    )]
+    Outside {
+        /// What was asked for.
+        path: PathBuf,
+        /// Where it must be.
+        folder: PathBuf,
+    },
+    /// A link leads anywhere.
+    #[error("{0} is a symbolic link, and none is followed: name the file itself, or a new one")]
+    Link(PathBuf),
+    /// The folder of the file is not there.
+    #[error("the folder of {path}: {source}; name a file in one that is there")]
+    Folder {
+        /// What was asked for.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+}
+
+impl Folder {
+    /// The file that a request names, if it lies below this folder: a relative path begins here. Whoever opens it must not
+    /// follow a symbolic link (`O_NOFOLLOW`): this look at it gives the words.
+    ///
+    /// # Errors
+    /// It lies elsewhere, also by a symbolic link or `..`, or is a link itself.
+    pub fn below(&self, asked: &Path) -> Result<PathBuf, PathError> {
+        let outside = || PathError::Outside {
+            path: asked.to_owned(),
+            folder: self.0.clone(),
+        };
+        let whole = self.0.join(asked);
+        let (Some(parent), Some(name)) = (whole.parent(), whole.file_name()) else {
+            return Err(outside());
+        };
+        let parent = parent.canonicalize().map_err(|source| PathError::Folder {
+            path: asked.to_owned(),
+            source,
+        })?;
+        if !parent.starts_with(&self.0) {
+            return Err(outside());
+        }
+        let path = parent.join(name);
+        match fs::symlink_metadata(&path) {
+            Ok(found) if found.is_symlink() => Err(PathError::Link(asked.to_owned())),
+            _ => Ok(path),
+        }
+    }
+}
+
+/// A bound socket; its file goes when this is dropped.
+#[derive(Debug)]
+pub struct ControlSocket {
+    path: PathBuf,
+    folder: Folder,
+    /// The folder was made for the socket, and goes with it.
+    made: bool,
+    /// Device and number of the file: another simulator may have put its own in its place.
+    identity: (u64, u64),
+}
+
+impl ControlSocket {
+    /// Binds `path`, mode 0600 from the beginning. The file of a dead simulator is replaced, a living one's is not. The
+    /// folder is made if it is missing, mode 0700.
+    ///
+    /// # Errors
+    /// Somebody listens there, the file is no socket, others can write to the folder, or the system refuses.
+    pub fn bind(path: &Path) -> io::Result<(UnixListener, ControlSocket)> {
+        let path = std::path::absolute(path)?;
+        let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
+            return Err(io::Error::other("this names no file"));
+        };
+        let made = !folder.exists();
+        let mut builder = DirBuilder::new();
+        builder.recursive(true).mode(0o700).create(folder)?;
+        let folder = folder.canonicalize()?;
+        require_private(&folder)?;
+        let path = folder.join(name);
+        let _lock = lock(&folder)?;
+        let listener = match bind_private(&path) {
+            Err(Errno::EADDRINUSE) => {
+                remove_dead(&path)?;
+                bind_private(&path)
+            }
+            result => result,
+        }?;
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600))?;
+        let found = fs::symlink_metadata(&path)?;
+        let socket = ControlSocket {
+            path,
+            folder: Folder(folder),
+            made,
+            identity: (found.dev(), found.ino()),
+        };
+        Ok((listener, socket))
+    }
+
+    /// Where it is, absolute.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where requests may name files.
+    #[must_use]
+    pub fn folder(&self) -> &Folder {
+        &self.folder
+    }
+}
+
+impl Drop for ControlSocket {
+    fn drop(&mut self) {
+        let found = fs::symlink_metadata(&self.path);
+        if found.is_ok_and(|found| (found.dev(), found.ino()) == self.identity) {
+            // What cannot be removed is replaced at the next start.
+            let _ = fs::remove_file(&self.path);
+        }
+        if self.made {
+            // Not empty: others use it by now.
+            let _ = fs::remove_dir(&self.folder.0);
+        }
+    }
+}
+
+/// What the line of a simulator that is ready says about its control port.
+#[must_use]
+pub fn place_of(socket: Option<&ControlSocket>) -> String {
+    socket.map_or("none".to_owned(), |socket| {
+        socket.path.display().to_string()
+    })
+}
+
+/// Nobody else can put anything into the folder: neither a socket in the place of ours, nor a link.
+fn require_private(folder: &Path) -> io::Result<()> {
+    let found = fs::metadata(folder)?;
+    let (owner, ours) = (found.uid(), nix::unistd::getuid().as_raw());
+    let shown = folder.display();
+    if owner != ours {
+        return Err(io::Error::other(format!(
+            "{shown} belongs to user {owner}, this is user {ours}: choose a folder of your own"
+        )));
+    }
+    let mode = found.mode() & 0o7777;
+    if mode & 0o022 != 0 {
+        return Err(io::Error::other(format!(
+            "{shown} can be written by others (mode {mode:04o}): choose another folder, or `chmod go-w {shown}`"
+        )));
+    }
+    Ok(())
+}
+
+/// One simulator at a time looks whether a socket is dead. The lock goes with the file.
+fn lock(folder: &Path) -> io::Result<File> {
+    let file = File::open(folder)?;
+    let begun = Instant::now();
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::Error(error)) => return Err(error),
+            Err(TryLockError::WouldBlock) if begun.elapsed() > LOCK_LIMIT => {
+                let shown = folder.display();
+                let words = format!("{shown} has been locked (flock) by another process for 5 s");
+                return Err(io::Error::other(words));
+            }
+            Err(TryLockError::WouldBlock) => thread::sleep(Duration::from_millis(5)),
+        }
+    }
+}
+
+/// On Linux a socket's file gets the mode that the socket has, so nobody else can connect at any moment.
+fn bind_private(path: &Path) -> Result<UnixListener, Errno> {
+    let flags = SockFlag::SOCK_CLOEXEC;
+    let socket = socket(AddressFamily::Unix, SockType::Stream, flags, None)?;
+    fchmod(&socket, Mode::S_IRUSR | Mode::S_IWUSR)?;
+    bind(socket.as_raw_fd(), &UnixAddr::new(path)?)?;
+    listen(&socket, Backlog::new(WAITING)?)?;
+    Ok(UnixListener::from(socket))
+}
+
+/// Removes a socket that nobody listens at.
+fn remove_dead(path: &Path) -> io::Result<()> {
+    let is_socket = fs::symlink_metadata(path)?.file_type().is_socket();
+    if !is_socket {
+        return Err(io::Error::other(
+            "there is a file, and it is no socket: choose another path, or remove it",
+        ));
+    }
+    match UnixStream::connect(path) {
+        Ok(_) => Err(io::Error::new(
+            io::ErrorKind::AddrInUse,
+            "another simulator listens there: choose another path, or stop it",
+        )),
+        Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,123 @@
+//! The socket's mode, its replacement and its end; which files requests may name. Tests of files in a folder of their own.
+
+use std::os::unix::fs::symlink;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use super::*;
+
+/// A folder of a test, removed at its end.
+pub(crate) struct TestFolder(pub(crate) PathBuf);
+
+impl TestFolder {
+    pub(crate) fn new(name: &str) -> TestFolder {
+        static NUMBER: AtomicU32 = AtomicU32::new(0);
+        // Relaxed: only different numbers are wanted.
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("rcc-control-{name}-{}-{number}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        DirBuilder::new().mode(0o700).create(&path).unwrap();
+        TestFolder(path.canonicalize().unwrap())
+    }
+}
+
+impl Drop for TestFolder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn the_socket_is_its_users_alone_and_goes_with_the_simulator() {
+    let place = TestFolder::new("mode");
+    let path = place.0.join("new/sim.sock");
+    let (_listener, socket) = ControlSocket::bind(&path).unwrap();
+    assert_eq!(socket.path(), path);
+    let mode = |path: &Path| fs::metadata(path).unwrap().mode() & 0o7777;
+    assert_eq!(mode(&path), 0o600);
+    assert_eq!(mode(&place.0.join("new")), 0o700);
+    drop(socket);
+    assert!(!place.0.join("new").exists());
+}
+
+#[test]
+fn a_socket_is_private_before_anybody_could_change_its_mode() {
+    let place = TestFolder::new("born");
+    let path = place.0.join("sim.sock");
+    let _listener = bind_private(&path).unwrap();
+    assert_eq!(fs::metadata(&path).unwrap().mode() & 0o077, 0);
+}
+
+#[test]
+fn a_dead_simulators_socket_is_replaced_and_a_living_ones_is_not() {
+    let place = TestFolder::new("old");
+    let path = place.0.join("sim.sock");
+    drop(UnixListener::bind(&path).unwrap());
+    assert!(path.exists(), "a dead socket's file stays");
+    let (_listener, living) = ControlSocket::bind(&path).unwrap();
+    let refused = ControlSocket::bind(&path).unwrap_err();
+    assert_eq!(refused.kind(), io::ErrorKind::AddrInUse);
+    assert!(refused.to_string().contains("listens there"), "{refused}");
+    assert!(UnixStream::connect(&path).is_ok());
+    // Somebody else's file in its place is not ours to remove.
+    fs::remove_file(&path).unwrap();
+    fs::write(&path, "no socket").unwrap();
+    let refused = ControlSocket::bind(&path).unwrap_err().to_string();
+    assert!(refused.contains("no socket"), "{refused}");
+    drop(living);
+    assert_eq!(fs::read_to_string(&path).unwrap(), "no socket");
+}
+
+#[test]
+fn a_folder_that_others_can_write_to_is_refused_with_the_remedy() {
+    let place = TestFolder::new("folder");
+    fs::set_permissions(&place.0, fs::Permissions::from_mode(0o1777)).unwrap();
+    let path = place.0.join("sim.sock");
+    let refused = ControlSocket::bind(&path).unwrap_err().to_string();
+    assert!(refused.contains("chmod go-w"), "{refused}");
+    assert!(!path.exists());
+}
+
+#[test]
+fn requests_name_files_below_the_folder_only() {
+    let place = TestFolder::new("below");
+    let (inside, outside) = (place.0.join("in"), place.0.join("out"));
+    fs::create_dir_all(inside.join("logs")).unwrap();
+    fs::create_dir(&outside).unwrap();
+    symlink(&outside, inside.join("way")).unwrap();
+    symlink(outside.join("new"), inside.join("link")).unwrap();
+    symlink(inside.join("logs"), inside.join("home")).unwrap();
+    let folder = Folder(inside.clone());
+    for good in ["a.csv", "logs/a.csv", "./logs/../a.csv", "home/a.csv"] {
+        let path = folder.below(Path::new(good)).unwrap();
+        assert!(path.starts_with(&inside), "{good}: {path:?}");
+    }
+    let whole = inside.join("logs/a.csv");
+    assert_eq!(folder.below(&whole).unwrap(), whole);
+    let sibling = place.0.join("inside.csv");
+    for (bad, part) in [
+        (Path::new("../out/a.csv"), "is not below"),
+        (Path::new("way/a.csv"), "is not below"),
+        (&outside.join("a.csv"), "is not below"),
+        (&sibling, "is not below"),
+        (Path::new(".."), "is not below"),
+        (Path::new("/"), "is not below"),
+        (Path::new(""), "is not below"),
+        (Path::new("link"), "is a symbolic link"),
+        (Path::new("nowhere/a.csv"), "folder of nowhere/a.csv"),
+    ] {
+        let error = folder.below(bad).unwrap_err().to_string();
+        assert!(error.contains(part), "{bad:?}: {error}");
+    }
+}
+
+#[test]
+fn an_address_is_refused_with_the_remedy_and_a_path_is_taken() {
+    for old in ["127.0.0.1:0", "localhost:4711", "[::1]:80"] {
+        let words = path(old).unwrap_err();
+        assert!(words.contains("give the path of one"), "{old}: {words}");
+    }
+    assert!(path("").is_err());
+    for good in ["sim.sock", "/run/rcc/a:1", "a:b"] {
+        assert_eq!(path(good), Ok(good.into()));
+    }
+}
