@@ -7,6 +7,7 @@ use std::path::Path;
 use proptest::prelude::*;
 use rcc_config::diagnostic::Span;
 use rcc_config::yaml::{self, Key};
+use rcc_core::printable::first_unprintable;
 use rcc_core::types::Type;
 use rcc_core::unit::Unit;
 use rcc_language::syntax::fragment::{
@@ -136,7 +137,7 @@ fn key() -> impl Strategy<Value = Key> {
 fn any_text() -> impl Strategy<Value = String> {
     prop_oneof![
         "[a-zA-Z_ .,:#'\"-]{0,40}",
-        "\\PC{0,60}",
+        "\\PC{0,60}".prop_filter("printable", |text| first_unprintable(text).is_none()),
         "([a-z ]{0,30}\n){0,4}[a-z]{0,4}",
         proptest::collection::vec("[a-z]{1,9}", 0..60).prop_map(|words| words.join(" ")),
     ]
