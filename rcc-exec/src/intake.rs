@@ -620,7 +620,7 @@ impl Intake {
         }
     }
 
-    /// Attaches a driver that lives, unless it means other channels than this executor by its set-points.
+    /// Attaches a driver that lives, unless it is of another build or means other channels by its set-points.
     fn meet(&mut self, index: usize, driver: &Announcement) {
         let Some(device) = self.devices.get(index) else {
             return;
@@ -689,7 +689,7 @@ impl Intake {
         self.record(what);
     }
 
-    /// Tells once of a driver that runs with another configuration than this executor.
+    /// Tells once of a driver that is of another build than this executor, or runs with another configuration.
     fn refuse(&mut self, index: usize, driver: &Announcement, why: &Disagreement) {
         if std::mem::replace(&mut self.devices[index].refused, driver.incarnation)
             == driver.incarnation

@@ -18,6 +18,7 @@ use rcc_loader::server::doors::Doors;
 use rcc_loader::server::executor::Executor;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
+use rcc_os::memory::Returned;
 use rcc_process::helpers::Hang;
 use rcc_process::memory;
 use rcc_process::signals::{end_with_parent, let_through};
@@ -93,8 +94,11 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
     let service = Arc::new(service);
     let tended = Arc::clone(&service);
     helpers.spawn("tend", SLOW_TURN_MAX, move |helper| {
+        // A long text takes a hundred times its memory while it is compiled.
+        let mut memory = Returned::default();
         while !helper.rest(TEND_EVERY) {
             tended.tend();
+            memory.look();
         }
     })?;
     let router = routes::router(service)?;

@@ -4,7 +4,7 @@
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT};
 use rcc_ipc::control::RECORDS;
-use rcc_ipc::{Announcement, Cell, Role, Session, Subscriber};
+use rcc_ipc::{Announcement, Build, Cell, OtherBuild, Role, Session, Subscriber};
 
 use crate::names::Directory;
 
@@ -26,6 +26,9 @@ pub enum StreamError {
     /// The announcement cannot be read.
     #[error(transparent)]
     Announcement(#[from] rcc_ipc::AnnounceError),
+    /// Its records may mean something else than here.
+    #[error("no value is read: {0}")]
+    OtherBuild(#[from] OtherBuild),
     /// It offers no stream.
     #[error("the executor offers no `{RECORDS}`: are both programs of one build?")]
     NotOffered,
@@ -121,6 +124,7 @@ fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
     let Some(announcement) = announced?.filter(living) else {
         return Ok(None);
     };
+    Build::require_layout(&announcement)?;
     let service = announcement.services.get(RECORDS);
     let service = service.ok_or(StreamError::NotOffered)?;
     let session = Session::join(

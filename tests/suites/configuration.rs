@@ -1,11 +1,11 @@
-//! Processes of one cell that were started with different configurations: nothing is measured, commanded, loaded or
-//! started between them, and everybody is told why. Each test has a cell of its own.
+//! Processes of one cell that were started with different configurations, or are of different builds: nothing is
+//! measured, commanded, loaded or started between them, and everybody is told why. Each test has a cell of its own.
 
 use std::fs;
 
 use nix::sys::signal::Signal;
-use rcc_ipc::Role;
 use rcc_ipc::events::{Event, Kind, Origin, Reader};
+use rcc_ipc::{Build, Role};
 use rcc_tests::place::Place;
 use rcc_tests::processes::signal;
 use rcc_tests::rest::Reply;
@@ -262,5 +262,114 @@ fn a_loader_with_another_configuration_loads_and_starts_nothing() {
     });
     cell.done(before, "cancel");
     cell.assert_ends(before, "canceled");
+    cell.stop();
+}
+
+/// Lets a process that is announced seem to be of a build with another layout, to everybody who looks from now on.
+fn rebuild(place: &Place, role: Role, label: &str) {
+    let file = place
+        .cell()
+        .processes_dir()
+        .join(format!("{role}-{label}.json"));
+    let text = fs::read_to_string(&file).expect("an announcement");
+    let mut announced: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let own = serde_json::to_value(Build::own()).expect("JSON");
+    assert_eq!(
+        announced["build"], own,
+        "{role} {label} announces its build"
+    );
+    announced["build"] = serde_json::json!({"version": "0.0.9", "layout": "0000000000000bad"});
+    let new = file.with_extension("edited");
+    fs::write(&new, announced.to_string()).expect("written");
+    fs::rename(&new, &file).expect("replaced");
+}
+
+/// Who is of another build, by words that name both and say what to do.
+fn assert_names_builds(words: &str) {
+    let own = Build::own().to_string();
+    for word in [
+        "built from another version",
+        "0.0.9, layout 0000000000000bad",
+        &own,
+        "install all programs from one build, and restart the cell",
+    ] {
+        assert!(words.contains(word), "{word}: {words}");
+    }
+}
+
+/// Waits until a process tells of another one that is of another build; returns the words.
+fn await_other_build(place: &Place, teller: Origin, of: &str) -> String {
+    await_some(&format!("{teller:?} to tell of {of}"), || {
+        let events: Vec<Event> = Reader::open(place.cell()).poll().expect("the log");
+        events.into_iter().find_map(|event| match &event.what {
+            Kind::OtherBuild { process, .. } if event.source.role == teller && process == of => {
+                Some(event.sentence(&|net, _| net.to_owned()))
+            }
+            _ => None,
+        })
+    })
+}
+
+#[test]
+fn a_driver_of_another_build_is_not_attached_and_the_words_name_both_builds() {
+    let mut cell = HandCell::demo();
+    let lamp = nets::lamp("lamp");
+    cell.end("executor", Signal::SIGTERM);
+    rebuild(&cell, Role::Driver, "io");
+    cell.start_executor();
+    let reason = await_some("the driver of io not to be attached", || {
+        let row = cell.device("io")?;
+        let reason = row["reason"].as_str()?.to_owned();
+        (row["state"] == "offline" && reason.contains("another version")).then_some(reason)
+    });
+    assert_names_builds(&reason);
+    let (out, _) = cell.cli_exits(0, &["devices"]);
+    assert!(out.contains("built from another version"), "{out}");
+    let status = cell.rest("GET", "/status", "").body;
+    assert_names_builds(&status["configuration"].to_string());
+    let id = cell.load(&lamp);
+    let refused = cell.operate(id, "start");
+    assert_eq!(
+        (refused.status, refused.code()),
+        (409, "RCC3008"),
+        "{refused:?}"
+    );
+    assert_names_builds(&refused.words());
+    assert_names_builds(&await_other_build(&cell, Origin::Executor, "driver io"));
+    // The other device's driver is of the same build: it works on.
+    cell.await_device("lwr", "ready");
+    cell.end("io", Signal::SIGTERM);
+    cell.start_driver("io");
+    cell.await_devices();
+    cell.stop();
+}
+
+#[test]
+fn an_executor_of_another_build_is_not_followed_asked_or_watched_and_everybody_says_so() {
+    let mut cell = HandCell::demo();
+    cell.end("loader", Signal::SIGTERM);
+    cell.end("io", Signal::SIGTERM);
+    rebuild(&cell, Role::Executor, "exec");
+    cell.start_driver("io");
+    cell.start_loader();
+    for (method, path, body) in [
+        ("GET", "/devices", String::new()),
+        ("POST", "/commands", nets::lamp("lamp")),
+    ] {
+        let refused = cell.rest(method, path, &body);
+        assert_eq!(
+            (refused.status, refused.code()),
+            (502, "RCC4003"),
+            "{refused:?}"
+        );
+        assert_names_builds(&refused.words());
+    }
+    for teller in [Origin::Driver, Origin::Loader] {
+        assert_names_builds(&await_other_build(&cell, teller, "executor"));
+    }
+    let mut tail = cell.program("rcc-monitor");
+    let tail = tail.arg("tail").output().expect("rcc-monitor runs");
+    assert_eq!(tail.status.code(), Some(1));
+    assert_names_builds(&String::from_utf8_lossy(&tail.stderr));
     cell.stop();
 }

@@ -20,6 +20,7 @@ mod handover;
 mod impedance;
 mod incidents;
 mod life;
+mod memory;
 mod outcomes;
 mod output;
 mod plans;

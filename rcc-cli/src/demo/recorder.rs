@@ -44,6 +44,10 @@ impl Recorder {
         let announced = cell
             .announced(Role::Executor, EXECUTOR_LABEL)
             .map_err(|error| failed(error.to_string()))?;
+        if let Some(executor) = &announced {
+            rcc_ipc::Build::require_layout(executor)
+                .map_err(|error| Failure::new(codes::OTHER_BUILD, error.to_string(), ""))?;
+        }
         let service = announced
             .as_ref()
             .and_then(|announced| announced.services.get(RECORDS))

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use nix::fcntl::Flock;
 
+use crate::build::Build;
 use crate::cell::{Cell, CellError};
 use crate::clean::write_private;
 use crate::configuration::Configuration;
@@ -42,6 +43,9 @@ pub struct Announcement {
     /// The configuration that it was started with; `None` of processes that need none, and of older builds.
     #[serde(default)]
     pub configuration: Option<Configuration>,
+    /// Of which build it is; `None` of older builds, which do not announce it.
+    #[serde(default)]
+    pub build: Option<Build>,
 }
 
 impl Announcement {
@@ -58,6 +62,7 @@ impl Announcement {
             services: BTreeMap::new(),
             note: String::new(),
             configuration: None,
+            build: Some(Build::own()),
         }
     }
 

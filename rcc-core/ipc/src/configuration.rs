@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use crate::announce::Announcement;
+use crate::build;
 use crate::events::{self, Kind};
 
 /// A configuration as far as processes compare it.
@@ -118,19 +119,30 @@ impl Configuration {
     }
 }
 
-/// Two processes that were started with different configurations and do not work together for that.
+/// Two processes that do not work together, because they are of different builds or were started with different
+/// configurations.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Disagreement {
-    /// What differs; empty if one of them does not announce any configuration.
-    pub differs: Vec<String>,
-    /// Who was started earlier, and has therefore read the older file: `executor`, `driver io`.
-    pub older: String,
+pub enum Disagreement {
+    /// They were built from different versions: what they share need not mean the same to both.
+    Build {
+        /// Who the first one is, and its build.
+        one: (String, String),
+        /// Who the second one is, and its build.
+        other: (String, String),
+    },
+    /// They were started with different configurations.
+    Configuration {
+        /// What differs; empty if one of them does not announce any configuration.
+        differs: Vec<String>,
+        /// Who was started earlier, and has therefore read the older file: `executor`, `driver io`.
+        older: String,
+    },
 }
 
 impl Disagreement {
-    /// What keeps a driver and an executor from working together; none if their configurations of the driver's device
-    /// are the same. It cannot change while both live: each announces what it was started with, before anybody can
-    /// find it, and reads no file again.
+    /// What keeps a driver and an executor from working together; none if they are of one build and their configurations
+    /// of the driver's device are the same. It cannot change while both live: each announces what it was started with,
+    /// before anybody can find it, and reads no file again.
     #[must_use]
     pub fn about_device(
         driver: &Announcement,
@@ -153,6 +165,15 @@ impl Disagreement {
         other: &Announcement,
         differences: impl FnOnce(&Configuration, &Configuration) -> Vec<String>,
     ) -> Option<Disagreement> {
+        // First: configurations of different builds may differ for that alone.
+        if one.build != other.build {
+            let named =
+                |process: &Announcement| (process.who(), build::words(process.build.as_ref()));
+            return Some(Disagreement::Build {
+                one: named(one),
+                other: named(other),
+            });
+        }
         let both = one.configuration.as_ref().zip(other.configuration.as_ref());
         let differs = both.map(|(here, there)| differences(here, there));
         if differs.as_ref().is_some_and(Vec::is_empty) {
@@ -162,34 +183,59 @@ impl Disagreement {
             true => one,
             false => other,
         };
-        Some(Disagreement {
+        Some(Disagreement::Configuration {
             differs: differs.unwrap_or_default(),
             older: earlier.who(),
         })
     }
 
+    /// What one of them has that the other has not, as the end of `it was …`: `started with another configuration`.
+    #[must_use]
+    pub fn made(&self) -> &'static str {
+        match self {
+            Disagreement::Build { .. } => "built from another version",
+            Disagreement::Configuration { .. } => "started with another configuration",
+        }
+    }
+
     /// For the event log of a process that does not work with `other` because of this.
     #[must_use]
     pub fn event(&self, other: &Announcement) -> Kind {
-        Kind::OtherConfiguration {
-            process: other.who(),
-            pid: other.pid,
-            life: events::digits(other.incarnation),
-            differs: events::text(&self.to_string()),
-            remedy: events::text(&self.remedy()),
+        let (process, life) = (other.who(), events::digits(other.incarnation));
+        let (differs, remedy) = (
+            events::text(&self.to_string()),
+            events::text(&self.remedy()),
+        );
+        let pid = other.pid;
+        match self {
+            Disagreement::Build { .. } => Kind::OtherBuild {
+                process,
+                pid,
+                life,
+                differs,
+                remedy,
+            },
+            Disagreement::Configuration { .. } => Kind::OtherConfiguration {
+                process,
+                pid,
+                life,
+                differs,
+                remedy,
+            },
         }
     }
 
     /// What to do.
     #[must_use]
     pub fn remedy(&self) -> String {
-        match self.differs.as_slice() {
-            [] => "install all programs from one build, and restart the cell".to_owned(),
-            _ => format!(
-                "restart the cell, so that all its processes read the same file; {} was started first and has read the \
-                 older one",
-                self.older
+        match self {
+            Disagreement::Configuration { differs, older } if !differs.is_empty() => format!(
+                "restart the cell, so that all its processes read the same file; {older} was started first and has read the \
+                 older one"
             ),
+            Disagreement::Configuration { .. } | Disagreement::Build { .. } => {
+                build::REMEDY.to_owned()
+            }
         }
     }
 }
@@ -197,9 +243,16 @@ impl Disagreement {
 /// What differs.
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.differs.as_slice() {
-            [] => write!(f, "one of them announces no configuration"),
-            differs => write!(f, "different in: {}", differs.join("; ")),
+        match self {
+            Disagreement::Build { one, other } => {
+                write!(f, "{}: {}; {}: {}", one.0, one.1, other.0, other.1)
+            }
+            Disagreement::Configuration { differs, .. } if differs.is_empty() => {
+                write!(f, "one of them announces no configuration")
+            }
+            Disagreement::Configuration { differs, .. } => {
+                write!(f, "different in: {}", differs.join("; "))
+            }
         }
     }
 }
@@ -218,5 +271,96 @@ pub fn changed(differs: &str, fault: Option<&str>) -> String {
             "the configuration's files have changed ({differs}), and that is not in force: restart the cell; a process \
              that is started alone reads the new files, and the others do not work with it"
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::Build;
+    use crate::session::Role;
+
+    fn process(role: Role, version: &str, layout: u64) -> Announcement {
+        Announcement {
+            role,
+            label: "io".to_owned(),
+            incarnation: 0xabc,
+            pid: 77,
+            start_time_ticks: 1,
+            services: BTreeMap::new(),
+            note: String::new(),
+            configuration: Some(Configuration::new((
+                "a.yaml".to_owned(),
+                7,
+                ["channels"],
+                vec![("io".to_owned(), [layout])],
+            ))),
+            build: Some(Build {
+                version: version.to_owned(),
+                layout,
+            }),
+        }
+    }
+
+    #[test]
+    fn processes_of_different_builds_disagree_about_that_and_not_about_their_configurations() {
+        let executor = process(Role::Executor, "0.1.0", 0x10);
+        let older = Announcement {
+            build: None,
+            ..executor.clone()
+        };
+        let drivers = [
+            (
+                process(Role::Driver, "0.1.0", 0x20),
+                "driver io: 0.1.0, layout 0000000000000020",
+            ),
+            (
+                process(Role::Driver, "0.2.0", 0x10),
+                "driver io: 0.2.0, layout 0000000000000010",
+            ),
+        ];
+        for (driver, words) in &drivers {
+            let why = Disagreement::about_device(driver, &executor, "io").map(|why| {
+                assert_eq!(why.made(), "built from another version");
+                assert!(why.remedy().contains("from one build"), "{}", why.remedy());
+                assert!(matches!(
+                    why.event(driver),
+                    Kind::OtherBuild { pid: 77, process, .. } if process == "driver io"
+                ));
+                why.to_string()
+            });
+            let expected = format!("{words}; executor: 0.1.0, layout 0000000000000010");
+            assert_eq!(why, Some(expected));
+        }
+        let why = Disagreement::about_cell(&executor, &older).map(|why| why.to_string());
+        assert!(why.is_some_and(|words| {
+            words.ends_with("executor: an older one that does not announce it")
+        }));
+        assert_eq!(Disagreement::about_cell(&executor, &executor), None);
+        assert_eq!(
+            Disagreement::about_device(&process(Role::Driver, "0.1.0", 0x10), &executor, "io"),
+            None
+        );
+    }
+
+    #[test]
+    fn an_announcement_without_a_build_is_read_and_its_layout_is_not_taken_for_ours() {
+        let own = Announcement {
+            build: Some(Build::own()),
+            ..process(Role::Executor, "", 0)
+        };
+        assert_eq!(Build::require_layout(&own), Ok(()));
+        let mut text = serde_json::to_value(&own).unwrap_or_default();
+        let removed = text
+            .as_object_mut()
+            .and_then(|fields| fields.remove("build"));
+        assert!(removed.is_some_and(|build| build["layout"].is_string()));
+        let read: Announcement =
+            serde_json::from_value(text).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(read.build, None);
+        let words = Build::require_layout(&read).map_err(|other| other.to_string());
+        assert!(words.is_err_and(|words| {
+            words.contains("the executor was built from another version (an older one")
+        }));
     }
 }

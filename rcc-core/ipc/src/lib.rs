@@ -19,6 +19,7 @@
 
 pub mod announce;
 pub mod board;
+pub mod build;
 pub mod cell;
 pub mod clean;
 pub mod clock;
@@ -45,6 +46,7 @@ pub mod wire;
 
 pub use announce::{AnnounceError, Announced, Announcement};
 pub use board::{BoardError, BoardReader, BoardWriter};
+pub use build::{Build, OtherBuild};
 pub use cell::{Cell, CellError};
 pub use clock::{monotonic_ns, sleep_until};
 pub use commands::{CommandReader, CommandWriter};

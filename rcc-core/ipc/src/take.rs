@@ -38,6 +38,7 @@ impl Announcement {
             services: Default::default(),
             note: "supervisor".to_owned(),
             configuration: None,
+            build: Some(crate::Build::own()),
         })
     }
 

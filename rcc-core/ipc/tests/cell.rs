@@ -14,7 +14,7 @@ use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
 use rcc_ipc::take::{give_back, take};
 use rcc_ipc::{
-    AnnounceError, Announcement, BoardError, Cell, Configuration, Life, RequestError, Role,
+    AnnounceError, Announcement, BoardError, Build, Cell, Configuration, Life, RequestError, Role,
     Session, SessionError,
 };
 
@@ -55,6 +55,7 @@ fn of_this_process(label: &str) -> Announcement {
             ["channels"],
             vec![("lwr".to_owned(), [u64::MAX])],
         ))),
+        build: Some(Build::own()),
     }
 }
 

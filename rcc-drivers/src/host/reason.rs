@@ -28,7 +28,7 @@ reasons! {
     ALREADY_COMMANDED = 13, "a net commanded the device already when the driver came";
     ANALOG_RANGE = 14, "an analog output was commanded outside of its range and is released";
     STRATEGY = 15, "the net commands another control strategy than the device runs";
-    OTHER_CONFIGURATION = 16, "the executor was started with another configuration of this device: restart the cell";
+    OTHER_CONFIGURATION = 16, "the executor is of another build, or was started with another configuration of this device: restart the cell";
 }
 
 /// What a number means, among the host's and `drivers`.

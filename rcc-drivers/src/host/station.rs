@@ -30,7 +30,7 @@ pub struct Station {
     /// The last exchange found the outputs released after a stop was asked for.
     released: bool,
     terminating: bool,
-    /// There is an executor, but it has another configuration of this device.
+    /// There is an executor, but it is of another build or has another configuration of this device.
     stranger: bool,
 }
 

@@ -22,7 +22,7 @@ pub enum News {
     Commands(CommandReader),
     /// It is gone.
     Gone,
-    /// It was started with another configuration of this device: what it writes is not looked at.
+    /// It is of another build, or was started with another configuration of this device: what it writes is not looked at.
     Stranger,
 }
 
@@ -101,7 +101,7 @@ struct Watched {
     tell: Sender<News>,
     recorder: Recorder,
     followed: Option<Announcement>,
-    /// The executor that is not followed because of its configuration.
+    /// The executor that is not followed because of its build or configuration.
     stranger: Option<Announcement>,
     /// The last complaint, so that it is made once.
     complaint: String,
@@ -133,7 +133,7 @@ impl Watched {
         if known.iter().flatten().any(is_known) {
             return Ok(());
         }
-        // Once in a life of the executor is enough: neither of us reads the configuration again.
+        // Once in a life of the executor is enough: neither of us reads the configuration again or becomes another build.
         if let Some(why) = Disagreement::about_device(&self.own, &executor, &self.own.label) {
             let (pid, remedy) = (executor.pid, why.remedy());
             tracing::warn!("takes no set-point from the executor (pid {pid}): {why}; {remedy}");

@@ -19,6 +19,9 @@ use super::error::ApiError;
 
 /// Longest text of a net, bytes.
 pub const TEXT_MAX: usize = 4 << 20;
+/// Texts longer than this are compiled one after the other, because each takes a hundred times its memory meanwhile, which
+/// is given back afterwards; shorter ones do not wait for them.
+pub const LONG_TEXT: usize = 256 << 10;
 /// Longest body of other requests that have one, bytes.
 pub const SET_TEXT_MAX: usize = 64 << 10;
 /// All texts that come, wait to be compiled, or are compiled, bytes.

@@ -13,7 +13,7 @@ use rcc_ipc::{Announcement, Configuration, Disagreement, Role};
 
 use super::codes;
 use super::error::ApiError;
-use super::executor::Attached;
+use super::executor::{Attached, EXECUTOR_LABEL};
 use super::service::Service;
 
 /// How often the configuration's files are looked at.
@@ -71,9 +71,23 @@ impl Service {
         if let Some(why) = why {
             let remedy = why.remedy();
             tracing::warn!(
-                "loads and starts nothing: the executor was started with another configuration: {why}; {remedy}"
+                "loads and starts nothing: the executor was {}: {why}; {remedy}",
+                why.made()
             );
             self.record(why.event(executor));
+        }
+    }
+
+    /// An executor that is not opened, because it is of another build: that is told as of one that is.
+    pub(super) fn meet_unopened(&self) {
+        let announced = self
+            .executor
+            .cell()
+            .announced(Role::Executor, EXECUTOR_LABEL);
+        // Gone or not readable meanwhile: the next look tells.
+        let announced = announced.ok().flatten();
+        if let Some(executor) = announced.filter(|one| one.liveness().is_alive()) {
+            self.meet(&executor);
         }
     }
 
@@ -83,11 +97,18 @@ impl Service {
         Arc::clone(&naming.1)
     }
 
-    /// Refuses LOAD and START while loader and executor have different configurations: what a text means here would be
-    /// something else there.
+    /// Refuses LOAD and START while loader and executor are of different builds or have different configurations: what a
+    /// text means here would be something else there.
     pub(super) fn require_agreement(&self, attached: &Attached) -> Result<(), ApiError> {
         match Disagreement::about_cell(&self.own, &attached.announcement) {
             None => Ok(()),
+            Some(why @ Disagreement::Build { .. }) => Err(ApiError::new(
+                codes::OTHER_BUILD,
+                format!(
+                    "nothing is loaded or started: loader and executor were built from different versions ({why})"
+                ),
+                why.remedy(),
+            )),
             Some(why) => Err(ApiError::new(
                 codes::OTHER_CONFIGURATION,
                 format!(
@@ -98,7 +119,7 @@ impl Service {
         }
     }
 
-    /// Why the living driver of a device is not attached to the executor, if that is because of its configuration.
+    /// Why the living driver of a device is not attached to the executor, if that is because of its build or configuration.
     pub(super) fn stranger(&self, device: &str) -> Option<Disagreement> {
         let (attached, _) = self.executor.attach().ok()?;
         let driver = self.executor.cell().announced(Role::Driver, device);
@@ -174,7 +195,10 @@ fn is_older(process: &Announcement, disk: &Configuration) -> bool {
 /// A sentence about a process that the executor does not work with.
 pub(super) fn stranger_words(who: &str, why: &Disagreement) -> String {
     let remedy = why.remedy();
-    format!("{who} was started with another configuration than the executor ({why}); {remedy}")
+    format!(
+        "{who} was {} than the executor ({why}); {remedy}",
+        why.made()
+    )
 }
 
 /// What is told of a change, short enough for the event log.

@@ -8,7 +8,7 @@ use rcc_core::helper::{HelperEntry, HelperTable};
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
 use rcc_core::timing::Timing;
 use rcc_ipc::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
-use rcc_ipc::{Announcement, BoardReader, Cell, Client, Liveness, Role, Session, wire};
+use rcc_ipc::{Announcement, BoardReader, Build, Cell, Client, Liveness, Role, Session, wire};
 
 use super::caller::Caller;
 use super::codes;
@@ -203,7 +203,7 @@ impl Executor {
     /// one than before.
     ///
     /// # Errors
-    /// [`codes::NO_EXECUTOR`] when none lives or it cannot be reached.
+    /// [`codes::NO_EXECUTOR`] when none lives or it cannot be reached; [`codes::OTHER_BUILD`] when its layout is another.
     pub fn attach(&self) -> Result<(Arc<Attached>, bool), ApiError> {
         let mut attached = locked(&self.attached);
         if let Some(known) = attached.as_ref().filter(|known| !known.is_dead()) {
@@ -254,6 +254,16 @@ impl Executor {
 
     fn open(&self, announcement: Announcement) -> Result<Attached, ApiError> {
         let cell = self.session.cell().name();
+        Build::require_layout(&announcement).map_err(|other| {
+            ApiError::new(
+                codes::OTHER_BUILD,
+                format!(
+                    "the executor of cell '{cell}' was built from another version ({}) than the loader ({})",
+                    other.theirs, other.own
+                ),
+                rcc_ipc::build::REMEDY,
+            )
+        })?;
         let service = |name: &str| {
             announcement.services.get(name).ok_or_else(|| {
                 ApiError::new(

@@ -22,7 +22,7 @@ use super::api::{
     Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
     Loaded, PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView,
 };
-use super::bodies::{self, ANSWERS_MAX, Held, TEXTS_MAX};
+use super::bodies::{self, ANSWERS_MAX, Held, LONG_TEXT, TEXTS_MAX};
 use super::caller::{Caller, TIMEOUT_HEADER};
 use super::catalogue;
 use super::codes;
@@ -30,9 +30,6 @@ use super::error::ApiError;
 use super::lane::Lane;
 use super::service::{Operation, Service};
 
-/// Texts longer than this are compiled one after the other, because each takes a hundred times its memory meanwhile; shorter
-/// ones do not wait for them.
-const LONG_TEXT: usize = 256 << 10;
 /// Texts that are compiled or wait for it; further ones are refused.
 pub const LOADING_MAX: usize = 32;
 /// Requests that are answered at a time; further ones are refused. CANCEL and ABORT are not counted.

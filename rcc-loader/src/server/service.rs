@@ -181,7 +181,11 @@ impl Service {
             (announced.pid, announced.incarnation)
         });
         self.tell_executor(found);
-        let (attached, _) = attached?;
+        let (attached, _) = attached.inspect_err(|error| {
+            if error.code == codes::OTHER_BUILD {
+                self.meet_unopened();
+            }
+        })?;
         self.meet(&attached.announcement);
         let (store, new) = self.store(attached.announcement.incarnation);
         if new {

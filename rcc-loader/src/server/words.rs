@@ -28,7 +28,7 @@ pub struct Namer<'a> {
     pub net: &'a dyn Fn(u64) -> String,
     /// The names of that net; none: nobody knows them.
     pub names: &'a dyn Fn(u64) -> Names,
-    /// Why the driver of a device is not attached although it lives: it was started with another configuration.
+    /// Why the driver of a device is not attached although it lives: it is of another build or configuration.
     pub stranger: &'a dyn Fn(&str) -> Option<Disagreement>,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
@@ -308,8 +308,8 @@ impl Namer<'_> {
             return (
                 codes::DEVICE_NOT_READY,
                 format!(
-                    "{net} needs {name}, whose driver is not attached: it was started with another configuration than \
-                     the executor ({why})"
+                    "{net} needs {name}, whose driver is not attached: it was {} than the executor ({why})",
+                    why.made()
                 ),
                 why.remedy(),
             );

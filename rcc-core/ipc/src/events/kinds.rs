@@ -160,6 +160,19 @@ kinds! {
         /// The driver's life.
         driver: String,
     }
+    /// A process was built from another version than this one: they do not work together.
+    OtherBuild = "other-build", "executor, driver, loader", Error {
+        /// The other one: `driver io`, `executor`.
+        process: String,
+        /// Its process id.
+        pid: u32,
+        /// Its life.
+        life: String,
+        /// Version and layout of both.
+        differs: String,
+        /// What to do.
+        remedy: String,
+    }
     /// A process was started with another configuration than this one: they do not work together.
     OtherConfiguration = "other-configuration", "executor, driver, loader", Error {
         /// The other one: `driver io`, `executor`.
@@ -464,7 +477,9 @@ impl Kind {
             | Kind::DeviceState { device, .. }
             | Kind::DriverAttached { device, .. }
             | Kind::DriverGone { device, .. } => Some(device),
-            Kind::OtherConfiguration { process, .. } => process.strip_prefix("driver "),
+            Kind::OtherBuild { process, .. } | Kind::OtherConfiguration { process, .. } => {
+                process.strip_prefix("driver ")
+            }
             Kind::Command {
                 fault: Some(fault), ..
             } => fault.device.as_deref(),

@@ -248,6 +248,15 @@ impl Kind {
 
     fn of_process(&self) -> String {
         match self {
+            Kind::OtherBuild {
+                process,
+                pid,
+                differs,
+                remedy,
+                ..
+            } => format!(
+                "does not work with {process} (pid {pid}), which was built from another version ({differs}); {remedy}"
+            ),
             Kind::OtherConfiguration {
                 process,
                 pid,

@@ -1,0 +1,61 @@
+//! Memory that the loader takes for a long text is given back when the text is compiled. Each test has a cell of its own.
+
+use std::fs;
+
+use rcc_ipc::Role;
+use rcc_tests::{TestCell, await_some};
+
+/// Primitives of the net: its text has more than a megabyte.
+const MANY: usize = 20_000;
+
+/// A net that commands nothing and sums the time many times over.
+fn long(name: &str) -> String {
+    let rows = (0..MANY).map(|number| {
+        format!("  sum{number}: {{type: Add, inputs: {{a: clock.out, b: clock.out}}}}\n")
+    });
+    let unread = (0..MANY).map(|number| format!("sum{number}.out, "));
+    format!(
+        "net: {name}
+primitives:
+  cancel: {{type: Cancel}}
+  clock: {{type: Time}}
+{}  end: {{type: Termination, inputs: {{done: cancel.requested}}}}
+discard: [{}]
+",
+        rows.collect::<String>(),
+        unread.collect::<String>()
+    )
+}
+
+/// A number of `/proc/PID/status`, kB.
+fn kilobytes(pid: u32, key: &str) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("it lives");
+    let line = status.lines().find_map(|line| line.strip_prefix(key));
+    let number = line.and_then(|rest| rest.split_whitespace().next());
+    number.and_then(|number| number.parse().ok()).expect(key)
+}
+
+#[test]
+fn a_loader_gives_back_what_a_long_text_took() {
+    let cell = TestCell::demo();
+    let pid = cell.announced(Role::Loader, "loader").pid;
+    let before = kilobytes(pid, "VmRSS:");
+    let (id, row) = cell.load_any(&long("long"));
+    // It may need more of a cycle than there is; it was compiled all the same.
+    assert_eq!(
+        row["primitives"].as_u64().map(|count| count >= MANY as u64),
+        Some(true),
+        "{row}"
+    );
+    assert_eq!(
+        cell.rest("DELETE", &format!("/commands/{id}"), "").status,
+        200
+    );
+    let peak = kilobytes(pid, "VmHWM:");
+    assert!(peak > 2 * before, "{before} kB, then {peak} kB");
+    await_some("the memory to be given back", || {
+        let now = kilobytes(pid, "VmRSS:");
+        (now.saturating_sub(before) < (peak - before) / 8).then_some(())
+    });
+    cell.stop();
+}
