@@ -13,6 +13,9 @@ use crate::processes::ends_with_test;
 /// The call that gets no error: the kernel refuses no wake-up, and one that is swallowed hangs any program.
 pub const NEVER_FAILS: &str = "futex";
 
+/// Errors that the system gives when it is full, interrupted or broken.
+pub const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];
+
 /// The n-th call of a name in a thread.
 pub type Call = (String, usize);
 
@@ -31,17 +34,8 @@ pub fn can_trace() -> Result<(), String> {
     }
 }
 
-/// Starts a program of the cell under strace with these options; what it says goes to `stderr`.
-///
-/// # Panics
-/// strace does not start.
-pub fn start_traced(
-    cell: &HandCell,
-    program: &str,
-    arguments: &[&str],
-    options: &[String],
-    stderr: Stdio,
-) -> Child {
+/// A program of the cell under strace with these options; nothing is started yet.
+pub fn traced(cell: &HandCell, program: &str, arguments: &[&str], options: &[String]) -> Command {
     let usual = cell.program(program);
     let mut command = Command::new("strace");
     command.args(["-f", "-qq"]).args(options).arg("--");
@@ -54,10 +48,23 @@ pub fn start_traced(
     for (key, value) in usual.get_envs() {
         command.env(key, value.unwrap_or_default());
     }
+    command.stdin(Stdio::null()).stdout(Stdio::null());
     command
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(stderr);
+}
+
+/// Starts a program of the cell under strace with these options; what it says goes to `stderr`.
+///
+/// # Panics
+/// strace does not start.
+pub fn start_traced(
+    cell: &HandCell,
+    program: &str,
+    arguments: &[&str],
+    options: &[String],
+    stderr: Stdio,
+) -> Child {
+    let mut command = traced(cell, program, arguments, options);
+    command.stderr(stderr);
     ends_with_test(&mut command).spawn().expect("strace starts")
 }
 

@@ -8,13 +8,11 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use nix::sys::signal::Signal;
-use rcc_tests::injection::{NEVER_FAILS, can_trace, choose, panics_of_ours};
+use rcc_tests::injection::{ERRORS, NEVER_FAILS, can_trace, choose, panics_of_ours};
 use rcc_tests::processes::{ends_with_test, signal, threads};
 use rcc_tests::simulator::{Simulator, assert_within_limits};
 use rcc_tests::{HandCell, await_some, nets};
 
-/// Errors that the system gives when it is full, interrupted or broken.
-const ERRORS: [&str; 5] = ["ENOSPC", "ENOMEM", "EMFILE", "EINTR", "EIO"];
 /// Errors that are tried by default, of each process.
 const SAMPLE: usize = 5;
 /// So many in a row: more than whoever tries three times survives by trying.

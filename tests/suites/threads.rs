@@ -6,6 +6,7 @@ use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Stdio};
 
 use nix::sys::signal::Signal;
+use rcc_tests::injection::traced;
 use rcc_tests::processes::{ends_with_test, signal};
 use rcc_tests::simulator::assert_within_limits;
 use rcc_tests::{HandCell, await_some, nets};
@@ -38,36 +39,12 @@ fn refuse_each_thread(cell: &HandCell, name: &str, program: &str, arguments: &[&
         let _ = std::fs::remove_file(&path);
         let socket = UnixDatagram::bind(&path).expect("a socket");
         socket.set_nonblocking(true).expect("a socket");
-        let usual = cell.program(program);
-        let mut command = Command::new("strace");
         let inject = format!("inject=clone3:error=EAGAIN:when={number}");
-        let trace = [
-            "-f",
-            "-qq",
-            "-o",
-            "/dev/null",
-            "-e",
-            "trace=clone3",
-            "-e",
-            &inject,
-            "--",
-        ];
-        command.args(trace);
-        command.arg(usual.get_program()).args(usual.get_args());
-        command
-            .arg("--config")
-            .arg(cell.config())
-            .arg("--parent-death")
-            .args(arguments);
-        for (key, value) in usual.get_envs() {
-            command.env(key, value.unwrap_or_default());
-        }
+        let options = ["-o", "/dev/null", "-e", "trace=clone3", "-e", &inject];
+        let mut command = traced(cell, program, arguments, &options.map(str::to_owned));
         command
             .env("NOTIFY_SOCKET", &path)
-            .env("RUST_BACKTRACE", "0");
-        command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
+            .env("RUST_BACKTRACE", "0")
             .stderr(Stdio::piped());
         let mut strace = Traced(ends_with_test(&mut command).spawn().expect("strace starts"));
         let mut buffer = [0; 4096];
