@@ -23,7 +23,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let client = context.client()?;
     let done: Done = follow::operate(&client, &arguments.named.name, "abort")?;
     context.print(&done, |done| {
-        format!("{}#{}  aborted  at cycle {}", done.net, done.id, grouped(done.cycle))
+        format!(
+            "{}#{}  aborted  at cycle {}",
+            done.net,
+            done.id,
+            grouped(done.cycle)
+        )
     });
     Ok(())
 }

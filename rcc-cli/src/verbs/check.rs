@@ -19,11 +19,11 @@ use super::simulate::with_namer;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
+use crate::output::{remark_drawing, say};
 use crate::simulate::rehearse_at_start;
 use crate::simulate::settings::misunderstood;
 use crate::supervisor::places;
 use crate::table::grouped;
-use crate::output::{remark_drawing, say};
 
 /// What to check.
 #[derive(clap::Args, Debug)]
@@ -93,14 +93,23 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = DeviceTable::from(&config);
     let stage = arguments.rehearse.then_some(&config);
     let context = Context {
-        format: if arguments.json { Format::Json } else { context.format },
+        format: if arguments.json {
+            Format::Json
+        } else {
+            context.format
+        },
         ..context.clone()
     };
-    let is_many = arguments.files.len() > 1 || arguments.files.iter().any(|file| Path::new(file).is_dir());
+    let is_many =
+        arguments.files.len() > 1 || arguments.files.iter().any(|file| Path::new(file).is_dir());
     let mut summary = Summary::default();
     for named in &arguments.files {
         let is_folder = Path::new(named).is_dir();
-        let files = if is_folder { nets_in(Path::new(named)) } else { Ok(vec![named.clone()]) };
+        let files = if is_folder {
+            nets_in(Path::new(named))
+        } else {
+            Ok(vec![named.clone()])
+        };
         let files = files.unwrap_or_else(|error| {
             summary.unreadable(&context, &Failure::unreadable(named, &error));
             Vec::new()
@@ -127,7 +136,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     match summary {
-        Summary { unreadable: Some(code), .. } => Err(Failure::said(code)),
+        Summary {
+            unreadable: Some(code),
+            ..
+        } => Err(Failure::said(code)),
         Summary { invalid: 1.., .. } => Err(Failure::said(exit::INVALID)),
         _ => Ok(()),
     }
@@ -144,7 +156,8 @@ fn verdict(
         Ok(compiled) => {
             let checked = compiled.plan.plan().check(&cell.models(), cell.fingerprint);
             let mut diagnostics = findings(&compiled.warnings);
-            let rehearsed = stage.map(|config| rehearsed(config, compiled.plan.clone(), &compiled.names));
+            let rehearsed =
+                stage.map(|config| rehearsed(config, compiled.plan.clone(), &compiled.names));
             let is_refused = matches!(rehearsed, Some(Err(_)));
             let rehearsal = match rehearsed {
                 Some(Err(finding)) => {
@@ -194,7 +207,12 @@ fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many
     }
     remark_drawing(&draw(&verdict.diagnostics, Some(source), Context::colour()));
     if verdict.valid && !is_many {
-        let Verdict { file, net, primitives, .. } = verdict;
+        let Verdict {
+            file,
+            net,
+            primitives,
+            ..
+        } = verdict;
         say(&format!("{file}: {net} is valid, {primitives} primitives"));
         if let Some(rehearsal) = &verdict.rehearsal {
             say(&rehearsal.words);
@@ -204,7 +222,10 @@ fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many
 
 impl Summary {
     fn count(&mut self, verdict: &Verdict) {
-        let errors = verdict.diagnostics.iter().filter(|finding| finding.severity == "error");
+        let errors = verdict
+            .diagnostics
+            .iter()
+            .filter(|finding| finding.severity == "error");
         let errors = errors.count() as u64;
         self.errors += errors;
         self.warnings += verdict.diagnostics.len() as u64 - errors;
@@ -228,7 +249,11 @@ impl Summary {
         let all = counted(self.valid + self.invalid, "net", "nets");
         let mut words = match self.invalid {
             0 => format!("{all}: all valid"),
-            invalid => format!("{all}: {} valid, {} not", grouped(self.valid), grouped(invalid)),
+            invalid => format!(
+                "{all}: {} valid, {} not",
+                grouped(self.valid),
+                grouped(invalid)
+            ),
         };
         let found = [
             (self.errors, counted(self.errors, "error", "errors")),
@@ -240,7 +265,10 @@ impl Summary {
             }
         }
         if self.others > 0 {
-            words.push_str(&format!("; {} passed over, no nets", counted(self.others, "file", "files")));
+            words.push_str(&format!(
+                "; {} passed over, no nets",
+                counted(self.others, "file", "files")
+            ));
         }
         format!("{words}; {seconds:.2} s")
     }

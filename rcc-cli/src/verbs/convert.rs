@@ -10,8 +10,8 @@ use super::check::load_config;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
-use crate::supervisor::places;
 use crate::output::{remark_drawing, say_file};
+use crate::supervisor::places;
 
 /// What to convert.
 #[derive(clap::Args, Debug)]
@@ -68,9 +68,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let converted = net.and_then(|net| match arguments.to {
         Form::Yaml => Some(write::yaml(&net)),
         Form::Json => Some(write::json(&net)),
-        Form::Directionet => {
-            directionet::write::text(&net, &compiled.names, &cell, &mut faults)
-        }
+        Form::Directionet => directionet::write::text(&net, &compiled.names, &cell, &mut faults),
     });
     // What compiles can be read, so only writing can have failed.
     let Some(converted) = converted else {
@@ -80,8 +78,13 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     remark_drawing(&draw(&warnings, Some(&(name, text)), Context::colour()));
     match arguments.into {
         None => say_file(&converted),
-        Some(path) => std::fs::write(&path, converted)
-            .map_err(|error| Failure::new(codes::BAD_REQUEST, format!("{}: {error}", path.display()), "name a file that can be written"))?,
+        Some(path) => std::fs::write(&path, converted).map_err(|error| {
+            Failure::new(
+                codes::BAD_REQUEST,
+                format!("{}: {error}", path.display()),
+                "name a file that can be written",
+            )
+        })?,
     }
     Ok(())
 }

@@ -137,7 +137,10 @@ fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
         length,
     };
     if context.format == Format::Human {
-        remark(&format!("measuring wake-ups for {} s …", length.as_secs_f64()));
+        remark(&format!(
+            "measuring wake-ups for {} s …",
+            length.as_secs_f64()
+        ));
     }
     let before = cpu::counters(&system, plan.core);
     match measure(plan) {

@@ -11,8 +11,8 @@ use rcc_loader::server::codes;
 use crate::context::{Context, Format, of_cell};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use crate::table::grouped;
 use crate::output::{remark, say};
+use crate::table::grouped;
 
 /// How often a followed log is looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -72,8 +72,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         batch = reader.poll().map_err(unreadable)?;
     }
     if reader.unreadable() > 0 {
-        remark(&format!("{} lines of the log are torn or no events",
-            reader.unreadable()));
+        remark(&format!(
+            "{} lines of the log are torn or no events",
+            reader.unreadable()
+        ));
     }
     Ok(())
 }

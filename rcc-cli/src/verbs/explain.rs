@@ -54,7 +54,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let room = found.client.as_ref().and_then(|client| room(client).ok());
     let (costs, origin) = cache::costs(false);
     let explanation = Explanation::of(&found, &costs, costs::words(&origin), room);
-    context.print(&explanation, |explanation| words::human(explanation, arguments.shown));
+    context.print(&explanation, |explanation| {
+        words::human(explanation, arguments.shown)
+    });
     Ok(())
 }
 

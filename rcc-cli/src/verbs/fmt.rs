@@ -48,7 +48,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             }
         }
     }
-    if worst == 0 { Ok(()) } else { Err(Failure::said(worst)) }
+    if worst == 0 {
+        Ok(())
+    } else {
+        Err(Failure::said(worst))
+    }
 }
 
 /// True if `--check` found something.
@@ -71,7 +75,10 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
             (false, _) => {}
         }
     } else {
-        let outcome = Outcome { file: name, changed };
+        let outcome = Outcome {
+            file: name,
+            changed,
+        };
         context.print(&outcome, |_| String::new());
     }
     Ok(changed && arguments.check)
@@ -80,10 +87,16 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
 fn refused(name: &str, error: FormatError) -> Failure {
     let what = format!("{name} is left as it is: {error}");
     match error {
-        FormatError::Faulty(faults) | FormatError::WouldLose(faults) => Failure::of_faults(&what, &faults),
+        FormatError::Faulty(faults) | FormatError::WouldLose(faults) => {
+            Failure::of_faults(&what, &faults)
+        }
         FormatError::Json => Failure {
             exit: exit::INVALID,
-            ..Failure::new(codes::BAD_REQUEST, what, "nothing needs to be done; people write YAML")
+            ..Failure::new(
+                codes::BAD_REQUEST,
+                what,
+                "nothing needs to be done; people write YAML",
+            )
         },
     }
 }

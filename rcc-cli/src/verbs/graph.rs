@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use rcc_graph::Values;
 use rcc_graph::scene::{BOXES_MAX, scene};
 use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
-use rcc_graph::Values;
 use rcc_language::anatomy::short;
 use rcc_language::syntax::literal::{Literal, Shape};
 use rcc_loader::server::api::ValueView;
@@ -71,8 +71,13 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     match arguments.file {
         None => say_file(&picture),
-        Some(path) => std::fs::write(&path, picture)
-            .map_err(|error| Failure::new(codes::NOT_STORED, format!("{}: {error}", path.display()), ""))?,
+        Some(path) => std::fs::write(&path, picture).map_err(|error| {
+            Failure::new(
+                codes::NOT_STORED,
+                format!("{}: {error}", path.display()),
+                "",
+            )
+        })?,
     }
     Ok(())
 }

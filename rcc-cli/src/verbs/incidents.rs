@@ -13,8 +13,8 @@ use serde::Serialize;
 use crate::context::{Context, of_cell};
 use crate::failure::Failure;
 use crate::incident::Named;
-use crate::table;
 use crate::output::remark;
+use crate::table;
 
 /// How often the folder is looked at for the file that was asked for.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -74,7 +74,9 @@ fn of(context: &Context) -> Result<PathBuf, Failure> {
     let cell = cell.ok_or_else(|| {
         Failure::new(
             codes::NO_LOADER,
-            format!("there is no cell '{name}', and no incident of it: an orderly end takes them away"),
+            format!(
+                "there is no cell '{name}', and no incident of it: an orderly end takes them away"
+            ),
             "look elsewhere with --folder; `recorder: {folder: …}` in the configuration keeps them",
         )
     })?;
@@ -119,7 +121,15 @@ fn list(rows: &[Row]) -> String {
     if rows.is_empty() {
         return "no incidents".to_owned();
     }
-    let heads = ["TIME (UTC)", "CELL", "REASON", "NET", "CYCLE", "SPAN", "FILE"];
+    let heads = [
+        "TIME (UTC)",
+        "CELL",
+        "REASON",
+        "NET",
+        "CYCLE",
+        "SPAN",
+        "FILE",
+    ];
     let mut lines = table::table(&heads);
     for row in rows {
         // The files may come from anywhere: nothing of them may steer a terminal.
@@ -153,7 +163,10 @@ fn record(context: &Context) -> Result<(), Failure> {
     let frozen: Frozen = context.client()?.post("/incidents", String::new())?;
     if context.remote.is_some() {
         context.print(&frozen, |frozen| {
-            format!("frozen at cycle {}; the file is on the cell's machine", table::grouped(frozen.cycle))
+            format!(
+                "frozen at cycle {}; the file is on the cell's machine",
+                table::grouped(frozen.cycle)
+            )
         });
         return Ok(());
     }

@@ -10,10 +10,10 @@ use rcc_loader::server::codes;
 
 use crate::context::{Context, Format};
 use crate::failure::Failure;
+use crate::output::say;
 use crate::units::cores::Cores;
 use crate::units::disk::{self, Done};
 use crate::units::{self, Order};
-use crate::output::say;
 
 /// What to write, and where.
 #[derive(clap::Args, Debug)]

@@ -5,8 +5,8 @@ use rcc_loader::server::api::CommandView;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::{self, Rejected};
-use crate::table::time;
 use crate::output::remark_drawing;
+use crate::table::time;
 
 /// What to load.
 #[derive(clap::Args, Debug)]

@@ -26,7 +26,14 @@ pub(super) fn list(commands: &[CommandView]) -> String {
     if commands.is_empty() {
         return "no nets are loaded".to_owned();
     }
-    let mut rows = table::table(&["NET", "STATE", "CYCLES", "EXEC last/max", "EXPECTED", "USES"]);
+    let mut rows = table::table(&[
+        "NET",
+        "STATE",
+        "CYCLES",
+        "EXEC last/max",
+        "EXPECTED",
+        "USES",
+    ]);
     for command in commands {
         rows.add_row([
             follow::title(command),

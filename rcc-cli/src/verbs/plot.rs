@@ -48,7 +48,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         names,
         options,
     } = arguments.scenario.prepare()?;
-    let out = arguments.out.unwrap_or_else(|| PathBuf::from(format!("{}.svg", names.net)));
+    let out = arguments
+        .out
+        .unwrap_or_else(|| PathBuf::from(format!("{}.svg", names.net)));
     let options = Options {
         whatever: true,
         ..options
@@ -70,7 +72,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     write(&out, &Picture { title, panels })?;
     let words = |refusal: Refusal| with_namer(&names, &config, |namer| namer.refusal(1, refusal));
-    let fault = with_namer(&names, &config, |namer| namer.fault(&simulated.command.fault));
+    let fault = with_namer(&names, &config, |namer| {
+        namer.fault(&simulated.command.fault)
+    });
     let breaks = simulated.foreseen.map(|refusal| words(refusal).message);
     let report = Report {
         net: names.net.clone(),
@@ -98,7 +102,11 @@ pub(super) fn write(path: &Path, picture: &Picture) -> Result<(), Failure> {
     let name = path.extension().and_then(|extension| extension.to_str());
     let failed = |error: PictureError| {
         let message = format!("{}: {error}", path.display());
-        Failure::new(codes::PROCESS_FAILED, message, "is there room on the disk? otherwise report it")
+        Failure::new(
+            codes::PROCESS_FAILED,
+            message,
+            "is there room on the disk? otherwise report it",
+        )
     };
     match name {
         Some("png") => picture.png(create(path)?).map_err(failed),
@@ -109,7 +117,11 @@ pub(super) fn write(path: &Path, picture: &Picture) -> Result<(), Failure> {
         }
         _ => {
             let message = format!("{} names no kind of picture", path.display());
-            Err(Failure::new(codes::BAD_REQUEST, message, "end its name in .svg or .png"))
+            Err(Failure::new(
+                codes::BAD_REQUEST,
+                message,
+                "end its name in .svg or .png",
+            ))
         }
     }
 }

@@ -8,8 +8,8 @@ use rcc_loader::server::manual;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::table;
 use crate::output::say;
+use crate::table;
 
 /// Which.
 #[derive(clap::Args, Debug)]
@@ -55,7 +55,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 
 fn of_group(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Failure> {
     let fits = |group: &str| group.to_lowercase().contains(&word.to_lowercase());
-    let found: Vec<_> = all.iter().filter(|view| fits(&view.group)).cloned().collect();
+    let found: Vec<_> = all
+        .iter()
+        .filter(|view| fits(&view.group))
+        .cloned()
+        .collect();
     if found.is_empty() {
         let message = format!("there is no group `{word}`");
         let help = format!("groups: {}", GROUPS.join(", "));
@@ -70,7 +74,10 @@ fn with_word(all: &[PrimitiveView], word: &str) -> Result<Vec<PrimitiveView>, Fa
     let port = |port: &PortView| has(&port.name) || has(&port.doc);
     let fits = |view: &&PrimitiveView| {
         let ports = view.inputs.iter().chain(&view.outputs).any(port);
-        let parameters = view.parameters.iter().any(|one| has(&one.name) || has(&one.doc));
+        let parameters = view
+            .parameters
+            .iter()
+            .any(|one| has(&one.name) || has(&one.doc));
         has(&view.name) || has(&view.summary) || has(&view.formula) || ports || parameters
     };
     let found: Vec<_> = all.iter().filter(fits).cloned().collect();
@@ -118,7 +125,10 @@ fn one(view: &PrimitiveView) -> String {
     if view.unique {
         text.push_str("  a unique resource: one net at a time\n");
     }
-    for (head, more, ports) in [("INPUT", "DEFAULT", &view.inputs), ("OUTPUT", "RANGE", &view.outputs)] {
+    for (head, more, ports) in [
+        ("INPUT", "DEFAULT", &view.inputs),
+        ("OUTPUT", "RANGE", &view.outputs),
+    ] {
         if !ports.is_empty() {
             let mut rows = table::table(&[head, "TYPE", "UNIT", more, "WHAT"]);
             for port in ports {
@@ -163,7 +173,11 @@ fn parameter_row(parameter: &ParameterView) -> [String; 5] {
 
 /// Worked values, one row a cycle.
 fn worked(example: &ExampleView) -> String {
-    let names: Vec<String> = example.names.iter().map(|name| name.to_uppercase()).collect();
+    let names: Vec<String> = example
+        .names
+        .iter()
+        .map(|name| name.to_uppercase())
+        .collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut rows = table::table(&names);
     for row in &example.rows {

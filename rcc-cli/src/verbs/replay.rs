@@ -18,8 +18,8 @@ use super::incidents::reason;
 use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::incident::{Named, Shown, text, value_of};
-use crate::table::{self, grouped};
 use crate::output::say;
+use crate::table::{self, grouped};
 
 /// What is replayed and shown.
 #[derive(clap::Args, Debug)]
@@ -64,7 +64,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let named: BTreeMap<u64, Named> = incident
         .nets
         .keys()
-        .map(|id| (*id, Named::of(*id, incident.files.get(id).map(Vec::as_slice))))
+        .map(|id| {
+            (
+                *id,
+                Named::of(*id, incident.files.get(id).map(Vec::as_slice)),
+            )
+        })
         .collect();
     let mut show = Show::new(context.format, &arguments, &named)?;
     let source = Source {
@@ -81,11 +86,19 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         }
     });
     let results = results.map_err(|error| {
-        Failure::new(codes::NO_INCIDENT, format!("{path}: {error}"), "copy the file again")
+        Failure::new(
+            codes::NO_INCIDENT,
+            format!("{path}: {error}"),
+            "copy the file again",
+        )
     })?;
     shown.and_then(|()| show.end()).map_err(|error| {
         let what = arguments.csv.as_deref().unwrap_or(Path::new("the output"));
-        Failure::new(codes::NOT_STORED, format!("{}: {error}", what.display()), "make room there")
+        Failure::new(
+            codes::NOT_STORED,
+            format!("{}: {error}", what.display()),
+            "make room there",
+        )
     })?;
     tell(context, &incident, &results, &named)
 }
@@ -155,7 +168,10 @@ fn tell(
         0 => Ok(()),
         different => Err(Failure::new(
             codes::REPLAY_DIFFERS,
-            format!("{different} of {} nets differ from what was recorded", rows.len()),
+            format!(
+                "{different} of {} nets differ from what was recorded",
+                rows.len()
+            ),
             "same plan and inputs must give the same bits: report it with the file",
         )),
     }
@@ -188,7 +204,10 @@ fn result_of(result: &Replayed, named: &Named) -> NetResult {
         last_cycle: result.span[1],
         identical: result.compared > 0 && result.different == 0,
         words,
-        mismatch: result.mismatch.as_ref().map(|mismatch| mismatch_json(mismatch, named)),
+        mismatch: result
+            .mismatch
+            .as_ref()
+            .map(|mismatch| mismatch_json(mismatch, named)),
     }
 }
 
@@ -279,13 +298,20 @@ impl Show {
             return Err(Failure::new(
                 codes::BAD_REQUEST,
                 "no port of a recorded net fits --show",
-                format!("the nets are: {}; write net/primitive.port, * and ? are allowed", names.join(", ")),
+                format!(
+                    "the nets are: {}; write net/primitive.port, * and ? are allowed",
+                    names.join(", ")
+                ),
             ));
         }
         if let Some(path) = &arguments.csv {
             let failed = |error| {
                 let help = "name a file that can be written";
-                Failure::new(codes::NOT_STORED, format!("{}: {error}", path.display()), help)
+                Failure::new(
+                    codes::NOT_STORED,
+                    format!("{}: {error}", path.display()),
+                    help,
+                )
             };
             let mut file = BufWriter::new(File::create(path).map_err(failed)?);
             writeln!(file, "{}", heads.join(",")).map_err(failed)?;
@@ -301,13 +327,19 @@ impl Show {
         if shown.is_empty() {
             return Ok(());
         }
-        let since_ns = step.woke_ns.saturating_sub(*self.first_ns.get_or_insert(step.woke_ns));
+        let since_ns = step
+            .woke_ns
+            .saturating_sub(*self.first_ns.get_or_insert(step.woke_ns));
         let seconds = since_ns as f64 * 1e-9;
         if self.csv.is_some() {
             let values = shown.iter().flat_map(|one| one.values(step.net));
             let values: Vec<String> = values.map(|value| text(&value, "")).collect();
             let first = *first;
-            if self.row.as_ref().is_none_or(|(cycle, ..)| *cycle != step.cycle) {
+            if self
+                .row
+                .as_ref()
+                .is_none_or(|(cycle, ..)| *cycle != step.cycle)
+            {
                 self.end_row()?;
                 self.row = Some((step.cycle, seconds, vec![String::new(); self.columns]));
             }
@@ -325,7 +357,10 @@ impl Show {
                     let values: Vec<String> = values.iter().map(|value| text(value, "–")).collect();
                     let mark = if step.same { ' ' } else { '≠' };
                     let (cycle, name) = (grouped(step.cycle), &one.name);
-                    say(&format!("{cycle:>10} {mark} {name:<24} {}", values.join(" ")));
+                    say(&format!(
+                        "{cycle:>10} {mark} {name:<24} {}",
+                        values.join(" ")
+                    ));
                 }
             }
             Format::Json => {

@@ -57,7 +57,11 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => say_file(&yaml),
         Some(path) => std::fs::write(&path, yaml).map_err(|error| {
             let message = format!("{}: {error}", path.display());
-            Failure::new(codes::BAD_REQUEST, message, "name a file that can be written")
+            Failure::new(
+                codes::BAD_REQUEST,
+                message,
+                "name a file that can be written",
+            )
         })?,
     }
     Ok(())

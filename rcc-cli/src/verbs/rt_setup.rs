@@ -11,8 +11,8 @@ use rcc_process::{Helpers, Notifier, Pulse, Stop};
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::units::cores::Cores;
 use crate::output::say;
+use crate::units::cores::Cores;
 
 /// What to set.
 #[derive(clap::Args, Debug)]

@@ -75,9 +75,7 @@ fn start_and_follow(
     loop {
         let command = match follow::brief(client, &id) {
             // A loader that died is started again; the net runs on meanwhile.
-            Err(failure)
-                if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE =>
-            {
+            Err(failure) if failure.exit == exit::UNREACHABLE && answered.elapsed() < PATIENCE => {
                 std::thread::sleep(follow::POLL);
                 continue;
             }

@@ -58,7 +58,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let set: InputsSet = client.put(&path, lines.concat())?;
     context.print(&set, |set| {
         let (net, id, cycle) = (&set.net, set.id, grouped(set.cycle));
-        format!("{net}#{id}  set {}  from cycle {cycle} on", set.set.join(", "))
+        format!(
+            "{net}#{id}  set {}  from cycle {cycle} on",
+            set.set.join(", ")
+        )
     });
     Ok(())
 }
@@ -66,7 +69,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 /// `NAME=VALUE` as a line of the text that is sent.
 fn line(pair: &str) -> Result<String, Failure> {
     let usage = |message: String| {
-        Failure::new(codes::BAD_REQUEST, message, "write NAME=VALUE, as in speed=\"0.2 m/s\"")
+        Failure::new(
+            codes::BAD_REQUEST,
+            message,
+            "write NAME=VALUE, as in speed=\"0.2 m/s\"",
+        )
     };
     let Some((name, value)) = pair.split_once('=') else {
         return Err(usage(format!("`{pair}` sets nothing")));
@@ -101,7 +108,9 @@ fn list(inputs: &[&InputNames], values: &ValuesView) -> String {
             input.type_name.clone(),
             input.unit.clone().unwrap_or_default(),
             range(input),
-            input.expires_s.map_or_else(String::new, |seconds| format!("{seconds} s")),
+            input
+                .expires_s
+                .map_or_else(String::new, |seconds| format!("{seconds} s")),
             shown(0, ""),
             shown(1, " s"),
         ]);
@@ -129,7 +138,10 @@ mod tests {
     fn a_pair_becomes_a_line() {
         let good = |pair| line(pair).ok();
         assert_eq!(good("speed=0.2 m/s").as_deref(), Some("speed: 0.2 m/s\n"));
-        assert_eq!(good("a/x = {xyz: [1, 2, 3]}").as_deref(), Some("a/x: {xyz: [1, 2, 3]}\n"));
+        assert_eq!(
+            good("a/x = {xyz: [1, 2, 3]}").as_deref(),
+            Some("a/x: {xyz: [1, 2, 3]}\n")
+        );
     }
 
     #[test]

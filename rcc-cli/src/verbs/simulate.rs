@@ -20,13 +20,13 @@ use super::plot;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
+use crate::output::{remark, remark_drawing};
 use crate::picture::Picture;
 use crate::simulate::script::Step;
 use crate::simulate::trace;
 use crate::simulate::{self, Options, SimulateError, Simulated};
 use crate::supervisor::places;
 use crate::table;
-use crate::output::{remark, remark_drawing};
 
 /// Longest logical time, unless another one is given.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -121,7 +121,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if context.format == Format::Human {
         remark(&speed(&simulated, took));
     }
-    arguments.scenario.judge(EndReason::from_number(simulated.command.reason))
+    arguments
+        .scenario
+        .judge(EndReason::from_number(simulated.command.reason))
 }
 
 impl Scenario {
@@ -137,7 +139,9 @@ impl Scenario {
         let code = match (reason, self.limit) {
             (EndReason::None, Some(_)) => exit::OK,
             (EndReason::None, None) => {
-                remark(&format!("it is not over after {LIMIT:?}: --for TIME says how long"));
+                remark(&format!(
+                    "it is not over after {LIMIT:?}: --for TIME says how long"
+                ));
                 exit::TIMEOUT
             }
             _ => codes::outcome(asked, Some(reason.name())),

@@ -42,5 +42,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn began(done: &Done) -> String {
-    format!("{}#{}  running  at cycle {}", done.net, done.id, grouped(done.cycle))
+    format!(
+        "{}#{}  running  at cycle {}",
+        done.net,
+        done.id,
+        grouped(done.cycle)
+    )
 }

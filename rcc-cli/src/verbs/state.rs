@@ -81,9 +81,20 @@ fn human(detail: &CommandDetail) -> String {
     };
     add("description", command.description.clone());
     let fault = command.fault.as_ref();
-    add("fault", fault.map_or_else(String::new, |fault| fault.words.clone()));
+    add(
+        "fault",
+        fault.map_or_else(String::new, |fault| fault.words.clone()),
+    );
     add("uses", command.uses.join(", "));
-    add("cancel", if command.can_cancel { "possible" } else { "not possible, only abort" }.into());
+    add(
+        "cancel",
+        if command.can_cancel {
+            "possible"
+        } else {
+            "not possible, only abort"
+        }
+        .into(),
+    );
     if command.started_cycle > 0 {
         let first = grouped(command.started_cycle);
         let span = match command.ended_cycle {

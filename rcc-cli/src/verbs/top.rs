@@ -75,7 +75,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let _ = ratatui::try_restore();
     shown.map_err(|error| {
         let help = "rcc-cli top --once prints it as text";
-        Failure::new(codes::PROCESS_FAILED, format!("the terminal: {error}"), help)
+        Failure::new(
+            codes::PROCESS_FAILED,
+            format!("the terminal: {error}"),
+            help,
+        )
     })
 }
 
@@ -132,7 +136,10 @@ fn make_printable(picture: &mut Buffer) {
 fn acknowledge(client: &Client) -> String {
     let done = client.post::<Acknowledged>("/status/acknowledge", String::new());
     match done {
-        Ok(done) => format!("{} late cycles acknowledged at cycle {}", done.late, done.cycle),
+        Ok(done) => format!(
+            "{} late cycles acknowledged at cycle {}",
+            done.late, done.cycle
+        ),
         Err(failure) => failure.human(false).replace('\n', " "),
     }
 }
@@ -178,7 +185,10 @@ mod tests {
             uses: vec![hostile.into()],
             ..CommandView::default()
         };
-        let mut shot = Shot { nets: vec![net], ..Shot::default() };
+        let mut shot = Shot {
+            nets: vec![net],
+            ..Shot::default()
+        };
         shot.status.cell = hostile.into();
         shot.status.executor.grade = hostile.into();
         let draw = |frame: &mut Frame<'_>, clean: bool| {
@@ -190,7 +200,9 @@ mod tests {
         let mut bad = |clean| {
             let done = terminal.draw(|frame| draw(frame, clean)).unwrap();
             let cells = done.buffer.content.iter();
-            cells.filter(|cell| first_unprintable(cell.symbol()).is_some()).count()
+            cells
+                .filter(|cell| first_unprintable(cell.symbol()).is_some())
+                .count()
         };
         assert!(bad(false) > 0, "the picture does not show what is hostile");
         assert_eq!(bad(true), 0);
@@ -203,7 +215,10 @@ mod tests {
         assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), Wish::End);
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Wish::End);
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), Wish::Nothing);
-        assert_eq!(key(KeyCode::Char('a'), KeyModifiers::NONE), Wish::Acknowledge);
+        assert_eq!(
+            key(KeyCode::Char('a'), KeyModifiers::NONE),
+            Wish::Acknowledge
+        );
         assert_eq!(wish(&Event::Resize(80, 25)), Wish::Draw);
     }
 }

@@ -42,6 +42,8 @@ fn ends(ends: &[TopicEnd]) -> String {
     if ends.is_empty() {
         return "nobody".to_owned();
     }
-    let lines = ends.iter().map(|end| format!("{}#{} {} ({})", end.net, end.id, end.primitive, end.state));
+    let lines = ends
+        .iter()
+        .map(|end| format!("{}#{} {} ({})", end.net, end.id, end.primitive, end.state));
     lines.collect::<Vec<_>>().join("\n")
 }

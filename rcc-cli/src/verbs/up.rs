@@ -8,8 +8,8 @@ use rcc_loader::server::codes::exit;
 use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use crate::supervisor::{LOOK_EVERY, Line, Supervisor, launch};
 use crate::output::Printer;
+use crate::supervisor::{LOOK_EVERY, Line, Supervisor, launch};
 
 /// What to start.
 #[derive(clap::Args, Debug)]
@@ -29,8 +29,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let json = context.format == Format::Json;
     let printer = Printer::start();
     let told = printer.clone();
-    let mut supervisor =
-        Supervisor::start(&name, prepared, Box::new(move |line| tell(&told, line, json)))?;
+    let mut supervisor = Supervisor::start(
+        &name,
+        prepared,
+        Box::new(move |line| tell(&told, line, json)),
+    )?;
     let up = supervisor.wait_until_up(&interrupts);
     if up.is_ok() {
         let ready = Line {

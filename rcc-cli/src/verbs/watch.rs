@@ -13,8 +13,8 @@ use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
-use crate::value::Style;
 use crate::output::{say, say_again};
+use crate::value::Style;
 
 /// More samples a second are not taken: for every cycle there is `Monitor`.
 const RATE_MAX: f64 = 100.0;
@@ -53,7 +53,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
     let client = context.client()?;
     let mut screen = Screen {
-        format: if arguments.json { Format::Json } else { context.format },
+        format: if arguments.json {
+            Format::Json
+        } else {
+            context.format
+        },
         style: Style {
             degrees: arguments.deg,
         },
@@ -105,7 +109,11 @@ impl Screen {
                 let text = shown(values, self.style);
                 let lines = text.lines().count();
                 say_again(self.lines, &text);
-                self.lines = if std::io::stdout().is_terminal() { lines } else { 0 };
+                self.lines = if std::io::stdout().is_terminal() {
+                    lines
+                } else {
+                    0
+                };
             }
             Format::Json => {
                 let mut values = values.clone();
@@ -125,7 +133,11 @@ impl Screen {
     fn over(&self, client: &Client, id: &str) -> Result<(), Failure> {
         let command = follow::brief(client, id)?;
         if matches!(self.format, Format::Human) {
-            say(&format!("{}  {}", follow::title(&command), follow::state_words(&command)));
+            say(&format!(
+                "{}  {}",
+                follow::title(&command),
+                follow::state_words(&command)
+            ));
         }
         follow::judge(&command, Asked::Finish)
     }

@@ -76,7 +76,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         Failure::new(codes::BAD_REQUEST, format!("{}: {what}", asked.file), help)
     };
     let readings = readings::read(&text, &wanted).map_err(|error| {
-        refused(error.to_string(), "name them with --wrench and --pose; see docs/force.md")
+        refused(
+            error.to_string(),
+            "name them with --wrench and --pose; see docs/force.md",
+        )
     })?;
     let gravity = asked.gravity.unwrap_or([0.0, 0.0, -GRAVITY]);
     let found = identify(&readings, gravity)
@@ -105,8 +108,14 @@ fn human(report: &Report) -> String {
     let mut line = |words: String| _ = writeln!(text, "{words}");
     line(format!("    mass: {} kg", rounded(found.mass)));
     line(format!("    centre: {}  # m", list(&found.centre)));
-    line(format!("    force_offset: {}  # N", list(&found.force_offset)));
-    line(format!("    torque_offset: {}  # N·m", list(&found.torque_offset)));
+    line(format!(
+        "    force_offset: {}  # N",
+        list(&found.force_offset)
+    ));
+    line(format!(
+        "    torque_offset: {}  # N·m",
+        list(&found.torque_offset)
+    ));
     if let Some(gravity) = gravity {
         line(format!("    gravity: {}  # m/s²", list(gravity)));
     }

@@ -277,11 +277,18 @@ const fn bytes(store: rcc_core::types::Store) -> usize {
 
 fn memory(found: &Found) -> Memory {
     let (anatomy, plan) = (&found.anatomy, found.compiled.plan.plan());
-    let outputs = anatomy.primitives.iter().filter(|part| part.role != PartRole::Constant);
+    let outputs = anatomy
+        .primitives
+        .iter()
+        .filter(|part| part.role != PartRole::Constant);
     let outputs = outputs.flat_map(|part| &part.outputs);
-    let output_bytes = outputs.map(|pin| pin.width as usize * bytes(pin.store)).sum();
+    let output_bytes = outputs
+        .map(|pin| pin.width as usize * bytes(pin.store))
+        .sum();
     let delays = plan.delays.iter();
-    let delayed_bytes = delays.map(|delay| delay.width as usize * bytes(delay.store)).sum();
+    let delayed_bytes = delays
+        .map(|delay| delay.width as usize * bytes(delay.store))
+        .sum();
     let arena_bytes = 8 * (plan.reals.len() + plan.ints.len()) + plan.bools.len();
     let is_constant = |pin: &&Pin| {
         let constant = |source: &Source| !matches!(source, Source::Link(_));
@@ -313,7 +320,10 @@ fn memory(found: &Found) -> Memory {
 fn longest(anatomy: &Anatomy, order: &[Step]) -> Path {
     let mut best = vec![(0.0_f64, None::<usize>); anatomy.primitives.len()];
     for (step, part) in order.iter().zip(&anatomy.order) {
-        let sources = anatomy.primitives[*part].inputs.iter().flat_map(|pin| &pin.sources);
+        let sources = anatomy.primitives[*part]
+            .inputs
+            .iter()
+            .flat_map(|pin| &pin.sources);
         let sources = sources.filter_map(|source| match source {
             Source::Link(link) if !link.delayed => Some(link.primitive),
             _ => None,
@@ -322,7 +332,9 @@ fn longest(anatomy: &Anatomy, order: &[Step]) -> Path {
         let ns = before.map_or(0.0, |before| best[before].0);
         best[*part] = (ns + step.ns, before);
     }
-    let last = (0..best.len()).rev().max_by(|a, b| best[*a].0.total_cmp(&best[*b].0));
+    let last = (0..best.len())
+        .rev()
+        .max_by(|a, b| best[*a].0.total_cmp(&best[*b].0));
     let mut path = Path {
         ns: last.map_or(0.0, |last| best[last].0),
         ids: Vec::new(),
@@ -352,7 +364,10 @@ fn nulls(anatomy: &Anatomy) -> Vec<Null> {
 
 fn consequences(anatomy: &Anatomy) -> Vec<Consequence> {
     let parts = anatomy.primitives.iter().filter(|part| {
-        matches!(part.role, PartRole::Commands | PartRole::Moves | PartRole::Ends)
+        matches!(
+            part.role,
+            PartRole::Commands | PartRole::Moves | PartRole::Ends
+        )
     });
     parts
         .flat_map(|part| {

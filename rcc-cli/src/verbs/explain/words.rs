@@ -71,7 +71,11 @@ fn memory(it: &Memory, runs: usize) -> String {
     let count = |count: usize| grouped(count as u64);
     let shared = match it.constant_inputs {
         0 => String::new(),
-        inputs => format!("\n{} constant inputs in {} places", count(inputs), count(it.constants)),
+        inputs => format!(
+            "\n{} constant inputs in {} places",
+            count(inputs),
+            count(it.constants)
+        ),
     };
     format!(
         "{} runs of equal kernels, {} operands; arena {} bytes ({} Real, {} Bool, {} Int): outputs {}, delayed links {}, constants and states {}{shared}",
@@ -102,9 +106,20 @@ fn types(it: &Explanation) -> String {
 }
 
 fn order(it: &Explanation) -> String {
-    let mut rows = table::table(&["ORDER", "RUN", "PRIMITIVE", "TYPE", "TIME", "OUTPUTS", "CAN BE NULL"]);
+    let mut rows = table::table(&[
+        "ORDER",
+        "RUN",
+        "PRIMITIVE",
+        "TYPE",
+        "TIME",
+        "OUTPUTS",
+        "CAN BE NULL",
+    ]);
     for step in &it.order {
-        let kernel = step.kernel.as_ref().map_or_else(String::new, |store| format!(" ({store})"));
+        let kernel = step
+            .kernel
+            .as_ref()
+            .map_or_else(String::new, |store| format!(" ({store})"));
         let outputs: Vec<String> = step.outputs.iter().map(output).collect();
         rows.add_row([
             step.order.to_string(),
@@ -112,7 +127,11 @@ fn order(it: &Explanation) -> String {
             step.id.clone(),
             format!("{}{kernel}", step.ty),
             format!("{:.1} ns", step.ns),
-            if outputs.is_empty() { "–".to_owned() } else { outputs.join(", ") },
+            if outputs.is_empty() {
+                "–".to_owned()
+            } else {
+                outputs.join(", ")
+            },
             match (&step.null, step.outputs.is_empty()) {
                 (_, true) => "–".to_owned(),
                 (None, false) => "never".to_owned(),
@@ -135,13 +154,20 @@ fn path(it: &Explanation) -> String {
     let shown = match ids.len().checked_sub(2 * ENDS) {
         Some(more @ 1..) => {
             let (first, last) = (&ids[..ENDS], &ids[ids.len() - ENDS..]);
-            format!("{} → … {more} more … → {}", first.join(" → "), last.join(" → "))
+            format!(
+                "{} → … {more} more … → {}",
+                first.join(" → "),
+                last.join(" → ")
+            )
         }
         _ => ids.join(" → "),
     };
     match ids.len() {
         0 => String::new(),
-        count => format!("longest way: {count} primitives, {:.1} ns: {shown}", it.path.ns),
+        count => format!(
+            "longest way: {count} primitives, {:.1} ns: {shown}",
+            it.path.ns
+        ),
     }
 }
 
@@ -155,9 +181,16 @@ fn nulls(it: &Explanation, shown: Shown, is_small: bool) -> String {
         }
         lines.push(table::text(&rows));
     } else if !is_small && count > 0 {
-        lines.push(format!("{} primitives can give null", grouped(count as u64)));
+        lines.push(format!(
+            "{} primitives can give null",
+            grouped(count as u64)
+        ));
     }
-    let most = if is_small || shown.nulls || shown.all { usize::MAX } else { CONSEQUENCES_MAX };
+    let most = if is_small || shown.nulls || shown.all {
+        usize::MAX
+    } else {
+        CONSEQUENCES_MAX
+    };
     for it in it.consequences.iter().take(most) {
         lines.push(format!("null at `{}` ({}): {}", it.input, it.why, it.then));
     }
@@ -256,7 +289,8 @@ mod tests {
             ns: 1500.0,
         });
         let text = human(&explanation, Shown::default());
-        let line = "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when it is";
+        let line =
+            "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when it is";
         assert!(text.contains(line), "{text}");
     }
 
@@ -280,7 +314,10 @@ mod tests {
         let large = explanation(1_000);
         let text = human(&large, Shown::default());
         assert!(text.lines().count() < 20, "{text}");
-        assert!(text.contains("1 primitives can give null") && text.contains("`--order`"), "{text}");
+        assert!(
+            text.contains("1 primitives can give null") && text.contains("`--order`"),
+            "{text}"
+        );
         let order = Shown {
             order: true,
             ..Shown::default()
@@ -290,6 +327,10 @@ mod tests {
             path: true,
             ..Shown::default()
         };
-        assert!(human(&large, path).contains("p7 → … 984 more … → p992"), "{}", human(&large, path));
+        assert!(
+            human(&large, path).contains("p7 → … 984 more … → p992"),
+            "{}",
+            human(&large, path)
+        );
     }
 }

@@ -25,17 +25,29 @@ pub(super) fn draw(frame: &mut Frame<'_>, shot: &Shot, told: &str) {
     let [left, right] =
         Layout::horizontal([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(below);
     let late = shot.status.executor.late > shot.status.executor.late_acknowledged;
-    let lines = head.into_iter().enumerate().map(|(place, line)| match place {
-        0 => Line::from(line).bold(),
-        2.. if late => Line::from(line).fg(Color::Yellow),
-        _ => Line::from(line),
-    });
+    let lines = head
+        .into_iter()
+        .enumerate()
+        .map(|(place, line)| match place {
+            0 => Line::from(line).bold(),
+            2.. if late => Line::from(line).fg(Color::Yellow),
+            _ => Line::from(line),
+        });
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), top);
     table(frame, middle, "nets", words::NET_HEADS, nets);
     histograms(frame, left, shot);
-    table(frame, right, "primitives (sampled)", words::TYPE_HEADS, words::types(shot));
+    table(
+        frame,
+        right,
+        "primitives (sampled)",
+        words::TYPE_HEADS,
+        words::types(shot),
+    );
     let keys = "q quit   a acknowledge late cycles   ";
-    frame.render_widget(Paragraph::new(format!("{keys}{told}")).style(Style::new().dim()), foot);
+    frame.render_widget(
+        Paragraph::new(format!("{keys}{told}")).style(Style::new().dim()),
+        foot,
+    );
 }
 
 fn histograms(frame: &mut Frame<'_>, area: Rect, shot: &Shot) {
@@ -155,21 +167,33 @@ mod tests {
             assert!(picture.contains(part), "{part}\n{picture}");
         }
         let place = |what| picture.find(what);
-        assert!(place("dear#2   running") < place("cheap#1  running"), "the dearest first\n{picture}");
+        assert!(
+            place("dear#2   running") < place("cheap#1  running"),
+            "the dearest first\n{picture}"
+        );
         assert!(!picture.contains("over#9"));
     }
 
     #[test]
     fn a_small_terminal_shows_what_fits() {
         for (width, height) in [(1, 1), (20, 5), (40, 10), (300, 3)] {
-            assert_eq!(drawn(width, height, "").lines().count(), usize::from(height));
+            assert_eq!(
+                drawn(width, height, "").lines().count(),
+                usize::from(height)
+            );
         }
     }
 
     #[test]
     fn the_text_has_the_same() {
         let text = words::text(&shot());
-        for part in ["computed long", "LinearMotion", "dear#2", "10.0 %", "≤ 200 µs"] {
+        for part in [
+            "computed long",
+            "LinearMotion",
+            "dear#2",
+            "10.0 %",
+            "≤ 200 µs",
+        ] {
             assert!(text.contains(part), "{part}\n{text}");
         }
     }

@@ -38,10 +38,20 @@ pub(super) fn head(shot: &Shot) -> Vec<String> {
     ];
     let new = executor.late.saturating_sub(executor.late_acknowledged);
     lines.push(match new {
-        0 => format!("no late cycle that is not acknowledged ({} since the start)", grouped(executor.late)),
-        new => format!("{} late cycles, {} since the start", grouped(new), grouped(executor.late)),
+        0 => format!(
+            "no late cycle that is not acknowledged ({} since the start)",
+            grouped(executor.late)
+        ),
+        new => format!(
+            "{} late cycles, {} since the start",
+            grouped(new),
+            grouped(executor.late)
+        ),
     });
-    let latched = [("first", &executor.first_late), ("last", &executor.last_late)];
+    let latched = [
+        ("first", &executor.first_late),
+        ("last", &executor.last_late),
+    ];
     lines.extend(latched.into_iter().filter_map(|(which, late)| {
         let late = late.as_ref()?;
         Some(format!("{which:>7}: {}", late_words(late)))
@@ -52,7 +62,11 @@ pub(super) fn head(shot: &Shot) -> Vec<String> {
 /// The nets that are not over: those that run first, the dearest before the others.
 pub(super) fn nets(shot: &Shot) -> Vec<[String; 6]> {
     let period_ns = shot.status.executor.period_ns;
-    let mut nets: Vec<&CommandView> = shot.nets.iter().filter(|net| !follow::is_over(net)).collect();
+    let mut nets: Vec<&CommandView> = shot
+        .nets
+        .iter()
+        .filter(|net| !follow::is_over(net))
+        .collect();
     let runs = |net: &CommandView| matches!(net.state.as_str(), "running" | "canceling");
     nets.sort_by_key(|net| (!runs(net), std::cmp::Reverse(net.exec_mean_ns), net.id));
     nets.into_iter()
@@ -72,7 +86,10 @@ pub(super) fn nets(shot: &Shot) -> Vec<[String; 6]> {
 /// The types of primitives, the dearest first.
 pub(super) fn types(shot: &Shot) -> Vec<[String; 4]> {
     let rows = &shot.timing.primitives;
-    let sum: u64 = rows.iter().map(|row| row.sum_ns).fold(0, u64::saturating_add);
+    let sum: u64 = rows
+        .iter()
+        .map(|row| row.sum_ns)
+        .fold(0, u64::saturating_add);
     rows.iter()
         .map(|row| {
             let each = row.sum_ns as f64 / (row.primitives.max(1) as f64);
