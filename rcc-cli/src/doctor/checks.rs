@@ -1,40 +1,56 @@
-//! The checks: one file and one line each; pure functions of the facts, each with tests on good and bad ones.
+//! The checks: one file and two lines each; pure functions of the facts, each with tests on good and bad ones.
 //! Run by the main thread, in this order.
 
 use super::Finding;
 use super::facts::Facts;
 
-macro_rules! checks {
-    ($($(#[doc = $doc:literal])* $module:ident = $name:literal;)*) => {
-        $(mod $module;)*
+mod cells;
+mod clock;
+mod core;
+mod fifo;
+mod interrupts;
+mod isolation;
+mod kernel;
+mod leftovers;
+mod memory_lock;
+mod open_files;
+mod power;
+mod run_time;
+mod runtime_folder;
+mod session;
+mod shared_memory;
+mod stale_after;
+mod swap;
+mod throttling;
+mod virtual_machine;
+mod wake_up;
 
-        /// Name and function of every check.
-        pub const CHECKS: &[(&str, fn(&Facts) -> Vec<Finding>)] = &[$(($name, $module::check)),*];
-    };
-}
+/// A function that looks at the facts.
+type Check = fn(&Facts) -> Vec<Finding>;
 
-checks! {
-    fifo = "fifo";
-    run_time = "rttime";
-    memory_lock = "memory-lock";
-    throttling = "throttling";
-    core = "core";
-    isolation = "isolation";
-    interrupts = "interrupts";
-    power = "power";
-    kernel = "kernel";
-    clock = "clock";
-    virtual_machine = "virtual-machine";
-    wake_up = "wake-up";
-    stale_after = "stale-after";
-    shared_memory = "shared-memory";
-    runtime_folder = "runtime-folder";
-    open_files = "open-files";
-    session = "session";
-    swap = "swap";
-    cells = "cells";
-    leftovers = "leftovers";
-}
+/// Name and function of every check.
+pub const CHECKS: &[(&str, Check)] = &[
+    ("fifo", fifo::check),
+    ("rttime", run_time::check),
+    ("memory-lock", memory_lock::check),
+    ("throttling", throttling::check),
+    ("core", core::check),
+    ("isolation", isolation::check),
+    ("interrupts", interrupts::check),
+    ("power", power::check),
+    ("kernel", kernel::check),
+    ("clock", clock::check),
+    ("virtual-machine", virtual_machine::check),
+    ("wake-up", wake_up::check),
+    ("stale-after", stale_after::check),
+    ("shared-memory", shared_memory::check),
+    ("runtime-folder", runtime_folder::check),
+    ("open-files", open_files::check),
+    ("session", session::check),
+    ("swap", swap::check),
+    ("cells", cells::check),
+    ("leftovers", leftovers::check),
+];
 
 /// All findings, in the order of the table.
 #[must_use]
