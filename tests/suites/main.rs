@@ -3,6 +3,7 @@
 
 mod arrows;
 mod bad_input;
+mod book;
 mod cells;
 mod clock;
 mod configuration;
