@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 straight::write(&mut code, &graph, &name, variant)?;
                 writeln!(
                     table,
-                    "    Straight {{ graph: \"{name}\", null: {}, make: || Box::new({name}_{variant}::State::new()) }},",
+                    "    StraightLineProgram {{ graph: \"{name}\", null: {}, make: || Box::new({name}_{variant}::State::new()) }},",
                     *variant == "null"
                 )?;
             }
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     writeln!(
         code,
-        "/// Every program.\npub const ALL: &[Straight] = &[\n{table}];"
+        "/// Every program.\npub const ALL: &[StraightLineProgram] = &[\n{table}];"
     )?;
     fs::write(Path::new(&env::var("OUT_DIR")?).join("straight.rs"), code)?;
     Ok(())

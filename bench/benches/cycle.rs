@@ -7,7 +7,7 @@ mod common;
 
 use common::{Bench, Plan, endless_net, line_net};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use rcc_bench::executor::Executor;
+use rcc_bench::executor::BenchExecutor;
 use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
 use rcc_bench::net::net;
@@ -95,7 +95,7 @@ fn whole(criterion: &mut Criterion) {
         .expect("the tests compile it")
         .plan;
     for nets in [0, 1, 10, 50] {
-        let mut executor = Executor::new(cell(), [0.0; 8]).expect("room for a cell");
+        let mut executor = BenchExecutor::new(cell(), [0.0; 8]).expect("room for a cell");
         for _ in 0..nets {
             executor.start(plan.clone()).expect("a good plan");
         }

@@ -3,7 +3,7 @@
 #![allow(missing_docs)] // criterion makes an undocumented function.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use rcc_bench::catalogue::{count, devices, models, net, rows};
+use rcc_bench::kernel_nets::{count, devices, models, net, rows};
 
 /// Cycles between two starts: a motion must not come to its end.
 const CYCLES: u64 = 100;

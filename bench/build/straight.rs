@@ -12,50 +12,52 @@ const NODES_IN_A_FUNCTION: usize = 500;
 
 /// The four kinds of values, and the arrays of the state that hold them.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
+enum ValueKind {
     Real,
     Bool,
     Int,
     Matrix,
 }
 
-const KINDS: [(Kind, &str, &str); 4] = [
-    (Kind::Real, "r", "0.0"),
-    (Kind::Bool, "b", "FALSE"),
-    (Kind::Int, "i", "0"),
-    (Kind::Matrix, "m", "[0.0; 16]"),
+const KINDS: [(ValueKind, &str, &str); 4] = [
+    (ValueKind::Real, "r", "0.0"),
+    (ValueKind::Bool, "b", "FALSE"),
+    (ValueKind::Int, "i", "0"),
+    (ValueKind::Matrix, "m", "[0.0; 16]"),
 ];
 
 /// One node of a graph.
-struct Node<'a> {
+struct GeneratedNode<'a> {
     op: &'a str,
     inputs: Vec<(&'a str, &'a Value)>,
     params: &'a Vec<Value>,
 }
 
-impl Node<'_> {
+impl GeneratedNode<'_> {
     /// The nodes that it reads.
     fn sources(&self) -> impl Iterator<Item = usize> {
         let nodes = self.inputs.iter().filter(|(kind, _)| *kind == "n");
         nodes.map(|(_, index)| index.as_u64().unwrap_or(0) as usize)
     }
 
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> ValueKind {
         match self.op {
-            "gt" | "lt" | "and" | "or" | "not" | "xor" | "edge" | "isnull" | "igt" => Kind::Bool,
-            "iadd" | "iand" | "count" => Kind::Int,
-            "mkframe" | "mmul" | "minv" => Kind::Matrix,
-            _ => Kind::Real,
+            "gt" | "lt" | "and" | "or" | "not" | "xor" | "edge" | "isnull" | "igt" => {
+                ValueKind::Bool
+            }
+            "iadd" | "iand" | "count" => ValueKind::Int,
+            "mkframe" | "mmul" | "minv" => ValueKind::Matrix,
+            _ => ValueKind::Real,
         }
     }
 
     /// What it remembers besides its output.
-    fn remembers(&self) -> Option<(Kind, String)> {
+    fn remembers(&self) -> Option<(ValueKind, String)> {
         match self.op {
-            "lowpass" => Some((Kind::Real, "0.0".into())),
-            "delay" => Some((Kind::Real, real(self.params.first()?))),
-            "edge" => Some((Kind::Bool, "FALSE".into())),
-            "count" => Some((Kind::Int, "0".into())),
+            "lowpass" => Some((ValueKind::Real, "0.0".into())),
+            "delay" => Some((ValueKind::Real, real(self.params.first()?))),
+            "edge" => Some((ValueKind::Bool, "FALSE".into())),
+            "count" => Some((ValueKind::Int, "0".into())),
             _ => None,
         }
     }
@@ -63,22 +65,22 @@ impl Node<'_> {
 
 /// Places in the state.
 #[derive(Default)]
-struct Places {
+struct StateLayout {
     outputs: BTreeMap<usize, String>,
     memories: BTreeMap<usize, String>,
     starts: Vec<(String, String)>,
-    counts: BTreeMap<Kind, usize>,
+    counts: BTreeMap<ValueKind, usize>,
 }
 
-impl Places {
-    fn take(&mut self, kind: Kind) -> String {
+impl StateLayout {
+    fn take(&mut self, kind: ValueKind) -> String {
         let count = self.counts.entry(kind).or_default();
         *count += 1;
         format!("s.{}[{}]", KINDS[kind as usize].1, *count - 1)
     }
 
-    fn of(graph: &[Node<'_>], sinks: &[usize]) -> Places {
-        let mut places = Places::default();
+    fn of(graph: &[GeneratedNode<'_>], sinks: &[usize]) -> StateLayout {
+        let mut layout = StateLayout::default();
         let mut kept: Vec<bool> = vec![false; graph.len()];
         sinks.iter().for_each(|sink| kept[*sink] = true);
         for (index, node) in graph.iter().enumerate() {
@@ -89,16 +91,16 @@ impl Places {
         }
         for (index, node) in graph.iter().enumerate() {
             if kept[index] {
-                let place = places.take(node.kind());
-                places.outputs.insert(index, place);
+                let place = layout.take(node.kind());
+                layout.outputs.insert(index, place);
             }
             if let Some((kind, start)) = node.remembers() {
-                let place = places.take(kind);
-                places.starts.push((place.clone(), start));
-                places.memories.insert(index, place);
+                let place = layout.take(kind);
+                layout.starts.push((place.clone(), start));
+                layout.memories.insert(index, place);
             }
         }
-        places
+        layout
     }
 }
 
@@ -112,7 +114,7 @@ pub fn write(
     name: &str,
     variant: &str,
 ) -> Result<(), Box<dyn Error>> {
-    let nodes: Option<Vec<Node<'_>>> = graph["nodes"]
+    let nodes: Option<Vec<GeneratedNode<'_>>> = graph["nodes"]
         .as_array()
         .ok_or("no nodes")?
         .iter()
@@ -124,12 +126,12 @@ pub fn write(
         .filter_map(Value::as_u64)
         .map(|sink| sink as usize)
         .collect();
-    let places = Places::of(&nodes, &sinks);
+    let layout = StateLayout::of(&nodes, &sinks);
     writeln!(
         code,
         "mod {name}_{variant} {{\nuse super::{{Inputs, {variant}::*}};"
     )?;
-    write_state(code, &places)?;
+    write_state(code, &layout)?;
     let functions = nodes.chunks(NODES_IN_A_FUNCTION).enumerate();
     for (number, chunk) in functions.clone() {
         writeln!(
@@ -137,7 +139,7 @@ pub fn write(
             "#[inline(never)] fn step_{number}(s: &mut State, x: &Inputs) {{"
         )?;
         for (offset, node) in chunk.iter().enumerate() {
-            write_node(code, node, number * NODES_IN_A_FUNCTION + offset, &places)?;
+            write_node(code, node, number * NODES_IN_A_FUNCTION + offset, &layout)?;
         }
         writeln!(code, "}}")?;
     }
@@ -148,9 +150,9 @@ pub fn write(
     for (number, _) in functions {
         writeln!(code, "step_{number}(s, x);")?;
     }
-    for (index, memory) in &places.memories {
+    for (index, memory) in &layout.memories {
         if let ("delay", Some(source)) = (nodes[*index].op, nodes[*index].sources().next()) {
-            writeln!(code, "{memory} = {};", places.outputs[&source])?;
+            writeln!(code, "{memory} = {};", layout.outputs[&source])?;
         }
     }
     writeln!(code, "}}")?;
@@ -168,34 +170,34 @@ pub fn write(
         writeln!(
             code,
             "{kind}_hash(&mut h, {});",
-            places.outputs[sink].replace("s.", "&s.")
+            layout.outputs[sink].replace("s.", "&s.")
         )?;
     }
     writeln!(code, "h.value() }}\n}}\n}}")?;
     Ok(())
 }
 
-fn node(value: &Value) -> Option<Node<'_>> {
+fn node(value: &Value) -> Option<GeneratedNode<'_>> {
     let inputs = value["in"].as_array()?.iter();
     let inputs: Option<Vec<_>> = inputs
         .map(|input| Some((input[0].as_str()?, &input[1])))
         .collect();
-    Some(Node {
+    Some(GeneratedNode {
         op: value["op"].as_str()?,
         inputs: inputs?,
         params: value["params"].as_array()?,
     })
 }
 
-fn write_state(code: &mut String, places: &Places) -> std::fmt::Result {
-    let count = |kind| places.counts.get(&kind).copied().unwrap_or(0);
+fn write_state(code: &mut String, layout: &StateLayout) -> std::fmt::Result {
+    let count = |kind| layout.counts.get(&kind).copied().unwrap_or(0);
     writeln!(
         code,
         "#[allow(dead_code)] pub struct State {{ r: [f64; {}], b: [B; {}], i: [i64; {}], m: [[f64; 16]; {}] }}",
-        count(Kind::Real),
-        count(Kind::Bool),
-        count(Kind::Int),
-        count(Kind::Matrix)
+        count(ValueKind::Real),
+        count(ValueKind::Bool),
+        count(ValueKind::Int),
+        count(ValueKind::Matrix)
     )?;
     write!(
         code,
@@ -205,7 +207,7 @@ fn write_state(code: &mut String, places: &Places) -> std::fmt::Result {
         write!(code, "{array}: [{zero}; {}], ", count(kind))?;
     }
     writeln!(code, "}};")?;
-    for (place, start) in &places.starts {
+    for (place, start) in &layout.starts {
         writeln!(code, "{place} = {start};")?;
     }
     writeln!(code, "s }} }}")
@@ -213,9 +215,9 @@ fn write_state(code: &mut String, places: &Places) -> std::fmt::Result {
 
 fn write_node(
     code: &mut String,
-    node: &Node<'_>,
+    node: &GeneratedNode<'_>,
     index: usize,
-    places: &Places,
+    layout: &StateLayout,
 ) -> std::fmt::Result {
     let mut arguments = Vec::new();
     for (kind, value) in &node.inputs {
@@ -229,7 +231,7 @@ fn write_node(
                 let source = value.as_u64().unwrap_or(0) as usize;
                 let here =
                     source / NODES_IN_A_FUNCTION == index / NODES_IN_A_FUNCTION && source < index;
-                let place = places.outputs.get(&source);
+                let place = layout.outputs.get(&source);
                 if here {
                     format!("n{source}")
                 } else {
@@ -238,7 +240,7 @@ fn write_node(
             }
         });
     }
-    let memory = places.memories.get(&index);
+    let memory = layout.memories.get(&index);
     if node.op == "delay" {
         // Its input is copied after the last node.
         writeln!(
@@ -268,7 +270,7 @@ fn write_node(
             arguments.join(", ")
         )?;
     }
-    match places.outputs.get(&index) {
+    match layout.outputs.get(&index) {
         Some(place) => writeln!(code, "{place} = n{index};"),
         None => Ok(()),
     }

@@ -13,7 +13,7 @@ use std::time::Instant;
 use rcc_bench::motion::{DAMPING, TWIST};
 use rcc_config::CellConfig;
 use rcc_core::frame::joints_from;
-use rcc_core::kinematics::{Arm, Configuration};
+use rcc_core::kinematics::{Arm, ArmConfiguration};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 use rs_opw_kinematics::kinematic_traits::{Kinematics, Pose as OpwPose};
@@ -134,7 +134,7 @@ fn our_poses(arm: &Arm, positions: &[Joints]) -> String {
     lines(arm, positions, |joints| {
         // There and back, so that the inverse is compared as well.
         let pose = arm.forward(joints);
-        let Configuration { branch, arm_angle } = arm.configuration(joints);
+        let ArmConfiguration { branch, arm_angle } = arm.configuration(joints);
         match arm.inverse(&pose, arm_angle, branch, joints) {
             Ok(found) => arm.forward(&found),
             Err(_) => Pose::NULL,
@@ -164,7 +164,7 @@ fn measure(positions: usize, mut call: impl FnMut(usize)) -> f64 {
 }
 
 fn our_figures(arm: &Arm, positions: &[Joints]) -> Figures {
-    let places: Vec<(Joints, Pose, Configuration)> = positions
+    let places: Vec<(Joints, Pose, ArmConfiguration)> = positions
         .iter()
         .map(|joints| (*joints, arm.forward(joints), arm.configuration(joints)))
         .collect();
@@ -191,7 +191,7 @@ fn our_figures(arm: &Arm, positions: &[Joints]) -> Figures {
         (
             "inverse",
             measure(count, |k| {
-                let (hint, pose, Configuration { branch, arm_angle }) = black_box(&places[k]);
+                let (hint, pose, ArmConfiguration { branch, arm_angle }) = black_box(&places[k]);
                 black_box(arm.inverse(pose, *arm_angle, *branch, hint)).ok();
             }),
         ),

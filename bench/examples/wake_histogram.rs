@@ -5,7 +5,7 @@
 use std::error::Error;
 
 use rcc_core::message::CycleStatus;
-use rcc_core::timing::Timing;
+use rcc_core::timing::CycleTiming;
 use rcc_exec::setup::FIFO;
 use rcc_ipc::control::{STATUS, TIMING};
 use rcc_ipc::{Cell, Role, Session};
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             .get(name)
             .ok_or_else(|| format!("the executor announces no {name}"))
     };
-    let timing: Timing = session.open_board(service(TIMING)?)?.read();
+    let timing: CycleTiming = session.open_board(service(TIMING)?)?.read();
     let status: CycleStatus = session.open_board(service(STATUS)?)?.read();
     let wake = &timing.wake;
     let us = |ns: u64| ns as f64 * 1e-3;

@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_engine::record::{Recorder, RecorderConfig, RecorderHelper};
 use rcc_exec::rt::{self, Boards};
 use rcc_ipc::control::{Answer, HELPERS, PlanData, Refusal, STATUS, TABLES, TIMING};
@@ -22,11 +22,11 @@ use rcc_language::devices::DeviceTable;
 /// As a cell's configuration has it by default.
 const RECORDER_MEMORY: usize = 64 << 20;
 const RECORDER_SPAN_NS: u64 = 10_000_000_000;
-static NEXT: AtomicU32 = AtomicU32::new(0);
+static NEXT_CELL: AtomicU32 = AtomicU32::new(0);
 
 /// Why there is no executor, or no net in it.
 #[derive(Debug, thiserror::Error)]
-pub enum ExecutorError {
+pub enum BenchExecutorError {
     /// No cell.
     #[error(transparent)]
     Cell(#[from] CellError),
@@ -45,13 +45,13 @@ pub enum ExecutorError {
 }
 
 /// A driver that follows set-points at once.
-struct Driver {
+struct InstantDriver {
     measurement: Measurement,
     board: BoardWriter<Measurement>,
     commands: CommandReader,
 }
 
-impl Driver {
+impl InstantDriver {
     fn exchange(&mut self, now_ns: u64) {
         let image = self.commands.read();
         let measurement = &mut self.measurement;
@@ -73,26 +73,26 @@ impl Driver {
 }
 
 /// See the module.
-pub struct Executor {
+pub struct BenchExecutor {
     engine: Engine,
     boards: Boards,
-    drivers: Vec<Driver>,
-    ends: HelperEnds,
+    drivers: Vec<InstantDriver>,
+    ends: HelperRingEnds,
     devices: DeviceTable,
     hold: Joints,
     next_ticket: u64,
     _recorder: RecorderHelper,
     _session: Session,
-    _place: Place,
+    _cell_guard: CellGuard,
 }
 
 /// Everything of the cell, removed when dropped, after those who use it.
-struct Place {
+struct CellGuard {
     cell: Cell,
     folder: PathBuf,
 }
 
-impl Drop for Place {
+impl Drop for CellGuard {
     fn drop(&mut self) {
         remove(&self.cell);
         // As below.
@@ -109,18 +109,18 @@ pub fn remove(cell: &Cell) {
     let _ = fs::remove_dir_all(cell.iox_root());
 }
 
-impl Executor {
+impl BenchExecutor {
     /// An executor for these devices; arms are held at `hold`.
     ///
     /// # Errors
     /// The system does not let us.
-    pub fn new(devices: DeviceTable, hold: Joints) -> Result<Executor, ExecutorError> {
+    pub fn new(devices: DeviceTable, hold: Joints) -> Result<BenchExecutor, BenchExecutorError> {
         // No two of one process at the same time have the same number.
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let number = NEXT_CELL.fetch_add(1, Ordering::Relaxed);
         let folder =
             std::env::temp_dir().join(format!("rcc-bench-{}-{number}", std::process::id()));
         let cell = Cell::at("bench", &folder)?;
-        let place = Place {
+        let cell_guard = CellGuard {
             cell: cell.clone(),
             folder,
         };
@@ -153,7 +153,7 @@ impl Executor {
             models,
         };
         let engine = Engine::new(config, rt).recorded_by(recorder);
-        let mut executor = Executor {
+        let mut executor = BenchExecutor {
             engine,
             boards,
             drivers: Vec::new(),
@@ -163,13 +163,13 @@ impl Executor {
             next_ticket: 1,
             _recorder: helper,
             _session: session,
-            _place: place,
+            _cell_guard: cell_guard,
         };
         executor.attach_drivers()?;
         Ok(executor)
     }
 
-    fn attach_drivers(&mut self) -> Result<(), ExecutorError> {
+    fn attach_drivers(&mut self) -> Result<(), BenchExecutorError> {
         for (device, commands) in self.boards.commands.iter().enumerate() {
             let name = &self.devices.devices[device].name;
             let board: BoardWriter<Measurement> =
@@ -183,20 +183,20 @@ impl Executor {
             measurement.digital_known = u64::MAX;
             let reader = Box::new(self._session.open_board(board.service())?);
             let commands = self._session.open_commands(commands.service())?;
-            self.drivers.push(Driver {
+            self.drivers.push(InstantDriver {
                 measurement,
                 board,
                 commands,
             });
-            let order = Order::Attach {
+            let order = EngineRequest::Attach {
                 device,
                 incarnation: 1,
                 board: reader,
             };
             self.ends
-                .orders
+                .requests
                 .push(order)
-                .map_err(|_| ExecutorError::Answer(None))?;
+                .map_err(|_| BenchExecutorError::Answer(None))?;
         }
         self.cycles(3);
         Ok(())
@@ -206,7 +206,7 @@ impl Executor {
     ///
     /// # Errors
     /// It is refused.
-    pub fn start(&mut self, plan: PlanData) -> Result<u64, ExecutorError> {
+    pub fn start(&mut self, plan: PlanData) -> Result<u64, BenchExecutorError> {
         let holds: Vec<_> = self
             .drivers
             .iter()
@@ -220,17 +220,17 @@ impl Executor {
             &holds,
             dt_s,
         );
-        let net = net.map_err(ExecutorError::Refused)?;
-        let id = match self.ask(|ticket| Order::Reserve { ticket })? {
+        let net = net.map_err(BenchExecutorError::Refused)?;
+        let id = match self.ask(|ticket| EngineRequest::Reserve { ticket })? {
             Answer::Reserved { id } => id,
-            other => return Err(ExecutorError::Answer(Some(other))),
+            other => return Err(BenchExecutorError::Answer(Some(other))),
         };
         for answer in [
-            self.ask(|ticket| Order::Install { ticket, id, net })?,
-            self.ask(|ticket| Order::Start { ticket, id })?,
+            self.ask(|ticket| EngineRequest::Install { ticket, id, net })?,
+            self.ask(|ticket| EngineRequest::Start { ticket, id })?,
         ] {
             if !matches!(answer, Answer::Done { .. }) {
-                return Err(ExecutorError::Answer(Some(answer)));
+                return Err(BenchExecutorError::Answer(Some(answer)));
             }
         }
         Ok(id)
@@ -240,31 +240,34 @@ impl Executor {
     ///
     /// # Errors
     /// There is no such net.
-    pub fn end(&mut self, id: u64) -> Result<(), ExecutorError> {
-        self.ask(|ticket| Order::Abort { ticket, id })?;
+    pub fn end(&mut self, id: u64) -> Result<(), BenchExecutorError> {
+        self.ask(|ticket| EngineRequest::Abort { ticket, id })?;
         self.cycles(20);
-        self.ask(|ticket| Order::Unload { ticket, id })?;
+        self.ask(|ticket| EngineRequest::Unload { ticket, id })?;
         Ok(())
     }
 
-    fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Result<Answer, ExecutorError> {
+    fn ask(
+        &mut self,
+        order: impl FnOnce(u64) -> EngineRequest,
+    ) -> Result<Answer, BenchExecutorError> {
         let ticket = self.next_ticket;
         self.next_ticket += 1;
         self.ends
-            .orders
+            .requests
             .push(order(ticket))
-            .map_err(|_| ExecutorError::Answer(None))?;
+            .map_err(|_| BenchExecutorError::Answer(None))?;
         for _ in 0..3 {
             self.cycle();
-            while let Ok(outcome) = self.ends.outcomes.pop() {
-                if let Outcome::Answer { ticket: of, answer } = outcome
+            while let Ok(outcome) = self.ends.replies.pop() {
+                if let EngineReply::Answer { ticket: of, answer } = outcome
                     && of == ticket
                 {
                     return Ok(answer);
                 }
             }
         }
-        Err(ExecutorError::Answer(None))
+        Err(BenchExecutorError::Answer(None))
     }
 
     /// So many cycles; how long they took together, ns.
@@ -307,14 +310,14 @@ mod tests {
     fn nets_run_in_it_and_nothing_is_left_of_it() {
         let text = net(&Graph::load("full", 50).unwrap()).text;
         let plan = compile_for(&text, "graph.json", &cell()).unwrap().plan;
-        let mut executor = Executor::new(cell(), [0.0; 8]).unwrap();
+        let mut executor = BenchExecutor::new(cell(), [0.0; 8]).unwrap();
         let first = executor.start(plan.clone()).unwrap();
         executor.start(plan).unwrap();
         executor.cycles(100);
         assert_eq!(executor.running(), 2);
         executor.end(first).unwrap();
         assert_eq!(executor.running(), 1);
-        let Place { cell, folder } = &executor._place;
+        let CellGuard { cell, folder } = &executor._cell_guard;
         let (cell, folder) = (cell.clone(), folder.clone());
         assert!(folder.exists() && !cell.leftovers().unwrap().is_empty());
         drop(executor);

@@ -18,26 +18,26 @@ pub struct Graph {
     /// One of [`MIXES`].
     pub mix: String,
     /// In the order of evaluation; the place of a node is its id.
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<GraphNode>,
     /// The nodes that nobody reads, in the order of the hash.
     pub sinks: Vec<usize>,
     /// By cycle, counted from 1.
-    pub expected: BTreeMap<u64, Expected>,
+    pub expected: BTreeMap<u64, ExpectedResults>,
 }
 
 /// What a cycle must come to.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Expected {
+pub struct ExpectedResults {
     /// Hash of the sinks, hexadecimal.
     pub sinks_hash: String,
     /// Results of some nodes; `None` is null.
-    pub values: BTreeMap<usize, Option<Value>>,
+    pub values: BTreeMap<usize, Option<NodeValue>>,
 }
 
 /// A result.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
-pub enum Value {
+pub enum NodeValue {
     /// Of a condition.
     Bool(bool),
     /// Of a node that counts.
@@ -50,24 +50,24 @@ pub enum Value {
 
 /// A node.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Node {
+pub struct GraphNode {
     /// What it does.
     pub op: Op,
     /// What it reads.
     #[serde(rename = "in")]
-    pub inputs: Vec<Source>,
+    pub inputs: Vec<NodeInput>,
     /// Its constants.
-    pub params: Vec<Value>,
+    pub params: Vec<NodeValue>,
 }
 
 /// What feeds an input.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(from = "(Kind, Value)")]
-pub enum Source {
+pub enum NodeInput {
     /// The output of a node.
     Node(usize),
     /// A constant.
-    Constant(Value),
+    Constant(NodeValue),
     /// An external number.
     Real(usize),
     /// An external truth value.
@@ -77,24 +77,24 @@ pub enum Source {
 /// The letter of a source in a file.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Kind {
+enum SourceKind {
     N,
     K,
     U,
     V,
 }
 
-impl From<(Kind, Value)> for Source {
-    fn from((kind, value): (Kind, Value)) -> Source {
+impl From<(SourceKind, NodeValue)> for NodeInput {
+    fn from((kind, value): (SourceKind, NodeValue)) -> NodeInput {
         let index = match value {
-            Value::Int(index) => usize::try_from(index).unwrap_or(usize::MAX),
+            NodeValue::Int(index) => usize::try_from(index).unwrap_or(usize::MAX),
             _ => usize::MAX,
         };
         match kind {
-            Kind::N => Source::Node(index),
-            Kind::K => Source::Constant(value),
-            Kind::U => Source::Real(index),
-            Kind::V => Source::Bool(index),
+            SourceKind::N => NodeInput::Node(index),
+            SourceKind::K => NodeInput::Constant(value),
+            SourceKind::U => NodeInput::Real(index),
+            SourceKind::V => NodeInput::Bool(index),
         }
     }
 }
@@ -198,15 +198,15 @@ pub fn external_bool(cycle: u64, k: usize) -> bool {
 
 /// FNV-1a over 64-bit words.
 #[derive(Clone, Copy, Debug)]
-pub struct Hash(u64);
+pub struct SinkHash(u64);
 
-impl Default for Hash {
-    fn default() -> Hash {
-        Hash(0xcbf2_9ce4_8422_2325)
+impl Default for SinkHash {
+    fn default() -> SinkHash {
+        SinkHash(0xcbf2_9ce4_8422_2325)
     }
 }
 
-impl Hash {
+impl SinkHash {
     /// Adds a word.
     pub fn word(&mut self, word: u64) {
         self.0 = (self.0 ^ word).wrapping_mul(0x100_0000_01b3);

@@ -10,10 +10,10 @@ use rcc_core::guard::JointLimits;
 use rcc_core::message::Measurement;
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
 use rcc_core::unit::Unit;
-use rcc_language::devices::{Channel, Device, DeviceTable};
+use rcc_language::devices::{CellChannel, CellDevice, DeviceTable};
 use rcc_language::{Compiled, compile_for};
 
-use crate::graph::{Graph, Hash, NULL_WORD, Value, external_bool, external_real};
+use crate::graph::{Graph, NULL_WORD, NodeValue, SinkHash, external_bool, external_real};
 use crate::net::{DEVICE, net};
 use crate::straight::Inputs;
 
@@ -26,7 +26,7 @@ pub const BOOLS: usize = 4;
 #[must_use]
 pub fn cell() -> DeviceTable {
     let channels = |letter: char, count: usize| {
-        let channel = |k| Channel {
+        let channel = |k| CellChannel {
             name: format!("{letter}{k}"),
             unit: Unit::ONE,
         };
@@ -52,7 +52,7 @@ pub fn cell() -> DeviceTable {
     DeviceTable {
         fingerprint: 0,
         period_ns: 1_000_000,
-        devices: vec![Device {
+        devices: vec![CellDevice {
             name: DEVICE.to_string(),
             model,
             channels: [
@@ -82,7 +82,7 @@ pub fn measurement(cycle: u64) -> Measurement {
 
 /// The slots of a node's result.
 #[derive(Clone, Copy, Debug)]
-struct Slots {
+struct ResultSlots {
     store: Store,
     slot: usize,
     width: usize,
@@ -98,7 +98,7 @@ pub struct Instance {
     models: Vec<DeviceModel>,
     devices: [DeviceInput; 1],
     /// By node of the graph.
-    slots: Vec<Slots>,
+    slots: Vec<ResultSlots>,
     sinks: Vec<usize>,
     cycles: u64,
 }
@@ -117,13 +117,13 @@ impl Instance {
             (primitive.id.as_str(), out)
         });
         let ports: HashMap<_, _> = ports.collect();
-        let slots = text.places.iter().map(|place| {
+        let slots = text.outputs.iter().map(|output| {
             // Every place names an output of the net that was just made of it.
-            let port = ports[place.id.as_str()].expect("an output `out`");
+            let port = ports[output.id.as_str()].expect("an output `out`");
             let (slot, width) = (port.slot as usize, port.width as usize);
-            let element = place.index.map(|index| (slot + index as usize, 1));
+            let element = output.index.map(|index| (slot + index as usize, 1));
             let (slot, width) = element.unwrap_or((slot, width));
-            Slots {
+            ResultSlots {
                 store: port.store,
                 slot,
                 width,
@@ -202,24 +202,24 @@ impl Instance {
 
     /// The result of a node; `None` is null.
     #[must_use]
-    pub fn value(&self, node: usize) -> Option<Value> {
-        let Slots { store, slot, width } = self.slots[node];
+    pub fn value(&self, node: usize) -> Option<NodeValue> {
+        let ResultSlots { store, slot, width } = self.slots[node];
         match store {
             Store::Bool => match self.bools[slot] {
                 value if value & NULL_BOOL != 0 => None,
-                value => Some(Value::Bool(value == 1)),
+                value => Some(NodeValue::Bool(value == 1)),
             },
             Store::Int => match self.ints[slot] {
                 NULL_INT => None,
-                value => Some(Value::Int(value)),
+                value => Some(NodeValue::Int(value)),
             },
             Store::Real => {
                 let values = &self.reals[slot..slot + width];
                 match values {
                     [value] if value.is_nan() => None,
-                    [value] => Some(Value::Real(*value)),
+                    [value] => Some(NodeValue::Real(*value)),
                     [.., last] if last.is_nan() => None,
-                    _ => Some(Value::Transform(values.try_into().ok()?)),
+                    _ => Some(NodeValue::Transform(values.try_into().ok()?)),
                 }
             }
         }
@@ -227,15 +227,15 @@ impl Instance {
 
     /// The hash of the sinks.
     #[must_use]
-    pub fn hash(&self) -> Hash {
-        let mut hash = Hash::default();
+    pub fn hash(&self) -> SinkHash {
+        let mut hash = SinkHash::default();
         for sink in &self.sinks {
             let store = self.slots[*sink].store;
             match self.value(*sink) {
-                Some(Value::Bool(value)) => hash.word(u64::from(value)),
-                Some(Value::Int(value)) => hash.word(value.cast_unsigned()),
-                Some(Value::Real(value)) => hash.real(value),
-                Some(Value::Transform(values)) => values.iter().for_each(|v| hash.real(*v)),
+                Some(NodeValue::Bool(value)) => hash.word(u64::from(value)),
+                Some(NodeValue::Int(value)) => hash.word(value.cast_unsigned()),
+                Some(NodeValue::Real(value)) => hash.real(value),
+                Some(NodeValue::Transform(values)) => values.iter().for_each(|v| hash.real(*v)),
                 None => hash.word(match store {
                     Store::Bool => u64::from(NULL_BOOL),
                     Store::Int => NULL_INT.cast_unsigned(),

@@ -4,7 +4,7 @@
 //! `cargo bench -p rcc-bench --features straight-line` measures against straight-line code in the same run;
 //! `bench/hal`, `bench/wakeup` and `bench/kinematics/compare` measure against LinuxCNC HAL, cyclictest and other kinematics.
 
-pub use rcc_engine::catalogue;
+pub use rcc_engine::kernel_nets;
 
 pub mod executor;
 pub mod graph;

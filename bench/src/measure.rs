@@ -29,7 +29,7 @@ impl<'a> Subject<'a> {
 
 /// How long one cycle of a subject takes, ns: the median of its rounds, and the fastest and slowest round.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Figure {
+pub struct TimeStats {
     /// Median of the rounds.
     pub median: f64,
     /// The fastest round.
@@ -59,7 +59,7 @@ impl Effort {
 }
 
 /// Measures all subjects in turns; the figures are in their order. Every stretch begins hot.
-pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<Figure> {
+pub fn alternate(subjects: &mut [Subject<'_>], effort: Effort) -> Vec<TimeStats> {
     let cycles: Vec<usize> = subjects
         .iter_mut()
         .map(|subject| fitting(subject, effort.stretch))
@@ -91,10 +91,10 @@ fn fitting(subject: &mut Subject<'_>, wanted: Duration) -> usize {
 
 /// The figure of some rounds.
 #[must_use]
-pub fn figure(rounds: Vec<f64>) -> Figure {
+pub fn figure(rounds: Vec<f64>) -> TimeStats {
     let low = rounds.iter().copied().fold(f64::INFINITY, f64::min);
     let high = rounds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Figure {
+    TimeStats {
         median: median(rounds),
         low,
         high,
@@ -141,7 +141,7 @@ mod tests {
         let figure = figure(vec![5.0, 1.0, 9.0, 2.0, 3.0]);
         assert_eq!(
             figure,
-            Figure {
+            TimeStats {
                 median: 3.0,
                 low: 1.0,
                 high: 9.0

@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
-use rcc_core::kinematics::{Arm, Configuration, OrthoParallelArm, SrsArm};
+use rcc_core::kinematics::{Arm, ArmConfiguration, OrthoParallelArm, SrsArm};
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 
@@ -24,15 +24,15 @@ pub const TWIST: [f64; 6] = [0.1, 0.05, -0.02, 0.1, 0.0, 0.2];
 pub const DAMPING: f64 = 0.05;
 
 /// Subjects that belong together.
-pub struct Group {
+pub struct SubjectGroup {
     /// Of what.
     pub name: &'static str,
     /// What is measured.
-    pub subjects: Vec<Named>,
+    pub subjects: Vec<NamedSubject>,
 }
 
 /// A subject with its name.
-pub struct Named {
+pub struct NamedSubject {
     /// One cycle of what.
     pub name: String,
     /// The longest that it may take, ns, where that was decided before it was measured.
@@ -41,17 +41,17 @@ pub struct Named {
     pub subject: Subject<'static>,
 }
 
-impl Named {
-    fn new(name: impl Into<String>, mut cycle: impl FnMut() + 'static) -> Named {
-        Named {
+impl NamedSubject {
+    fn new(name: impl Into<String>, mut cycle: impl FnMut() + 'static) -> NamedSubject {
+        NamedSubject {
             name: name.into(),
             goal_ns: None,
             subject: Subject::new(move |cycles| (0..cycles).for_each(|_| cycle())),
         }
     }
 
-    fn within(self, goal_ns: f64) -> Named {
-        Named {
+    fn within(self, goal_ns: f64) -> NamedSubject {
+        NamedSubject {
             goal_ns: Some(goal_ns),
             ..self
         }
@@ -60,7 +60,7 @@ impl Named {
 
 /// Everything, in the order of a page.
 #[must_use]
-pub fn groups() -> Vec<Group> {
+pub fn groups() -> Vec<SubjectGroup> {
     vec![
         kinematics("kinematics of an LWR 4+", lwr()),
         kinematics("kinematics of a KR 6 R900-2", kr6()),
@@ -131,56 +131,56 @@ fn random(state: &mut u64) -> f64 {
 
 /// A position of an arm, and what inverse kinematics are asked there.
 #[derive(Clone, Copy)]
-struct Place {
+struct ArmSample {
     joints: Joints,
     pose: Pose,
-    configuration: Configuration,
+    configuration: ArmConfiguration,
 }
 
-fn places(arm: &Arm) -> Vec<Place> {
+fn samples(arm: &Arm) -> Vec<ArmSample> {
     let mut state = 7;
-    let mut place = |_| {
+    let mut sample = |_| {
         let joints = std::array::from_fn(|_| 2.5 * random(&mut state));
-        Place {
+        ArmSample {
             joints,
             pose: arm.forward(&joints),
             configuration: arm.configuration(&joints),
         }
     };
-    (0..POSITIONS).map(&mut place).collect()
+    (0..POSITIONS).map(&mut sample).collect()
 }
 
-fn kinematics(name: &'static str, arm: Arm) -> Group {
-    let places = places(&arm);
-    let at = |name: &str, call: fn(&Arm, &Place)| {
-        let places = places.clone();
+fn kinematics(name: &'static str, arm: Arm) -> SubjectGroup {
+    let samples = samples(&arm);
+    let at = |name: &str, call: fn(&Arm, &ArmSample)| {
+        let samples = samples.clone();
         let mut next = 0;
-        Named::new(name, move || {
-            call(&arm, black_box(&places[next]));
+        NamedSubject::new(name, move || {
+            call(&arm, black_box(&samples[next]));
             next = (next + 1) % POSITIONS;
         })
     };
-    Group {
+    SubjectGroup {
         name,
         subjects: vec![
-            at("forward", |arm, place| {
-                black_box(arm.forward(&place.joints));
+            at("forward", |arm, sample| {
+                black_box(arm.forward(&sample.joints));
             })
             .within(110.0),
-            at("Jacobian", |arm, place| {
-                black_box(arm.jacobian(&place.joints));
+            at("Jacobian", |arm, sample| {
+                black_box(arm.jacobian(&sample.joints));
             }),
-            at("inverse, one branch", |arm, place| {
-                let Configuration { branch, arm_angle } = place.configuration;
-                black_box(arm.inverse(&place.pose, arm_angle, branch, &place.joints)).ok();
+            at("inverse, one branch", |arm, sample| {
+                let ArmConfiguration { branch, arm_angle } = sample.configuration;
+                black_box(arm.inverse(&sample.pose, arm_angle, branch, &sample.joints)).ok();
             })
             .within(160.0),
-            at("inverse, all branches", |arm, place| {
-                let angle = place.configuration.arm_angle;
-                black_box(&arm.all_branches(&place.pose, angle, &place.joints));
+            at("inverse, all branches", |arm, sample| {
+                let angle = sample.configuration.arm_angle;
+                black_box(&arm.all_branches(&sample.pose, angle, &sample.joints));
             }),
-            at("joint velocities of a twist, damped", |arm, place| {
-                black_box(arm.joint_velocities(&place.joints, &TWIST, DAMPING));
+            at("joint velocities of a twist, damped", |arm, sample| {
+                black_box(arm.joint_velocities(&sample.joints, &TWIST, DAMPING));
             }),
         ],
     }

@@ -3,23 +3,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::graph::{Graph, Node, Op, Source, Value};
+use crate::graph::{Graph, GraphNode, NodeInput, NodeValue, Op};
 
 /// The name of the device that the external inputs are channels of.
 pub const DEVICE: &str = "station";
 
 /// A net and where the nodes of its graph are in it.
 #[derive(Clone, Debug)]
-pub struct Net {
+pub struct GraphNet {
     /// The text: JSON.
     pub text: String,
     /// By node: the output that carries its result.
-    pub places: Vec<Place>,
+    pub outputs: Vec<OutputRef>,
 }
 
 /// An output, or one of its elements.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
+pub struct OutputRef {
     /// Id of a primitive.
     pub id: String,
     /// Its output.
@@ -28,9 +28,9 @@ pub struct Place {
     pub index: Option<i64>,
 }
 
-impl Place {
-    fn out(id: String) -> Place {
-        Place {
+impl OutputRef {
+    fn out(id: String) -> OutputRef {
+        OutputRef {
             id,
             port: "out",
             index: None,
@@ -47,9 +47,9 @@ impl Place {
 
 /// Writes a graph as a net.
 #[must_use]
-pub fn net(graph: &Graph) -> Net {
-    let mut writer = Writer {
-        places: places(graph),
+pub fn net(graph: &Graph) -> GraphNet {
+    let mut writer = GraphNetWriter {
+        outputs: outputs(graph),
         primitives: BTreeMap::new(),
         read: BTreeSet::new(),
     };
@@ -58,8 +58,8 @@ pub fn net(graph: &Graph) -> Net {
     }
     writer.primitive("end", "Termination", &[("done", "false".into())], "");
     let all = writer.primitives.keys().filter(|id| *id != "end");
-    let forgotten = all.filter(|id| !writer.read.contains(*id));
-    let discard: Vec<String> = forgotten.map(|id| format!("\"{id}.out\"")).collect();
+    let unread = all.filter(|id| !writer.read.contains(*id));
+    let discard: Vec<String> = unread.map(|id| format!("\"{id}.out\"")).collect();
     let rows: Vec<String> = writer.primitives.into_values().collect();
     let text = format!(
         "{{\"net\": \"{}-{}\", \"primitives\": {{\n{}\n}}, \"discard\": [{}]}}\n",
@@ -68,40 +68,40 @@ pub fn net(graph: &Graph) -> Net {
         rows.join(",\n"),
         discard.join(", ")
     );
-    Net {
+    GraphNet {
         text,
-        places: writer.places,
+        outputs: writer.outputs,
     }
 }
 
 /// Where the result of each node is: an element of a transform is read where it stands, everything else is an output.
-fn places(graph: &Graph) -> Vec<Place> {
-    let mut places = Vec::new();
+fn outputs(graph: &Graph) -> Vec<OutputRef> {
+    let mut outputs = Vec::new();
     for (number, node) in graph.nodes.iter().enumerate() {
         let element = match (node.op, &node.inputs[..], &node.params[..]) {
-            (Op::Mget, [Source::Node(from)], [Value::Int(index)]) => Some((from, index)),
+            (Op::Mget, [NodeInput::Node(from)], [NodeValue::Int(index)]) => Some((from, index)),
             _ => None,
         };
-        places.push(match element {
-            Some((from, index)) => Place {
+        outputs.push(match element {
+            Some((from, index)) => OutputRef {
                 index: Some(*index),
-                ..Place::out(format!("n{from}"))
+                ..OutputRef::out(format!("n{from}"))
             },
-            None => Place::out(format!("n{number}")),
+            None => OutputRef::out(format!("n{number}")),
         });
     }
-    places
+    outputs
 }
 
-struct Writer {
-    places: Vec<Place>,
+struct GraphNetWriter {
+    outputs: Vec<OutputRef>,
     /// By id.
     primitives: BTreeMap<String, String>,
     /// Ids of primitives that somebody reads.
     read: BTreeSet<String>,
 }
 
-impl Writer {
+impl GraphNetWriter {
     fn primitive(&mut self, id: &str, ty: &str, inputs: &[(&str, String)], parameters: &str) {
         let inputs: Vec<String> = inputs
             .iter()
@@ -118,16 +118,16 @@ impl Writer {
     }
 
     /// What an input is written as; external inputs become primitives where they are first read.
-    fn source(&mut self, source: &Source) -> String {
+    fn source(&mut self, source: &NodeInput) -> String {
         let (id, ty, channel) = match source {
-            Source::Constant(value) => return literal(value),
-            Source::Node(number) => {
-                let place = self.places[*number].clone();
-                self.read.insert(place.id.clone());
-                return format!("\"{}\"", place.text());
+            NodeInput::Constant(value) => return literal(value),
+            NodeInput::Node(number) => {
+                let output = self.outputs[*number].clone();
+                self.read.insert(output.id.clone());
+                return format!("\"{}\"", output.text());
             }
-            Source::Real(k) => (format!("u{k}"), "AnalogInput", format!("u{k}")),
-            Source::Bool(k) => (format!("v{k}"), "DigitalInput", format!("v{k}")),
+            NodeInput::Real(k) => (format!("u{k}"), "AnalogInput", format!("u{k}")),
+            NodeInput::Bool(k) => (format!("v{k}"), "DigitalInput", format!("v{k}")),
         };
         let parameters = format!("\"device\": \"{DEVICE}\", \"channel\": \"{channel}\"");
         self.primitive(&id, ty, &[], &parameters);
@@ -135,8 +135,8 @@ impl Writer {
         format!("\"{id}.out\"")
     }
 
-    fn node(&mut self, number: usize, node: &Node) {
-        if self.places[number].index.is_some() {
+    fn node(&mut self, number: usize, node: &GraphNode) {
+        if self.outputs[number].index.is_some() {
             return;
         }
         let id = format!("n{number}");
@@ -168,12 +168,12 @@ impl Writer {
             // Its place is an element.
             Op::Mget => return,
             Op::Edge => {
-                let inputs = named(&["in"], inputs);
+                let inputs = with_ports(&["in"], inputs);
                 return self.primitive(&id, "RisingEdge", &inputs, "\"initial\": false");
             }
             Op::Lowpass => {
                 let gain = format!("\"gain\": {}", parameter());
-                return self.primitive(&id, "LowPass", &named(&["in"], inputs), &gain);
+                return self.primitive(&id, "LowPass", &with_ports(&["in"], inputs), &gain);
             }
             Op::Mkframe => {
                 let rows: [String; 3] = std::array::from_fn(|_| {
@@ -181,27 +181,32 @@ impl Writer {
                     format!("[{}]", row.join(", "))
                 });
                 let rotation = format!("\"rotation\": [{}]", rows.join(", "));
-                let inputs = named(&["x", "y", "z"], inputs);
+                let inputs = with_ports(&["x", "y", "z"], inputs);
                 return self.primitive(&id, "TransformFromPosition", &inputs, &rotation);
             }
             Op::Sqrt => {
-                self.primitive(&format!("{id}_abs"), "Abs", &named(&["in"], inputs), "");
+                self.primitive(
+                    &format!("{id}_abs"),
+                    "Abs",
+                    &with_ports(&["in"], inputs),
+                    "",
+                );
                 self.read.insert(format!("{id}_abs"));
-                let inputs = named(&["in"], vec![format!("\"{id}_abs.out\"")]);
+                let inputs = with_ports(&["in"], vec![format!("\"{id}_abs.out\"")]);
                 return self.primitive(&id, "SquareRoot", &inputs, "");
             }
             Op::Limit => {
                 let inputs = inputs.into_iter().chain([parameter(), parameter()]);
-                let inputs = named(&["in", "low", "high"], inputs.collect());
+                let inputs = with_ports(&["in", "low", "high"], inputs.collect());
                 return self.primitive(&id, "Limit", &inputs, "");
             }
             Op::Dflt => {
                 let inputs = inputs.into_iter().chain([parameter()]).collect();
-                return self.primitive(&id, "OrElse", &named(&["in", "other"], inputs), "");
+                return self.primitive(&id, "OrElse", &with_ports(&["in", "other"], inputs), "");
             }
             Op::Iand => {
                 let inputs = inputs.into_iter().chain([parameter()]).collect();
-                return self.primitive(&id, "BitAnd", &named(&["a", "b"], inputs), "");
+                return self.primitive(&id, "BitAnd", &with_ports(&["a", "b"], inputs), "");
             }
             Op::Delay => {
                 // Null is delayed too. A link alone would do, but a loop that can keep null for ever is refused; the
@@ -212,24 +217,24 @@ impl Writer {
                     parameter()
                 );
                 let inputs = vec!["true".to_string(), link, "0.0".to_string()];
-                let inputs = named(&["condition", "yes", "no"], inputs);
+                let inputs = with_ports(&["condition", "yes", "no"], inputs);
                 return self.primitive(&id, "Select", &inputs, "");
             }
         };
-        self.primitive(&id, ty, &named(ports, inputs), "");
+        self.primitive(&id, ty, &with_ports(ports, inputs), "");
     }
 }
 
-fn named<'p>(ports: &[&'p str], inputs: Vec<String>) -> Vec<(&'p str, String)> {
+fn with_ports<'p>(ports: &[&'p str], inputs: Vec<String>) -> Vec<(&'p str, String)> {
     ports.iter().copied().zip(inputs).collect()
 }
 
 /// A constant; the shortest text that reads as the same double.
-fn literal(value: &Value) -> String {
+fn literal(value: &NodeValue) -> String {
     match value {
-        Value::Bool(value) => value.to_string(),
-        Value::Int(value) => value.to_string(),
-        Value::Real(value) => format!("{value:?}"),
-        Value::Transform(elements) => format!("{elements:?}"),
+        NodeValue::Bool(value) => value.to_string(),
+        NodeValue::Int(value) => value.to_string(),
+        NodeValue::Real(value) => format!("{value:?}"),
+        NodeValue::Transform(elements) => format!("{elements:?}"),
     }
 }

@@ -9,12 +9,12 @@ mod plain;
 
 /// What the build step made; not for reading.
 #[allow(clippy::all, unused_imports)]
-mod made {
-    use super::{Hash, Inputs, Program, Straight, null, plain};
+mod generated {
+    use super::{Hash, Inputs, Program, StraightLineProgram, null, plain};
 
     include!(concat!(env!("OUT_DIR"), "/straight.rs"));
 }
-pub use made::ALL;
+pub use generated::ALL;
 
 /// External inputs of one cycle.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +47,7 @@ pub trait Program {
 
 /// A graph as a program.
 #[derive(Clone, Copy, Debug)]
-pub struct Straight {
+pub struct StraightLineProgram {
     /// Name of the graph's file without its end.
     pub graph: &'static str,
     /// Null is NaN and checked for; otherwise nothing is ever null.

@@ -14,7 +14,7 @@ use hyper_util::rt::TokioIo;
 use rcc_loader::server::api::{ErrorBody, ValuesView};
 use rcc_loader::server::caller::TIMEOUT_HEADER;
 use rcc_loader::server::codes;
-use rcc_loader::server::head::is_stop;
+use rcc_loader::server::request_head::is_stop;
 use rcc_loader::server::token::Token;
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -27,35 +27,35 @@ use crate::failure::Failure;
 #[derive(Debug)]
 pub struct Client {
     cell: String,
-    door: Door,
+    endpoint: Endpoint,
     timeout: Duration,
     runtime: Runtime,
 }
 
 /// Where the loader is.
 #[derive(Debug)]
-enum Door {
+enum Endpoint {
     Socket(PathBuf),
-    Tcp(Remote),
+    Tcp(RemoteLoader),
 }
 
-/// A loader's TCP door, and what opens it.
+/// A loader's TCP transport, and what opens it.
 #[derive(Clone)]
-pub struct Remote {
+pub struct RemoteLoader {
     /// Host and port.
     pub authority: String,
     /// The value of `authorization`, if there is a token.
     pub authorization: Option<Vec<u8>>,
 }
 
-impl fmt::Debug for Remote {
+impl fmt::Debug for RemoteLoader {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "Remote({})", self.authority)
+        write!(formatter, "RemoteLoader({})", self.authority)
     }
 }
 
-impl Remote {
-    /// The door at `url`, `http://HOST:PORT`; the token is in a file, or given.
+impl RemoteLoader {
+    /// The transport at `url`, `http://HOST:PORT`; the token is in a file, or given.
     ///
     /// # Errors
     /// Another form of address, or a token file that cannot be used.
@@ -63,7 +63,7 @@ impl Remote {
         url: &str,
         token_file: Option<&Path>,
         token: Option<&str>,
-    ) -> Result<Remote, Failure> {
+    ) -> Result<RemoteLoader, Failure> {
         let bad = |help: &str| {
             let message = format!("`{url}` is no address of a loader");
             Failure::new(codes::BAD_REQUEST, message, help)
@@ -94,7 +94,7 @@ impl Remote {
             (None, Some(token)) => Some([b"Bearer ", token.trim().as_bytes()].concat()),
             (None, None) => None,
         };
-        Ok(Remote {
+        Ok(RemoteLoader {
             authority: authority.to_owned(),
             authorization,
         })
@@ -107,19 +107,19 @@ impl Client {
     /// # Errors
     /// The system gives no event queue.
     pub fn new(cell: &str, socket: &Path, timeout: Duration) -> Result<Client, Failure> {
-        Client::through(cell, Door::Socket(socket.to_owned()), timeout)
+        Client::with_endpoint(cell, Endpoint::Socket(socket.to_owned()), timeout)
     }
 
-    /// A client of a loader's TCP door.
+    /// A client of a loader's TCP transport.
     ///
     /// # Errors
     /// As [`Client::new`].
-    pub fn remote(remote: Remote, timeout: Duration) -> Result<Client, Failure> {
+    pub fn remote(remote: RemoteLoader, timeout: Duration) -> Result<Client, Failure> {
         let cell = remote.authority.clone();
-        Client::through(&cell, Door::Tcp(remote), timeout)
+        Client::with_endpoint(&cell, Endpoint::Tcp(remote), timeout)
     }
 
-    fn through(cell: &str, door: Door, timeout: Duration) -> Result<Client, Failure> {
+    fn with_endpoint(cell: &str, endpoint: Endpoint, timeout: Duration) -> Result<Client, Failure> {
         let runtime = Builder::new_current_thread()
             .enable_all()
             .build()
@@ -132,7 +132,7 @@ impl Client {
             })?;
         Ok(Client {
             cell: cell.to_owned(),
-            door,
+            endpoint,
             timeout,
             runtime,
         })
@@ -222,12 +222,12 @@ impl Client {
         let mut request = Request::builder().method(method).uri(path);
         let time = u64::try_from(self.timeout.as_millis()).unwrap_or(u64::MAX);
         request = request.header(TIMEOUT_HEADER, time);
-        match &self.door {
-            Door::Socket(socket) => {
+        match &self.endpoint {
+            Endpoint::Socket(socket) => {
                 let stream = UnixStream::connect(socket).await?;
                 send(stream, request.header("host", "rcc"), body).await
             }
-            Door::Tcp(remote) => {
+            Endpoint::Tcp(remote) => {
                 let stream = TcpStream::connect(&remote.authority).await?;
                 if let Some(token) = &remote.authorization {
                     request = request.header("authorization", token.as_slice());
@@ -239,8 +239,8 @@ impl Client {
 
     fn unreachable(&self, cause: &io::Error) -> Failure {
         let cell = &self.cell;
-        match &self.door {
-            Door::Socket(socket) if cause.kind() == io::ErrorKind::PermissionDenied => {
+        match &self.endpoint {
+            Endpoint::Socket(socket) if cause.kind() == io::ErrorKind::PermissionDenied => {
                 Failure::new(
                     codes::NOT_PERMITTED,
                     format!("{} may not be used by you", socket.display()),
@@ -249,8 +249,8 @@ impl Client {
                     ),
                 )
             }
-            Door::Socket(_) => no_loader(cell, &format!(" ({cause})")),
-            Door::Tcp(remote) => Failure::new(
+            Endpoint::Socket(_) => no_loader(cell, &format!(" ({cause})")),
+            Endpoint::Tcp(remote) => Failure::new(
                 codes::NO_LOADER,
                 format!("no loader answers at {} ({cause})", remote.authority),
                 "its cell must run and have `access: {tcp: …}`; through a firewall use ssh -L",
@@ -360,7 +360,7 @@ mod tests {
             "http://[::1]:80/",
             "http://robot:7425",
         ] {
-            assert!(Remote::new(good, None, None).is_ok(), "{good}");
+            assert!(RemoteLoader::new(good, None, None).is_ok(), "{good}");
         }
         for bad in [
             "https://robot:7425",
@@ -370,13 +370,13 @@ mod tests {
             "http://robot:80/x",
             "http://:x",
         ] {
-            let refused = Remote::new(bad, None, None).map_err(|failure| failure.exit);
+            let refused = RemoteLoader::new(bad, None, None).map_err(|failure| failure.exit);
             assert!(matches!(refused, Err(2)), "{bad}");
         }
-        let remote = Remote::new("http://robot:1", None, Some("secret\n"));
+        let remote = RemoteLoader::new("http://robot:1", None, Some("secret\n"));
         let shown = remote.map(|remote| (format!("{remote:?}"), remote.authorization));
         let wanted = (
-            "Remote(robot:1)".to_owned(),
+            "RemoteLoader(robot:1)".to_owned(),
             Some(b"Bearer secret".to_vec()),
         );
         assert_eq!(shown.ok(), Some(wanted));

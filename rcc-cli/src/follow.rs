@@ -5,16 +5,16 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use rcc_language::bundle::bundle;
-use rcc_language::library::Files;
+use rcc_language::library::FileLibraries;
 use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, Named, Switch, Switched};
-use rcc_loader::server::codes::{self, Asked, exit};
+use rcc_loader::server::codes::{self, RequestedEnd, exit};
 use rcc_loader::server::compile::findings;
 
 use rcc_os::file;
 
 use crate::client::{Client, segment};
 use crate::failure::Failure;
-use crate::output::remark;
+use crate::output::print_note;
 
 /// How often a state is asked for.
 pub const POLL: Duration = Duration::from_millis(20);
@@ -50,7 +50,7 @@ pub fn given(path: &str, max: u64) -> std::io::Result<String> {
 /// The file cannot be read, or a library is missing or not valid.
 pub fn read_net(path: &str) -> Result<(String, String), Failure> {
     let (name, text) = read_text(path)?;
-    let bundled = bundle(&text, &name, &Files).map_err(|faults| {
+    let bundled = bundle(&text, &name, &FileLibraries).map_err(|faults| {
         let what = format!("{name} is not valid");
         Failure::invalid(&what, findings(&faults), (name.clone(), text.clone()))
     })?;
@@ -62,11 +62,11 @@ pub const TEXT_MAX: u64 = rcc_loader::server::bodies::TEXT_MAX as u64;
 
 /// What becomes of a command that is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rejected {
+pub enum OnRejection {
     /// It stays, so that STATE shows why.
-    Stays,
+    Keep,
     /// It is unloaded: its diagnostics are shown, and nobody knows its id.
-    Goes,
+    Unload,
 }
 
 /// LOAD: gives the text to the core and waits until it is `ready`.
@@ -77,7 +77,7 @@ pub fn load(
     client: &Client,
     name: &str,
     text: &str,
-    rejected: Rejected,
+    rejected: OnRejection,
 ) -> Result<CommandView, Failure> {
     let path = format!("/commands?file={}", segment(name));
     let Loaded { id, .. } = client.post(&path, text.to_owned())?;
@@ -96,7 +96,7 @@ pub fn load(
             "rejected" => {
                 let source = (name.to_owned(), text.to_owned());
                 let what = format!("{name} is rejected");
-                if rejected == Rejected::Goes {
+                if rejected == OnRejection::Unload {
                     // Failing leaves it in the table, where `unload` finds it.
                     let _ = unload(client, id);
                 }
@@ -188,16 +188,16 @@ pub fn is_over(command: &CommandView) -> bool {
 ///
 /// # Errors
 /// Everything that was not asked for, with its words on stderr.
-pub fn judge(command: &CommandView, asked: Asked) -> Result<(), Failure> {
+pub fn judge(command: &CommandView, asked: RequestedEnd) -> Result<(), Failure> {
     let code = codes::outcome(asked, command.reason.as_deref());
     if code == exit::OK {
         return Ok(());
     }
     let title = title(command);
     if let Some(fault) = &command.fault {
-        remark(&format!("{title}: {}", fault.words));
+        print_note(&format!("{title}: {}", fault.words));
     } else if code == exit::CANCELED {
-        remark(&format!(
+        print_note(&format!(
             "{title} was canceled before it had finished, and not by this command (`rcc-cli events` says more); exit code {code}"
         ));
     }
@@ -225,8 +225,8 @@ mod tests {
             ("aborted", Err(Failure::said(1)), Err(Failure::said(1))),
             ("fault", Err(Failure::said(1)), Err(Failure::said(1))),
         ] {
-            assert_eq!(judge(&command(reason), Asked::Finish), finish, "{reason}");
-            assert_eq!(judge(&command(reason), Asked::Cancel), cancel, "{reason}");
+            assert_eq!(judge(&command(reason), RequestedEnd::Finish), finish, "{reason}");
+            assert_eq!(judge(&command(reason), RequestedEnd::Cancel), cancel, "{reason}");
         }
     }
 

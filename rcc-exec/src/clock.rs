@@ -28,8 +28,8 @@ const SILENCE_MAX_NS: f64 = 100e6;
 const SILENCE_MAX_PERIODS: f64 = 10.0;
 /// A packet further from where it should be, in periods of the device, says nothing; so many in a row say that the device
 /// began anew.
-const STRANGE: f64 = 0.3;
-const STRANGE_MAX: u32 = 5;
+const OUTLIER_BEYOND: f64 = 0.3;
+const OUTLIERS_MAX: u32 = 5;
 /// More periods than this between two packets are a new beginning, too.
 const GAP_MAX: u64 = 10_000;
 /// How fast the reported figures follow.
@@ -37,7 +37,7 @@ const SMOOTHING: f64 = 1.0 / 64.0;
 
 /// A device that the clock follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Follow {
+pub struct FollowedDevice {
     /// Index of the device.
     pub device: u32,
     /// How long after a packet of the device a cycle begins, ns.
@@ -63,14 +63,14 @@ struct Estimate {
     at_ns: f64,
     /// Packets that it is made of.
     packets: u32,
-    strange: u32,
+    outliers: u32,
 }
 
 /// The executor's deadlines.
 #[derive(Clone, Debug)]
 pub struct Clock {
     period_ns: f64,
-    follow: Option<Follow>,
+    follow: Option<FollowedDevice>,
     origin_ns: u64,
     deadline_ns: u64,
     /// What the deadline would have beyond whole ns.
@@ -88,7 +88,7 @@ pub struct Clock {
 
 impl Clock {
     /// A clock whose first deadline is a period from now.
-    pub fn new(period_ns: u64, follow: Option<Follow>, now_ns: u64) -> Clock {
+    pub fn new(period_ns: u64, follow: Option<FollowedDevice>, now_ns: u64) -> Clock {
         Clock {
             period_ns: period_ns.max(1) as f64,
             follow,
@@ -145,10 +145,10 @@ impl Clock {
             known.is_none_or(|known| known.last.stamp_ns != packet.stamp_ns)
         });
         match news {
-            Some(packet) => self.take(packet),
-            None => self.wait(now_ns),
+            Some(packet) => self.track_packet(packet),
+            None => self.check_silence(now_ns),
         }
-        self.judge();
+        self.update_state();
     }
 
     /// The cycle has ended: the next deadline. Missed periods are skipped and counted, never caught up.
@@ -157,19 +157,19 @@ impl Clock {
         self.distance_ns = self.distance(length_ns);
         let slew_ns = SLEW_MAX * self.period_ns;
         let longer_ns = length_ns - self.period_ns + PULL * self.distance_ns;
-        self.add(self.period_ns + longer_ns.clamp(-slew_ns, slew_ns));
+        self.move_deadline(self.period_ns + longer_ns.clamp(-slew_ns, slew_ns));
         if ended_ns < self.deadline_ns {
             return 0;
         }
         let behind_ns = (ended_ns - self.deadline_ns) as f64;
         let skipped = (behind_ns / length_ns).floor() + 1.0;
-        self.add(skipped * length_ns);
+        self.move_deadline(skipped * length_ns);
         // Rounding may leave it a nanosecond short.
         self.deadline_ns = self.deadline_ns.max(ended_ns + 1);
         skipped as u64
     }
 
-    fn add(&mut self, length_ns: f64) {
+    fn move_deadline(&mut self, length_ns: f64) {
         let exact_ns = self.fraction_ns + length_ns;
         let whole_ns = exact_ns.floor();
         self.deadline_ns += whole_ns as u64;
@@ -194,7 +194,7 @@ impl Clock {
         time_ns.wrapping_sub(self.origin_ns).cast_signed() as f64
     }
 
-    fn take(&mut self, packet: Packet) {
+    fn track_packet(&mut self, packet: Packet) {
         let periods = packet.period_ns as f64 / self.period_ns;
         let fits = periods >= 0.999 && (periods - periods.round()).abs() <= 1e-3 * periods;
         let before = self.estimate.filter(|before| {
@@ -202,7 +202,7 @@ impl Clock {
             (1..=GAP_MAX).contains(&gap) && before.last.period_ns == packet.period_ns
         });
         let Some(before) = before.filter(|_| fits) else {
-            self.begin_anew(packet, fits);
+            self.restart_estimate(packet, fits);
             return;
         };
         let nominal_ns = packet.period_ns as f64;
@@ -213,31 +213,31 @@ impl Clock {
         let error_ns = self.since_origin(packet.stamp_ns) - expected_ns;
         let expected_ns = expected_ns + real_ns * (error_ns / real_ns).round();
         let error_ns = self.since_origin(packet.stamp_ns) - expected_ns;
-        let strange = error_ns.abs() > STRANGE * nominal_ns;
-        if strange && before.strange + 1 >= STRANGE_MAX {
-            self.begin_anew(packet, fits);
+        let is_outlier = error_ns.abs() > OUTLIER_BEYOND * nominal_ns;
+        if is_outlier && before.outliers + 1 >= OUTLIERS_MAX {
+            self.restart_estimate(packet, fits);
             return;
         }
         let packets = before.packets.saturating_add(1);
         let gain = GAIN.max(1.0 / f64::from(packets));
-        if packets > PACKETS_TO_FOLLOW && !strange {
+        if packets > PACKETS_TO_FOLLOW && !is_outlier {
             let rate = self.rate + 0.25 * gain * gain * error_ns / (nominal_ns * gap);
             self.rate = rate.clamp(-RATE_MAX, RATE_MAX);
         }
-        let moved_ns = if strange { 0.0 } else { gain * error_ns };
+        let moved_ns = if is_outlier { 0.0 } else { gain * error_ns };
         self.estimate = Some(Estimate {
             last: packet,
             at_ns: expected_ns + moved_ns,
             packets,
-            strange: if strange { before.strange + 1 } else { 0 },
+            outliers: if is_outlier { before.outliers + 1 } else { 0 },
         });
         self.error_ns += SMOOTHING * (error_ns + self.distance_ns - self.error_ns);
         self.jitter_ns += SMOOTHING * (error_ns.abs() - self.jitter_ns);
     }
 
     /// Nothing is known but this packet.
-    fn begin_anew(&mut self, packet: Packet, fits: bool) {
-        self.let_go(if fits {
+    fn restart_estimate(&mut self, packet: Packet, fits: bool) {
+        self.release_lock(if fits {
             ClockState::Searching
         } else {
             ClockState::Unfit
@@ -246,31 +246,31 @@ impl Clock {
             last: packet,
             at_ns: self.since_origin(packet.stamp_ns),
             packets: u32::from(fits),
-            strange: 0,
+            outliers: 0,
         });
     }
 
     /// No news: after a while the device is lost, and its own clock is what is left.
-    fn wait(&mut self, now_ns: u64) {
+    fn check_silence(&mut self, now_ns: u64) {
         let Some(estimate) = self.estimate else {
             return;
         };
         let silent_ns = self.since_origin(now_ns) - self.since_origin(estimate.last.stamp_ns);
         let periods_ns = SILENCE_MAX_PERIODS * estimate.last.period_ns as f64;
         if silent_ns > periods_ns.max(SILENCE_MAX_NS) {
-            self.let_go(ClockState::Searching);
+            self.release_lock(ClockState::Searching);
         }
     }
 
     /// On its own from here, with the period of the configuration; the deadlines go on from where they are.
-    fn let_go(&mut self, state: ClockState) {
+    fn release_lock(&mut self, state: ClockState) {
         self.losses += u64::from(self.state == ClockState::Locked);
         self.state = state;
         self.estimate = None;
         (self.rate, self.error_ns, self.jitter_ns) = (0.0, 0.0, 0.0);
     }
 
-    fn judge(&mut self) {
+    fn update_state(&mut self) {
         let packets = self.estimate.map_or(0, |estimate| estimate.packets);
         let away = self.distance_ns.abs() / self.period_ns;
         self.state = match self.state {

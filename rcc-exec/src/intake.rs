@@ -13,32 +13,35 @@ use rcc_ipc::control::{
     Answer, Call, InputValue, MEASUREMENT, READ_ELEMENTS_MAX, READ_MAX, Refusal, SET_ELEMENTS_MAX,
     SET_MAX, SWITCH_MAX, installs,
 };
-use rcc_ipc::events::{self, Kind, Recorder};
-use rcc_ipc::rehearsal::Rehearsed;
+use rcc_ipc::events::{self, EventKind, EventRecorder};
+use rcc_ipc::log_throttle::LogThrottle;
+use rcc_ipc::rehearsal::RehearsalReport;
 use rcc_ipc::request::{PollError, Request, Server};
-use rcc_ipc::seldom::Seldom;
 use rcc_ipc::{
-    Announcement, BoardReader, Disagreement, Life, Liveness, Role, Session, monotonic_ns, wire,
+    Announcement, BoardReader, Liveness, ProcessInstance, ProcessMismatch, Role, Session,
+    monotonic_ns, wire,
 };
 use rcc_process::Helpers;
 use rtrb::{Consumer, Producer};
 use tracing::{info, warn};
 
-use crate::incidents::{self, Recordings};
-use crate::maker::{Job, Made, Maker, Sight, Site, What};
+use crate::incidents::{self, RecordingResults};
+use crate::net_builder::{
+    BuildContext, BuildOutcome, BuildRequest, BuildSource, DeviceSnapshot, NetBuilderThread,
+};
 use rcc_engine::costs::Costs;
-use rcc_engine::net::{Net, Origin};
-use rcc_engine::queue::{Order, Outcome, Reading};
+use rcc_engine::net::{Net, NetOrigin};
+use rcc_engine::queue::{EngineReply, EngineRequest, ValueReading};
 
 /// How often announcements of drivers are looked at.
-const WATCH_EVERY: Duration = Duration::from_millis(50);
+const CHECK_DRIVERS_EVERY: Duration = Duration::from_millis(50);
 /// How often requests are looked at.
 pub const POLL_EVERY: Duration = Duration::from_micros(500);
 /// Requests that may wait for a net that is being made.
-const BEHIND_MAX: usize = 64;
+const DEFERRED_MAX: usize = 64;
 
 /// A device as the intake thread sees it.
-struct Watched {
+struct DeviceLink {
     name: String,
     /// Incarnation and our own reader of its board (the real-time thread has another one).
     attached: Option<(u64, BoardReader<Measurement>)>,
@@ -47,18 +50,18 @@ struct Watched {
 }
 
 /// A caller who waits for an answer, and what is done when it comes.
-struct Waiting {
+struct PendingRequest {
     request: Request,
-    then: Then,
+    then: OnDone,
 }
 
 /// What an answer that says that it is done means here.
-enum Then {
+enum OnDone {
     Nothing,
     /// A command is ready.
-    Ready(u64, Option<Rehearsed>, Loaded),
+    Ready(u64, Option<RehearsalReport>, ReadyCommand),
     /// Commands are started.
-    Started(Vec<u64>, Option<Rehearsed>),
+    Started(Vec<u64>, Option<RehearsalReport>),
     /// Inputs of a command are set.
     Set(u64, Vec<InputValue>),
     /// A command is no more.
@@ -66,8 +69,8 @@ enum Then {
 }
 
 /// A command that is ready and not started: what its net is made of anew if an arm rests elsewhere at START.
-struct Loaded {
-    origin: Origin,
+struct ReadyCommand {
+    origin: NetOrigin,
     /// Bit d: it commands the arm of device d.
     arms: u64,
     /// What was set, by input.
@@ -78,29 +81,29 @@ struct Loaded {
 pub struct Intake {
     session: Session,
     server: Server,
-    orders: Producer<Order>,
-    outcomes: Consumer<Outcome>,
-    maker: Maker,
+    engine_requests: Producer<EngineRequest>,
+    engine_replies: Consumer<EngineReply>,
+    net_builder: NetBuilderThread,
     stale_after_ns: u64,
-    devices: Vec<Watched>,
-    waiting: HashMap<u64, Waiting>,
-    loaded: HashMap<u64, Loaded>,
+    devices: Vec<DeviceLink>,
+    pending: HashMap<u64, PendingRequest>,
+    ready: HashMap<u64, ReadyCommand>,
     /// Commands whose net is being made.
-    making: HashSet<u64>,
+    building: HashSet<u64>,
     /// Those of them that are being made anew, for a START.
-    starting: HashSet<u64>,
+    rebuilding: HashSet<u64>,
     /// Those of them that somebody wanted to end meanwhile.
     withdrawn: HashSet<u64>,
     /// Calls that name one of them, in order.
-    behind: VecDeque<(Call, Request)>,
+    deferred: VecDeque<(Call, Request)>,
     next_ticket: u64,
-    watched_at: Option<Instant>,
-    complaints: Seldom,
+    drivers_checked_at: Option<Instant>,
+    error_log: LogThrottle,
     /// About drivers that may live or not, or whose board cannot be opened.
-    doubts: Seldom,
-    recorder: Option<Recorder>,
-    scribe: Option<Sender<incidents::Made>>,
-    recordings: Recordings,
+    liveness_log: LogThrottle,
+    recorder: Option<EventRecorder>,
+    incident_writer: Option<Sender<incidents::BuildOutcome>>,
+    recordings: RecordingResults,
     announcement: Announcement,
 }
 
@@ -132,20 +135,20 @@ impl Intake {
     pub fn new(
         session: Session,
         server: Server,
-        orders: Producer<Order>,
-        outcomes: Consumer<Outcome>,
+        engine_requests: Producer<EngineRequest>,
+        engine_replies: Consumer<EngineReply>,
         config: IntakeConfig,
     ) -> io::Result<Intake> {
         let devices = config
             .names
             .into_iter()
-            .map(|name| Watched {
+            .map(|name| DeviceLink {
                 name,
                 attached: None,
                 refused: 0,
             })
             .collect();
-        let site = Site {
+        let site = BuildContext {
             models: config.models,
             configuration: config.configuration,
             period_ns: config.period_ns,
@@ -154,160 +157,166 @@ impl Intake {
         Ok(Intake {
             session,
             server,
-            orders,
-            outcomes,
-            maker: Maker::start(site, &config.helpers)?,
+            engine_requests,
+            engine_replies,
+            net_builder: NetBuilderThread::start(site, &config.helpers)?,
             stale_after_ns: config.stale_after_ns,
             devices,
-            waiting: HashMap::new(),
-            loaded: HashMap::new(),
-            making: HashSet::new(),
-            starting: HashSet::new(),
+            pending: HashMap::new(),
+            ready: HashMap::new(),
+            building: HashSet::new(),
+            rebuilding: HashSet::new(),
             withdrawn: HashSet::new(),
-            behind: VecDeque::new(),
+            deferred: VecDeque::new(),
             next_ticket: 1,
-            watched_at: None,
-            complaints: Seldom::default(),
-            doubts: Seldom::default(),
+            drivers_checked_at: None,
+            error_log: LogThrottle::default(),
+            liveness_log: LogThrottle::default(),
             recorder: None,
-            scribe: None,
-            recordings: Recordings::default(),
+            incident_writer: None,
+            recordings: RecordingResults::default(),
             announcement: config.announcement,
         })
     }
 
     /// Tells every net that it makes to whoever writes incident files, and answers what became of them.
     #[must_use]
-    pub fn telling(
+    pub fn with_incident_writer(
         mut self,
-        scribe: Option<Sender<incidents::Made>>,
-        recordings: Recordings,
+        incident_writer: Option<Sender<incidents::BuildOutcome>>,
+        recordings: RecordingResults,
     ) -> Intake {
-        self.scribe = scribe;
+        self.incident_writer = incident_writer;
         self.recordings = recordings;
         self
     }
 
     /// Writes what happens to the cell's event log, too.
     #[must_use]
-    pub fn recording(mut self, recorder: Recorder) -> Intake {
+    pub fn with_event_log(mut self, recorder: EventRecorder) -> Intake {
         self.recorder = Some(recorder);
         self
     }
 
-    fn record(&self, what: Kind) {
+    fn record(&self, event: EventKind) {
         if let Some(recorder) = &self.recorder {
-            recorder.tell(what);
+            recorder.tell(event);
         }
     }
 
     /// One round; returns true if there was something to do.
     pub fn round(&mut self) -> bool {
-        if self.watched_at.is_none_or(|at| at.elapsed() >= WATCH_EVERY) {
-            self.watched_at = Some(Instant::now());
-            self.watch_drivers();
+        if self
+            .drivers_checked_at
+            .is_none_or(|at| at.elapsed() >= CHECK_DRIVERS_EVERY)
+        {
+            self.drivers_checked_at = Some(Instant::now());
+            self.update_drivers();
         }
         let mut busy = false;
-        while let Ok(outcome) = self.outcomes.pop() {
+        while let Ok(outcome) = self.engine_replies.pop() {
             busy = true;
-            self.take_back(outcome);
+            self.handle_outcome(outcome);
         }
-        while let Some(made) = self.maker.take() {
+        while let Some(outcome) = self.net_builder.next_outcome() {
             busy = true;
-            self.take_made(made);
+            self.handle_build_outcome(outcome);
         }
         match self.server.poll() {
             Ok(Some(request)) => {
                 busy = true;
-                self.take(request);
+                self.accept(request);
             }
             Ok(None) => {}
             // A refused one was something to do: others may wait behind it.
             Err(error) => {
                 busy = matches!(error, PollError::Refused { .. });
-                self.complain(&error);
+                self.log_error(&error);
             }
         }
         busy
     }
 
-    fn take_back(&mut self, outcome: Outcome) {
+    fn handle_outcome(&mut self, outcome: EngineReply) {
         match outcome {
-            Outcome::Answer { ticket, answer } => {
-                if let Some(Waiting { request, then }) = self.waiting.remove(&ticket) {
-                    let answer = self.answered(answer, then);
+            EngineReply::Answer { ticket, answer } => {
+                if let Some(PendingRequest { request, then }) = self.pending.remove(&ticket) {
+                    let answer = self.finish_answer(answer, then);
                     reply(request, &answer);
                 }
             }
             // Dropped here, so that the real-time thread never frees.
-            Outcome::Values(values) => drop(values),
-            Outcome::Read {
+            EngineReply::Values(values) => drop(values),
+            EngineReply::Read {
                 ticket,
                 reading,
                 refused,
             } => {
-                if let Some(Waiting { request, .. }) = self.waiting.remove(&ticket) {
+                if let Some(PendingRequest { request, .. }) = self.pending.remove(&ticket) {
                     let answer = refused.map_or(Answer::Values(reading.values), Answer::Refused);
                     reply(request, &answer);
                 }
             }
-            Outcome::Net(net) => drop(net),
-            Outcome::Board(board) => drop(board),
+            EngineReply::Net(net) => drop(net),
+            EngineReply::Board(board) => drop(board),
         }
     }
 
     /// Tells of a request that was none, seldom enough that nobody can fill the log.
-    fn complain(&mut self, error: &dyn std::fmt::Display) {
-        match self.complaints.say(Instant::now()) {
+    fn log_error(&mut self, error: &dyn std::fmt::Display) {
+        match self.error_log.say(Instant::now()) {
             Some(0) => warn!("{error}"),
             Some(others) => warn!("{error}; {others} more since the last such line"),
             None => {}
         }
     }
 
-    fn take(&mut self, mut request: Request) {
+    fn accept(&mut self, mut request: Request) {
         if let Some(id) = installs(request.bytes()) {
-            let (ticket, sight) = (self.ticket(), self.sight());
-            let what = What::Encoded(request.take_bytes());
-            return self.make(ticket, id, what, sight, request);
+            let (ticket, snapshot) = (self.ticket(), self.snapshot());
+            let source = BuildSource::Encoded(request.take_bytes());
+            return self.build(ticket, id, source, snapshot, request);
         }
         let call = match wire::decode::<Call>(request.bytes()) {
             Ok(call) => call,
             Err(error) => {
-                self.complain(&format_args!("a request is refused: {error}"));
+                self.log_error(&format_args!("a request is refused: {error}"));
                 return reply(request, &Answer::Refused(Refusal::NotUnderstood));
             }
         };
         // Whoever wants an arm to stop does not wait for a net to be made: a START that has not begun is withdrawn, and of a
         // command that is loading the real-time thread says so.
         if let Call::Cancel { id } | Call::Abort { id } = call
-            && self.making.contains(&id)
+            && self.building.contains(&id)
         {
-            if self.starting.contains(&id) {
+            if self.rebuilding.contains(&id) {
                 self.withdraw(id);
                 return reply(request, &Answer::Done { cycle: 0 });
             }
-            return self.obey(call, request);
+            return self.dispatch(call, request);
         }
         // What concerns a command whose net is being made comes after it.
-        if named_in(&call).iter().any(|id| self.making.contains(id)) {
-            if self.behind.len() >= BEHIND_MAX {
+        if commands_of(&call)
+            .iter()
+            .any(|id| self.building.contains(id))
+        {
+            if self.deferred.len() >= DEFERRED_MAX {
                 return reply(request, &Answer::Refused(Refusal::Overloaded));
             }
-            return self.behind.push_back((call, request));
+            return self.deferred.push_back((call, request));
         }
-        self.obey(call, request);
+        self.dispatch(call, request);
     }
 
     /// Every START of this command that has not begun is refused.
     fn withdraw(&mut self, id: u64) {
         self.withdrawn.insert(id);
-        for (call, request) in std::mem::take(&mut self.behind) {
+        for (call, request) in std::mem::take(&mut self.deferred) {
             match call {
                 Call::Start { id: other } if other == id => {
                     reply(request, &Answer::Refused(Refusal::Withdrawn));
                 }
-                call => self.behind.push_back((call, request)),
+                call => self.deferred.push_back((call, request)),
             }
         }
     }
@@ -317,24 +326,24 @@ impl Intake {
         self.next_ticket - 1
     }
 
-    fn obey(&mut self, call: Call, request: Request) {
+    fn dispatch(&mut self, call: Call, request: Request) {
         let ticket = self.ticket();
-        let mut then = Then::Nothing;
-        let order = match call {
-            Call::Reserve => Order::Reserve { ticket },
-            Call::Reject { id } => Order::Reject { ticket, id },
+        let mut then = OnDone::Nothing;
+        let engine_request = match call {
+            Call::Reserve => EngineRequest::Reserve { ticket },
+            Call::Reject { id } => EngineRequest::Reject { ticket, id },
             Call::Start { id } => {
-                let sight = self.sight();
-                if let Some(what) = self.elsewhere(id, &sight) {
-                    return self.make(ticket, id, what, sight, request);
+                let snapshot = self.snapshot();
+                if let Some(source) = self.rebuild_source(id, &snapshot) {
+                    return self.build(ticket, id, source, snapshot, request);
                 }
-                then = Then::Started(vec![id], None);
-                Order::Start { ticket, id }
+                then = OnDone::Started(vec![id], None);
+                EngineRequest::Start { ticket, id }
             }
-            Call::Switch { stop, start } => match (listed(&stop), listed(&start)) {
+            Call::Switch { stop, start } => match (id_list(&stop), id_list(&start)) {
                 (Some(stop), Some(list)) => {
-                    then = Then::Started(start, None);
-                    Order::Switch {
+                    then = OnDone::Started(start, None);
+                    EngineRequest::Handover {
                         ticket,
                         stop,
                         start: list,
@@ -354,10 +363,10 @@ impl Intake {
                     };
                     return reply(request, &Answer::Refused(refusal));
                 }
-                if self.loaded.contains_key(&id) {
-                    then = Then::Set(id, values.clone());
+                if self.ready.contains_key(&id) {
+                    then = OnDone::Set(id, values.clone());
                 }
-                Order::Set { ticket, id, values }
+                EngineRequest::Set { ticket, id, values }
             }
             Call::Read { id, points } => {
                 let widths = points.iter().map(|point| u64::from(point.width));
@@ -368,160 +377,190 @@ impl Intake {
                     };
                     return reply(request, &Answer::Refused(refusal));
                 }
-                let reading = Reading::of(points);
-                Order::Read {
+                let reading = ValueReading::of(points);
+                EngineRequest::Read {
                     ticket,
                     id,
                     reading,
                 }
             }
-            Call::Cancel { id } => Order::Cancel { ticket, id },
-            Call::Abort { id } => Order::Abort { ticket, id },
+            Call::Cancel { id } => EngineRequest::Cancel { ticket, id },
+            Call::Abort { id } => EngineRequest::Abort { ticket, id },
             Call::Unload { id } => {
-                then = Then::Unloaded(id);
-                Order::Unload { ticket, id }
+                then = OnDone::Unloaded(id);
+                EngineRequest::Unload { ticket, id }
             }
-            Call::Record => Order::Record { ticket },
+            Call::Record => EngineRequest::Record { ticket },
             Call::Recorded { cycle } => {
-                let recorded = self.recordings.of(cycle);
+                let recorded = self.recordings.find(cycle);
                 return reply(request, &Answer::Recorded(recorded));
             }
-            Call::Acknowledge => Order::Acknowledge { ticket },
+            Call::Acknowledge => EngineRequest::Acknowledge { ticket },
             Call::Install { id, plan } => {
-                let sight = self.sight();
-                return self.make(ticket, id, What::Plan(Box::new(plan)), sight, request);
+                let snapshot = self.snapshot();
+                return self.build(
+                    ticket,
+                    id,
+                    BuildSource::Plan(Box::new(plan)),
+                    snapshot,
+                    request,
+                );
             }
         };
-        self.send(order, Some((ticket, Waiting { request, then })));
+        self.submit(
+            engine_request,
+            Some((ticket, PendingRequest { request, then })),
+        );
     }
 
     /// Has a net made; who asked for it waits.
-    fn make(&mut self, ticket: u64, id: u64, what: What, sight: Sight, request: Request) {
-        let anew = matches!(what, What::Anew(..));
-        let job = Job {
+    fn build(
+        &mut self,
+        ticket: u64,
+        id: u64,
+        source: BuildSource,
+        snapshot: DeviceSnapshot,
+        request: Request,
+    ) {
+        let rebuild = matches!(source, BuildSource::Rebuild(..));
+        let build_request = BuildRequest {
             ticket,
             id,
-            what,
-            sight,
+            source,
+            snapshot,
         };
-        match self.maker.give(job) {
+        match self.net_builder.submit(build_request) {
             Ok(()) => {
-                self.making.insert(id);
-                if anew {
-                    self.starting.insert(id);
+                self.building.insert(id);
+                if rebuild {
+                    self.rebuilding.insert(id);
                 }
-                let then = Then::Nothing;
-                self.waiting.insert(ticket, Waiting { request, then });
+                let then = OnDone::Nothing;
+                self.pending
+                    .insert(ticket, PendingRequest { request, then });
             }
             Err(refusal) => reply(request, &Answer::Refused(refusal)),
         }
     }
 
     /// A net is made, or cannot be: the command becomes ready or rejected, or is started, or stays ready.
-    fn take_made(&mut self, made: Made) {
-        let Made {
+    fn handle_build_outcome(&mut self, outcome: BuildOutcome) {
+        let BuildOutcome {
             ticket,
             id,
-            anew,
+            rebuild,
             net,
-        } = made;
-        self.making.remove(&id);
-        self.starting.remove(&id);
+        } = outcome;
+        self.building.remove(&id);
+        self.rebuilding.remove(&id);
         let net = match self.withdrawn.remove(&id) {
             true => Err(Refusal::Withdrawn),
             false => net,
         };
-        let waiting = self.waiting.remove(&ticket);
-        if let Some(Waiting { request, .. }) = waiting {
+        let pending = self.pending.remove(&ticket);
+        if let Some(PendingRequest { request, .. }) = pending {
             match net {
-                Ok((net, rehearsed)) if anew => {
-                    self.start_anew(ticket, id, net, rehearsed, request)
+                Ok((net, rehearsed)) if rebuild => {
+                    self.start_rebuilt(ticket, id, net, rehearsed, request)
                 }
                 Ok((net, rehearsed)) => {
-                    let loaded = Loaded {
+                    let ready = ReadyCommand {
                         origin: net.origin(),
                         arms: net.resources().arms,
                         values: BTreeMap::new(),
                     };
-                    let then = Then::Ready(id, rehearsed, loaded);
-                    let order = Order::Install { ticket, id, net };
-                    self.send(order, Some((ticket, Waiting { request, then })));
+                    let then = OnDone::Ready(id, rehearsed, ready);
+                    let engine_request = EngineRequest::Install { ticket, id, net };
+                    self.submit(
+                        engine_request,
+                        Some((ticket, PendingRequest { request, then })),
+                    );
                 }
                 Err(refusal) => {
                     reply(request, &Answer::Refused(refusal));
-                    if !anew {
+                    if !rebuild {
                         // Nobody waits for this answer: the caller already has the reason.
-                        self.send(Order::Reject { ticket: 0, id }, None);
+                        self.submit(EngineRequest::Reject { ticket: 0, id }, None);
                     }
                 }
             }
         }
-        for (call, request) in std::mem::take(&mut self.behind) {
-            if named_in(&call).iter().any(|id| self.making.contains(id)) {
-                self.behind.push_back((call, request));
+        for (call, request) in std::mem::take(&mut self.deferred) {
+            if commands_of(&call)
+                .iter()
+                .any(|id| self.building.contains(id))
+            {
+                self.deferred.push_back((call, request));
             } else {
-                self.obey(call, request);
+                self.dispatch(call, request);
             }
         }
     }
 
     /// START of a command whose net was made anew: the net takes the place of the one that was ready.
-    fn start_anew(
+    fn start_rebuilt(
         &mut self,
         ticket: u64,
         id: u64,
         net: Box<Net>,
-        rehearsed: Option<Rehearsed>,
+        rehearsed: Option<RehearsalReport>,
         request: Request,
     ) {
         let origin = net.origin();
-        if self.orders.push(Order::Renew { id, net }).is_err() {
+        if self
+            .engine_requests
+            .push(EngineRequest::Renew { id, net })
+            .is_err()
+        {
             return reply(request, &Answer::Refused(Refusal::Overloaded));
         }
-        self.tell(id, &origin);
-        if let Some(loaded) = self.loaded.get_mut(&id) {
-            loaded.origin = origin;
+        self.send_origin(id, &origin);
+        if let Some(ready) = self.ready.get_mut(&id) {
+            ready.origin = origin;
         }
-        let then = Then::Started(vec![id], rehearsed);
-        let order = Order::Start { ticket, id };
-        self.send(order, Some((ticket, Waiting { request, then })));
+        let then = OnDone::Started(vec![id], rehearsed);
+        let engine_request = EngineRequest::Start { ticket, id };
+        self.submit(
+            engine_request,
+            Some((ticket, PendingRequest { request, then })),
+        );
     }
 
     /// Whoever writes incident files must have what a net begins from.
-    fn tell(&self, id: u64, origin: &Origin) {
-        if let Some(scribe) = &self.scribe {
+    fn send_origin(&self, id: u64, origin: &NetOrigin) {
+        if let Some(incident_writer) = &self.incident_writer {
             // Gone only when the executor ends.
-            let _ = scribe.send((id, origin.clone()));
+            let _ = incident_writer.send((id, origin.clone()));
         }
     }
 
     /// What is to be remembered of an answer, and the answer as the caller gets it.
-    fn answered(&mut self, answer: Answer, then: Then) -> Answer {
+    fn finish_answer(&mut self, answer: Answer, then: OnDone) -> Answer {
         let Answer::Done { cycle } = answer else {
             return answer;
         };
         let rehearsed = match then {
-            Then::Nothing => None,
-            Then::Ready(id, rehearsed, loaded) => {
-                self.tell(id, &loaded.origin);
-                self.loaded.insert(id, loaded);
+            OnDone::Nothing => None,
+            OnDone::Ready(id, rehearsed, ready) => {
+                self.send_origin(id, &ready.origin);
+                self.ready.insert(id, ready);
                 rehearsed
             }
-            Then::Started(ids, rehearsed) => {
+            OnDone::Started(ids, rehearsed) => {
                 for id in ids {
-                    self.loaded.remove(&id);
+                    self.ready.remove(&id);
                 }
                 rehearsed
             }
-            Then::Set(id, values) => {
-                if let Some(loaded) = self.loaded.get_mut(&id) {
+            OnDone::Set(id, values) => {
+                if let Some(ready) = self.ready.get_mut(&id) {
                     let pairs = values.into_iter().map(|value| (value.input, value.words));
-                    loaded.values.extend(pairs);
+                    ready.values.extend(pairs);
                 }
                 None
             }
-            Then::Unloaded(id) => {
-                self.loaded.remove(&id);
+            OnDone::Unloaded(id) => {
+                self.ready.remove(&id);
                 None
             }
         };
@@ -530,29 +569,29 @@ impl Intake {
 
     /// What the net of a command must be made of anew to be started: its arms rest, and not all of them where they were
     /// when it was made. While one moves, START is left to refuse it.
-    fn elsewhere(&self, id: u64, sight: &Sight) -> Option<What> {
-        let loaded = self.loaded.get(&id)?;
+    fn rebuild_source(&self, id: u64, snapshot: &DeviceSnapshot) -> Option<BuildSource> {
+        let ready = self.ready.get(&id)?;
         let mut same = true;
-        for device in (0..self.devices.len()).filter(|device| loaded.arms >> device & 1 == 1) {
-            let rests = sight.rests_at(device)?;
-            let begun = loaded.origin.begun.holds.get(device).copied().flatten();
+        for device in (0..self.devices.len()).filter(|device| ready.arms >> device & 1 == 1) {
+            let rests = snapshot.rest_position(device)?;
+            let begun = ready.origin.begun.holds.get(device).copied().flatten();
             same &= begun == Some(rests);
         }
         let value = |(input, words): (&u32, &Vec<u64>)| InputValue {
             input: *input,
             words: words.clone(),
         };
-        let values = || loaded.values.iter().map(value).collect();
-        (!same).then(|| What::Anew(loaded.origin.clone(), values()))
+        let values = || ready.values.iter().map(value).collect();
+        (!same).then(|| BuildSource::Rebuild(ready.origin.clone(), values()))
     }
 
-    fn send(&mut self, order: Order, waiting: Option<(u64, Waiting)>) {
-        match (self.orders.push(order), waiting) {
-            (Ok(()), Some((ticket, waiting))) => {
-                self.waiting.insert(ticket, waiting);
+    fn submit(&mut self, engine_request: EngineRequest, pending: Option<(u64, PendingRequest)>) {
+        match (self.engine_requests.push(engine_request), pending) {
+            (Ok(()), Some((ticket, pending))) => {
+                self.pending.insert(ticket, pending);
             }
-            (Err(_), Some((_, waiting))) => {
-                reply(waiting.request, &Answer::Refused(Refusal::Overloaded));
+            (Err(_), Some((_, pending))) => {
+                reply(pending.request, &Answer::Refused(Refusal::Overloaded));
             }
             (Ok(()), None) => {}
             (Err(_), None) => warn!("an order was lost: the real-time thread takes none"),
@@ -560,14 +599,14 @@ impl Intake {
     }
 
     /// What the devices say now.
-    fn sight(&self) -> Sight {
-        let looks = self.devices.iter().map(|device| self.look(device));
+    fn snapshot(&self) -> DeviceSnapshot {
+        let looks = self.devices.iter().map(|device| self.read_device(device));
         let (devices, holds) = looks.unzip();
-        Sight { devices, holds }
+        DeviceSnapshot { devices, holds }
     }
 
     /// What a device measures, and where its arm is held if that is known.
-    fn look(&self, device: &Watched) -> (DeviceInput, Option<Joints>) {
+    fn read_device(&self, device: &DeviceLink) -> (DeviceInput, Option<Joints>) {
         let mut input = DeviceInput {
             present: false,
             measurement: Measurement::zeroed(),
@@ -591,7 +630,7 @@ impl Intake {
     /// Attaches drivers that announced themselves and detaches dead ones; whoever may live stays attached. A driver that was started with another
     /// configuration is not attached: its measurements and our set-points would mean other channels. To look once in each
     /// of its lives is enough, because neither of us reads the configuration again.
-    fn watch_drivers(&mut self) {
+    fn update_drivers(&mut self) {
         for index in 0..self.devices.len() {
             let Some(device) = self.devices.get(index) else {
                 return;
@@ -602,10 +641,10 @@ impl Intake {
                 Ok(Some(announced)) if attached != Some(announced.incarnation) => {
                     match announced.liveness() {
                         Liveness::Alive => {
-                            self.meet(index, &announced);
+                            self.consider_driver(index, &announced);
                         }
                         // Not followed before it is known to live.
-                        Liveness::Unknown(error) => self.doubt(index, &error),
+                        Liveness::Unknown(error) => self.report_unknown(index, &error),
                         Liveness::Dead => self.detach_dead(index),
                     }
                 }
@@ -613,7 +652,7 @@ impl Intake {
                 // A driver takes its announcement back when its device rests and it ends.
                 Ok(None) => self.detach(index),
                 Err(error) => {
-                    self.doubt(index, &error);
+                    self.report_unknown(index, &error);
                     self.detach_dead(index);
                 }
             }
@@ -621,13 +660,13 @@ impl Intake {
     }
 
     /// Attaches a driver that lives, unless it is of another build or means other channels by its set-points.
-    fn meet(&mut self, index: usize, driver: &Announcement) {
+    fn consider_driver(&mut self, index: usize, driver: &Announcement) {
         let Some(device) = self.devices.get(index) else {
             return;
         };
-        if let Some(why) = Disagreement::about_device(driver, &self.announcement, &device.name) {
+        if let Some(why) = ProcessMismatch::about_device(driver, &self.announcement, &device.name) {
             self.detach(index);
-            self.refuse(index, driver, &why);
+            self.report_disagreement(index, driver, &why);
         } else if let Some(service) = driver.services.get(MEASUREMENT) {
             self.attach(index, driver, service);
         }
@@ -642,10 +681,10 @@ impl Intake {
         let Some((driver, _)) = attached else {
             return;
         };
-        match Life::from_incarnation(*driver).liveness() {
+        match ProcessInstance::from_incarnation(*driver).liveness() {
             Liveness::Alive => {}
             Liveness::Dead => self.detach(index),
-            Liveness::Unknown(error) => self.doubt(index, &error),
+            Liveness::Unknown(error) => self.report_unknown(index, &error),
         }
     }
 
@@ -656,16 +695,16 @@ impl Intake {
         let Some((incarnation, _)) = device.attached else {
             return;
         };
-        let order = Order::Detach {
+        let engine_request = EngineRequest::Detach {
             device: index,
             incarnation,
         };
         // A full ring leaves it attached; the next look tries again.
-        if self.orders.push(order).is_err() {
+        if self.engine_requests.push(engine_request).is_err() {
             return;
         }
         device.attached = None;
-        let gone = Kind::DriverGone {
+        let gone = EventKind::DriverGone {
             device: device.name.clone(),
             driver: events::digits(incarnation),
         };
@@ -674,23 +713,23 @@ impl Intake {
     }
 
     /// Whether a driver lives is not known: that is told, and nothing else is done.
-    fn doubt(&mut self, index: usize, why: &dyn std::fmt::Display) {
-        let Some(others) = self.doubts.say(Instant::now()) else {
+    fn report_unknown(&mut self, index: usize, why: &dyn std::fmt::Display) {
+        let Some(others) = self.liveness_log.say(Instant::now()) else {
             return;
         };
         let name = self.devices.get(index).map_or("", |device| &device.name);
-        let what = Kind::LifeUnknown {
+        let event = EventKind::LifeUnknown {
             process: format!("driver/{name}"),
             why: events::text(&why.to_string()),
         };
         warn!(
             "whether driver/{name} lives is not known ({why}); looked at again; {others} more such looks"
         );
-        self.record(what);
+        self.record(event);
     }
 
     /// Tells once of a driver that is of another build than this executor, or runs with another configuration.
-    fn refuse(&mut self, index: usize, driver: &Announcement, why: &Disagreement) {
+    fn report_disagreement(&mut self, index: usize, driver: &Announcement, why: &ProcessMismatch) {
         if std::mem::replace(&mut self.devices[index].refused, driver.incarnation)
             == driver.incarnation
         {
@@ -708,15 +747,15 @@ impl Intake {
         );
         match boards {
             (Ok(mine), Ok(board)) => {
-                let order = Order::Attach {
+                let engine_request = EngineRequest::Attach {
                     device: index,
                     incarnation,
                     board: Box::new(board),
                 };
                 // A full ring leaves the device unattached; the next look at the announcements tries again.
-                if self.orders.push(order).is_ok() {
+                if self.engine_requests.push(engine_request).is_ok() {
                     info!("driver of {} is attached", self.devices[index].name);
-                    self.record(Kind::DriverAttached {
+                    self.record(EventKind::DriverAttached {
                         device: self.devices[index].name.clone(),
                         pid: driver.pid,
                         driver: events::digits(incarnation),
@@ -726,7 +765,7 @@ impl Intake {
             }
             // Tried again at the next look.
             (Err(error), _) | (_, Err(error)) => {
-                if self.doubts.say(Instant::now()).is_some() {
+                if self.liveness_log.say(Instant::now()).is_some() {
                     let name = &self.devices[index].name;
                     warn!("the board of {name} cannot be opened: {error}");
                 }
@@ -736,7 +775,7 @@ impl Intake {
 }
 
 /// The commands that a call does something to, except for one whose net is only now made.
-fn named_in(call: &Call) -> Vec<u64> {
+fn commands_of(call: &Call) -> Vec<u64> {
     match call {
         Call::Start { id }
         | Call::Cancel { id }
@@ -750,7 +789,7 @@ fn named_in(call: &Call) -> Vec<u64> {
 }
 
 /// The ids in a list of fixed length, if they fit; 0 names none.
-fn listed(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
+fn id_list(ids: &[u64]) -> Option<[u64; SWITCH_MAX]> {
     let mut list = [0; SWITCH_MAX];
     list.get_mut(..ids.len())?.copy_from_slice(ids);
     Some(list)

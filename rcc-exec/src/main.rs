@@ -18,23 +18,23 @@ use clap::Parser;
 use rcc_config::cell::{CellConfig, RealTime};
 use rcc_core::message::CycleStatus;
 use rcc_engine::costs::Costs;
-use rcc_engine::costs::cache::{self, Origin};
+use rcc_engine::costs::cache::{self, CostsSource};
 use rcc_engine::engine::{Engine, EngineConfig};
-use rcc_engine::queue::{HelperEnds, RtEnds, rings};
-use rcc_engine::record::{Recorder as FlightRecorder, RecorderConfig as FlightConfig};
-use rcc_exec::clock::{Clock, Follow};
-use rcc_exec::incidents::{About, Made, Recordings, Scribe};
+use rcc_engine::queue::{HelperRingEnds, RtRingEnds, rings};
+use rcc_engine::record::{EventRecorder as FlightRecorder, RecorderConfig as FlightConfig};
+use rcc_exec::clock::{Clock, FollowedDevice};
+use rcc_exec::incidents::{IncidentContext, IncidentWriter, PreparedNet, RecordingResults};
 use rcc_exec::intake::{Intake, IntakeConfig, POLL_EVERY};
 use rcc_exec::pump::{PUMP_EVERY, Pump};
 use rcc_exec::rt::{self, Boards};
 use rcc_exec::setup::{Grants, lock_memory, prefault_stack, promote_thread};
 use rcc_ipc::control::{CONTROL, HELPERS, RECORDS, STATUS, TABLES, TIMING, command_board};
-use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::events::{self, EventKind, EventRecorder};
 use rcc_ipc::{
     Announcement, BoardError, BoardReader, Cell, Configuration, Role, Session, monotonic_ns,
 };
 use rcc_process::signals::request_stop;
-use rcc_process::{CellArguments, Ending, Helpers, Notifier, Pulse, Stop, ending};
+use rcc_process::{CellArguments, ExitError, HealthReport, Helpers, Notifier, Stop, exit};
 use tracing::{error, info, warn};
 
 /// How long the threads that take requests and carry records may take for a turn.
@@ -44,7 +44,7 @@ const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
 /// How long a piece of an incident file may take on a slow disk, or all of it until it is safe there.
 const WRITE_MAX: Duration = Duration::from_secs(60);
 /// How long the helper threads may take to end after the real-time thread.
-const FAREWELL: Duration = Duration::from_secs(5);
+const HELPER_END_MAX: Duration = Duration::from_secs(5);
 
 /// Runs the nets of a cell, every cycle.
 #[derive(Parser)]
@@ -57,10 +57,10 @@ struct Arguments {
 fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
-    ending::conclude(execute(&cell))
+    exit::conclude(execute(&cell))
 }
 
-fn execute(arguments: &CellArguments) -> Result<(), Ending> {
+fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let signals = Stop::prepare(arguments.parent_death)?;
     let config = &arguments.load()?;
     let cell = Cell::new(&arguments.cell)?;
@@ -70,7 +70,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
     let helpers = Helpers::default();
     let writer = helpers.helper("events", SLOW_TURN_MAX);
     let turn = move || writer.turn();
-    let recorder = Recorder::watched(&cell, Role::Executor, session.label(), turn)?;
+    let recorder = EventRecorder::watched(&cell, Role::Executor, session.label(), turn)?;
     let (rt_ends, helper_ends) = rings();
     let models = config.models();
     let mut boards = make_boards(&session, config)?;
@@ -114,24 +114,26 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         helpers: helpers.clone(),
         announcement: announcement.clone(),
     };
-    let HelperEnds {
-        orders,
-        outcomes,
+    let HelperRingEnds {
+        requests,
+        replies,
         records,
         events,
     } = helper_ends;
-    let Flight {
+    let FlightRecorderParts {
         recorder: flight,
-        scribe,
+        incident_writer,
         made,
         recordings,
     } = flight_recorder(config, &cell, session.incarnation());
-    let scribe = scribe.map(|scribe| scribe.recording(recorder.clone()));
-    let intake = Intake::new(session, server, orders, outcomes, intake_config)?;
-    let intake = intake.recording(recorder.clone()).telling(made, recordings);
+    let incident_writer = incident_writer.map(|writer| writer.with_event_log(recorder.clone()));
+    let intake = Intake::new(session, server, requests, replies, intake_config)?;
+    let intake = intake
+        .with_event_log(recorder.clone())
+        .with_incident_writer(made, recordings);
     let pump = Pump::new(records, events, publisher, names);
-    let pump = pump.recording(&cell, recorder.clone());
-    spawn_helpers(&helpers, intake, pump, scribe)?;
+    let pump = pump.with_event_log(&cell, recorder.clone());
+    spawn_helpers(&helpers, intake, pump, incident_writer)?;
     let supervisor = supervisor(&helpers, &recorder, status, config.period_ns)?;
     boards.beats = helpers.beats();
     let stop = Arc::new(AtomicBool::new(false));
@@ -148,13 +150,13 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
         stop.store(true, Ordering::Release);
         // It has run a few cycles that nobody could see; how it ended does not matter any more.
         let _ = rt.thread.join();
-        return Err(Ending::not_permitted(&refused(&grants)));
+        return Err(ExitError::not_permitted(&not_permitted_message(&grants)));
     }
     // The pulse tells of them. Nobody has set it before.
     let _ = supervisor.grants.set(grants.clone());
     let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
-    recorder.tell(Kind::Started {
+    recorder.tell(EventKind::Started {
         note: events::text(&grants.to_string()),
         predecessor,
     });
@@ -172,7 +174,7 @@ fn execute(arguments: &CellArguments) -> Result<(), Ending> {
 }
 
 /// What tells the supervisor how this process does.
-struct Supervisor {
+struct SupervisorLink {
     notifier: Notifier,
     /// What the real-time thread was granted, as soon as that is known; READY comes later.
     grants: Arc<OnceLock<Grants>>,
@@ -180,16 +182,16 @@ struct Supervisor {
 
 fn supervisor(
     helpers: &Helpers,
-    recorder: &Recorder,
+    recorder: &EventRecorder,
     status: BoardReader<CycleStatus>,
     period_ns: u64,
-) -> Result<Supervisor, Ending> {
+) -> Result<SupervisorLink, ExitError> {
     let grants = Arc::new(OnceLock::<Grants>::new());
     let granted = Arc::clone(&grants);
     let recorder = recorder.clone();
     let mut hangs = helpers.watch(move |hang| {
         error!("{hang}");
-        recorder.tell(Kind::HelperHangs {
+        recorder.tell(EventKind::HelperHangs {
             helper: hang.helper.to_owned(),
             silent_ms: milliseconds(hang.silent),
             limit_ms: milliseconds(hang.limit),
@@ -205,7 +207,7 @@ fn supervisor(
         }
         hangs.look(pulse(&status, grants))
     })?;
-    Ok(Supervisor { notifier, grants })
+    Ok(SupervisorLink { notifier, grants })
 }
 
 fn milliseconds(time: Duration) -> u64 {
@@ -218,14 +220,14 @@ fn costs() -> Costs {
     let (costs, origin) = cache::costs(false);
     let took = begun.elapsed();
     match origin {
-        Origin::Read(path) => info!("costs of primitives are those of {}", path.display()),
-        Origin::Measured(path) => {
+        CostsSource::Read(path) => info!("costs of primitives are those of {}", path.display()),
+        CostsSource::Measured(path) => {
             info!(
                 "costs of primitives measured in {took:.1?}, kept in {}",
                 path.display()
             );
         }
-        Origin::NotKept(why) => {
+        CostsSource::NotKept(why) => {
             warn!("costs of primitives measured in {took:.1?}, and at each start again: {why}");
         }
     }
@@ -234,18 +236,18 @@ fn costs() -> Costs {
 
 /// The flight recorder, who writes its files, and how these hear of each other.
 #[derive(Default)]
-struct Flight {
+struct FlightRecorderParts {
     recorder: Option<FlightRecorder>,
-    scribe: Option<Scribe>,
-    made: Option<Sender<Made>>,
-    recordings: Recordings,
+    incident_writer: Option<IncidentWriter>,
+    made: Option<Sender<PreparedNet>>,
+    recordings: RecordingResults,
 }
 
 /// Nothing if the configuration gives it no memory.
-fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight {
+fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> FlightRecorderParts {
     let recorder = &config.recorder;
     if recorder.memory == 0 {
-        return Flight::default();
+        return FlightRecorderParts::default();
     }
     let wanted = FlightConfig {
         span_ns: recorder.span_ns,
@@ -253,7 +255,7 @@ fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight
         period_ns: config.period_ns,
     };
     let (flight, helper) = FlightRecorder::new(wanted, config.devices.len());
-    let about = About {
+    let context = IncidentContext {
         cell: cell.clone(),
         config: config.source.display().to_string(),
         configuration: config.fingerprint(),
@@ -267,17 +269,17 @@ fn flight_recorder(config: &CellConfig, cell: &Cell, incarnation: u64) -> Flight
         models: config.models(),
         recorder: recorder.clone(),
     };
-    let (scribe, made, recordings) = Scribe::new(about, helper);
-    Flight {
+    let (incident_writer, made, recordings) = IncidentWriter::new(context, helper);
+    FlightRecorderParts {
         recorder: Some(flight),
-        scribe: Some(scribe),
+        incident_writer: Some(incident_writer),
         made: Some(made),
         recordings,
     }
 }
 
 /// What becomes of a cell that must be real-time on a system that does not let it.
-fn refused(grants: &Grants) -> String {
+fn not_permitted_message(grants: &Grants) -> String {
     format!(
         "not started: {}; the configuration says `executor: {{rt: required}}` (under systemd: the unit's limits; \
          otherwise /etc/security/limits.d and a new login; `rcc-cli doctor` says more)",
@@ -286,7 +288,7 @@ fn refused(grants: &Grants) -> String {
 }
 
 /// For the supervisor: progress is the number of the cycle, the words are what a person wants to see first.
-fn pulse(status: &CycleStatus, grants: &Grants) -> Pulse {
+fn pulse(status: &CycleStatus, grants: &Grants) -> HealthReport {
     let hertz = 1e9 / status.period_ns.max(1) as f64;
     let grade = match grants.refusals.as_slice() {
         [] => "RT granted".to_owned(),
@@ -296,7 +298,7 @@ fn pulse(status: &CycleStatus, grants: &Grants) -> Pulse {
         1 => "1 net".to_owned(),
         nets => format!("{nets} nets"),
     };
-    Pulse {
+    HealthReport {
         progress: status.cycle,
         status: format!(
             "{hertz:.0} Hz, {nets}, {} late cycles (last {}), longest cycle {:.1} µs; {grade}",
@@ -326,20 +328,20 @@ fn make_boards(session: &Session, config: &CellConfig) -> Result<Boards, BoardEr
 /// Starts the real-time thread, which tells what it was granted before its first cycle.
 fn start_rt(
     engine_config: EngineConfig,
-    (ends, flight): (RtEnds, Option<FlightRecorder>),
+    (ends, flight): (RtRingEnds, Option<FlightRecorder>),
     boards: Boards,
     config: &CellConfig,
     mut grants: Grants,
     stop: &Arc<AtomicBool>,
-) -> Result<(RtThread, Grants), Ending> {
+) -> Result<(RtThread, Grants), ExitError> {
     let (period_ns, executor) = (config.period_ns, config.executor.clone());
-    let follow = config.clock.map(|clock| Follow {
+    let follow = config.clock.map(|clock| FollowedDevice {
         // At most 16 devices.
         device: clock.device as u32,
         offset_ns: clock.offset_ns,
     });
     let budget_ns = config.budget_ns();
-    let (told, tell) = mpsc::channel();
+    let (grants_sender, grants_receiver) = mpsc::channel();
     let ended = Arc::new(AtomicBool::new(false));
     let end = RtEnd {
         stop: Arc::clone(stop),
@@ -360,16 +362,16 @@ fn start_rt(
         promote_thread(executor.priority, executor.core, &mut grants);
         let engine = engine.with_grants(grants.bits);
         // The receiver waits for it; if it is gone the process is ending.
-        let _ = told.send(grants);
-        drop(told);
+        let _ = grants_sender.send(grants);
+        drop(grants_sender);
         let clock = Clock::new(period_ns, follow, monotonic_ns());
         rt::run(engine, boards, clock, &stop);
     });
-    let thread = thread.map_err(|error| Ending {
-        code: ending::FAILED,
+    let thread = thread.map_err(|error| ExitError {
+        code: exit::FAILED,
         words: format!("the system gives no real-time thread ({error}): raise TasksMax= or pids.max of its group"),
     })?;
-    Ok((RtThread { thread, ended }, tell.recv()?))
+    Ok((RtThread { thread, ended }, grants_receiver.recv()?))
 }
 
 /// The real-time thread.
@@ -400,7 +402,7 @@ fn spawn_helpers(
     helpers: &Helpers,
     mut intake: Intake,
     mut pump: Pump,
-    scribe: Option<Scribe>,
+    incident_writer: Option<IncidentWriter>,
 ) -> io::Result<()> {
     helpers.spawn("intake", TURN_MAX, move |helper| {
         while !helper.is_over() {
@@ -418,8 +420,10 @@ fn spawn_helpers(
         }
         pump.round();
     })?;
-    if let Some(scribe) = scribe {
-        helpers.spawn("incidents", WRITE_MAX, move |helper| scribe.run(helper))?;
+    if let Some(incident_writer) = incident_writer {
+        helpers.spawn("incidents", WRITE_MAX, move |helper| {
+            incident_writer.run(helper)
+        })?;
     }
     Ok(())
 }
@@ -431,11 +435,11 @@ fn run_until_stopped(
     stop: &Arc<AtomicBool>,
     signals: &Stop,
     supervisor: &Notifier,
-    recorder: &Recorder,
-) -> Result<(), Ending> {
+    recorder: &EventRecorder,
+) -> Result<(), ExitError> {
     let signal = signals.wait();
-    let failed = |words: String| Ending {
-        code: ending::FAILED,
+    let failed = |words: String| ExitError {
+        code: exit::FAILED,
         words,
     };
     let mut ended = helpers.conclude();
@@ -445,15 +449,15 @@ fn run_until_stopped(
         ended = Err(failed(words.to_owned()));
     }
     match &ended {
-        Err(Ending { words, .. }) => {
+        Err(ExitError { words, .. }) => {
             error!("{words}");
             let why = events::text(words);
-            recorder.tell(Kind::HelperEnded { why });
+            recorder.tell(EventKind::HelperEnded { why });
         }
         Ok(()) => {
             info!("{signal}: stopping");
             let why = signal.to_string();
-            recorder.tell(Kind::Stopping { why });
+            recorder.tell(EventKind::Stopping { why });
             supervisor.stopping();
         }
     }
@@ -462,11 +466,11 @@ fn run_until_stopped(
         error!("the real-time thread panicked");
     }
     helpers.end();
-    let stuck = helpers.join(FAREWELL, &["events"]);
+    let stuck = helpers.join(HELPER_END_MAX, &["events"]);
     if ended.is_ok() && !stuck.is_empty() {
         let names = stuck.join(", ");
         ended = Err(failed(format!(
-            "helper threads that did not end within {FAREWELL:?}: {names}"
+            "helper threads that did not end within {HELPER_END_MAX:?}: {names}"
         )));
     }
     ended

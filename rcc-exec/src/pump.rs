@@ -8,44 +8,44 @@ use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, FaultRecord, MonitorRecord,
 };
 use rcc_core::timing::{LateCause, LateCycle};
-use rcc_ipc::events::{self, Fault, Kind, Recorder};
+use rcc_ipc::events::{self, CommandFault, EventKind, EventRecorder};
 use rcc_ipc::{Cell, Publisher};
 use rtrb::Consumer;
 use tracing::{info, warn};
 
-use rcc_engine::queue::Event;
+use rcc_engine::queue::EngineEvent;
 
 /// How often the rings are emptied.
 pub const PUMP_EVERY: Duration = Duration::from_millis(2);
 /// At most one line about late cycles in this time.
-const LATE_LINE_EVERY: Duration = Duration::from_secs(1);
+const LATE_REPORT_EVERY: Duration = Duration::from_secs(1);
 
 /// Everything the pump thread owns.
 #[derive(Debug)]
 pub struct Pump {
     records: Consumer<MonitorRecord>,
-    events: Consumer<Event>,
+    events: Consumer<EngineEvent>,
     publisher: Publisher<MonitorRecord>,
     batch: Vec<MonitorRecord>,
     devices: Vec<String>,
-    late: Late,
-    log: Option<(Cell, Recorder)>,
+    late: LateSummary,
+    log: Option<(Cell, EventRecorder)>,
 }
 
 #[derive(Debug, Default)]
-struct Late {
+struct LateSummary {
     count: u64,
     first_cycle: u64,
     worst_wake_ns: u64,
     worst_exec_ns: u64,
     computed_long: u64,
     /// The command that computed longest in a cycle that computed long, and how long.
-    dearest: Option<(u64, u64)>,
-    said_at: Option<Instant>,
+    costliest: Option<(u64, u64)>,
+    reported_at: Option<Instant>,
 }
 
-impl Late {
-    fn take_in(&mut self, late: &LateCycle) {
+impl LateSummary {
+    fn add(&mut self, late: &LateCycle) {
         if self.count == 0 {
             self.first_cycle = late.cycle;
         }
@@ -56,9 +56,9 @@ impl Late {
             return;
         }
         self.computed_long += 1;
-        let dearer = self.dearest.is_none_or(|(_, ns)| ns < late.command_ns);
-        if late.command != 0 && dearer {
-            self.dearest = Some((late.command, late.command_ns));
+        let costlier = self.costliest.is_none_or(|(_, ns)| ns < late.command_ns);
+        if late.command != 0 && costlier {
+            self.costliest = Some((late.command, late.command_ns));
         }
     }
 }
@@ -67,7 +67,7 @@ impl Pump {
     /// `devices` are the names by index, for the log.
     pub fn new(
         records: Consumer<MonitorRecord>,
-        events: Consumer<Event>,
+        events: Consumer<EngineEvent>,
         publisher: Publisher<MonitorRecord>,
         devices: Vec<String>,
     ) -> Pump {
@@ -77,14 +77,14 @@ impl Pump {
             publisher,
             batch: Vec::with_capacity(4096),
             devices,
-            late: Late::default(),
+            late: LateSummary::default(),
             log: None,
         }
     }
 
     /// Writes events to the cell's event log, too.
     #[must_use]
-    pub fn recording(mut self, cell: &Cell, recorder: Recorder) -> Pump {
+    pub fn with_event_log(mut self, cell: &Cell, recorder: EventRecorder) -> Pump {
         self.log = Some((cell.clone(), recorder));
         self
     }
@@ -100,17 +100,17 @@ impl Pump {
             warn!("monitor records were lost: {error}");
         }
         while let Ok(event) = self.events.pop() {
-            self.tell(event);
+            self.handle_event(event);
         }
-        self.tell_late();
+        self.report_late();
     }
 
-    fn tell(&mut self, event: Event) {
+    fn handle_event(&mut self, event: EngineEvent) {
         match event {
-            Event::Late(late) => self.late.take_in(&late),
-            Event::Command { cycle, .. }
-            | Event::Device { cycle, .. }
-            | Event::Acknowledged { cycle, .. } => {
+            EngineEvent::Late(late) => self.late.add(&late),
+            EngineEvent::Command { cycle, .. }
+            | EngineEvent::Device { cycle, .. }
+            | EngineEvent::Acknowledged { cycle, .. } => {
                 if let Some(what) = self.kind(&event) {
                     self.record(Some(cycle), what);
                 }
@@ -119,7 +119,7 @@ impl Pump {
     }
 
     /// To both logs.
-    fn record(&self, cycle: Option<u64>, what: Kind) {
+    fn record(&self, cycle: Option<u64>, what: EventKind) {
         let Some((_, recorder)) = &self.log else {
             return;
         };
@@ -134,13 +134,15 @@ impl Pump {
     }
 
     /// An event of the real-time thread with names instead of numbers.
-    fn kind(&self, event: &Event) -> Option<Kind> {
+    fn kind(&self, event: &EngineEvent) -> Option<EventKind> {
         Some(match *event {
-            Event::Late(_) => return None,
-            Event::Acknowledged { late, .. } => Kind::Acknowledged { late },
+            EngineEvent::Late(_) => return None,
+            EngineEvent::Acknowledged { late, .. } => EventKind::Acknowledged { late },
             // The loader tells it, with the net's name.
-            Event::Command { state, .. } if state == CommandState::Loading as u32 => return None,
-            Event::Command {
+            EngineEvent::Command { state, .. } if state == CommandState::Loading as u32 => {
+                return None;
+            }
+            EngineEvent::Command {
                 id,
                 state,
                 reason,
@@ -148,15 +150,15 @@ impl Pump {
                 ..
             } => {
                 let reason = EndReason::from_number(reason);
-                let faulty = reason == EndReason::Fault;
-                Kind::Command {
+                let faulty = reason == EndReason::CommandFault;
+                EventKind::Command {
                     command: id,
                     state: CommandState::from_number(state).name().to_owned(),
                     reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
                     fault: faulty.then(|| self.fault(fault)),
                 }
             }
-            Event::Device {
+            EngineEvent::Device {
                 device,
                 state,
                 was,
@@ -184,12 +186,12 @@ impl Pump {
         reason: String,
         age_ns: u64,
         driver: u64,
-    ) -> Kind {
+    ) -> EventKind {
         let device = self.device(index).to_owned();
         let [was, state] = [was, state].map(DeviceState::from_number);
         let driver = (driver != 0).then(|| events::digits(driver));
         if state == DeviceState::Offline {
-            return Kind::DeviceLost {
+            return EventKind::DeviceLost {
                 reason,
                 board_age_us: (age_ns != 0).then_some(age_ns / 1000),
                 driver,
@@ -198,13 +200,13 @@ impl Pump {
         }
         if was == DeviceState::Offline {
             let state = state.name().to_owned();
-            return Kind::DeviceFound {
+            return EventKind::DeviceFound {
                 device,
                 state,
                 driver,
             };
         }
-        Kind::DeviceState {
+        EventKind::DeviceState {
             state: state.name().to_owned(),
             was: was.name().to_owned(),
             reason,
@@ -220,36 +222,36 @@ impl Pump {
         })
     }
 
-    fn tell_late(&mut self) {
+    fn report_late(&mut self) {
         let quiet = self
             .late
-            .said_at
-            .is_some_and(|at| at.elapsed() < LATE_LINE_EVERY);
+            .reported_at
+            .is_some_and(|at| at.elapsed() < LATE_REPORT_EVERY);
         if self.late.count == 0 || quiet {
             return;
         }
-        let Late {
+        let LateSummary {
             count,
             first_cycle,
             worst_wake_ns,
             worst_exec_ns,
             computed_long,
-            dearest,
+            costliest,
             ..
         } = self.late;
-        let what = Kind::Late {
+        let what = EventKind::Late {
             count,
             first_cycle,
             worst_wake_us: worst_wake_ns as f64 * 1e-3,
             worst_exec_us: worst_exec_ns as f64 * 1e-3,
             computed_long: Some(computed_long),
-            command: dearest.map(|(command, _)| command),
-            command_us: dearest.map(|(_, ns)| ns as f64 * 1e-3),
+            command: costliest.map(|(command, _)| command),
+            command_us: costliest.map(|(_, ns)| ns as f64 * 1e-3),
         };
         self.record(Some(first_cycle), what);
-        self.late = Late {
-            said_at: Some(Instant::now()),
-            ..Late::default()
+        self.late = LateSummary {
+            reported_at: Some(Instant::now()),
+            ..LateSummary::default()
         };
     }
 
@@ -257,7 +259,7 @@ impl Pump {
         self.devices.get(index as usize).map_or("?", String::as_str)
     }
 
-    fn fault(&self, fault: &FaultRecord) -> Fault {
+    fn fault(&self, fault: &FaultRecord) -> CommandFault {
         let kind = ViolationKind::from_number(fault.violation);
         let index = fault.joint.saturating_sub(1);
         let joint = (fault.joint != 0 && axis(index as usize).is_none()).then_some(fault.joint);
@@ -292,7 +294,7 @@ impl Pump {
             (_, rule) => rule.map(str::to_owned),
         };
         let number = |value: f64| value.is_finite().then_some(value);
-        Fault {
+        CommandFault {
             code: FaultCode::from_number(fault.code).name().to_owned(),
             device: (fault.device != u32::MAX).then(|| self.device(fault.device).to_owned()),
             joint,

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::Zeroable;
-use rcc_core::helper::{Beat, HelperTable};
+use rcc_core::helper::{HelperHeartbeat, HelperTable};
 use rcc_core::message::{CycleStatus, MAGIC, Tables};
-use rcc_core::timing::Timing;
+use rcc_core::timing::CycleTiming;
 use rcc_ipc::clock::{monotonic_ns, sleep_until};
 use rcc_ipc::{BoardWriter, CommandWriter};
 
@@ -27,17 +27,17 @@ pub struct Boards {
     /// Command and device tables.
     pub tables: BoardWriter<Tables>,
     /// Histograms and what primitives cost.
-    pub timing: BoardWriter<Timing>,
+    pub timing: BoardWriter<CycleTiming>,
     /// The helper threads.
     pub helpers: BoardWriter<HelperTable>,
     /// Their signs of life, of which the table is made.
-    pub beats: Box<[Arc<Beat>]>,
+    pub beats: Box<[Arc<HelperHeartbeat>]>,
     /// Commands, by device.
     pub commands: Vec<CommandWriter>,
 }
 
 /// The helper threads as others see them: relaxed loads, and nothing else.
-fn helper_table(beats: &[Arc<Beat>]) -> HelperTable {
+fn helper_table(beats: &[Arc<HelperHeartbeat>]) -> HelperTable {
     let mut table = HelperTable::zeroed();
     table.magic = MAGIC;
     for (row, beat) in table.helpers.iter_mut().zip(beats) {

@@ -19,15 +19,15 @@ const LIMIT: Duration = Duration::from_secs(60);
 const WATCHDOG: Duration = Duration::from_millis(800);
 
 /// A cell's folder, a supervisor's socket and the executor.
-struct Supervised {
+struct SupervisedExecutor {
     folder: PathBuf,
     socket: UnixDatagram,
     executor: Child,
 }
 
-impl Supervised {
-    fn start(name: &str, change: impl Fn(String) -> String) -> Supervised {
-        Supervised::start_with(name, change, |_, _| {})
+impl SupervisedExecutor {
+    fn start(name: &str, change: impl Fn(String) -> String) -> SupervisedExecutor {
+        SupervisedExecutor::start_with(name, change, |_, _| {})
     }
 
     /// `prepare` sees the folder before the executor starts, and may add to its command.
@@ -35,7 +35,7 @@ impl Supervised {
         name: &str,
         change: impl Fn(String) -> String,
         prepare: impl FnOnce(&Path, &mut Command),
-    ) -> Supervised {
+    ) -> SupervisedExecutor {
         let folder = PathBuf::from(format!(
             "/dev/shm/rcc-exec-notify-{name}-{}",
             std::process::id()
@@ -66,7 +66,7 @@ impl Supervised {
             .stderr(Stdio::piped());
         prepare(&folder, &mut command);
         let executor = command.spawn().unwrap();
-        Supervised {
+        SupervisedExecutor {
             folder,
             socket,
             executor,
@@ -146,7 +146,7 @@ impl Supervised {
     }
 }
 
-impl Drop for Supervised {
+impl Drop for SupervisedExecutor {
     fn drop(&mut self) {
         let _ = self.executor.kill();
         // A thread of it that a failed test has stopped is this thread's to wait for; without that the executor never ends.
@@ -163,7 +163,7 @@ impl Drop for Supervised {
 
 #[test]
 fn ready_comes_when_the_executor_is_announced_and_stopping_before_it_ends() {
-    let mut supervised = Supervised::start("ready", |text| text);
+    let mut supervised = SupervisedExecutor::start("ready", |text| text);
     let words = supervised.words().expect("READY comes");
     assert!(words.lines().any(|line| line == "READY=1"), "{words}");
     let status = words.lines().find(|line| line.starts_with("STATUS="));
@@ -183,7 +183,7 @@ fn ready_comes_when_the_executor_is_announced_and_stopping_before_it_ends() {
 
 #[test]
 fn no_cycle_no_heartbeat() {
-    let mut supervised = Supervised::start("heart", |text| text);
+    let mut supervised = SupervisedExecutor::start("heart", |text| text);
     supervised.await_words("READY=1");
     let thread = supervised.rt_thread();
     if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
@@ -200,7 +200,7 @@ fn no_cycle_no_heartbeat() {
 
 #[test]
 fn required_real_time_that_is_not_granted_ends_for_good() {
-    let mut supervised = Supervised::start("required", |text| {
+    let mut supervised = SupervisedExecutor::start("required", |text| {
         text.replace("{priority: 80}", "{priority: 80, core: 4095, rt: required}")
     });
     let status = supervised.executor.wait().unwrap();
@@ -216,7 +216,7 @@ fn required_real_time_that_is_not_granted_ends_for_good() {
 
 /// A thread of a running executor is stopped, and only that one, until its heartbeat is missed; then it goes on.
 fn hang(helper: &str) {
-    let mut supervised = Supervised::start(&format!("hang-{helper}"), |text| text);
+    let mut supervised = SupervisedExecutor::start(&format!("hang-{helper}"), |text| text);
     supervised.await_words("READY=1");
     let thread = supervised.thread(helper);
     if let Err(error) = ptrace::seize(thread, ptrace::Options::empty()) {
@@ -258,7 +258,7 @@ fn an_event_thread_that_hangs_stops_the_heartbeat() {
 fn a_helper_that_panics_ends_the_executor_with_its_name() {
     for helper in ["intake", "maker", "pump", "incidents", "events", "notify"] {
         let mut trigger = PathBuf::new();
-        let mut supervised = Supervised::start_with(
+        let mut supervised = SupervisedExecutor::start_with(
             &format!("panic-{helper}"),
             |text| text,
             |folder, command| {
@@ -282,7 +282,7 @@ fn a_helper_that_panics_ends_the_executor_with_its_name() {
 /// Only files that an executor would write are looked at, and only those of dead ones are removed.
 #[test]
 fn half_written_incidents_of_dead_executors_are_removed_at_the_start() {
-    let own = rcc_ipc::Life::current().unwrap().incarnation();
+    let own = rcc_ipc::ProcessInstance::current().unwrap().incarnation();
     // No process has this id and began at boot.
     let dead = 1 << 40 | 1;
     let name = |life: u64, rest: &str| format!("{life:016x}-7-{rest}");
@@ -296,7 +296,7 @@ fn half_written_incidents_of_dead_executors_are_removed_at_the_start() {
     let mut incidents = PathBuf::new();
     let path = PathBuf::from(format!("/dev/shm/rcc-exec-halves-{}", std::process::id()));
     let folder = path.display().to_string();
-    let mut supervised = Supervised::start_with(
+    let mut supervised = SupervisedExecutor::start_with(
         "halves",
         |text| format!("{text}\nrecorder: {{folder: {folder}}}\n"),
         |_, _| {

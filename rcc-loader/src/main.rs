@@ -12,21 +12,21 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use clap::Parser;
-use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::events::{self, EventKind, EventRecorder};
 use rcc_ipc::{Announcement, Cell, Configuration, Role, Session};
-use rcc_loader::server::doors::Doors;
-use rcc_loader::server::executor::Executor;
+use rcc_loader::server::executor::ExecutorLink;
+use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
-use rcc_os::memory::Returned;
+use rcc_os::memory::MemoryTrimmer;
 use rcc_process::helpers::Hang;
-use rcc_process::memory;
-use rcc_process::signals::{end_with_parent, let_through};
-use rcc_process::{CellArguments, Ending, Helper, Helpers, Notifier, Pulse, ending};
+use rcc_process::oom;
+use rcc_process::signals::{end_with_parent, unblock_stop_signals};
+use rcc_process::{CellArguments, ExitError, HealthReport, Helper, Helpers, Notifier, exit};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// How often the executor is looked for and files of unloaded commands are removed.
-const TEND_EVERY: Duration = Duration::from_millis(100);
+const MAINTAIN_EVERY: Duration = Duration::from_millis(100);
 /// How long requests under way may take after SIGTERM.
 const DRAIN: Duration = Duration::from_secs(1);
 
@@ -39,7 +39,7 @@ const WORKERS: usize = 4;
 /// How long they may take to begin.
 const WORKERS_WAIT: Duration = Duration::from_secs(20);
 /// They are never given back.
-const FOR_EVER: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
+const NEVER: Duration = Duration::from_secs(100 * 365 * 24 * 3600);
 
 /// How often the runtime shows that it answers.
 const TURN_EVERY: Duration = Duration::from_millis(100);
@@ -56,12 +56,12 @@ fn main() -> ExitCode {
     let Arguments { cell } = Arguments::parse();
     rcc_process::log();
     // Without /proc nothing can be said about it.
-    let _ = memory::end_me_first(memory::STARTED_AGAIN);
-    ending::conclude(serve(&cell))
+    let _ = oom::raise_score(oom::SCORE_RESTARTABLE);
+    exit::conclude(serve(&cell))
 }
 
-fn serve(arguments: &CellArguments) -> Result<(), Ending> {
-    let_through()?;
+fn serve(arguments: &CellArguments) -> Result<(), ExitError> {
+    unblock_stop_signals()?;
     if arguments.parent_death {
         end_with_parent()?;
     }
@@ -71,33 +71,33 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
     // First the announcement, which only one process can hold, then the socket.
     let helpers = Helpers::default();
     let writer = helpers.helper("events", SLOW_TURN_MAX);
-    let turn = move || writer.turn();
-    let recorder = Recorder::watched(&cell, Role::Loader, session.label(), turn)?;
+    let turn = move || writer.count_turns();
+    let recorder = EventRecorder::watched(&cell, Role::Loader, session.label(), turn)?;
     let predecessor = events::predecessor(&cell, Role::Loader, session.label());
     let announced = cell
         .announce(&Announcement::of(&session).configured(Configuration::new(config.identity())))?;
-    recorder.tell(Kind::Started {
+    recorder.tell(EventKind::Started {
         note: String::new(),
         predecessor,
     });
-    let doors = Doors::open(&cell, &config.access).map_err(|error| {
+    let listeners = Listeners::open(&cell, &config.access).map_err(|error| {
         if error.is_final() {
-            Ending::configuration(&error)
+            ExitError::configuration(&error)
         } else {
             error.into()
         }
     })?;
-    let service = Service::new(Executor::new(session), config)
-        .recording(recorder.clone())
-        .watching(helpers.clone())
-        .watching_files(arguments.chosen_ports());
+    let service = Service::new(ExecutorLink::new(session), config)
+        .with_event_log(recorder.clone())
+        .with_helpers(helpers.clone())
+        .with_file_watch(arguments.chosen_ports());
     let service = Arc::new(service);
-    let tended = Arc::clone(&service);
+    let maintained = Arc::clone(&service);
     helpers.spawn("tend", SLOW_TURN_MAX, move |helper| {
         // A long text takes a hundred times its memory while it is compiled.
-        let mut memory = Returned::default();
-        while !helper.rest(TEND_EVERY) {
-            tended.tend();
+        let mut memory = MemoryTrimmer::default();
+        while !helper.rest(MAINTAIN_EVERY) {
+            maintained.maintain();
             memory.look();
         }
     })?;
@@ -106,24 +106,24 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
         // As many as there are requests at a time, and those that compile: none waits for a thread.
         .max_blocking_threads(routes::REQUESTS_MAX + routes::LOADING_MAX)
         .enable_all()
-        .thread_keep_alive(FOR_EVER)
+        .thread_keep_alive(NEVER)
         .build()?;
     make_workers(&runtime)?;
     let turns = Arc::new(AtomicU64::new(0));
-    let served: Result<(), Ending> = runtime.block_on(async {
+    let served: Result<(), ExitError> = runtime.block_on(async {
         let mut terminate = signal(SignalKind::terminate())?;
         let mut interrupt = signal(SignalKind::interrupt())?;
         tracing::info!(socket = %cell.socket().display(), "serving");
-        if let Some(address) = doors.address() {
+        if let Some(address) = listeners.address() {
             tracing::info!(%address, "serving over TCP, with the token only");
         }
-        tokio::spawn(self::turn(Arc::clone(&turns)));
-        tokio::spawn(probe(helpers.helper("workers", WORK_MAX)));
+        tokio::spawn(self::count_turns(Arc::clone(&turns)));
+        tokio::spawn(probe_workers(helpers.helper("workers", WORK_MAX)));
         let socket = cell.socket();
         let told = recorder.clone();
-        let mut hangs = helpers.watch(move |hang| tell_hang(&told, hang));
+        let mut hangs = helpers.watch(move |hang| report_hang(&told, hang));
         let supervisor = Notifier::start(&helpers, move || {
-            hangs.look(Pulse {
+            hangs.look(HealthReport {
                 progress: turns.load(Ordering::Relaxed),
                 status: format!("serving on {}", socket.display()),
             })
@@ -131,16 +131,16 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
         // All threads are made: now it says that it is ready.
         helpers.go();
         tokio::select! {
-            served = doors.recording(recorder.clone()).serve(router) => served?,
+            served = listeners.with_event_log(recorder.clone()).serve(router) => served?,
             _ = terminate.recv() => {}
             _ = interrupt.recv() => {}
         }
         if let Some(why) = helpers.failure() {
-            recorder.tell(Kind::HelperEnded { why });
+            recorder.tell(EventKind::HelperEnded { why });
             return helpers.conclude();
         }
         supervisor.stopping();
-        recorder.tell(Kind::Stopping {
+        recorder.tell(EventKind::Stopping {
             why: "asked to".to_owned(),
         });
         Ok(())
@@ -153,10 +153,10 @@ fn serve(arguments: &CellArguments) -> Result<(), Ending> {
     served
 }
 
-fn tell_hang(recorder: &Recorder, hang: &Hang) {
+fn report_hang(recorder: &EventRecorder, hang: &Hang) {
     tracing::error!("{hang}");
     let milliseconds = |time: Duration| time.as_millis().try_into().unwrap_or(u64::MAX);
-    recorder.tell(Kind::HelperHangs {
+    recorder.tell(EventKind::HelperHangs {
         helper: hang.helper.to_owned(),
         silent_ms: milliseconds(hang.silent),
         limit_ms: milliseconds(hang.limit),
@@ -198,17 +198,17 @@ fn make_workers(runtime: &tokio::runtime::Runtime) -> io::Result<()> {
 }
 
 /// Shows that the threads that do the work of requests take some.
-async fn probe(workers: Helper) {
+async fn probe_workers(workers: Helper) {
     loop {
         if tokio::task::spawn_blocking(|| ()).await.is_ok() {
-            workers.turn();
+            workers.count_turns();
         }
         tokio::time::sleep(TURN_EVERY).await;
     }
 }
 
 /// The runtime's progress, for the supervisor: it answers as long as it comes here. Relaxed: nothing is told with it.
-async fn turn(turns: Arc<AtomicU64>) {
+async fn count_turns(turns: Arc<AtomicU64>) {
     loop {
         tokio::time::sleep(TURN_EVERY).await;
         turns.fetch_add(1, Ordering::Relaxed);

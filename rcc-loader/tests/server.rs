@@ -1,16 +1,16 @@
 //! The loader's service against an executor that only keeps a table: life cycle, names, restarts, and what is said when
 //! there is no executor. Each test has a cell of its own.
 
-#[path = "server/executor.rs"]
-mod executor;
-#[path = "server/served.rs"]
-mod served;
+#[path = "server/fake_executor.rs"]
+mod fake_executor;
+#[path = "server/test_server.rs"]
+mod test_server;
 
 use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 
-use executor::{FakeExecutor, TestCell};
+use fake_executor::{FakeExecutor, TestCell};
 use rcc_core::frame::PrepareFault;
 use rcc_core::message::CommandState;
 use rcc_core::path::MotionFault;
@@ -21,10 +21,10 @@ use rcc_language::names::{InputNames, Names, TopicNames};
 use rcc_loader::server::api::{Done, Named, Switch};
 use rcc_loader::server::caller::Caller;
 use rcc_loader::server::codes;
+use rcc_loader::server::messages::NameResolver;
 use rcc_loader::server::service::Operation;
-use rcc_loader::server::store::{CommandFile, Store};
-use rcc_loader::server::words::Namer;
-use served::{Served, ask, config, service};
+use rcc_loader::server::store::{CommandFile, CommandStore};
+use test_server::{TestServer, ask, config, service};
 
 /// Somebody who waits as long as it takes.
 fn patient() -> Caller {
@@ -107,7 +107,7 @@ fn a_restarted_loader_rejects_what_a_dead_one_was_loading_and_keeps_names() {
     let test = TestCell::new("restart");
     let rows = [(5, CommandState::Loading), (6, CommandState::Running)];
     let executor = FakeExecutor::start(&test.cell, &rows, None);
-    let store = Store::of(&test.cell, executor.incarnation);
+    let store = CommandStore::of(&test.cell, executor.incarnation);
     let running = CommandFile {
         id: 6,
         net: "weld".into(),
@@ -139,7 +139,7 @@ fn a_hand_over_means_what_runs_and_what_is_ready_by_name_or_id() {
         (5, CommandState::Ready),
     ];
     let executor = FakeExecutor::start(&test.cell, &rows, None);
-    let store = Store::of(&test.cell, executor.incarnation);
+    let store = CommandStore::of(&test.cell, executor.incarnation);
     for (id, net) in [(3, "line"), (4, "line"), (5, "lamp")] {
         let file = CommandFile {
             id,
@@ -210,7 +210,7 @@ fn a_hand_over_is_asked_for_with_start_or_alone() {
         (4, CommandState::Ready),
     ];
     let executor = FakeExecutor::start(&test.cell, &rows, None);
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     let asked = |head: &str, body: &str| ask(&test.cell, head, body.as_bytes());
     let (status, body) = asked("POST /commands/2/start", r#"{"after_stopping": [1]}"#);
     assert_eq!(
@@ -250,7 +250,7 @@ fn an_operation_means_the_newest_net_of_a_name_that_it_suits() {
     let test = TestCell::new("newest");
     let rows = [(3, CommandState::Running), (4, CommandState::Ready)];
     let executor = FakeExecutor::start(&test.cell, &rows, None);
-    let store = Store::of(&test.cell, executor.incarnation);
+    let store = CommandStore::of(&test.cell, executor.incarnation);
     for id in [3, 4] {
         let net = "line".to_owned();
         store
@@ -294,7 +294,7 @@ fn an_unloaded_net_leaves_no_file() {
     service
         .operate(&patient(), "line", Operation::Unload)
         .expect("it is not active");
-    let store = Store::of(&test.cell, executor.incarnation);
+    let store = CommandStore::of(&test.cell, executor.incarnation);
     assert_eq!(store.read(id), None);
     assert_eq!(
         service.detail("line", true).map_err(|error| error.code),
@@ -351,8 +351,8 @@ fn names_with_topic(id: u64) -> Names {
 #[test]
 fn every_refusal_has_a_code_names_and_a_remedy() {
     let config = config();
-    let namer = Namer {
-        stranger: &|_| None,
+    let names = NameResolver {
+        disagreement: &|_| None,
         config: &config,
         net: &|id| format!("net#{id}"),
         names: &names_with_topic,
@@ -414,7 +414,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         Refusal::Withdrawn,
     ];
     for refusal in refusals {
-        let error = namer.refusal(8, refusal);
+        let error = names.refusal(8, refusal);
         assert!(codes::TABLE.contains(&error.code), "{refusal:?}");
         assert!(
             !error.help.is_empty() && !error.message.is_empty(),
@@ -429,10 +429,10 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
     };
     let (motion, leg) = (0, 1);
     let beyond = Refusal::Prepare(PrepareFault::Motion { motion, leg, fault });
-    let told = namer.refusal(8, beyond).message;
+    let told = names.refusal(8, beyond).message;
     let words = "motion 0, leg 2: J3 would be at 180.000° (3.141593 rad) at 50 %";
     assert!(told.contains(words), "{told}");
-    let busy = namer
+    let busy = names
         .refusal(
             8,
             Refusal::Busy {
@@ -448,16 +448,16 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
         resource,
     };
     assert_eq!(
-        namer.refusal(8, twice).message,
+        names.refusal(8, twice).message,
         "net#8 publishes topic tool/force, and so does net#3, which runs"
     );
     assert_eq!(
-        namer
+        names
             .refusal(8, Refusal::OtherTopic { other: 3, key })
             .message,
         "net#8 subscribes to tool/force as Real in N, and net#3 publishes tool/force as Wrench, which runs"
     );
-    let first = namer.refusal(8, device(5)).message;
+    let first = names.refusal(8, device(5)).message;
     let joint = &config.devices[0].robot.as_ref().expect("an arm").joints[1].name;
     assert!(
         first.contains(&format!("lwr joint {joint}")) && first.contains("11.459°"),
@@ -469,7 +469,7 @@ fn every_refusal_has_a_code_names_and_a_remedy() {
 fn without_an_executor_every_address_says_so_and_the_catalogue_is_there() {
     let test = TestCell::new("rest");
     let cell = test.cell.clone();
-    let _served = Served::start(&cell);
+    let _served = TestServer::start(&cell);
     // A client that connects and says nothing, and one that talks nonsense.
     let _silent = UnixStream::connect(cell.socket()).expect("connected");
     let mut nonsense = UnixStream::connect(cell.socket()).expect("connected");

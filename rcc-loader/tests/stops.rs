@@ -1,11 +1,11 @@
 //! CANCEL, ABORT and whatever is asked by name against everything that could keep them waiting: loads in flight, files,
 //! full places, clients that are gone. Each test has a cell of its own.
 
-#[path = "server/executor.rs"]
+#[path = "server/fake_executor.rs"]
 #[allow(dead_code)]
-mod executor;
-#[path = "server/served.rs"]
-mod served;
+mod fake_executor;
+#[path = "server/test_server.rs"]
+mod test_server;
 
 use std::io::Write;
 use std::os::unix::net::UnixStream;
@@ -13,17 +13,17 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use executor::{FakeExecutor, TestCell};
+use fake_executor::{FakeExecutor, TestCell};
 use rcc_core::message::CommandState;
 use rcc_ipc::Cell;
 use rcc_ipc::control::Call;
 use rcc_loader::server::bodies::SET_TEXT_MAX;
 use rcc_loader::server::caller::Caller;
 use rcc_loader::server::codes;
-use rcc_loader::server::door::UNIX;
+use rcc_loader::server::connection::UNIX;
 use rcc_loader::server::service::Operation;
-use rcc_loader::server::store::{CommandFile, Store};
-use served::{LIMIT, Served, answer, ask, service};
+use rcc_loader::server::store::{CommandFile, CommandStore};
+use test_server::{LIMIT, TestServer, answer, ask, service};
 
 fn line() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/nets/line.yaml");
@@ -34,7 +34,7 @@ fn line() -> String {
 fn commands(test: &TestCell, rows: &[(u64, CommandState, &str)]) -> FakeExecutor {
     let states: Vec<_> = rows.iter().map(|(id, state, _)| (*id, *state)).collect();
     let executor = FakeExecutor::start(&test.cell, &states, None);
-    let store = Store::of(&test.cell, executor.incarnation);
+    let store = CommandStore::of(&test.cell, executor.incarnation);
     for (id, _, net) in rows {
         let file = CommandFile {
             id: *id,
@@ -143,7 +143,7 @@ fn a_request_whose_client_left_before_its_turn_is_not_done() {
         (4, CommandState::Ready, "weld"),
     ];
     let executor = commands(&test, &rows);
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     executor.hold(true);
     let first = send(&test.cell, "POST /commands/lamp/start", "", b"");
     executor.saw(1, is_start);
@@ -178,7 +178,7 @@ fn a_client_whose_places_are_all_taken_can_still_abort() {
         (4, CommandState::Running, "weld"),
     ];
     let executor = commands(&test, &rows);
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     assert_eq!(ask(&test.cell, "GET /commands", b"").0, 200);
     executor.hold(true);
     let held: Vec<_> = (0..UNIX.connections_of_peer)
@@ -202,7 +202,7 @@ fn each_address_takes_so_long_a_body_and_no_longer() {
         (4, CommandState::Running, "weld"),
     ];
     let _executor = commands(&test, &rows);
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     let long = vec![b' '; SET_TEXT_MAX + 1];
     for (head, body) in [
         ("POST /commands/lamp/start", &long[..]),

@@ -12,7 +12,7 @@ use nix::sys::signal::Signal;
 use rcc_ipc::pattern::Pattern;
 use rcc_monitor::reader;
 use rcc_monitor::signals::Signals;
-use rcc_monitor::tail::{End, Format, Options, remark, tail};
+use rcc_monitor::tail::{Format, Options, TailEnd, print_note, tail};
 
 /// Shows what the nets of a cell make visible.
 #[derive(Parser)]
@@ -67,7 +67,7 @@ fn main() -> ExitCode {
     let mut signals = match Signals::catch() {
         Ok(signals) => signals,
         Err(error) => {
-            remark(&format!("error: signals cannot be caught: {error}"));
+            print_note(&format!("error: signals cannot be caught: {error}"));
             return ExitCode::FAILURE;
         }
     };
@@ -75,11 +75,13 @@ fn main() -> ExitCode {
     match tail(&arguments.cell, &options, &mut signals, &mut out, || {
         reader::is_gone(&io::stdout())
     }) {
-        Ok(End::Signal(signal)) if signal == Signal::SIGINT as i32 => ExitCode::from(INTERRUPTED),
-        Ok(End::ReaderGone) => ExitCode::from(READER_GONE),
+        Ok(TailEnd::Signal(signal)) if signal == Signal::SIGINT as i32 => {
+            ExitCode::from(INTERRUPTED)
+        }
+        Ok(TailEnd::ReaderGone) => ExitCode::from(READER_GONE),
         Ok(_) => ExitCode::SUCCESS,
         Err(error) => {
-            remark(&format!("error: {error}"));
+            print_note(&format!("error: {error}"));
             ExitCode::FAILURE
         }
     }

@@ -13,7 +13,7 @@ const COMMAND_FILE_MAX: u64 = 64 << 20;
 
 /// One monitor of a net. What the loader writes besides is left alone.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-pub struct Monitor {
+pub struct MonitorInfo {
     /// Id of the `Monitor` primitive.
     #[serde(default)]
     pub primitive: String,
@@ -30,57 +30,57 @@ pub struct Monitor {
 
 /// What is known of a command.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Command {
+pub struct CommandNames {
     /// The net's name.
     pub net: String,
     /// Its monitors, by index.
-    pub monitors: Vec<Monitor>,
+    pub monitors: Vec<MonitorInfo>,
 }
 
 #[derive(Deserialize)]
-struct File {
+struct CommandFileNames {
     net: String,
     #[serde(default)]
-    names: Names,
+    names: NetNames,
 }
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Names {
-    monitors: Vec<Monitor>,
+struct NetNames {
+    monitors: Vec<MonitorInfo>,
 }
 
 /// The names of the commands of one executor.
 #[derive(Debug)]
-pub struct Directory {
+pub struct CommandDirectory {
     folder: PathBuf,
-    known: HashMap<u64, Command>,
+    known: HashMap<u64, CommandNames>,
 }
 
-impl Directory {
+impl CommandDirectory {
     /// The commands of that life of the executor.
     #[must_use]
-    pub fn of(cell: &Cell, incarnation: u64) -> Directory {
-        Directory {
+    pub fn of(cell: &Cell, incarnation: u64) -> CommandDirectory {
+        CommandDirectory {
             folder: cell.commands_dir().join(format!("{incarnation:016x}")),
             known: HashMap::new(),
         }
     }
 
     /// A command; one without a file is named by its id.
-    pub fn command(&mut self, id: u64) -> &Command {
+    pub fn command(&mut self, id: u64) -> &CommandNames {
         let folder = &self.folder;
         self.known.entry(id).or_insert_with(|| {
             let bytes = file::read(&folder.join(format!("{id}.json")), COMMAND_FILE_MAX);
             let file = bytes
                 .ok()
-                .and_then(|bytes| serde_json::from_slice::<File>(&bytes).ok());
+                .and_then(|bytes| serde_json::from_slice::<CommandFileNames>(&bytes).ok());
             file.map_or_else(
-                || Command {
+                || CommandNames {
                     net: format!("#{id}"),
                     monitors: Vec::new(),
                 },
-                |file| Command {
+                |file| CommandNames {
                     net: file.net,
                     monitors: file.names.monitors,
                 },

@@ -27,7 +27,7 @@ impl Signals {
     }
 
     /// The signal that came, if one did.
-    pub fn came(&mut self) -> Option<i32> {
+    pub fn pending(&mut self) -> Option<i32> {
         let read = self.descriptor.read_signal();
         let found = read.ok().flatten()?;
         i32::try_from(found.ssi_signo).ok()

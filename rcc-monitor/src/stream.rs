@@ -4,9 +4,9 @@
 use rcc_core::message::MonitorRecord;
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT};
 use rcc_ipc::control::RECORDS;
-use rcc_ipc::{Announcement, Build, Cell, OtherBuild, Role, Session, Subscriber};
+use rcc_ipc::{Announcement, Build, BuildMismatch, Cell, Role, Session, Subscriber};
 
-use crate::names::Directory;
+use crate::names::CommandDirectory;
 
 /// Label under which the executor announces itself.
 const EXECUTOR_LABEL: &str = "exec";
@@ -28,17 +28,17 @@ pub enum StreamError {
     Announcement(#[from] rcc_ipc::AnnounceError),
     /// Its records may mean something else than here.
     #[error("no value is read: {0}")]
-    OtherBuild(#[from] OtherBuild),
+    BuildMismatch(#[from] BuildMismatch),
     /// It offers no stream.
     #[error("the executor offers no `{RECORDS}`: are both programs of one build?")]
     NotOffered,
 }
 
 /// One life of an executor.
-struct Attached {
+struct FollowedExecutor {
     // Before the session: what was opened through it is closed first.
     records: Subscriber<MonitorRecord>,
-    names: Directory,
+    names: CommandDirectory,
     announcement: Announcement,
     next_sequence: Option<u64>,
     _session: Session,
@@ -46,7 +46,7 @@ struct Attached {
 
 /// What a look at the stream gave.
 #[derive(Debug, Default)]
-pub struct Look {
+pub struct StreamUpdate {
     /// Records, in order.
     pub records: Vec<MonitorRecord>,
     /// Records that were lost before or between them.
@@ -56,16 +56,16 @@ pub struct Look {
 }
 
 /// Follows the executors of a cell.
-pub struct Follower {
+pub struct ExecutorFollower {
     cell_name: String,
-    attached: Option<Attached>,
+    attached: Option<FollowedExecutor>,
 }
 
-impl Follower {
+impl ExecutorFollower {
     /// A follower that has found nothing yet.
     #[must_use]
-    pub fn new(cell_name: &str) -> Follower {
-        Follower {
+    pub fn new(cell_name: &str) -> ExecutorFollower {
+        ExecutorFollower {
             cell_name: cell_name.to_owned(),
             attached: None,
         }
@@ -81,38 +81,38 @@ impl Follower {
     ///
     /// # Errors
     /// The cell's name is not one, or a living executor's stream cannot be read.
-    pub fn look(&mut self) -> Result<Look, StreamError> {
-        let mut look = Look::default();
+    pub fn poll(&mut self) -> Result<StreamUpdate, StreamError> {
+        let mut update = StreamUpdate::default();
         match &mut self.attached {
             None => {
                 self.attached = find(&self.cell_name)?;
-                look.changed = self.attached.is_some().then_some(true);
+                update.changed = self.attached.is_some().then_some(true);
             }
             Some(attached) => {
                 // In this order: what it sent before its death is read.
                 let dead = attached.announcement.liveness().is_dead();
-                while attached.records.read_into(&mut look.records)? {}
-                for record in &look.records {
+                while attached.records.read_into(&mut update.records)? {}
+                for record in &update.records {
                     let expected = attached.next_sequence.unwrap_or(record.sequence);
-                    look.lost += record.sequence.saturating_sub(expected);
+                    update.lost += record.sequence.saturating_sub(expected);
                     attached.next_sequence = Some(record.sequence + 1);
                 }
-                if dead && look.records.is_empty() {
+                if dead && update.records.is_empty() {
                     self.attached = None;
-                    look.changed = Some(false);
+                    update.changed = Some(false);
                 }
             }
         }
-        Ok(look)
+        Ok(update)
     }
 
     /// The names of the commands of the executor that is followed.
-    pub fn names(&mut self) -> Option<&mut Directory> {
+    pub fn names(&mut self) -> Option<&mut CommandDirectory> {
         self.attached.as_mut().map(|attached| &mut attached.names)
     }
 }
 
-fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
+fn find(cell_name: &str) -> Result<Option<FollowedExecutor>, StreamError> {
     let cell = match Cell::find(cell_name) {
         Ok(Some(cell)) => cell,
         Ok(None) => return Ok(None),
@@ -144,9 +144,9 @@ fn find(cell_name: &str) -> Result<Option<Attached>, StreamError> {
         Err(_) if announcement.liveness().is_dead() => return Ok(None),
         Err(error) => return Err(error.into()),
     };
-    Ok(Some(Attached {
+    Ok(Some(FollowedExecutor {
         records,
-        names: Directory::of(&cell, announcement.incarnation),
+        names: CommandDirectory::of(&cell, announcement.incarnation),
         announcement,
         next_sequence: None,
         _session: session,

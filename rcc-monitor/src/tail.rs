@@ -8,10 +8,10 @@ use rcc_core::message::MonitorRecord;
 use rcc_core::printable::Printable;
 use serde_json::{Value, json};
 
-use crate::names::{Command, Monitor};
+use crate::names::{CommandNames, MonitorInfo};
 use crate::signals::Signals;
-use crate::stream::{Follower, StreamError};
-use crate::value::Kind;
+use crate::stream::{ExecutorFollower, StreamError};
+use crate::value::ElementType;
 use rcc_ipc::pattern::Pattern;
 
 /// How often the stream is looked at; its buffers hold more than 100 ms.
@@ -54,7 +54,7 @@ pub enum TailError {
 
 /// Why printing ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
+pub enum TailEnd {
     /// The count or the time is reached.
     Done,
     /// Somebody asked for it, by this signal.
@@ -64,7 +64,7 @@ pub enum End {
 }
 
 /// A line on stderr; nothing changes when it cannot be written.
-pub fn remark(words: &str) {
+pub fn print_note(words: &str) {
     let _ = writeln!(io::stderr(), "{}", Printable(words));
 }
 
@@ -78,44 +78,52 @@ pub fn tail(
     signals: &mut Signals,
     out: &mut impl Write,
     reader_is_gone: impl Fn() -> bool,
-) -> Result<End, TailError> {
-    let mut follower = Follower::new(cell);
-    let begun = Instant::now();
+) -> Result<TailEnd, TailError> {
+    let mut follower = ExecutorFollower::new(cell);
+    let started = Instant::now();
     let mut printer = Printer::new(options);
     let mut waiting_told = false;
     loop {
-        if let Some(signal) = signals.came() {
-            return Ok(End::Signal(signal));
+        if let Some(signal) = signals.pending() {
+            return Ok(TailEnd::Signal(signal));
         }
         if options
             .duration
-            .is_some_and(|limit| begun.elapsed() >= limit)
+            .is_some_and(|limit| started.elapsed() >= limit)
         {
-            return Ok(End::Done);
+            return Ok(TailEnd::Done);
         }
-        let look = follower.look()?;
-        match look.changed {
-            Some(false) => remark(&format!(
+        let update = follower.poll()?;
+        match update.changed {
+            Some(false) => print_note(&format!(
                 "the executor of cell '{cell}' is gone: waiting for the next"
             )),
             None if !follower.is_attached() && !waiting_told => {
                 waiting_told = true;
-                remark(&format!("cell '{cell}' has no executor: waiting for one"));
+                print_note(&format!("cell '{cell}' has no executor: waiting for one"));
             }
             _ => {}
         }
-        let printed = print(&mut printer, &look.records, look.lost, &mut follower, out);
+        let printed = print(
+            &mut printer,
+            &update.records,
+            update.lost,
+            &mut follower,
+            out,
+        );
         match printed {
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(End::ReaderGone),
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                return Ok(TailEnd::ReaderGone);
+            }
             Err(error) => return Err(error.into()),
             Ok(()) if options.count.is_some_and(|most| printer.printed >= most) => {
-                return Ok(End::Done);
+                return Ok(TailEnd::Done);
             }
             Ok(()) => {}
         }
-        if look.records.is_empty() {
+        if update.records.is_empty() {
             if reader_is_gone() {
-                return Ok(End::ReaderGone);
+                return Ok(TailEnd::ReaderGone);
             }
             std::thread::sleep(if follower.is_attached() {
                 LOOK_EVERY
@@ -130,7 +138,7 @@ fn print(
     printer: &mut Printer<'_>,
     records: &[MonitorRecord],
     lost: u64,
-    follower: &mut Follower,
+    follower: &mut ExecutorFollower,
     out: &mut impl Write,
 ) -> io::Result<()> {
     if lost > 0 {
@@ -169,7 +177,7 @@ impl<'a> Printer<'a> {
     fn lost(&self, lost: u64, out: &mut impl Write) -> io::Result<()> {
         match self.options.format {
             Format::Human => {
-                remark(&format!("{lost} records were lost here"));
+                print_note(&format!("{lost} records were lost here"));
                 Ok(())
             }
             Format::Json => writeln!(out, "{}", json!({"lost": lost})),
@@ -179,19 +187,19 @@ impl<'a> Printer<'a> {
     fn record(
         &mut self,
         record: &MonitorRecord,
-        command: &Command,
+        command: &CommandNames,
         out: &mut impl Write,
     ) -> io::Result<()> {
         if self.options.count.is_some_and(|most| self.printed >= most) {
             return Ok(());
         }
         let monitor = command.monitors.get(record.monitor as usize);
-        let unnamed = Monitor {
+        let unnamed = MonitorInfo {
             source: format!("monitor{}", record.monitor),
-            ..Monitor::default()
+            ..MonitorInfo::default()
         };
         let monitor = monitor.unwrap_or(&unnamed);
-        let Some(element) = self.chosen(&command.net, monitor) else {
+        let Some(element) = self.matching_element(&command.net, monitor) else {
             return Ok(());
         };
         let width = (record.width as usize).min(record.values.len());
@@ -212,7 +220,7 @@ impl<'a> Printer<'a> {
     }
 
     /// `Some(element)` if a pattern means this monitor, by the port it watches or by its own id.
-    fn chosen(&self, net: &str, monitor: &Monitor) -> Option<Option<usize>> {
+    fn matching_element(&self, net: &str, monitor: &MonitorInfo) -> Option<Option<usize>> {
         if self.options.patterns.is_empty() {
             return Some(None);
         }
@@ -232,13 +240,13 @@ impl<'a> Printer<'a> {
         &mut self,
         record: &MonitorRecord,
         name: &str,
-        monitor: &Monitor,
+        monitor: &MonitorInfo,
         elements: &[f64],
         out: &mut impl Write,
     ) -> io::Result<()> {
         let first = *self.first_stamp_ns.get_or_insert(record.stamp_ns);
         let seconds = record.stamp_ns.saturating_sub(first) as f64 / 1e9;
-        let kind = Kind::of(&monitor.ty);
+        let kind = ElementType::of(&monitor.ty);
         let mut line = format!("{seconds:10.3} s  {name:<24}");
         for element in elements {
             line.push_str(&format!(" {:>11}", kind.human(*element)));
@@ -254,12 +262,12 @@ impl<'a> Printer<'a> {
 fn json_line(
     record: &MonitorRecord,
     name: &str,
-    command: &Command,
-    monitor: &Monitor,
+    command: &CommandNames,
+    monitor: &MonitorInfo,
     elements: &[f64],
     out: &mut impl Write,
 ) -> io::Result<()> {
-    let kind = Kind::of(&monitor.ty);
+    let kind = ElementType::of(&monitor.ty);
     let value = match elements {
         [one] => kind.json(*one),
         all => Value::Array(all.iter().map(|element| kind.json(*element)).collect()),
@@ -298,9 +306,9 @@ mod tests {
             ..MonitorRecord::zeroed()
         };
         record.values[..values.len()].copy_from_slice(values);
-        let command = Command {
+        let command = CommandNames {
             net: "line".into(),
-            monitors: vec![Monitor {
+            monitors: vec![MonitorInfo {
                 primitive: "watch".into(),
                 source: "move.pose".into(),
                 ty: ty.into(),

@@ -6,7 +6,7 @@ use serde_json::{Number, Value};
 
 /// What the elements of a record are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ElementType {
     /// Reals; NaN is null.
     Real,
     /// 0, 1, NaN is null.
@@ -15,14 +15,14 @@ pub enum Kind {
     Int,
 }
 
-impl Kind {
+impl ElementType {
     /// From the name of a type: `Bool`, `Int[3]`, `Pose`, …
     #[must_use]
-    pub fn of(ty: &str) -> Kind {
+    pub fn of(ty: &str) -> ElementType {
         match ty.split('[').next() {
-            Some("Bool") => Kind::Bool,
-            Some("Int") => Kind::Int,
-            _ => Kind::Real,
+            Some("Bool") => ElementType::Bool,
+            Some("Int") => ElementType::Int,
+            _ => ElementType::Real,
         }
     }
 
@@ -30,10 +30,10 @@ impl Kind {
     #[must_use]
     pub fn json(self, element: f64) -> Value {
         match self {
-            Kind::Real => Number::from_f64(element).map_or(Value::Null, Value::Number),
-            Kind::Bool if element.is_nan() => Value::Null,
-            Kind::Bool => Value::Bool(element != 0.0),
-            Kind::Int => match element.to_bits() as i64 {
+            ElementType::Real => Number::from_f64(element).map_or(Value::Null, Value::Number),
+            ElementType::Bool if element.is_nan() => Value::Null,
+            ElementType::Bool => Value::Bool(element != 0.0),
+            ElementType::Int => match element.to_bits() as i64 {
                 NULL_INT => Value::Null,
                 number => Value::from(number),
             },
@@ -45,7 +45,7 @@ impl Kind {
     pub fn human(self, element: f64) -> String {
         match (self, self.json(element)) {
             (_, Value::Null) => "–".to_owned(),
-            (Kind::Real, _) => format!("{element:.6}"),
+            (ElementType::Real, _) => format!("{element:.6}"),
             (_, value) => value.to_string(),
         }
     }
@@ -58,9 +58,9 @@ mod tests {
     #[test]
     fn null_is_null_in_every_kind() {
         for (kind, null) in [
-            (Kind::Real, f64::NAN),
-            (Kind::Bool, f64::NAN),
-            (Kind::Int, f64::from_bits(NULL_INT as u64)),
+            (ElementType::Real, f64::NAN),
+            (ElementType::Bool, f64::NAN),
+            (ElementType::Int, f64::from_bits(NULL_INT as u64)),
         ] {
             assert_eq!(
                 (kind.json(null), kind.human(null)),
@@ -73,13 +73,13 @@ mod tests {
     fn integers_keep_all_their_bits() {
         let number = -9_007_199_254_740_993_i64;
         let element = f64::from_bits(number as u64);
-        assert_eq!(Kind::Int.json(element), Value::from(number));
-        assert_eq!(Kind::of("Int[3]"), Kind::Int);
+        assert_eq!(ElementType::Int.json(element), Value::from(number));
+        assert_eq!(ElementType::of("Int[3]"), ElementType::Int);
     }
 
     #[test]
     fn booleans_are_words() {
-        assert_eq!(Kind::of("Bool").human(1.0), "true");
-        assert_eq!(Kind::of("Bool").json(0.0), Value::Bool(false));
+        assert_eq!(ElementType::of("Bool").human(1.0), "true");
+        assert_eq!(ElementType::of("Bool").json(0.0), Value::Bool(false));
     }
 }

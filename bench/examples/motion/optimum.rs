@@ -11,7 +11,7 @@ use crate::table::{digits, table};
 
 /// A row of `bench/topp/compare --json`: motions of one kind and robot.
 #[derive(Deserialize)]
-struct Group {
+struct ToppRow {
     kind: String,
     robot: String,
     /// Of toppra.
@@ -21,11 +21,11 @@ struct Group {
     failed: usize,
     /// Motions with a reference that keeps limits of jerk.
     references: usize,
-    times: BTreeMap<String, Spread>,
+    times: BTreeMap<String, TimeRatios>,
 }
 
 #[derive(Deserialize)]
-struct Spread {
+struct TimeRatios {
     least: f64,
     median: f64,
     /// What 90 % do not exceed.
@@ -50,7 +50,7 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
             "{head}Not compared here: run `bench/topp/compare --json FILE` where toppra is installed.\n"
         ));
     };
-    let groups: Vec<Group> = serde_json::from_str(&fs::read_to_string(file)?)?;
+    let groups: Vec<ToppRow> = serde_json::from_str(&fs::read_to_string(file)?)?;
     let Some(first) = groups.first() else {
         return Err(format!("{} has no rows", file.display()).into());
     };
@@ -59,7 +59,7 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
     let least = ours.into_iter().flat_map(of);
     let least = least.fold(f64::INFINITY, |least, it| least.min(it.least));
     let halved = of("halved").fold(0.0_f64, |most, it| most.max(it.worst));
-    let sum = |count: fn(&Group) -> usize| groups.iter().map(count).sum::<usize>();
+    let sum = |count: fn(&ToppRow) -> usize| groups.iter().map(count).sum::<usize>();
     let text = format!(
         "{head}How many times as long motions take as those of an independent TOPP-RA (toppra {}) along the same paths of joints, \
          from rest to rest: median (90 %, worst) of random motions (`rcc-core/motion/tests/motions`). These are times of motions, no \
@@ -89,7 +89,7 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
     ))
 }
 
-fn row(group: &Group) -> Vec<String> {
+fn row(group: &ToppRow) -> Vec<String> {
     let cells = COLUMNS.iter().map(|(_, key)| match group.times.get(*key) {
         Some(it) => format!(
             "{} ({}, {})",

@@ -11,7 +11,7 @@ use crate::table::{digits, table};
 
 /// A row of `bench/kinematics/compare --json`.
 #[derive(Deserialize)]
-struct Program {
+struct KinematicsRow {
     robot: String,
     positions: usize,
     program: String,
@@ -43,7 +43,7 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
             "{head}Not measured here: run `bench/kinematics/compare --json FILE` where Orocos KDL or pinocchio is installed.\n"
         ));
     };
-    let programs: Vec<Program> = serde_json::from_str(&fs::read_to_string(file)?)?;
+    let programs: Vec<KinematicsRow> = serde_json::from_str(&fs::read_to_string(file)?)?;
     let Some(first) = programs.first() else {
         return Err(format!("{} has no rows", file.display()).into());
     };
@@ -64,13 +64,14 @@ pub fn section(file: Option<&Path>) -> Result<String, Box<dyn Error>> {
     let mut robots: Vec<&str> = programs.iter().map(|it| it.robot.as_str()).collect();
     robots.dedup();
     for robot in robots {
-        let of_robot: Vec<&Program> = programs.iter().filter(|it| it.robot == robot).collect();
+        let of_robot: Vec<&KinematicsRow> =
+            programs.iter().filter(|it| it.robot == robot).collect();
         text += &robot_text(robot, &of_robot);
     }
     Ok(text)
 }
 
-fn robot_text(robot: &str, programs: &[&Program]) -> String {
+fn robot_text(robot: &str, programs: &[&KinematicsRow]) -> String {
     let mut head = vec![robot.to_owned()];
     head.extend(
         programs
@@ -108,7 +109,7 @@ fn robot_text(robot: &str, programs: &[&Program]) -> String {
 }
 
 /// How many searches found something.
-fn searched(program: &Program) -> String {
+fn searched(program: &KinematicsRow) -> String {
     let solved = |key: &str| program.solved.get(key).copied();
     match (solved("inverse_solved"), solved("inverse_near_solved")) {
         (Some(far), Some(near)) => format!(

@@ -9,7 +9,7 @@ use rcc_engine::net::Net;
 use rcc_language::compile_for;
 
 use crate::table::{digits, spread, table};
-use crate::{EFFORT, PERIOD_S, Running, devices};
+use crate::{EFFORT, PERIOD_S, RunningNet, devices};
 
 const SIZE: usize = 500;
 
@@ -47,7 +47,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
             device.measurement.digital = u64::from(pressed);
             device.measurement.analog[0] = 0.25;
         }
-        nets.push(Running {
+        nets.push(RunningNet {
             net,
             models,
             devices,

@@ -70,13 +70,13 @@ fn root() -> PathBuf {
 }
 
 /// A running net and the devices that it sees.
-struct Running {
+struct RunningNet {
     net: Box<Net>,
     models: Vec<DeviceModel>,
     devices: Vec<DeviceInput>,
 }
 
-impl Running {
+impl RunningNet {
     /// One cycle; an arm is where it was commanded to be. Starts again at its end.
     fn step(&mut self) {
         if self.net.evaluate(&self.models, &self.devices, PERIOD_S) != Evaluation::Running {

@@ -2,14 +2,14 @@
 
 use std::error::Error;
 
-use rcc_bench::measure::{Figure, Subject, alternate};
+use rcc_bench::measure::{Subject, TimeStats, alternate};
 use rcc_config::CellConfig;
 use rcc_core::message::Joints;
 use rcc_engine::net::Net;
 use rcc_language::compile;
 
 use crate::table::{digits, spread, table};
-use crate::{EFFORT, PERIOD_S, Running, devices, root};
+use crate::{EFFORT, PERIOD_S, RunningNet, devices, root};
 
 const FOLDER: &str = "tests/data/directionet/flat";
 /// Names of theirs in a cell of ours.
@@ -40,7 +40,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
         let net = Net::build(compiled.plan, &models, cell.fingerprint(), &hold, PERIOD_S)
             .map_err(|refusal| format!("{name}: {refusal:?}"))?;
         sizes.push((types, Some(primitives)));
-        nets.push(Running {
+        nets.push(RunningNet {
             net,
             models: models.clone(),
             devices: devices(&models, HOLD),
@@ -79,15 +79,15 @@ pub fn section() -> Result<String, Box<dyn Error>> {
 }
 
 /// The next figure belongs to the next net that was loaded.
-trait NextIfSome: Iterator<Item = Figure> {
-    fn next_if_some(&mut self, loaded: Option<usize>) -> Option<Figure> {
+trait NextIfSome: Iterator<Item = TimeStats> {
+    fn next_if_some(&mut self, loaded: Option<usize>) -> Option<TimeStats> {
         loaded.and_then(|_| self.next())
     }
 }
 
-impl<I: Iterator<Item = Figure>> NextIfSome for I {}
+impl<I: Iterator<Item = TimeStats>> NextIfSome for I {}
 
-fn row(name: &str, theirs: usize, measured: Option<(usize, Figure)>) -> Vec<String> {
+fn row(name: &str, theirs: usize, measured: Option<(usize, TimeStats)>) -> Vec<String> {
     let name = name.trim_end_matches(".net").to_owned();
     match measured {
         Some((ours, figure)) => vec![

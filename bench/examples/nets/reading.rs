@@ -9,11 +9,11 @@ use rcc_bench::measure::{Subject, alternate};
 use rcc_bench::net::net;
 use rcc_core::plan::ValuePoint;
 use rcc_engine::net::Net;
-use rcc_engine::queue::Reading;
+use rcc_engine::queue::ValueReading;
 use rcc_language::compile_for;
 
 use crate::table::{digits, spread, table};
-use crate::{EFFORT, PERIOD_S, Running, devices};
+use crate::{EFFORT, PERIOD_S, RunningNet, devices};
 
 /// So many ports are read; the last is the most that a reading may have.
 const PORTS: [usize; 5] = [0, 1, 10, 100, 1024];
@@ -42,13 +42,13 @@ pub fn section() -> Result<String, Box<dyn Error>> {
             &[None],
             PERIOD_S,
         );
-        let running = Running {
+        let running = RunningNet {
             net: net.map_err(|refusal| format!("{refusal:?}"))?,
             models: models.clone(),
             devices: devices(&models, [0.0; 8]),
         };
         let chosen = points.get(..ports).ok_or("too few ports")?;
-        subjects.push((running, Reading::of(chosen.to_vec())));
+        subjects.push((running, ValueReading::of(chosen.to_vec())));
     }
     let runs = subjects.iter_mut().map(|(running, reading)| {
         Subject::new(|cycles| {

@@ -3,14 +3,14 @@
 use std::error::Error;
 use std::time::Duration;
 
-use rcc_bench::catalogue;
-use rcc_bench::executor::Executor;
+use rcc_bench::executor::BenchExecutor;
 use rcc_bench::graph::Graph;
 use rcc_bench::instance::cell;
+use rcc_bench::kernel_nets;
 use rcc_bench::measure::{Effort, Subject, alternate};
 use rcc_bench::net::net;
 use rcc_language::compile_for;
-use rcc_language::devices::{Device, DeviceTable};
+use rcc_language::devices::{CellDevice, DeviceTable};
 
 use crate::table::{digits, spread, table, verdict};
 
@@ -80,8 +80,8 @@ pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     ))
 }
 
-fn with_nets(mix: &str, nets: usize) -> Result<Executor, Box<dyn Error>> {
-    let mut executor = Executor::new(cell(), [0.0; 8])?;
+fn with_nets(mix: &str, nets: usize) -> Result<BenchExecutor, Box<dyn Error>> {
+    let mut executor = BenchExecutor::new(cell(), [0.0; 8])?;
     let text = net(&Graph::load(mix, 50)?).text;
     for _ in 0..nets {
         executor.start(compile_for(&text, "graph.json", &cell())?.plan)?;
@@ -89,12 +89,12 @@ fn with_nets(mix: &str, nets: usize) -> Result<Executor, Box<dyn Error>> {
     Ok(executor)
 }
 
-fn with_line() -> Result<Executor, Box<dyn Error>> {
-    let device = Device {
+fn with_line() -> Result<BenchExecutor, Box<dyn Error>> {
+    let device = CellDevice {
         name: "arm".into(),
         model: rcc_core::frame::DeviceModel {
             channels: [0; 4],
-            ..catalogue::models()[0]
+            ..kernel_nets::models()[0]
         },
         channels: [const { Vec::new() }; 4],
     };
@@ -103,7 +103,7 @@ fn with_line() -> Result<Executor, Box<dyn Error>> {
         period_ns: 1_000_000,
         devices: vec![device],
     };
-    let mut executor = Executor::new(table.clone(), catalogue::HOLD)?;
+    let mut executor = BenchExecutor::new(table.clone(), kernel_nets::HOLD)?;
     executor.start(compile_for(LINE, "line.yaml", &table)?.plan)?;
     Ok(executor)
 }

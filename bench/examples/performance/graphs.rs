@@ -4,7 +4,7 @@ use std::error::Error;
 
 use rcc_bench::graph::{Graph, MIXES, SIZES};
 use rcc_bench::instance::Instance;
-use rcc_bench::measure::{Effort, Figure, Subject, alternate};
+use rcc_bench::measure::{Effort, Subject, TimeStats, alternate};
 use rcc_bench::straight::{ALL, Inputs, Program};
 
 use crate::table::{digits, spread, table, verdict};
@@ -79,13 +79,13 @@ fn row(mix: &str, size: usize, effort: Effort) -> Result<Vec<String>, Box<dyn Er
         }));
     }
     let figures = alternate(&mut subjects, effort);
-    let straight = |null: bool| -> Option<Figure> {
+    let straight = |null: bool| -> Option<TimeStats> {
         let place = nulls.iter().position(|of| *of == null)?;
         figures.get(place + 1).copied()
     };
     let nodes = size as f64;
     let ours = figures[0].median / nodes;
-    let text = |figure: Option<Figure>| {
+    let text = |figure: Option<TimeStats>| {
         figure.map_or("–".to_owned(), |figure| digits(figure.median / nodes))
     };
     Ok(vec![

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::fs;
 use std::time::Instant;
 
-use rcc_bench::graph::{Graph, SIZES};
+use rcc_bench::graph::{NetGraph, SIZES};
 use rcc_bench::instance::cell;
 use rcc_bench::measure::median;
 use rcc_bench::net::net;
@@ -13,7 +13,7 @@ use rcc_engine::net::Net;
 use rcc_ipc::control::PlanData;
 use rcc_language::check::{Typed, check};
 use rcc_language::devices::DeviceTable;
-use rcc_language::expand::Flat;
+use rcc_language::expand::ExpandedNet;
 use rcc_language::{compile_for, infer, lower, resolve, syntax};
 
 use crate::table::{digits, table};
@@ -36,7 +36,7 @@ pub fn section() -> Result<String, Box<dyn Error>> {
     let (mut times, mut memory) = (Vec::new(), Vec::new());
     for size in SIZES {
         eprintln!("performance: loading full_{size}");
-        let text = net(&Graph::load("full", size)?).text;
+        let text = net(&NetGraph::load("full", size)?).text;
         let rounds: Result<Vec<_>, _> = (0..ROUNDS).map(|_| stages(&text, &cell())).collect();
         let rounds = rounds?;
         let stage = |number: usize| median(rounds.iter().map(|round| round[number]).collect());
@@ -80,7 +80,7 @@ fn stages(text: &str, cell: &DeviceTable) -> Result<[f64; STAGES.len()], Box<dyn
     let (root, mut faults) = yaml::read(text);
     lap(0);
     let net = syntax::read(&root.ok_or("no text")?, &mut faults).ok_or("no net")?;
-    let flat = Flat::plain(net);
+    let flat = ExpandedNet::plain(net);
     lap(1);
     let graph = resolve::resolve(&flat, cell, &mut faults);
     let inferred = infer::infer(&graph);

@@ -14,7 +14,7 @@ const WAKEUP_GOAL: f64 = 1.3;
 
 /// A row of `bench/hal --json`.
 #[derive(Deserialize)]
-struct Hal {
+struct HalRow {
     nodes: usize,
     period_us: u64,
     rounds: usize,
@@ -26,7 +26,7 @@ struct Hal {
 
 /// A row of `bench/wakeup --json`.
 #[derive(Deserialize)]
-struct Wakeup {
+struct WakeupRow {
     condition: String,
     rounds: usize,
     seconds: f64,
@@ -43,8 +43,8 @@ struct Wakeup {
 
 /// See the module.
 pub fn section(hal: Option<&Path>, wakeup: Option<&Path>) -> Result<String, Box<dyn Error>> {
-    let hal: Option<Vec<Hal>> = hal.map(read).transpose()?;
-    let wakeup: Option<Vec<Wakeup>> = wakeup.map(read).transpose()?;
+    let hal: Option<Vec<HalRow>> = hal.map(read).transpose()?;
+    let wakeup: Option<Vec<WakeupRow>> = wakeup.map(read).transpose()?;
     Ok(format!(
         "## LinuxCNC HAL\n\n{}\n## Wake-up\n\n{}\n## Elsewhere\n\n\
          `cargo run --release -p rcc-bench --example nets` measures loading by size, fragments that are not active, reading \
@@ -81,7 +81,7 @@ fn goal(ratio: f64, met: bool, sign: char, goal: f64) -> String {
     )
 }
 
-fn hal_text(rows: Option<&[Hal]>) -> String {
+fn hal_text(rows: Option<&[HalRow]>) -> String {
     let Some(rows) = rows else {
         return "Not measured here: run `bench/hal --json FILE` where `linuxcnc-uspace` is installed.\n".into();
     };
@@ -114,7 +114,7 @@ fn hal_text(rows: Option<&[Hal]>) -> String {
     )
 }
 
-fn wakeup_text(rows: Option<&[Wakeup]>) -> String {
+fn wakeup_text(rows: Option<&[WakeupRow]>) -> String {
     let Some(rows) = rows.filter(|rows| !rows.is_empty()) else {
         return "Not measured here: run `bench/wakeup --json FILE` as root where `rt-tests` and `stress-ng` are installed.\n".into();
     };

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-use rcc_bench::catalogue::{Row, count, devices, models, net, rows};
+use rcc_bench::kernel_nets::{CatalogueKernel, count, devices, models, net, rows};
 use rcc_bench::measure::{Effort, Subject, alternate};
 use rcc_core::primitive::Role;
 use rcc_engine::net::Net;
@@ -16,7 +16,7 @@ const CYCLES: usize = 100;
 /// See the module.
 pub fn section(effort: Effort) -> Result<String, Box<dyn Error>> {
     eprintln!("performance: every kernel of the catalogue");
-    let all: Vec<Row> = rows()
+    let all: Vec<CatalogueKernel> = rows()
         .filter(|row| row.entry.spec.role != Role::Termination)
         .collect();
     let first = all.first().ok_or("an empty catalogue")?;

@@ -1,6 +1,6 @@
 //! Tables and figures in Markdown.
 
-use rcc_bench::measure::Figure;
+use rcc_bench::measure::TimeStats;
 
 /// A table: the first column is text, the others are figures.
 pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
@@ -26,7 +26,7 @@ pub fn digits(value: f64) -> String {
 }
 
 /// A median with the fastest and the slowest round, all divided by `by`.
-pub fn spread(figure: Figure, by: f64) -> String {
+pub fn spread(figure: TimeStats, by: f64) -> String {
     format!(
         "{} ({}–{})",
         digits(figure.median / by),

@@ -6,18 +6,19 @@ use bytemuck::Zeroable;
 use rcc_core::frame::DeviceInput;
 use rcc_core::message::Measurement;
 use rcc_core::path::{
-    ArcOrientation, Drive, Leg, MotionBuilder, Motions, Pace, PathRequest, Segment,
+    ArcOrientation, Leg, MotionBuilder, Motions, PathRequest, PathSegment, SpeedOverride,
+    SpeedProfile,
 };
 use rcc_engine::net::{Evaluation, Net};
 use rcc_language::compile_for;
-use rcc_language::devices::{Device, DeviceTable};
-use rcc_motion::{Builder, MotionSet, PathBounds, PathClock, PathPiece};
+use rcc_language::devices::{CellDevice, DeviceTable};
+use rcc_motion::{MotionSet, MotionSetBuilder, PathBounds, PathClock, PathPiece};
 
-use super::{Group, HOLD, Named, beside, model};
+use super::{HOLD, NamedSubject, SubjectGroup, beside, model};
 
 const PERIOD_S: f64 = 1e-3;
 
-pub(super) fn clock() -> Group {
+pub(super) fn clock() -> SubjectGroup {
     let mut subjects = Vec::new();
     for (name, count) in [("one piece", 1), ("40 pieces", 40)] {
         let piece = |k| PathPiece {
@@ -27,29 +28,29 @@ pub(super) fn clock() -> Group {
         let pieces: Vec<PathPiece> = (1..=count).map(piece).collect();
         let bounds = PathBounds::new(&pieces, 2.0, 20.0, PERIOD_S).expect("these are limits");
         let (same, mut clock) = (bounds.clone(), PathClock::new());
-        subjects.push(Named::new(format!("{name}, as before"), move || {
-            black_box(clock.step(black_box(&same), Drive::RUN));
+        subjects.push(NamedSubject::new(format!("{name}, as before"), move || {
+            black_box(clock.step(black_box(&same), SpeedOverride::RUN));
         }));
         let (mut clock, mut slow) = (PathClock::new(), false);
         let name = format!("{name}, replanned each cycle for a new speed");
-        subjects.push(Named::new(name, move || {
+        subjects.push(NamedSubject::new(name, move || {
             slow = !slow;
-            let drive = Drive {
+            let drive = SpeedOverride {
                 speed: if slow { 0.6 } else { 1.0 },
-                ..Drive::RUN
+                ..SpeedOverride::RUN
             };
             black_box(clock.step(black_box(&bounds), drive));
         }));
     }
-    Group {
+    SubjectGroup {
         name: "the path clock",
         subjects,
     }
 }
 
-fn motion(legs: &[Leg<'_>], pace: Pace) -> MotionSet {
+fn motion(legs: &[Leg<'_>], pace: SpeedProfile) -> MotionSet {
     let (models, holds) = ([model()], [Some(HOLD)]);
-    let mut builder = Builder::new(&models, &holds, PERIOD_S, 1);
+    let mut builder = MotionSetBuilder::new(&models, &holds, PERIOD_S, 1);
     let request = PathRequest {
         device: 0,
         from: None,
@@ -61,14 +62,14 @@ fn motion(legs: &[Leg<'_>], pace: Pace) -> MotionSet {
 }
 
 /// A cycle of a motion, which begins again at its end.
-fn running(name: &str, legs: &[Leg<'_>]) -> Named {
-    paced(name, legs, Pace::Even)
+fn running(name: &str, legs: &[Leg<'_>]) -> NamedSubject {
+    paced(name, legs, SpeedProfile::Even)
 }
 
-fn paced(name: &str, legs: &[Leg<'_>], pace: Pace) -> Named {
+fn paced(name: &str, legs: &[Leg<'_>], pace: SpeedProfile) -> NamedSubject {
     let mut set = motion(legs, pace);
-    Named::new(name, move || {
-        let state = set.step(0, Drive::RUN);
+    NamedSubject::new(name, move || {
+        let state = set.step(0, SpeedOverride::RUN);
         if state.is_none_or(|state| state.path.done) {
             set.reset();
         }
@@ -76,7 +77,7 @@ fn paced(name: &str, legs: &[Leg<'_>], pace: Pace) -> Named {
     })
 }
 
-pub(super) fn motions() -> Group {
+pub(super) fn motions() -> SubjectGroup {
     let to = beside(0.1, 0.1, 0.0);
     let through = [beside(0.05, 0.0, 0.0), beside(0.05, 0.08, 0.02), to];
     // So slow that a run is much longer than its ends.
@@ -85,22 +86,22 @@ pub(super) fn motions() -> Group {
         blend,
         ..Leg::new(segment)
     };
-    let line = leg(Segment::Line { to }, 0.0);
-    let circle = Segment::Circle {
+    let line = leg(PathSegment::Line { to }, 0.0);
+    let circle = PathSegment::Circle {
         via: beside(0.05, 0.05, 0.02).position,
         to,
         orientation: ArcOrientation::Even,
         angle: None,
     };
-    let spline = Segment::Spline { through: &through };
-    let joints = Segment::Joints {
+    let spline = PathSegment::Spline { through: &through };
+    let joints = PathSegment::Joints {
         to: [0.6, 0.2, 0.1, -1.2, 0.4, 0.7, 0.0, f64::NAN],
     };
-    let back = Segment::Line {
+    let back = PathSegment::Line {
         to: beside(0.0, 0.1, 0.0),
     };
-    let rounded = [leg(Segment::Line { to }, 0.03), leg(back, 0.03), line];
-    Group {
+    let rounded = [leg(PathSegment::Line { to }, 0.03), leg(back, 0.03), line];
+    SubjectGroup {
         name: "a cycle of a motion",
         subjects: vec![
             running("line, joints", &[line]),
@@ -108,7 +109,11 @@ pub(super) fn motions() -> Group {
             running("spline, joints", &[leg(spline, 0.0)]),
             running("point to point", &[leg(joints, 0.0)]),
             running("three rounded lines, joints", &rounded),
-            paced("three rounded lines, fastest", &rounded, Pace::Fastest),
+            paced(
+                "three rounded lines, fastest",
+                &rounded,
+                SpeedProfile::Fastest,
+            ),
         ],
     }
 }
@@ -131,8 +136,8 @@ fn lines(arms: &[&str], done: &str) -> String {
     text + done
 }
 
-pub(super) fn nets() -> Group {
-    let device = |name: &str| Device {
+pub(super) fn nets() -> SubjectGroup {
+    let device = |name: &str| CellDevice {
         name: name.to_string(),
         model: model(),
         channels: Default::default(),
@@ -153,7 +158,7 @@ pub(super) fn nets() -> Group {
         let plan = net.unwrap_or_else(|faults| panic!("{faults}")).plan;
         let (models, holds) = ([model(), model()], [Some(HOLD), Some(HOLD)]);
         let mut net = Net::build(plan, &models, 0, &holds, PERIOD_S).expect("a good plan");
-        Named::new(name, move || {
+        NamedSubject::new(name, move || {
             let evaluation = net.evaluate(&models, &[input, input], PERIOD_S);
             if evaluation != Evaluation::Running {
                 assert_eq!(evaluation, Evaluation::Terminated, "the line is possible");
@@ -162,7 +167,7 @@ pub(super) fn nets() -> Group {
             black_box(net.outputs());
         })
     };
-    Group {
+    SubjectGroup {
         name: "a cycle of a net: line, inverse kinematics, command",
         subjects: vec![
             running(

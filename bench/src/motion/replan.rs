@@ -4,8 +4,8 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use rcc_core::axis::{AXIS_WORDS, AxisState, Follower};
-use rcc_core::path::Limits;
+use rcc_core::axis::{AXIS_WORDS, AxisFollower, AxisState};
+use rcc_core::path::MotionLimits;
 use rcc_motion::goal::plan;
 
 use super::random;
@@ -14,17 +14,17 @@ const ROUNDS: usize = 200_000;
 const PERIOD_S: f64 = 1e-3;
 
 /// How long something took in many cases, ns.
-pub struct Spread {
+pub struct TimeQuantiles {
     /// What.
     pub name: &'static str,
     /// The times that 50, 99, 99.9 and 100 % of the cases did not exceed, ns.
     pub ns: [u64; 4],
 }
 
-fn spread(name: &'static str, mut times_ns: Vec<u64>) -> Spread {
+fn spread(name: &'static str, mut times_ns: Vec<u64>) -> TimeQuantiles {
     times_ns.sort_unstable();
     let at = |share: f64| times_ns[((times_ns.len() - 1) as f64 * share) as usize];
-    Spread {
+    TimeQuantiles {
         name,
         ns: [0.5, 0.99, 0.999, 1.0].map(at),
     }
@@ -37,15 +37,15 @@ fn timed(work: impl FnOnce()) -> u64 {
 }
 
 /// An LWR 4+: 110 to 204 deg/s, 1200 to 4400 deg/s², ten times that per s³.
-fn limits() -> [Limits; 7] {
-    [1.92, 1.92, 2.23, 2.23, 3.56, 3.21, 3.21].map(|velocity: f64| Limits {
+fn limits() -> [MotionLimits; 7] {
+    [1.92, 1.92, 2.23, 2.23, 3.56, 3.21, 3.21].map(|velocity: f64| MotionLimits {
         velocity,
         acceleration: 11.0 * velocity,
         jerk: 110.0 * velocity,
     })
 }
 
-fn state(seed: &mut u64, limits: &Limits) -> AxisState {
+fn state(seed: &mut u64, limits: &MotionLimits) -> AxisState {
     AxisState {
         position: random(seed),
         velocity: 0.8 * limits.velocity * random(seed),
@@ -55,7 +55,7 @@ fn state(seed: &mut u64, limits: &Limits) -> AxisState {
 
 /// Measures, for seconds.
 #[must_use]
-pub fn measure() -> Vec<Spread> {
+pub fn measure() -> Vec<TimeQuantiles> {
     let (mut seed, limits) = (7, limits());
     let mut random_states = Vec::with_capacity(ROUNDS);
     for _ in 0..ROUNDS {
@@ -75,8 +75,8 @@ pub fn measure() -> Vec<Spread> {
 }
 
 /// Cycles of seven joints on their way, with new goals every 20 cycles: those without and those with new ones.
-fn follow(seed: &mut u64, limits: &[Limits; 7]) -> (Vec<u64>, Vec<u64>) {
-    let mut joints = limits.map(|_| Follower::at_rest(0.0));
+fn follow(seed: &mut u64, limits: &[MotionLimits; 7]) -> (Vec<u64>, Vec<u64>) {
+    let mut joints = limits.map(|_| AxisFollower::at_rest(0.0));
     let mut words = joints.map(|joint| joint.words());
     let (mut same, mut other) = (Vec::new(), Vec::new());
     let mut goals = [0.5; 7];
@@ -85,11 +85,11 @@ fn follow(seed: &mut u64, limits: &[Limits; 7]) -> (Vec<u64>, Vec<u64>) {
         if new {
             goals = goals.map(|_| random(seed));
         }
-        let step = |words: &mut [[f64; AXIS_WORDS]; 7], joints: &mut [Follower; 7]| {
+        let step = |words: &mut [[f64; AXIS_WORDS]; 7], joints: &mut [AxisFollower; 7]| {
             for (((words, joint), goal), limits) in
                 words.iter_mut().zip(joints).zip(goals).zip(limits)
             {
-                *joint = Follower::from_words(words);
+                *joint = AxisFollower::from_words(words);
                 black_box(joint.step(Some(goal), limits, PERIOD_S, plan));
                 *words = joint.words();
             }

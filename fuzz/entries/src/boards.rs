@@ -5,11 +5,11 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use bytemuck::bytes_of_mut;
 use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, MAGIC, SetPoint};
 use rcc_drivers::host::limits::ArmLimits;
-use rcc_drivers::host::player::{Player, PlayerSettings, Tick};
-use rcc_engine::queue::Order;
+use rcc_drivers::host::set_point_player::{DeviceCycle, PlayerSettings, SetPointPlayer};
+use rcc_engine::queue::EngineRequest;
 
-use crate::engine::Bench;
-use crate::judge::Judge;
+use crate::engine::EngineHarness;
+use crate::set_point_checker::SetPointChecker;
 use crate::shipped::{HOLD, shipped};
 
 const MS: u64 = 1_000_000;
@@ -32,7 +32,7 @@ pub fn run(data: &[u8]) {
 }
 
 /// Writes some bytes into a record; its beginning stays ours, or nothing would be read at all.
-fn scribble(record: &mut [u8], bytes: &mut Unstructured<'_>) -> Result<()> {
+fn corrupt(record: &mut [u8], bytes: &mut Unstructured<'_>) -> Result<()> {
     for _ in 0..bytes.int_in_range(0..=6)? {
         let at = bytes.int_in_range(0..=record.len() / 8 - 1)? * 8;
         let word: [u8; 8] = match bytes.int_in_range(0..=3)? {
@@ -49,29 +49,29 @@ fn scribble(record: &mut [u8], bytes: &mut Unstructured<'_>) -> Result<()> {
 /// A driver that writes anything, while a net moves its arm.
 fn measurements(bytes: &mut Unstructured<'_>) -> Result<()> {
     let plans = &shipped().plans;
-    let mut bench = Bench::new();
+    let mut harness = EngineHarness::new();
     let index = bytes.int_in_range(0..=plans.len() - 1)?;
-    let id = match bench.build(plans[index].clone()) {
-        Ok(net) => bench.install(net).unwrap_or(0),
+    let id = match harness.build(plans[index].clone()) {
+        Ok(net) => harness.install(net).unwrap_or(0),
         Err(_) => 0,
     };
-    bench.ask(|ticket| Order::Start { ticket, id });
+    harness.ask(|ticket| EngineRequest::Start { ticket, id });
     for _ in 0..STEPS_MAX {
         if bytes.is_empty() {
             break;
         }
         for _ in 0..bytes.int_in_range(0..=20)? {
-            bench.step();
+            harness.step();
         }
-        let device = bytes.int_in_range(0..=bench.measured.len() - 1)?;
-        scribble(bytes_of_mut(&mut bench.measured[device]), bytes)?;
+        let device = bytes.int_in_range(0..=harness.measured.len() - 1)?;
+        corrupt(bytes_of_mut(&mut harness.measured[device]), bytes)?;
         // An honest driver counts on; a number that wraps is no rule of the executor's.
-        bench.measured[device].sequence >>= 1;
+        harness.measured[device].sequence >>= 1;
         if bytes.ratio(7, 8)? {
-            bench.measured[device].magic = MAGIC;
+            harness.measured[device].magic = MAGIC;
         }
-        bench.honest = bytes.ratio(3, 4)?;
-        bench.step();
+        harness.honest = bytes.ratio(3, 4)?;
+        harness.step();
     }
     Ok(())
 }
@@ -83,7 +83,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         .device("lwr")
         .unwrap_or_else(|| panic!("the demo has an lwr"));
     let limits = ArmLimits::of(device);
-    let mut player = Player::new(PlayerSettings {
+    let mut player = SetPointPlayer::new(PlayerSettings {
         limits,
         first_tolerance_rad: device.first_tolerance_rad,
         delay_ns: device.delay_ns,
@@ -93,8 +93,8 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         player = player.leading();
     }
     let mut image = CommandImage::new(7, MS);
-    let mut judge = Judge::new(limits.joints, 0.0);
-    let mut tick = Tick {
+    let mut checker = SetPointChecker::new(limits.joints, 0.0);
+    let mut tick = DeviceCycle {
         ticks: 1,
         period_ns: MS,
         commandable: false,
@@ -103,7 +103,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         mirror: HOLD,
     };
     player.tick(&tick);
-    judge.rests(player.position());
+    checker.rests(player.position());
     tick.commandable = true;
     let mut now_ns = 1_000 * MS;
     let (mut asked, mut step): (Joints, Option<f64>) = (HOLD, None);
@@ -114,7 +114,7 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
         match bytes.int_in_range(0..=7)? {
             0 => step = Some(f64::from(i16::arbitrary(bytes)?) * 1e-7),
             1 => step = None,
-            2 => scribble(bytes_of_mut(&mut image), bytes)?,
+            2 => corrupt(bytes_of_mut(&mut image), bytes)?,
             3 => now_ns += u64::from(u8::arbitrary(bytes)?) * MS,
             4 => tick.ticks = u64::from(u8::arbitrary(bytes)?),
             5 => step = Some(crate::plan::real(bytes)?),
@@ -138,9 +138,9 @@ fn images(bytes: &mut Unstructured<'_>, leads: bool) -> Result<()> {
             image.push(image.head.sequence.wrapping_add(1), now_ns, point);
             player.observe(now_ns, Some(&image));
             player.tick(&tick);
-            judge.follow(player.position(), tick.ticks.max(1) as f64 * 1e-3);
+            checker.follow(player.position(), tick.ticks.max(1) as f64 * 1e-3);
             if player.state() == DeviceState::Commanded {
-                judge.in_range(player.position());
+                checker.in_range(player.position());
             }
             assert!(
                 player

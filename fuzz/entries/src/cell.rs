@@ -41,6 +41,6 @@ pub fn run(data: &[u8]) {
                 }
             }
         }
-        Err(faults) => super::net::judge_faults(&faults, true),
+        Err(faults) => super::net::check_faults(&faults, true),
     }
 }

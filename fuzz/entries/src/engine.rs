@@ -8,18 +8,18 @@ use rcc_core::message::{
 };
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
+use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, rings};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
 
-use crate::judge::Judge;
+use crate::set_point_checker::SetPointChecker;
 use crate::shipped::{HOLD, shipped};
 
 const PERIOD_NS: u64 = 1_000_000;
 
 /// The engine of the demo's cell.
-pub struct Bench {
+pub struct EngineHarness {
     engine: Engine,
-    ends: HelperEnds,
+    ends: HelperRingEnds,
     /// What each device measures; the arm is the first.
     pub measured: Vec<Measurement>,
     /// The devices have a board.
@@ -30,22 +30,22 @@ pub struct Bench {
     pub honest: bool,
     now_ns: u64,
     next_ticket: u64,
-    judge: Judge,
+    checker: SetPointChecker,
     owner: u64,
     /// Set-points that commanded anything.
     pub commanded: u64,
 }
 
-impl Default for Bench {
+impl Default for EngineHarness {
     fn default() -> Self {
-        Bench::new()
+        EngineHarness::new()
     }
 }
 
-impl Bench {
+impl EngineHarness {
     /// Every device is ready, and the engine has run a cycle.
     #[must_use]
-    pub fn new() -> Bench {
+    pub fn new() -> EngineHarness {
         let models = shipped().models.clone();
         let (rt, ends) = rings();
         let measured = models.iter().map(|model| Measurement {
@@ -66,7 +66,7 @@ impl Bench {
             ..Measurement::zeroed()
         });
         let measured = measured.collect();
-        let judge = Judge::new(models[0].limits, 0.0);
+        let checker = SetPointChecker::new(models[0].limits, 0.0);
         let config = EngineConfig {
             incarnation: 7,
             period_ns: PERIOD_NS,
@@ -74,7 +74,7 @@ impl Bench {
             late_in_a_row_max: 3,
             models,
         };
-        let mut bench = Bench {
+        let mut harness = EngineHarness {
             engine: Engine::new(config, rt),
             ends,
             measured,
@@ -83,12 +83,12 @@ impl Bench {
             honest: true,
             now_ns: 1_000 * PERIOD_NS,
             next_ticket: 1,
-            judge,
+            checker,
             owner: 0,
             commanded: 0,
         };
-        bench.step();
-        bench
+        harness.step();
+        harness
     }
 
     /// One cycle: the devices exchange, then the engine; what it commands is judged.
@@ -101,7 +101,7 @@ impl Bench {
         }
         self.engine.cycle(self.now_ns);
         self.engine.account(0, 1000, 0);
-        self.judge_arm();
+        self.check_arm();
         for row in &self.engine.tables().commands {
             assert!(
                 row.fault.code != FaultCode::Panic as u32,
@@ -145,7 +145,7 @@ impl Bench {
     }
 
     /// What the arm is told must be within its limits, whatever was measured.
-    fn judge_arm(&mut self) {
+    fn check_arm(&mut self) {
         for index in 0..self.measured.len() {
             let newest = self.newest(index);
             let analog = newest.analog.iter().any(|value| !value.is_nan());
@@ -156,16 +156,16 @@ impl Bench {
                 continue;
             }
             if newest.has_position == 0 {
-                self.judge.forget();
+                self.checker.forget();
                 self.owner = 0;
             } else if self.owner == newest.owner && newest.owner != 0 {
-                self.judge.in_range(&newest.position);
-                self.judge.follow(&newest.position, 1e-3);
+                self.checker.in_range(&newest.position);
+                self.checker.follow(&newest.position, 1e-3);
             } else {
                 assert_ne!(newest.owner, 0, "a set-point belongs to somebody");
                 let model = &shipped().models[0];
                 let hold = self.measured[0].hold;
-                self.judge
+                self.checker
                     .begin(&hold, model.first_tolerance_rad, &newest.position);
                 self.owner = newest.owner;
             }
@@ -193,17 +193,17 @@ impl Bench {
     }
 
     /// Gives an order and runs a cycle; its answer, if there is one by then.
-    pub fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Option<Answer> {
+    pub fn ask(&mut self, order: impl FnOnce(u64) -> EngineRequest) -> Option<Answer> {
         let wanted = self.next_ticket;
         self.next_ticket += 1;
-        let room = self.ends.orders.push(order(wanted));
+        let room = self.ends.requests.push(order(wanted));
         assert!(room.is_ok(), "the engine takes its orders");
         self.step();
         let mut found = None;
-        while let Ok(outcome) = self.ends.outcomes.pop() {
+        while let Ok(outcome) = self.ends.replies.pop() {
             match outcome {
-                Outcome::Answer { ticket, answer } if ticket == wanted => found = Some(answer),
-                Outcome::Read {
+                EngineReply::Answer { ticket, answer } if ticket == wanted => found = Some(answer),
+                EngineReply::Read {
                     reading, refused, ..
                 } => found = Some(refused.map_or(Answer::Values(reading.values), Answer::Refused)),
                 _ => {}
@@ -214,10 +214,11 @@ impl Bench {
 
     /// A command with this net, ready.
     pub fn install(&mut self, net: Box<Net>) -> Option<u64> {
-        let Some(Answer::Reserved { id }) = self.ask(|ticket| Order::Reserve { ticket }) else {
+        let Some(Answer::Reserved { id }) = self.ask(|ticket| EngineRequest::Reserve { ticket })
+        else {
             return None;
         };
-        self.ask(|ticket| Order::Install { ticket, id, net });
+        self.ask(|ticket| EngineRequest::Install { ticket, id, net });
         Some(id)
     }
 

@@ -6,14 +6,14 @@ use std::sync::LazyLock;
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::{CommandImage, JOINTS_MAX, Joints, SET_POINTS, SetPoint};
 use rcc_drivers::driver::Inputs;
-use rcc_drivers::drivers::fri_lwr::dialog::{Dialog, Script};
+use rcc_drivers::drivers::fri_lwr::fri_session::{FriSession, KrlConvention};
 use rcc_drivers::fri_lwr::wire::{
     CommandDatagram, ControlStrategy, MeasurementDatagram, Quality, SessionState,
 };
-use rcc_drivers::host::station::Station;
+use rcc_drivers::host::device_session::DeviceSession;
 
-use crate::judge::Judge;
 use crate::plan::real;
+use crate::set_point_checker::SetPointChecker;
 use crate::shipped::{HOLD, shipped};
 
 const MS: u64 = 1_000_000;
@@ -24,28 +24,28 @@ const BINARY32: f64 = 2.0e-7;
 
 /// Controller, driver and executor.
 #[derive(Clone)]
-struct Bench {
-    dialog: Dialog,
-    station: Station,
+struct FriHarness {
+    session: FriSession,
+    session: DeviceSession,
     datagram: MeasurementDatagram,
     image: CommandImage,
     executor: bool,
     now_ns: u64,
-    judge: Judge,
+    checker: SetPointChecker,
     /// What the net moves joint 1 with each cycle, rad; `None`: no command.
-    moves: Option<f64>,
-    asked: Joints,
+    step_rad: Option<f64>,
+    set_point: Joints,
     /// Set-points come in the order of time, one a cycle.
     regular: bool,
 }
 
 /// A driver that has just been let into command mode, with an executor that commands nothing.
-static READY: LazyLock<Bench> = LazyLock::new(|| {
+static READY: LazyLock<FriHarness> = LazyLock::new(|| {
     let (_, device) = shipped()
         .cell
         .device("lwr")
         .unwrap_or_else(|| panic!("the demo has an lwr"));
-    let dialog = Dialog::new(device, Script::FirstApp, Quality::Ok);
+    let session = FriSession::new(device, KrlConvention::FirstApp, Quality::Ok);
     let mut datagram = MeasurementDatagram {
         state: SessionState::Command,
         quality: Quality::Perfect,
@@ -59,22 +59,22 @@ static READY: LazyLock<Bench> = LazyLock::new(|| {
         datagram.measured_position[joint] = *hold as f32;
         datagram.commanded_position[joint] = *hold as f32;
     }
-    let mut bench = Bench {
-        dialog: dialog.unwrap_or_else(|error| panic!("{error}")),
-        station: Station::new(device, 0),
+    let mut harness = FriHarness {
+        session: session.unwrap_or_else(|error| panic!("{error}")),
+        session: DeviceSession::new(device, 0),
         datagram,
         image: CommandImage::new(1, MS),
         executor: true,
         now_ns: 1_000 * MS,
-        judge: Judge::new(shipped().models[0].limits, BINARY32),
-        moves: None,
-        asked: [0.0; JOINTS_MAX],
+        checker: SetPointChecker::new(shipped().models[0].limits, BINARY32),
+        step_rad: None,
+        set_point: [0.0; JOINTS_MAX],
         regular: true,
     };
     for _ in 0..20 {
-        bench.step();
+        harness.step();
     }
-    bench
+    harness
 });
 
 /// Each step is one byte that says what happens, and its bytes.
@@ -88,21 +88,21 @@ pub fn run(data: &[u8]) {
         assert!(again.is_ok_and(|again| again.encode() == datagram.encode()));
     }
     let mut bytes = Unstructured::new(data);
-    let mut bench = READY.clone();
+    let mut harness = READY.clone();
     for _ in 0..STEPS_MAX {
-        if bytes.is_empty() || bench.happen(&mut bytes).is_err() {
+        if bytes.is_empty() || harness.apply_step(&mut bytes).is_err() {
             return;
         }
     }
 }
 
-impl Bench {
-    fn happen(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
+impl FriHarness {
+    fn apply_step(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
         match bytes.int_in_range(0..=23)? {
-            0 => self.moves = None,
-            1 => self.moves = Some(f64::from(i16::arbitrary(bytes)?) * 1e-7),
-            2 => self.moves = Some(real(bytes)?),
-            3 => self.raw(bytes)?,
+            0 => self.step_rad = None,
+            1 => self.step_rad = Some(f64::from(i16::arbitrary(bytes)?) * 1e-7),
+            2 => self.step_rad = Some(real(bytes)?),
+            3 => self.exchange_corrupted(bytes)?,
             4 => {
                 self.datagram.state = *bytes.choose(&[
                     SessionState::Off,
@@ -128,10 +128,10 @@ impl Bench {
             12 => self.executor = bool::arbitrary(bytes)?,
             13 => self.corrupt_image(bytes)?,
             14 => self.now_ns += u64::from(u16::arbitrary(bytes)?) * MS / 16,
-            15 => self.hear_nothing(),
-            16 => self.dialog.forget(),
+            15 => self.report_silence(),
+            16 => self.session.reset(),
             17 => self.regular = bool::arbitrary(bytes)?,
-            18 if u8::arbitrary(bytes)? == 0 => self.station.terminate(),
+            18 if u8::arbitrary(bytes)? == 0 => self.session.terminate(),
             _ => {}
         }
         for _ in 0..=bytes.int_in_range(0..=15)? {
@@ -141,7 +141,7 @@ impl Bench {
     }
 
     /// Bytes instead of a datagram, or in the midst of one.
-    fn raw(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
+    fn exchange_corrupted(&mut self, bytes: &mut Unstructured<'_>) -> Result<()> {
         let mut datagram = self.datagram.encode();
         let at = bytes.int_in_range(0..=datagram.len() - 1)?;
         let length = bytes.int_in_range(0..=64)?;
@@ -152,9 +152,9 @@ impl Bench {
         Ok(())
     }
 
-    fn hear_nothing(&mut self) {
-        if self.station.silence(self.now_ns, Some(105)) {
-            self.judge.forget();
+    fn report_silence(&mut self) {
+        if self.session.silence(self.now_ns, Some(105)) {
+            self.checker.forget();
         }
     }
 
@@ -189,14 +189,14 @@ impl Bench {
 
     fn write(&mut self) {
         let image = &mut self.image;
-        match self.moves {
-            None => self.asked = self.station.measurement().hold,
-            Some(step) => self.asked[0] += step,
+        match self.step_rad {
+            None => self.set_point = self.session.measurement().hold,
+            Some(step) => self.set_point[0] += step,
         }
         let point = SetPoint {
-            owner: u64::from(self.moves.is_some()),
-            has_position: u64::from(self.moves.is_some()),
-            position: self.asked,
+            owner: u64::from(self.step_rad.is_some()),
+            has_position: u64::from(self.step_rad.is_some()),
+            position: self.set_point,
             ..SetPoint::NONE
         };
         image.push(image.head.sequence.wrapping_add(1), self.now_ns, point);
@@ -204,14 +204,14 @@ impl Bench {
 
     fn exchange(&mut self, bytes: &[u8]) {
         let image = self.executor.then_some(&self.image);
-        self.station.observe(self.now_ns, image);
-        if !self.dialog.accept(bytes) {
+        self.session.observe(self.now_ns, image);
+        if !self.session.accept(bytes) {
             return;
         }
         let mut inputs = Inputs::NONE;
-        let exchange = self.dialog.exchange(&mut inputs);
-        let outputs = self.station.exchange(self.now_ns, &inputs, &exchange);
-        let answer = CommandDatagram::decode(&self.dialog.answer(&outputs));
+        let exchange = self.session.exchange(&mut inputs);
+        let outputs = self.session.exchange(self.now_ns, &inputs, &exchange);
+        let answer = CommandDatagram::decode(&self.session.answer(&outputs));
         let answer = answer.unwrap_or_else(|error| panic!("the answer is a datagram: {error}"));
         let mut told = [0.0; JOINTS_MAX];
         for (to, from) in told.iter_mut().zip(answer.joint_position) {
@@ -219,11 +219,11 @@ impl Bench {
         }
         if exchange.commandable {
             let dt_s = exchange.ticks as f64 * exchange.period_ns as f64 * 1e-9;
-            self.judge.follow(&told, dt_s);
+            self.checker.follow(&told, dt_s);
         } else {
             // It holds itself where it says, and begins there.
             assert_eq!(told.map(|q| q as f32), exchange.mirror.map(|q| q as f32));
-            self.judge.rests(&told);
+            self.checker.rests(&told);
         }
     }
 }

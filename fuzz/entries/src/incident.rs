@@ -7,11 +7,11 @@ use arbitrary::{Arbitrary, Result, Unstructured};
 use bytemuck::Zeroable;
 use rcc_core::frame::DeviceInput;
 use rcc_core::message::Measurement;
-use rcc_engine::incident::{self, Head, Incident, Parts};
+use rcc_engine::incident::{self, Incident, IncidentHead, IncidentParts};
 use rcc_engine::net::Net;
-use rcc_engine::record::hash::Sum;
-use rcc_engine::record::{Evaluated, Reason, Recorder, RecorderConfig};
-use rcc_engine::replay::{Source, replay};
+use rcc_engine::record::hash::WordChecksum;
+use rcc_engine::record::{EvaluationRecord, Recorder, RecorderConfig, TriggerReason};
+use rcc_engine::replay::{ReplaySource, replay};
 use rcc_ipc::control::PlanData;
 use rcc_ipc::events;
 
@@ -44,7 +44,7 @@ fn make() -> Vec<u64> {
         measurement: Measurement::zeroed(),
     };
     let inputs = vec![absent; cell.models.len()];
-    recorder.trigger(Reason::Request);
+    recorder.trigger(TriggerReason::Request);
     let mut cycle = 0;
     let recording = loop {
         if let Ok(recording) = helper.recordings.pop() {
@@ -55,7 +55,7 @@ fn make() -> Vec<u64> {
         for (row, net) in nets.iter_mut().enumerate() {
             let begins = net.cycles == 0;
             let evaluation = net.evaluate(&cell.models, &inputs, 1e-3);
-            recorder.net(Evaluated {
+            recorder.net(EvaluationRecord {
                 row,
                 id: row as u64 + 1,
                 net,
@@ -67,15 +67,15 @@ fn make() -> Vec<u64> {
         }
         recorder.end(0, 0, 0);
     };
-    let head = Head {
+    let head = IncidentHead {
         format: incident::FORMAT,
         layout: incident::layout(),
         catalogue: events::digits(rcc_core::primitives::fingerprint()),
         configuration: events::digits(cell.plans[0].configuration),
-        ..Head::default()
+        ..IncidentHead::default()
     };
     let nets: Vec<_> = (1..).zip(&origins).collect();
-    let parts = Parts {
+    let parts = IncidentParts {
         files: &[(1, b"{}")],
         models: &cell.models,
         nets: &nets,
@@ -111,7 +111,7 @@ fn changed(bytes: &mut Unstructured<'_>) -> Result<Vec<u64>> {
             _ => bytes.int_in_range(0..=300)?,
         };
     }
-    let mut sum = Sum::default();
+    let mut sum = WordChecksum::default();
     file.iter().take(last).for_each(|word| sum.take(*word));
     file[last] = sum.end();
     Ok(file)
@@ -122,7 +122,7 @@ fn look(file: &[u64]) {
         Ok(incident) => incident,
         Err(error) => return assert!(!error.to_string().is_empty()),
     };
-    let source = Source {
+    let source = ReplaySource {
         models: &incident.models,
         configuration: incident.configuration,
         nets: &incident.nets,

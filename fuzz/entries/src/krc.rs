@@ -3,10 +3,10 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, flags};
-use rcc_drivers::sim::io::{control as io_control, image::Image};
-use rcc_drivers::sim::lwr::control::{Answer, Command, to_line};
+use rcc_drivers::sim::io::{control as io_control, process_image::ProcessImage};
+use rcc_drivers::sim::lwr::control::{ControlAnswer, KrcCommand, to_line};
 use rcc_drivers::sim::lwr::krc::Krc;
-use rcc_drivers::sim::lwr::settings::{Script, Settings};
+use rcc_drivers::sim::lwr::settings::{KrlProgram, Settings};
 
 use crate::plan::real;
 
@@ -15,13 +15,13 @@ const STEPS_MAX: usize = 300;
 /// The input is a line of a control port, and also a sequence of steps.
 pub fn run(data: &[u8]) {
     let mut krc = Krc::new(Settings {
-        script: Script::Auto,
+        script: KrlProgram::Auto,
         ..Settings::default()
     });
     if let Ok(text) = std::str::from_utf8(data) {
         for line in text.lines() {
-            say(&mut krc, line);
-            say_io(line);
+            send_line(&mut krc, line);
+            send_io_line(line);
             krc.tick(1);
         }
     }
@@ -31,7 +31,7 @@ pub fn run(data: &[u8]) {
         ..CommandDatagram::default()
     };
     for _ in 0..STEPS_MAX {
-        if bytes.is_empty() || happen(&mut krc, &mut answer, &mut bytes).is_err() {
+        if bytes.is_empty() || apply_step(&mut krc, &mut answer, &mut bytes).is_err() {
             break;
         }
     }
@@ -42,25 +42,29 @@ pub fn run(data: &[u8]) {
         .chain(&snapshot.velocity)
         .all(|value| value.is_finite());
     assert!(finite, "{snapshot:?}");
-    assert!(!to_line(Ok(Answer::State(Box::new(snapshot)))).contains('\n'));
+    assert!(!to_line(Ok(ControlAnswer::State(Box::new(snapshot)))).contains('\n'));
 }
 
-fn say(krc: &mut Krc, line: &str) {
-    let answer = serde_json::from_str::<Command>(line)
+fn next_measurement(krc: &mut Krc, line: &str) {
+    let answer = serde_json::from_str::<KrcCommand>(line)
         .map_err(Into::into)
-        .and_then(|command| krc.obey(command));
+        .and_then(|command| krc.execute(command));
     assert!(!to_line(answer).contains('\n'), "an answer is one line");
 }
 
-fn say_io(line: &str) {
-    let mut image = Image::new(Vec::new());
+fn send_io_line(line: &str) {
+    let mut image = ProcessImage::new(Vec::new());
     if let Ok(io_control::Command::Set(input)) = serde_json::from_str(line) {
         // Refused or done; that it returns is the rule.
         let _ = image.set(&input);
     }
 }
 
-fn happen(krc: &mut Krc, answer: &mut CommandDatagram, bytes: &mut Unstructured<'_>) -> Result<()> {
+fn apply_step(
+    krc: &mut Krc,
+    answer: &mut CommandDatagram,
+    bytes: &mut Unstructured<'_>,
+) -> Result<()> {
     match bytes.int_in_range(0..=15)? {
         0 => answer.joint_position[bytes.int_in_range(0..=6)?] = real(bytes)? as f32,
         1 => {
@@ -79,11 +83,11 @@ fn happen(krc: &mut Krc, answer: &mut CommandDatagram, bytes: &mut Unstructured<
         8 => {
             let length = bytes.int_in_range(0..=96)?;
             let line = String::from_utf8_lossy(bytes.bytes(length.min(bytes.len()))?).into_owned();
-            say(krc, &line);
+            send_line(krc, &line);
         }
         9 => answer.reflected_sequence = u16::arbitrary(bytes)?,
         10 => krc.receive_foreign(),
-        11 => say(
+        11 => send_line(
             krc,
             bytes.choose(&[
                 "\"estop\"",

@@ -7,16 +7,16 @@
 pub mod boards;
 pub mod cell;
 pub mod directionet;
-pub mod door;
 pub mod engine;
 pub mod fri;
 pub mod incident;
-pub mod judge;
 pub mod krc;
 pub mod modbus;
 pub mod net;
 pub mod plan;
+pub mod requests;
 pub mod rest;
+pub mod set_point_checker;
 pub mod shipped;
 pub mod wire;
 
@@ -28,13 +28,13 @@ pub const TARGETS: &[Target] = &[
     ("boards", boards::run),
     ("cell", cell::run),
     ("directionet", directionet::run),
-    ("door", door::run),
     ("fri", fri::run),
     ("incident", incident::run),
     ("krc", krc::run),
     ("modbus", modbus::run),
     ("net", net::run),
     ("plan", plan::run),
+    ("requests", requests::run),
     ("rest", rest::run),
     ("wire", wire::run),
 ];

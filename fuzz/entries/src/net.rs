@@ -2,10 +2,10 @@
 //! the executor accepts and runs. Run by the thread of the target.
 
 use rcc_config::diagnostic::{Faults, Severity};
-use rcc_engine::queue::Order;
+use rcc_engine::queue::EngineRequest;
 use rcc_ipc::control::Refusal;
 
-use crate::engine::Bench;
+use crate::engine::EngineHarness;
 use crate::shipped::shipped;
 
 /// Cycles that an accepted net runs.
@@ -18,24 +18,24 @@ pub fn run(data: &[u8]) {
     };
     match rcc_language::compile_for(text, "net.yaml", &shipped().table) {
         Ok(compiled) => {
-            judge_faults(&compiled.warnings, false);
-            let mut bench = Bench::new();
-            match bench.build(compiled.plan) {
+            check_faults(&compiled.warnings, false);
+            let mut harness = EngineHarness::new();
+            match harness.build(compiled.plan) {
                 Err(Refusal::Plan(error)) => {
                     panic!("the executor refuses what the loader made: {error:?}")
                 }
                 Err(_) => {}
                 Ok(net) => {
-                    let id = bench.install(net).unwrap_or(0);
-                    bench.ask(|ticket| Order::Start { ticket, id });
-                    (0..CYCLES).for_each(|_| bench.step());
-                    bench.ask(|ticket| Order::Cancel { ticket, id });
-                    (0..CYCLES).for_each(|_| bench.step());
+                    let id = harness.install(net).unwrap_or(0);
+                    harness.ask(|ticket| EngineRequest::Start { ticket, id });
+                    (0..CYCLES).for_each(|_| harness.step());
+                    harness.ask(|ticket| EngineRequest::Cancel { ticket, id });
+                    (0..CYCLES).for_each(|_| harness.step());
                 }
             }
         }
         Err(faults) => {
-            judge_faults(&faults, true);
+            check_faults(&faults, true);
             let errors = faults
                 .diagnostics
                 .iter()
@@ -51,7 +51,7 @@ pub fn run(data: &[u8]) {
 }
 
 /// Faults can be drawn, say something, and lie in their texts.
-pub(crate) fn judge_faults(faults: &Faults, refused: bool) {
+pub(crate) fn check_faults(faults: &Faults, refused: bool) {
     assert_eq!(
         faults.has_errors(),
         refused,

@@ -4,12 +4,12 @@
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::message::DeviceState;
-use rcc_core::plan::{Blank, Block, Delay, MonitorPoint, NO_REGION, Region, Run};
+use rcc_core::plan::{Delay, KernelRun, MonitorPoint, NO_REGION, NullRange, PlanRegion, RunBlock};
 use rcc_core::types::Store;
-use rcc_engine::queue::Order;
+use rcc_engine::queue::EngineRequest;
 use rcc_ipc::control::PlanData;
 
-use crate::engine::Bench;
+use crate::engine::EngineHarness;
 use crate::shipped::shipped;
 
 const CYCLES: usize = 100;
@@ -25,30 +25,30 @@ pub fn run(data: &[u8]) {
 
 /// Offers a plan to the executor and runs it if it is accepted.
 pub(crate) fn run_plan(plan: PlanData, bytes: &mut Unstructured<'_>) {
-    let mut bench = Bench::new();
-    let id = match bench.build(plan) {
-        Ok(net) => bench.install(net).unwrap_or(0),
+    let mut harness = EngineHarness::new();
+    let id = match harness.build(plan) {
+        Ok(net) => harness.install(net).unwrap_or(0),
         Err(_) => 0,
     };
-    bench.ask(|ticket| Order::Start { ticket, id });
+    harness.ask(|ticket| EngineRequest::Start { ticket, id });
     for _ in 0..CYCLES {
         if !bytes.is_empty() {
             // What is missing reads as 0: nothing happens.
-            let _ = happen(&mut bench, id, bytes);
+            let _ = apply_event(&mut harness, id, bytes);
         }
-        bench.step();
+        harness.step();
     }
-    bench.ask(|ticket| Order::Abort { ticket, id });
-    bench.step();
+    harness.ask(|ticket| EngineRequest::Abort { ticket, id });
+    harness.step();
     assert!(
-        id != 0 || bench.commanded == 0,
+        id != 0 || harness.commanded == 0,
         "a refused plan commands nothing"
     );
-    assert!(bench.is_over(id));
-    let before = bench.commanded;
-    bench.step();
+    assert!(harness.is_over(id));
+    let before = harness.commanded;
+    harness.step();
     assert_eq!(
-        bench.commanded, before,
+        harness.commanded, before,
         "a net that is over commands nothing"
     );
 }
@@ -178,27 +178,27 @@ fn near_number(bytes: &mut Unstructured<'_>) -> Result<u32> {
     u32::arbitrary(bytes)
 }
 
-fn a_run(bytes: &mut Unstructured<'_>) -> Result<Run> {
-    Ok(Run {
+fn a_run(bytes: &mut Unstructured<'_>) -> Result<KernelRun> {
+    Ok(KernelRun {
         kernel: bytes.int_in_range(0..=300)?,
         first: near_number(bytes)?,
         operands: near_number(bytes)?,
     })
 }
 
-fn a_block(bytes: &mut Unstructured<'_>) -> Result<Block> {
+fn a_block(bytes: &mut Unstructured<'_>) -> Result<RunBlock> {
     let region = match bool::arbitrary(bytes)? {
         true => NO_REGION,
         false => bytes.int_in_range(0..=3)?,
     };
-    Ok(Block {
+    Ok(RunBlock {
         region,
         runs: bytes.int_in_range(0..=20)?,
     })
 }
 
-fn a_region(bytes: &mut Unstructured<'_>) -> Result<Region> {
-    Ok(Region {
+fn a_region(bytes: &mut Unstructured<'_>) -> Result<PlanRegion> {
+    Ok(PlanRegion {
         condition: near_number(bytes)?,
         within: match bool::arbitrary(bytes)? {
             true => NO_REGION,
@@ -213,7 +213,7 @@ fn a_region(bytes: &mut Unstructured<'_>) -> Result<Region> {
 fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()> {
     let region = a_region(bytes)?;
     for _ in 0..region.blanks {
-        plan.blanks.push(Blank {
+        plan.blanks.push(NullRange {
             store: a_store(bytes)?,
             slot: near_number(bytes)?,
             width: bytes.int_in_range(0..=9)?,
@@ -221,7 +221,7 @@ fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()
     }
     let number = plan.regions.len() as u32;
     if plan.blocks.is_empty() {
-        plan.blocks.push(Block {
+        plan.blocks.push(RunBlock {
             region: NO_REGION,
             runs: plan.runs.len() as u32,
         });
@@ -235,7 +235,7 @@ fn a_region_more(plan: &mut PlanData, bytes: &mut Unstructured<'_>) -> Result<()
         None => 0,
     };
     plan.regions.push(region);
-    plan.blocks.push(Block {
+    plan.blocks.push(RunBlock {
         region: number,
         runs,
     });
@@ -267,38 +267,43 @@ fn a_monitor(bytes: &mut Unstructured<'_>) -> Result<MonitorPoint> {
 }
 
 /// Something that a cycle may bring.
-pub(crate) fn happen(bench: &mut Bench, id: u64, bytes: &mut Unstructured<'_>) -> Result<()> {
-    let device = bytes.int_in_range(0..=bench.measured.len() - 1)?;
+pub(crate) fn apply_event(
+    harness: &mut EngineHarness,
+    id: u64,
+    bytes: &mut Unstructured<'_>,
+) -> Result<()> {
+    let device = bytes.int_in_range(0..=harness.measured.len() - 1)?;
     match bytes.int_in_range(0..=31)? {
-        0 => bench.alive = false,
-        1 => (bench.alive, bench.honest, bench.attached) = (true, true, true),
-        2 => bench.attached = false,
-        3 => bench.honest = false,
-        4 => drop(bench.ask(|ticket| Order::Cancel { ticket, id })),
-        5 => drop(bench.ask(|ticket| Order::Start { ticket, id })),
+        0 => harness.alive = false,
+        1 => (harness.alive, harness.honest, harness.attached) = (true, true, true),
+        2 => harness.attached = false,
+        3 => harness.honest = false,
+        4 => drop(harness.ask(|ticket| EngineRequest::Cancel { ticket, id })),
+        5 => drop(harness.ask(|ticket| EngineRequest::Start { ticket, id })),
         6 => {
-            bench.measured[device].state = bytes.int_in_range(0..=DeviceState::ALL.len() as u32)?
+            harness.measured[device].state =
+                bytes.int_in_range(0..=DeviceState::ALL.len() as u32)?
         }
         7 => {
             let joint = bytes.int_in_range(0..=7)?;
-            bench.measured[device].hold[joint] = real(bytes)?;
+            harness.measured[device].hold[joint] = real(bytes)?;
         }
         8 => {
             let joint = bytes.int_in_range(0..=7)?;
-            bench.measured[device].position[joint] = real(bytes)?;
+            harness.measured[device].position[joint] = real(bytes)?;
         }
-        9 => bench.measured[device].wrench[bytes.int_in_range(0..=5)?] = real(bytes)?,
-        10 => bench.measured[device].analog[bytes.int_in_range(0..=15)?] = real(bytes)?,
+        9 => harness.measured[device].wrench[bytes.int_in_range(0..=5)?] = real(bytes)?,
+        10 => harness.measured[device].analog[bytes.int_in_range(0..=15)?] = real(bytes)?,
         11 => {
             (
-                bench.measured[device].digital,
-                bench.measured[device].digital_known,
+                harness.measured[device].digital,
+                harness.measured[device].digital_known,
             ) = <_>::arbitrary(bytes)?
         }
-        12 => bench.measured[device].settled_ns = u64::arbitrary(bytes)?,
-        13 => bench.measured[device].joints = u32::arbitrary(bytes)?,
-        14 => bench.measured[device].sequence = u64::arbitrary(bytes)? >> 1,
-        15 => bench.measured[device].magic ^= 1,
+        12 => harness.measured[device].settled_ns = u64::arbitrary(bytes)?,
+        13 => harness.measured[device].joints = u32::arbitrary(bytes)?,
+        14 => harness.measured[device].sequence = u64::arbitrary(bytes)? >> 1,
+        15 => harness.measured[device].magic ^= 1,
         _ => {}
     }
     Ok(())

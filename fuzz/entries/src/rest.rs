@@ -15,11 +15,13 @@ use axum::body::{Body, to_bytes};
 use axum::http::{Request, StatusCode};
 use bytemuck::{Zeroable, bytes_of_mut};
 use rcc_core::message::{CommandState, CycleStatus, DeviceState, MAGIC, Tables};
-use rcc_core::timing::Timing;
-use rcc_ipc::control::{Answer, CONTROL, Call, READ_ELEMENTS_MAX, STATUS, TABLES, TIMING, Values};
+use rcc_core::timing::CycleTiming;
+use rcc_ipc::control::{
+    Answer, CONTROL, Call, NetValues, READ_ELEMENTS_MAX, STATUS, TABLES, TIMING,
+};
 use rcc_ipc::{Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire};
 use rcc_loader::server::codes;
-use rcc_loader::server::executor::Executor;
+use rcc_loader::server::executor::ExecutorLink;
 use rcc_loader::server::routes::router;
 use rcc_loader::server::service::Service;
 use tower_service::Service as _;
@@ -31,13 +33,13 @@ const REQUESTS: usize = 3;
 /// Longer answers are a mistake.
 const ANSWER_MAX: usize = 16 << 20;
 /// Files of commands that are gone are swept this often.
-const TEND_EVERY: u32 = 5_000;
+const MAINTAIN_EVERY: u32 = 5_000;
 
 /// What the executor shows and says next.
-struct Said {
+struct FakeExecutorState {
     tables: Box<Tables>,
     status: CycleStatus,
-    timing: Box<Timing>,
+    timing: Box<CycleTiming>,
     /// Instead of good answers.
     answers: VecDeque<Vec<u8>>,
     /// The boards do not show this yet.
@@ -47,17 +49,17 @@ struct Said {
     over: bool,
 }
 
-struct Stage {
+struct RestHarness {
     runtime: tokio::runtime::Runtime,
     router: Router,
     service: Arc<Service>,
-    said: Arc<Mutex<Said>>,
+    fake: Arc<Mutex<FakeExecutorState>>,
     inputs: u32,
     executor: JoinHandle<()>,
     folder: PathBuf,
 }
 
-static STAGE: Mutex<Option<Stage>> = Mutex::new(None);
+static HARNESS: Mutex<Option<RestHarness>> = Mutex::new(None);
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -102,21 +104,21 @@ fn new_cell() -> Cell {
 
 /// Ends what the first input has set up, and leaves nothing behind.
 pub fn tear_down() {
-    let Some(stage) = locked(&STAGE).take() else {
+    let Some(harness) = locked(&HARNESS).take() else {
         return;
     };
-    let Stage {
+    let RestHarness {
         runtime,
         router,
         service,
-        said,
+        fake,
         executor,
         folder,
         ..
-    } = stage;
+    } = harness;
     // What is being compiled is finished first.
     drop((router, runtime, service));
-    locked(&said).over = true;
+    locked(&fake).over = true;
     assert!(executor.join().is_ok(), "the executor does not panic");
     remove_cell(&folder);
 }
@@ -129,13 +131,13 @@ fn remove_cell(folder: &Path) {
     let _ = std::fs::remove_dir_all(folder);
 }
 
-fn set_up() -> Stage {
+fn set_up() -> RestHarness {
     let cell = new_cell();
-    let session = good(Session::join(&cell, Role::Executor, "exec"));
+    let session = good(Session::join(&cell, Role::ExecutorLink, "exec"));
     let server = good(session.serve(CONTROL));
     let status = good(session.create_board::<CycleStatus>(STATUS));
     let tables = good(session.create_board::<Tables>(TABLES));
-    let timing = good(session.create_board::<Timing>(TIMING));
+    let timing = good(session.create_board::<CycleTiming>(TIMING));
     let helpers =
         good(session.create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS));
     let announcement = Announcement::of(&session)
@@ -146,7 +148,7 @@ fn set_up() -> Stage {
         .service(TIMING, timing.service())
         .service(rcc_ipc::control::HELPERS, helpers.service());
     let announced = good(cell.announce(&announcement));
-    let said = Arc::new(Mutex::new(Said {
+    let fake = Arc::new(Mutex::new(FakeExecutorState {
         tables: bytemuck::zeroed_box(),
         status: CycleStatus::zeroed(),
         timing: bytemuck::zeroed_box(),
@@ -155,24 +157,27 @@ fn set_up() -> Stage {
         next_id: 0,
         over: false,
     }));
-    let to_say = Arc::clone(&said);
+    let shared = Arc::clone(&fake);
     let executor = std::thread::spawn(move || {
-        play(&server, (status, tables, timing), &to_say);
+        play_executor(&server, (status, tables, timing), &shared);
         drop((announced, helpers, server, session));
     });
     let loader = good(Session::join(&cell, Role::Loader, "loader"));
-    let service = Arc::new(Service::new(Executor::new(loader), shipped().cell.clone()));
+    let service = Arc::new(Service::new(
+        ExecutorLink::new(loader),
+        shipped().cell.clone(),
+    ));
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
         .build();
     let (runtime, router) = (good(runtime), good(router(Arc::clone(&service))));
     let folder = cell.runtime_dir().to_owned();
-    Stage {
+    RestHarness {
         runtime,
         router,
         service,
-        said,
+        fake,
         inputs: 0,
         executor,
         folder,
@@ -180,18 +185,18 @@ fn set_up() -> Stage {
 }
 
 /// The executor.
-fn play(
+fn play_executor(
     server: &Server,
     boards: (
         BoardWriter<CycleStatus>,
         BoardWriter<Tables>,
-        BoardWriter<Timing>,
+        BoardWriter<CycleTiming>,
     ),
-    said: &Mutex<Said>,
+    fake: &Mutex<FakeExecutorState>,
 ) {
     let (mut status, mut tables, mut timing) = boards;
     loop {
-        let mut now = locked(said);
+        let mut now = locked(fake);
         if now.over {
             return;
         }
@@ -205,7 +210,7 @@ fn play(
                 let call = wire::decode::<Call>(request.bytes());
                 let answer = match (now.answers.pop_front(), call) {
                     (Some(bytes), _) => bytes,
-                    (None, Ok(call)) => good(wire::encode(&now.obey(&call))),
+                    (None, Ok(call)) => good(wire::encode(&now.answer(&call))),
                     (None, Err(error)) => panic!("the loader sends calls: {error}"),
                 };
                 tables.write(&now.tables);
@@ -220,14 +225,14 @@ fn play(
     }
 }
 
-impl Said {
-    fn obey(&mut self, call: &Call) -> Answer {
+impl FakeExecutorState {
+    fn answer(&mut self, call: &Call) -> Answer {
         let (id, state) = match call {
             Call::Read { points, .. } => {
                 let elements = points.iter().map(|point| point.width as usize);
-                return Answer::Values(Values {
+                return Answer::Values(NetValues {
                     words: vec![0; elements.sum::<usize>().min(READ_ELEMENTS_MAX)],
-                    ..Values::default()
+                    ..NetValues::default()
                 });
             }
             Call::Set { .. } | Call::Switch { .. } => return Answer::Done { cycle: 8 },
@@ -245,7 +250,9 @@ impl Said {
             Call::Unload { id } => (id, CommandState::None),
             Call::Record => return Answer::Done { cycle: 8 },
             Call::Recorded { .. } => {
-                return Answer::Recorded(rcc_ipc::control::Recorded::Lost { why: String::new() });
+                return Answer::Recorded(rcc_ipc::control::RecordingState::Lost {
+                    why: String::new(),
+                });
             }
             Call::Acknowledge => return Answer::Done { cycle: 8 },
         };
@@ -258,36 +265,36 @@ impl Said {
 
 /// What the executor shows and says, then some requests.
 pub fn run(data: &[u8]) {
-    let mut stage = locked(&STAGE);
-    let stage = stage.get_or_insert_with(set_up);
+    let mut harness = locked(&HARNESS);
+    let harness = harness.get_or_insert_with(set_up);
     let mut bytes = Unstructured::new(data);
     {
-        let mut said = locked(&stage.said);
-        prepare(&mut said);
+        let mut fake = locked(&harness.fake);
+        prepare(&mut fake);
         // Bytes that end early leave the rest as it is.
-        let _ = scribble(&mut said, &mut bytes);
-        said.changed = true;
+        let _ = corrupt(&mut fake, &mut bytes);
+        fake.changed = true;
     }
-    stage.inputs += 1;
-    if stage.inputs.is_multiple_of(TEND_EVERY) {
-        stage.service.tend();
+    harness.inputs += 1;
+    if harness.inputs.is_multiple_of(MAINTAIN_EVERY) {
+        harness.service.maintain();
     }
     for _ in 0..REQUESTS {
         if bytes.is_empty() {
             break;
         }
         if let Ok(Some(request)) = request(&mut bytes) {
-            judge(stage, request);
+            check_answer(harness, request);
         }
     }
 }
 
 /// As after a start: two commands and the devices.
-fn prepare(said: &mut Said) {
-    *said.tables = Tables::zeroed();
-    said.tables.magic = MAGIC;
-    said.tables.cycle = 7;
-    for (row, (id, state)) in said
+fn prepare(fake: &mut FakeExecutorState) {
+    *fake.tables = Tables::zeroed();
+    fake.tables.magic = MAGIC;
+    fake.tables.cycle = 7;
+    for (row, (id, state)) in fake
         .tables
         .commands
         .iter_mut()
@@ -295,30 +302,30 @@ fn prepare(said: &mut Said) {
     {
         (row.id, row.state) = (id, state as u32);
     }
-    for device in said.tables.devices.iter_mut().take(2) {
+    for device in fake.tables.devices.iter_mut().take(2) {
         (device.state, device.attached) = (DeviceState::Ready as u32, 1);
     }
-    said.status = CycleStatus {
+    fake.status = CycleStatus {
         magic: MAGIC,
         cycle: 7,
         grants: 3,
         period_ns: 1_000_000,
         ..CycleStatus::zeroed()
     };
-    said.answers.clear();
-    said.next_id = 100;
+    fake.answers.clear();
+    fake.next_id = 100;
 }
 
-fn scribble(said: &mut Said, bytes: &mut Unstructured<'_>) -> Result<()> {
+fn corrupt(fake: &mut FakeExecutorState, bytes: &mut Unstructured<'_>) -> Result<()> {
     for _ in 0..bytes.int_in_range(0..=4)? {
         let into = bytes.int_in_range(0..=3)?;
-        let Said {
+        let FakeExecutorState {
             tables,
             status,
             timing,
             answers,
             ..
-        } = said;
+        } = fake;
         let record = match into {
             0 => bytes_of_mut(&mut **tables),
             1 => bytes_of_mut(status),
@@ -388,10 +395,10 @@ fn word(bytes: &mut Unstructured<'_>) -> Result<String> {
 }
 
 /// An answer is of ours: a known status; an error is JSON with a code of the table.
-fn judge(stage: &mut Stage, request: Request<Body>) {
+fn check_answer(harness: &mut RestHarness, request: Request<Body>) {
     let (shown, head) = (format!("{request:?}"), request.method() == "HEAD");
-    let call = stage.router.call(request);
-    let (status, body) = stage.runtime.block_on(async {
+    let call = harness.router.call(request);
+    let (status, body) = harness.runtime.block_on(async {
         let answer: std::result::Result<_, Infallible> = call.await;
         let Ok(answer) = answer;
         let (parts, body) = answer.into_parts();

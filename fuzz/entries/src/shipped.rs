@@ -12,7 +12,7 @@ use rcc_ipc::control::PlanData;
 use rcc_language::devices::DeviceTable;
 
 /// The demo's cell, with the loader's view of it.
-pub struct Shipped {
+pub struct ShippedFixtures {
     /// Its configuration.
     pub cell: CellConfig,
     /// What nets may know of it.
@@ -43,12 +43,12 @@ pub fn repository() -> PathBuf {
 
 /// What is shipped.
 #[must_use]
-pub fn shipped() -> &'static Shipped {
-    static SHIPPED: LazyLock<Shipped> = LazyLock::new(read);
+pub fn shipped() -> &'static ShippedFixtures {
+    static SHIPPED: LazyLock<ShippedFixtures> = LazyLock::new(read);
     &SHIPPED
 }
 
-fn read() -> Shipped {
+fn read() -> ShippedFixtures {
     let cell = CellConfig::load_offline(&repository().join("configs/cells/demo.yaml"));
     let cell = cell.unwrap_or_else(|faults| panic!("{faults}"));
     let table = DeviceTable::from(&cell);
@@ -68,13 +68,13 @@ fn read() -> Shipped {
     let plan = |path: &PathBuf| {
         let text = fs::read_to_string(path).ok()?;
         let name = path.to_string_lossy();
-        rcc_language::compile_with(&text, &name, &table, &rcc_language::library::Files)
+        rcc_language::compile_with(&text, &name, &table, &rcc_language::library::FileLibraries)
             .ok()
             .map(|compiled| compiled.plan)
     };
     let plans: Vec<PlanData> = texts.iter().filter_map(plan).collect();
     assert!(plans.len() >= 10, "the shipped nets compile");
-    Shipped {
+    ShippedFixtures {
         models: table.models(),
         plans,
         cell,

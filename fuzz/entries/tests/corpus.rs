@@ -56,7 +56,7 @@ replayed! {
     boards_of_any_bytes_harm_nobody: "boards";
     texts_as_cells_are_accepted_or_refused_with_a_place: "cell";
     texts_of_the_predecessor_are_accepted_or_refused_with_a_place: "directionet";
-    requests_of_any_bytes_are_carried_out_or_refused: "door";
+    requests_of_any_bytes_are_carried_out_or_refused: "requests";
     datagrams_of_any_bytes_move_nothing_out_of_its_limits: "fri";
     incidents_of_any_words_are_refused_or_replayed: "incident";
     answers_of_any_bytes_leave_the_simulators_alive: "krc";

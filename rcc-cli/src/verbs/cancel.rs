@@ -3,9 +3,9 @@
 use std::time::Instant;
 
 use rcc_loader::server::api::CommandView;
-use rcc_loader::server::codes::{self, Asked};
+use rcc_loader::server::codes::{self, RequestedEnd};
 
-use super::Named;
+use super::NetName;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
@@ -14,7 +14,7 @@ use crate::follow;
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
-    named: Named,
+    named: NetName,
     /// Wait until it is over, or the given time.
     #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "30s", value_parser = super::duration)]
     wait: Option<std::time::Duration>,
@@ -44,7 +44,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
                 };
                 format!("{title}  {state}  after {passed:.2} s{first}")
             });
-            return follow::judge(&command, Asked::Cancel);
+            return follow::judge(&command, RequestedEnd::Cancel);
         }
         if begun.elapsed() > patience {
             let title = follow::title(&command);

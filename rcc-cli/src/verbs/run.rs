@@ -4,14 +4,14 @@
 use std::time::{Duration, Instant};
 
 use rcc_loader::server::api::CommandView;
-use rcc_loader::server::codes::{Asked, exit};
+use rcc_loader::server::codes::{RequestedEnd, exit};
 
 use crate::client::Client;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
-use crate::follow::{self, Rejected};
+use crate::follow::{self, OnRejection};
 use crate::interrupt::Interrupts;
-use crate::output::{Printer, remark_drawing};
+use crate::output::{Printer, print_diagnostics};
 
 /// How long a loader that died is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -34,12 +34,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
     let interrupts = Interrupts::listen()?;
-    let loaded = follow::load(&client, &source.0, &source.1, Rejected::Goes)?;
-    remark_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
+    let loaded = follow::load(&client, &source.0, &source.1, OnRejection::Unload)?;
+    print_diagnostics(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
     let printer = Printer::start();
     let show = |line: &str| {
         if context.format == Format::Human {
-            printer.say(line);
+            printer.print_line(line);
         }
     };
     let outcome = start_and_follow(&show, &client, &interrupts, &loaded);
@@ -56,7 +56,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if interrupts.asked() && command.fault.is_none() {
         return Err(Failure::interrupted());
     }
-    follow::judge(&command, Asked::Finish)
+    follow::judge(&command, RequestedEnd::Finish)
 }
 
 fn start_and_follow(

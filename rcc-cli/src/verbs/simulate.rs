@@ -10,22 +10,22 @@ use rcc_core::message::{CommandState, EndReason};
 use rcc_ipc::control::PlanData;
 use rcc_language::names::Names;
 use rcc_loader::server::api::{FaultView, RehearsalView};
-use rcc_loader::server::codes::{self, Asked, exit};
+use rcc_loader::server::codes::{self, RequestedEnd, exit};
 use rcc_loader::server::compile::compile;
-use rcc_loader::server::words::Namer;
+use rcc_loader::server::messages::NameResolver;
 use serde::Serialize;
 
-use super::check::{load_config, require_understood};
+use super::check::{load_config, require_valid_settings};
 use super::plot;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_net;
-use crate::output::{remark, remark_drawing};
-use crate::picture::Picture;
-use crate::simulate::script::Step;
+use crate::output::{print_note, print_diagnostics};
+use crate::plot::Plot;
+use crate::simulate::script::ScriptStep;
 use crate::simulate::trace;
-use crate::simulate::{self, Options, SimulateError, Simulated};
-use crate::supervisor::places;
+use crate::simulate::{self, SimulationOptions, SimulateError, SimulationResult};
+use crate::supervisor::paths;
 use crate::table;
 
 /// Longest logical time, unless another one is given.
@@ -33,7 +33,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 
 /// What happens in a net's virtual time.
 #[derive(clap::Args, Debug)]
-pub struct Scenario {
+pub struct SimulationScenario {
     /// A net, YAML or JSON; - is the standard input.
     pub file: String,
     /// The cell's configuration whose devices are imitated (default: the demo cell's).
@@ -51,7 +51,7 @@ pub struct Scenario {
 }
 
 /// A scenario with its files read.
-pub struct Prepared {
+pub struct PreparedScenario {
     /// The cell.
     pub config: CellConfig,
     /// The plan and its names.
@@ -59,14 +59,14 @@ pub struct Prepared {
     /// Names of its ports.
     pub names: Names,
     /// What happens.
-    pub options: Options,
+    pub options: SimulationOptions,
 }
 
 /// What to simulate.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
-    scenario: Scenario,
+    scenario: SimulationScenario,
     /// Writes what monitors show, a line for each cycle in which one is due.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -76,7 +76,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct SimulateReport {
     net: String,
     state: String,
     reason: Option<String>,
@@ -84,11 +84,11 @@ struct Report {
     cycles: u64,
     time_s: f64,
     rehearsal: Option<RehearsalView>,
-    monitors: Vec<Value>,
+    monitors: Vec<LastValue>,
 }
 
 #[derive(Serialize)]
-struct Value {
+struct LastValue {
     name: String,
     unit: String,
     last: Option<f64>,
@@ -99,7 +99,7 @@ struct Value {
 /// # Errors
 /// The net or an argument is not valid, it is refused, or it ends with a fault or an abort.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let Prepared {
+    let PreparedScenario {
         config,
         plan,
         names,
@@ -115,31 +115,31 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         let panels = trace::panels(simulated.trace.columns());
         let title = report.net.clone();
-        plot::write(path, &Picture { title, panels })?;
+        plot::write(path, &Plot { title, panels })?;
     }
     context.print(&report, human);
     if context.format == Format::Human {
-        remark(&speed(&simulated, took));
+        print_note(&speed(&simulated, took));
     }
     arguments
         .scenario
         .judge(EndReason::from_number(simulated.command.reason))
 }
 
-impl Scenario {
+impl SimulationScenario {
     /// Whether it went as it was asked for, with the exit codes of `run`.
     ///
     /// # Errors
     /// It ended otherwise than `finished`, unless a CANCEL was asked for; or it did not end, unless a time was.
     pub(super) fn judge(&self, reason: EndReason) -> Result<(), Failure> {
         let asked = match self.cancel_at {
-            Some(_) => Asked::Cancel,
-            None => Asked::Finish,
+            Some(_) => RequestedEnd::Cancel,
+            None => RequestedEnd::Finish,
         };
         let code = match (reason, self.limit) {
             (EndReason::None, Some(_)) => exit::OK,
             (EndReason::None, None) => {
-                remark(&format!(
+                print_note(&format!(
                     "it is not over after {LIMIT:?}: --for TIME says how long"
                 ));
                 exit::TIMEOUT
@@ -156,21 +156,21 @@ impl Scenario {
     ///
     /// # Errors
     /// A file cannot be read or is not valid, or an input is not understood.
-    pub fn prepare(&self) -> Result<Prepared, Failure> {
+    pub fn prepare(&self) -> Result<PreparedScenario, Failure> {
         let path = match &self.config {
             Some(path) => path.clone(),
-            None => places::config("cells/demo.yaml")?,
+            None => paths::config("cells/demo.yaml")?,
         };
         let config = load_config(&path)?;
-        require_understood(&config)?;
+        require_valid_settings(&config)?;
         let options = self.options(&config)?;
         let source = read_net(&self.file)?;
         let compiled = compile(&source.1, &source.0, &config).map_err(|diagnostics| {
             let what = format!("{} is not valid", source.0);
             Failure::invalid(&what, diagnostics, source.clone())
         })?;
-        remark_drawing(&draw(&compiled.warnings, Some(&source), Context::colour()));
-        Ok(Prepared {
+        print_diagnostics(&draw(&compiled.warnings, Some(&source), Context::colour()));
+        Ok(PreparedScenario {
             config,
             plan: compiled.plan,
             names: compiled.names,
@@ -178,18 +178,18 @@ impl Scenario {
         })
     }
 
-    fn options(&self, config: &CellConfig) -> Result<Options, Failure> {
+    fn options(&self, config: &CellConfig) -> Result<SimulationOptions, Failure> {
         let ns = |time: Duration| time.as_nanos().try_into().unwrap_or(u64::MAX);
-        let steps = self.input.iter().map(|text| Step::parse(text, config));
+        let steps = self.input.iter().map(|text| ScriptStep::parse(text, config));
         let steps = steps.collect::<Result<_, _>>().map_err(|error| {
             let help = "`rcc-cli simulate --help` shows how";
             Failure::new(codes::BAD_REQUEST, error.to_string(), help)
         })?;
-        Ok(Options {
+        Ok(SimulationOptions {
             limit_ns: ns(self.limit.unwrap_or(LIMIT)),
             cancel_at_ns: self.cancel_at.map(ns),
             steps,
-            whatever: false,
+            despite_refusal: false,
         })
     }
 }
@@ -204,13 +204,13 @@ pub(super) fn not_written(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(codes::NOT_STORED, message, "name another file")
 }
 
-pub(super) fn with_namer<T>(
+pub(super) fn with_names<T>(
     names: &Names,
     config: &CellConfig,
-    what: impl FnOnce(&Namer<'_>) -> T,
+    what: impl FnOnce(&NameResolver<'_>) -> T,
 ) -> T {
-    what(&Namer {
-        stranger: &|_| None,
+    what(&NameResolver {
+        disagreement: &|_| None,
         config,
         net: &|_| names.net.clone(),
         names: &|_| names.clone(),
@@ -226,7 +226,7 @@ pub(super) fn failure(
 ) -> Failure {
     match error {
         SimulateError::Refused(refusal) => {
-            let refused = with_namer(net, config, |namer| namer.refusal(1, *refusal));
+            let refused = with_names(net, config, |names| names.refusal(1, *refusal));
             Failure::answered(refused.body())
         }
         SimulateError::Write(error) => not_written(csv.unwrap_or(Path::new("the table")), error),
@@ -236,32 +236,32 @@ pub(super) fn failure(
     }
 }
 
-fn report(net: &Names, simulated: &Simulated, config: &CellConfig) -> Report {
+fn report(net: &Names, simulated: &SimulationResult, config: &CellConfig) -> SimulateReport {
     let command = &simulated.command;
     let reason = EndReason::from_number(command.reason);
     let columns = simulated.trace.columns().iter();
-    let monitors = columns.filter(|column| column.seen).map(|column| Value {
+    let monitors = columns.filter(|column| column.seen).map(|column| LastValue {
         name: column.name.clone(),
         unit: column.unit.clone(),
         last: column.last,
     });
-    Report {
+    SimulateReport {
         net: net.net.clone(),
         state: CommandState::from_number(command.state).name().to_owned(),
         reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
-        fault: with_namer(net, config, |namer| namer.fault(&command.fault)),
+        fault: with_names(net, config, |names| names.fault(&command.fault)),
         cycles: command.cycles,
         rehearsal: simulated.rehearsed.map(|rehearsed| RehearsalView {
             // Another one each time.
             took_ns: 0,
-            ..with_namer(net, config, |namer| namer.rehearsal(&rehearsed))
+            ..with_names(net, config, |names| names.rehearsal(&rehearsed))
         }),
         time_s: simulated.cycles as f64 * simulated.period_ns as f64 / 1e9,
         monitors: monitors.collect(),
     }
 }
 
-fn human(report: &Report) -> String {
+fn human(report: &SimulateReport) -> String {
     let state = match (&report.fault, &report.reason) {
         (Some(fault), _) => format!("{} (fault: {})\n{}", report.state, fault.fault, fault.words),
         (None, Some(reason)) => format!("{} ({reason})", report.state),
@@ -289,7 +289,7 @@ fn human(report: &Report) -> String {
 }
 
 /// On stderr: the only thing that is another one each time.
-fn speed(simulated: &Simulated, took: Duration) -> String {
+fn speed(simulated: &SimulationResult, took: Duration) -> String {
     let seconds = took.as_secs_f64().max(1e-9);
     let rate = simulated.cycles as f64 / seconds;
     let times = rate * simulated.period_ns as f64 / 1e9;

@@ -5,7 +5,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use rcc_loader::server::api::ValuesView;
-use rcc_loader::server::codes::{self, Asked, exit};
+use rcc_loader::server::codes::{self, RequestedEnd, exit};
 
 use super::state::shown;
 use crate::client::Client;
@@ -13,7 +13,7 @@ use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
-use crate::output::{say, say_again};
+use crate::output::{print_line, reprint};
 use crate::value::Style;
 
 /// More samples a second are not taken: for every cycle there is `Monitor`.
@@ -108,7 +108,7 @@ impl Screen {
             Format::Human => {
                 let text = shown(values, self.style);
                 let lines = text.lines().count();
-                say_again(self.lines, &text);
+                reprint(self.lines, &text);
                 self.lines = if std::io::stdout().is_terminal() {
                     lines
                 } else {
@@ -123,7 +123,7 @@ impl Screen {
                     view.unit = view.unit.as_ref().map(|_| unit);
                 }
                 // Values of ours have string keys and finite numbers.
-                say(&serde_json::to_string(&values).unwrap_or_default());
+                print_line(&serde_json::to_string(&values).unwrap_or_default());
             }
         }
     }
@@ -133,12 +133,12 @@ impl Screen {
     fn over(&self, client: &Client, id: &str) -> Result<(), Failure> {
         let command = follow::brief(client, id)?;
         if matches!(self.format, Format::Human) {
-            say(&format!(
+            print_line(&format!(
                 "{}  {}",
                 follow::title(&command),
                 follow::state_words(&command)
             ));
         }
-        follow::judge(&command, Asked::Finish)
+        follow::judge(&command, RequestedEnd::Finish)
     }
 }

@@ -7,7 +7,7 @@ const MS: u64 = 1_000_000;
 const OFFSET_NS: u64 = 200_000;
 
 /// A device with its driver, and an executor that wakes on time.
-struct Bench {
+struct ClockTest {
     clock: Clock,
     period_ns: u64,
     /// Nominal; the real one is `drift_ppm` longer.
@@ -21,21 +21,21 @@ struct Bench {
     newest: Option<Packet>,
     /// Of each packet, whether it reaches the driver.
     arrives: fn(u64) -> bool,
-    chance: u64,
+    random: u64,
     /// Begin of each cycle.
     begins_ns: Vec<u64>,
     /// Age of the newest packet in each cycle.
     ages_ns: Vec<u64>,
 }
 
-impl Bench {
-    fn new(period_ns: u64, device_ns: u64, phase_ns: u64) -> Bench {
-        let follow = Follow {
+impl ClockTest {
+    fn new(period_ns: u64, device_ns: u64, phase_ns: u64) -> ClockTest {
+        let follow = FollowedDevice {
             device: 0,
             offset_ns: OFFSET_NS,
         };
         let now_ns = 5_000 * MS;
-        Bench {
+        ClockTest {
             clock: Clock::new(period_ns, Some(follow), now_ns),
             period_ns,
             device_ns,
@@ -45,19 +45,19 @@ impl Bench {
             periods: 0,
             newest: None,
             arrives: |_| true,
-            chance: 1,
+            random: 1,
             begins_ns: Vec::new(),
             ages_ns: Vec::new(),
         }
     }
 
     /// Evenly in -1..1 (Knuth's MMIX generator).
-    fn chance(&mut self) -> f64 {
-        self.chance = self
-            .chance
+    fn random(&mut self) -> f64 {
+        self.random = self
+            .random
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        (self.chance >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        (self.random >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
     fn next_packet_ns(&self) -> f64 {
@@ -68,7 +68,7 @@ impl Bench {
     fn step(&mut self) -> u64 {
         let now_ns = self.clock.deadline_ns();
         while self.next_packet_ns() + self.jitter_ns <= now_ns as f64 {
-            let late_ns = self.jitter_ns * self.chance();
+            let late_ns = self.jitter_ns * self.random();
             let stamp_ns = (self.next_packet_ns() + late_ns) as u64;
             self.periods += 1;
             if (self.arrives)(self.periods) {
@@ -113,7 +113,7 @@ impl Bench {
     fn worst_ns(&self, cycles: usize) -> f64 {
         let real_ns = self.device_ns as f64 * (1.0 + self.drift_ppm * 1e-6);
         let step_ns = real_ns / (self.device_ns as f64 / self.period_ns as f64).round();
-        let last = self.begins_ns.iter().rev().take(cycles);
+        let last = self.begins_ns.iter().rev().track_packet(cycles);
         let away = last.map(|begin| {
             let away = *begin as f64 - self.phase_ns - OFFSET_NS as f64;
             (away - step_ns * (away / step_ns).round()).abs()
@@ -150,15 +150,15 @@ fn missed_periods_are_skipped_and_counted() {
 #[test]
 fn locks_from_any_phase() {
     for phase in 0..20 {
-        let mut bench = Bench::new(MS, MS, phase * MS / 20);
-        bench.steps(300);
-        assert_eq!(bench.state(), ClockState::Locked, "phase {phase}");
+        let mut test = ClockTest::new(MS, MS, phase * MS / 20);
+        test.steps(300);
+        assert_eq!(test.state(), ClockState::Locked, "phase {phase}");
         assert!(
-            bench.worst_ns(100) < 2_000.0,
+            test.worst_ns(100) < 2_000.0,
             "phase {phase}: {}",
-            bench.worst_ns(100)
+            test.worst_ns(100)
         );
-        for age in &bench.ages_ns[200..] {
+        for age in &test.ages_ns[200..] {
             assert!(
                 age.abs_diff(OFFSET_NS) < 2_000,
                 "phase {phase}: used after {age} ns"
@@ -170,12 +170,12 @@ fn locks_from_any_phase() {
 #[test]
 fn follows_a_clock_that_is_100_ppm_off_either_way() {
     for drift_ppm in [-100.0, 100.0] {
-        let mut bench = Bench::new(MS, MS, 300_000);
-        bench.drift_ppm = drift_ppm;
-        bench.steps(3_000);
-        assert_eq!(bench.state(), ClockState::Locked);
-        assert!(bench.worst_ns(1000) < 1_000.0, "{}", bench.worst_ns(1000));
-        let status = bench.clock.status();
+        let mut test = ClockTest::new(MS, MS, 300_000);
+        test.drift_ppm = drift_ppm;
+        test.steps(3_000);
+        assert_eq!(test.state(), ClockState::Locked);
+        assert!(test.worst_ns(1000) < 1_000.0, "{}", test.worst_ns(1000));
+        let status = test.clock.status();
         assert!(
             (status.rate_ppm - drift_ppm).abs() < 2.0,
             "{}",
@@ -187,57 +187,57 @@ fn follows_a_clock_that_is_100_ppm_off_either_way() {
 
 #[test]
 fn jitter_of_200_us_does_not_reach_the_cycle() {
-    let mut bench = Bench::new(MS, MS, 700_000);
-    (bench.jitter_ns, bench.drift_ppm) = (200_000.0, 50.0);
-    bench.steps(2_000);
-    bench.steps(20_000);
+    let mut test = ClockTest::new(MS, MS, 700_000);
+    (test.jitter_ns, test.drift_ppm) = (200_000.0, 50.0);
+    test.steps(2_000);
+    test.steps(20_000);
     assert_eq!(
-        (bench.state(), bench.clock.status().losses),
+        (test.state(), test.clock.status().losses),
         (ClockState::Locked, 0)
     );
     assert!(
-        bench.worst_ns(20_000) < 60_000.0,
+        test.worst_ns(20_000) < 60_000.0,
         "{}",
-        bench.worst_ns(20_000)
+        test.worst_ns(20_000)
     );
-    let jitter_ns = bench.clock.status().jitter_ns;
+    let jitter_ns = test.clock.status().jitter_ns;
     assert!((60_000.0..140_000.0).contains(&jitter_ns), "{jitter_ns}");
 }
 
 #[test]
 fn lost_packets_are_no_error() {
-    let mut bench = Bench::new(MS, MS, 400_000);
-    bench.drift_ppm = 80.0;
-    bench.arrives = |packet| packet % 3 != 0 && packet % 7 > 2;
-    bench.steps(3_000);
-    assert_eq!(bench.state(), ClockState::Locked);
-    assert!(bench.worst_ns(1000) < 2_000.0, "{}", bench.worst_ns(1000));
+    let mut test = ClockTest::new(MS, MS, 400_000);
+    test.drift_ppm = 80.0;
+    test.arrives = |packet| packet % 3 != 0 && packet % 7 > 2;
+    test.steps(3_000);
+    assert_eq!(test.state(), ClockState::Locked);
+    assert!(test.worst_ns(1000) < 2_000.0, "{}", test.worst_ns(1000));
 }
 
 #[test]
 fn a_device_that_stood_still_and_did_not_count_it_is_not_lost() {
-    let mut bench = Bench::new(MS, MS, 500_000);
-    bench.steps(1_000);
-    bench.phase_ns += 17e6;
-    bench.steps(1_000);
+    let mut test = ClockTest::new(MS, MS, 500_000);
+    test.steps(1_000);
+    test.phase_ns += 17e6;
+    test.steps(1_000);
     assert_eq!(
-        (bench.state(), bench.clock.status().losses),
+        (test.state(), test.clock.status().losses),
         (ClockState::Locked, 0)
     );
-    assert!(bench.worst_ns(1_000) < 1_000.0, "{}", bench.worst_ns(1_000));
+    assert!(test.worst_ns(1_000) < 1_000.0, "{}", test.worst_ns(1_000));
 }
 
 #[test]
 fn a_stall_of_50_ms_is_bridged() {
-    let mut bench = Bench::new(MS, MS, 100_000);
-    bench.drift_ppm = -60.0;
-    bench.arrives = |packet| !(5_000..5_050).contains(&packet);
-    bench.steps(6_000);
+    let mut test = ClockTest::new(MS, MS, 100_000);
+    test.drift_ppm = -60.0;
+    test.arrives = |packet| !(5_000..5_050).contains(&packet);
+    test.steps(6_000);
     assert_eq!(
-        (bench.state(), bench.clock.status().losses),
+        (test.state(), test.clock.status().losses),
         (ClockState::Locked, 0)
     );
-    assert!(bench.worst_ns(2_000) < 2_000.0, "{}", bench.worst_ns(2_000));
+    assert!(test.worst_ns(2_000) < 2_000.0, "{}", test.worst_ns(2_000));
 }
 
 #[test]
@@ -248,78 +248,77 @@ fn a_device_of_a_multiple_of_the_period_is_followed_cycle_by_cycle() {
         (20 * MS, 20 * MS),
         (MS, 20 * MS),
     ] {
-        let mut bench = Bench::new(period_ns, device_ns, 350_000);
-        (bench.drift_ppm, bench.jitter_ns) = (70.0, 20_000.0);
-        bench.steps(600 * (device_ns / period_ns) as usize + 2_000);
-        assert_eq!(bench.state(), ClockState::Locked, "{period_ns} {device_ns}");
+        let mut test = ClockTest::new(period_ns, device_ns, 350_000);
+        (test.drift_ppm, test.jitter_ns) = (70.0, 20_000.0);
+        test.steps(600 * (device_ns / period_ns) as usize + 2_000);
+        assert_eq!(test.state(), ClockState::Locked, "{period_ns} {device_ns}");
         assert!(
-            bench.worst_ns(100) < 10_000.0,
+            test.worst_ns(100) < 10_000.0,
             "{period_ns}: {}",
-            bench.worst_ns(100)
+            test.worst_ns(100)
         );
     }
 }
 
 #[test]
 fn jitter_beyond_the_period_does_not_confuse_a_slow_device() {
-    let mut bench = Bench::new(MS / 8, MS, 10_000);
-    bench.jitter_ns = 150_000.0;
-    bench.steps(40_000);
+    let mut test = ClockTest::new(MS / 8, MS, 10_000);
+    test.jitter_ns = 150_000.0;
+    test.steps(40_000);
     assert_eq!(
-        (bench.state(), bench.clock.status().losses),
+        (test.state(), test.clock.status().losses),
         (ClockState::Locked, 0)
     );
     assert!(
-        bench.worst_ns(10_000) < 40_000.0,
+        test.worst_ns(10_000) < 40_000.0,
         "{}",
-        bench.worst_ns(10_000)
+        test.worst_ns(10_000)
     );
 }
 
 #[test]
 fn without_its_device_it_goes_on_with_its_own_period_and_finds_it_again() {
-    let mut bench = Bench::new(MS, MS, 100_000);
-    bench.drift_ppm = 90.0;
-    bench.arrives = |packet| !(2_000..4_000).contains(&packet);
-    bench.steps(3_000);
+    let mut test = ClockTest::new(MS, MS, 100_000);
+    test.drift_ppm = 90.0;
+    test.arrives = |packet| !(2_000..4_000).contains(&packet);
+    test.steps(3_000);
     assert_eq!(
-        (bench.state(), bench.clock.status().losses),
+        (test.state(), test.clock.status().losses),
         (ClockState::Searching, 1)
     );
-    let lengths = bench.begins_ns[2_500..]
+    let lengths = test.begins_ns[2_500..]
         .windows(2)
         .map(|pair| pair[1] - pair[0]);
     assert!(
         lengths.into_iter().all(|length| length == MS),
         "its own period, exactly"
     );
-    bench.steps(3_000);
-    assert_eq!(bench.state(), ClockState::Locked);
-    assert!(bench.worst_ns(500) < 2_000.0, "{}", bench.worst_ns(500));
+    test.steps(3_000);
+    assert_eq!(test.state(), ClockState::Locked);
+    assert!(test.worst_ns(500) < 2_000.0, "{}", test.worst_ns(500));
 }
 
 #[test]
 fn a_device_that_begins_anew_elsewhere_is_found_again() {
-    let mut bench = Bench::new(MS, MS, 0);
-    bench.steps(1_000);
-    bench.phase_ns += 400_000.0;
-    bench.steps(40);
-    bench.periods = 0;
-    bench.phase_ns = *bench.begins_ns.last().unwrap() as f64 + 130_000.0;
-    bench.steps(400);
-    assert_eq!(bench.state(), ClockState::Locked);
-    assert!(bench.worst_ns(100) < 2_000.0, "{}", bench.worst_ns(100));
+    let mut test = ClockTest::new(MS, MS, 0);
+    test.steps(1_000);
+    test.phase_ns += 400_000.0;
+    test.steps(40);
+    test.periods = 0;
+    test.phase_ns = *test.begins_ns.last().unwrap() as f64 + 130_000.0;
+    test.steps(400);
+    assert_eq!(test.state(), ClockState::Locked);
+    assert!(test.worst_ns(100) < 2_000.0, "{}", test.worst_ns(100));
 }
 
 #[test]
 fn a_device_whose_period_is_no_multiple_is_not_followed() {
     for device_ns in [1_500_000, 500_000, 1_100_000] {
-        let mut bench = Bench::new(MS, device_ns, 0);
-        bench.steps(500);
-        assert_eq!(bench.state(), ClockState::Unfit, "{device_ns}");
+        let mut test = ClockTest::new(MS, device_ns, 0);
+        test.steps(500);
+        assert_eq!(test.state(), ClockState::Unfit, "{device_ns}");
         assert!(
-            bench
-                .begins_ns
+            test.begins_ns
                 .windows(2)
                 .all(|pair| pair[1] - pair[0] == MS)
         );
@@ -328,14 +327,14 @@ fn a_device_whose_period_is_no_multiple_is_not_followed() {
 
 #[test]
 fn a_late_cycle_keeps_the_phase() {
-    let mut bench = Bench::new(MS, MS, 620_000);
-    bench.steps(500);
-    let before_ns = bench.clock.deadline_ns();
-    assert_eq!(bench.clock.advance(before_ns + 3 * MS + 5_000), 3);
-    let away = bench.clock.deadline_ns() as f64 - before_ns as f64 - 4e6;
+    let mut test = ClockTest::new(MS, MS, 620_000);
+    test.steps(500);
+    let before_ns = test.clock.deadline_ns();
+    assert_eq!(test.clock.advance(before_ns + 3 * MS + 5_000), 3);
+    let away = test.clock.deadline_ns() as f64 - before_ns as f64 - 4e6;
     assert!(away.abs() < 100.0, "{away}");
-    bench.begins_ns.clear();
-    bench.steps(100);
-    assert_eq!(bench.state(), ClockState::Locked);
-    assert!(bench.worst_ns(100) < 2_000.0, "{}", bench.worst_ns(100));
+    test.begins_ns.clear();
+    test.steps(100);
+    assert_eq!(test.state(), ClockState::Locked);
+    assert!(test.worst_ns(100) < 2_000.0, "{}", test.worst_ns(100));
 }

@@ -5,11 +5,11 @@
 
 use super::codes;
 use super::error::ApiError;
-use super::words;
+use super::messages;
 
 /// What names a loaded net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Address<'a> {
+pub enum CommandAddress<'a> {
     /// `7`, or `#7`: the one with this id.
     Id(u64),
     /// `line`: one of this name.
@@ -18,18 +18,20 @@ pub enum Address<'a> {
     Both(&'a str, u64),
 }
 
-impl Address<'_> {
+impl CommandAddress<'_> {
     /// Reads an address; nothing for a text that can name no net, such as `line#x` or `07`.
     #[must_use]
-    pub fn read(text: &str) -> Option<Address<'_>> {
+    pub fn read(text: &str) -> Option<CommandAddress<'_>> {
         match text.rsplit_once('#') {
             Some((name, digits)) => match (name, id(digits)?) {
-                ("", id) => Some(Address::Id(id)),
+                ("", id) => Some(CommandAddress::Id(id)),
                 (name, _) if name.contains('#') => None,
-                (name, id) => Some(Address::Both(name, id)),
+                (name, id) => Some(CommandAddress::Both(name, id)),
             },
-            None if text.starts_with(|c: char| c.is_ascii_digit()) => id(text).map(Address::Id),
-            None => (!text.is_empty()).then_some(Address::Name(text)),
+            None if text.starts_with(|c: char| c.is_ascii_digit()) => {
+                id(text).map(CommandAddress::Id)
+            }
+            None => (!text.is_empty()).then_some(CommandAddress::Name(text)),
         }
     }
 }
@@ -45,7 +47,7 @@ fn id(digits: &str) -> Option<u64> {
 pub fn other_name(wanted: &str, id: u64, is: Option<&str>) -> ApiError {
     let is = match is.filter(|is| !is.is_empty()) {
         Some(is) => format!("command {id} is `{is}`"),
-        None => return words::unknown(&format!("{wanted}#{id}")),
+        None => return messages::unknown(&format!("{wanted}#{id}")),
     };
     ApiError::new(
         codes::UNKNOWN_COMMAND,
@@ -63,13 +65,13 @@ mod tests {
     #[test]
     fn a_number_is_an_id_and_a_name_is_none() {
         for (text, address) in [
-            ("7", Some(Address::Id(7))),
-            ("#7", Some(Address::Id(7))),
-            ("18446744073709551615", Some(Address::Id(u64::MAX))),
-            ("line", Some(Address::Name("line"))),
-            ("line-7", Some(Address::Name("line-7"))),
-            ("line#7", Some(Address::Both("line", 7))),
-            ("7#7", Some(Address::Both("7", 7))),
+            ("7", Some(CommandAddress::Id(7))),
+            ("#7", Some(CommandAddress::Id(7))),
+            ("18446744073709551615", Some(CommandAddress::Id(u64::MAX))),
+            ("line", Some(CommandAddress::Name("line"))),
+            ("line-7", Some(CommandAddress::Name("line-7"))),
+            ("line#7", Some(CommandAddress::Both("line", 7))),
+            ("7#7", Some(CommandAddress::Both("7", 7))),
             ("18446744073709551616", None),
             ("", None),
             ("#", None),
@@ -82,9 +84,9 @@ mod tests {
             ("7x", None),
             ("7 ", None),
         ] {
-            assert_eq!(Address::read(text), address, "{text}");
+            assert_eq!(CommandAddress::read(text), address, "{text}");
         }
         // A sign is no digit: it is looked for as a name, which no net has.
-        assert_eq!(Address::read("+7"), Some(Address::Name("+7")));
+        assert_eq!(CommandAddress::read("+7"), Some(CommandAddress::Name("+7")));
     }
 }

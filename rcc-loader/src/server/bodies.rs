@@ -47,23 +47,23 @@ pub fn body_max(method: &Method, route: &str) -> Option<usize> {
 
 /// Memory that a text takes, until the last clone of this is dropped.
 #[derive(Clone, Debug, Default)]
-pub struct Held {
+pub struct TextMemory {
     _permit: Option<Arc<OwnedSemaphorePermit>>,
 }
 
-/// Takes a body that has at most `most` bytes; a long one counts as part of `texts`.
+/// Takes a body that has at most `bytes_max` bytes; a long one counts as part of `texts`.
 ///
 /// # Errors
 /// It is too long, not whole, too slow, or all of the memory for bodies is in use.
-pub async fn take(
+pub async fn read(
     body: Body,
-    most: usize,
+    bytes_max: usize,
     texts: &Arc<Semaphore>,
-) -> Result<(Bytes, Held), ApiError> {
-    if body.size_hint().lower() > most as u64 {
-        return Err(too_large(most));
+) -> Result<(Bytes, TextMemory), ApiError> {
+    if body.size_hint().lower() > bytes_max as u64 {
+        return Err(too_large(bytes_max));
     }
-    match tokio::time::timeout(BODY_TIME, collect(body, most, texts)).await {
+    match tokio::time::timeout(BODY_TIME, collect(body, bytes_max, texts)).await {
         Ok(taken) => taken,
         Err(_) => Err(ApiError::new(
             codes::TOO_SLOW,
@@ -75,9 +75,9 @@ pub async fn take(
 
 async fn collect(
     mut body: Body,
-    most: usize,
+    bytes_max: usize,
     texts: &Arc<Semaphore>,
-) -> Result<(Bytes, Held), ApiError> {
+) -> Result<(Bytes, TextMemory), ApiError> {
     let mut bytes = Vec::new();
     let mut permit: Option<OwnedSemaphorePermit> = None;
     while let Some(frame) = body.frame().await {
@@ -88,12 +88,12 @@ async fn collect(
         let Ok(data) = frame.into_data() else {
             continue;
         };
-        if bytes.len() + data.len() > most {
-            return Err(too_large(most));
+        if bytes.len() + data.len() > bytes_max {
+            return Err(too_large(bytes_max));
         }
         if bytes.len() + data.len() > SHORT {
-            let held = permit.as_ref().map_or(0, OwnedSemaphorePermit::num_permits);
-            let more = bytes.len() + data.len() - held;
+            let memory = permit.as_ref().map_or(0, OwnedSemaphorePermit::num_permits);
+            let more = bytes.len() + data.len() - memory;
             let more = Arc::clone(texts).try_acquire_many_owned(more as u32);
             let more = more.map_err(|_| no_memory(TEXTS_MAX, "texts"))?;
             match permit.as_mut() {
@@ -103,25 +103,25 @@ async fn collect(
         }
         bytes.extend_from_slice(&data);
     }
-    let held = Held {
+    let memory = TextMemory {
         _permit: permit.map(Arc::new),
     };
-    Ok((bytes.into(), held))
+    Ok((bytes.into(), memory))
 }
 
 /// The request without its body, if it has none.
 ///
 /// # Errors
 /// It has one.
-pub fn none(request: &Request) -> Result<(), ApiError> {
+pub fn require_no_body(request: &Request) -> Result<(), ApiError> {
     match request.body().is_end_stream() {
         true => Ok(()),
         false => Err(too_large(0)),
     }
 }
 
-fn too_large(most: usize) -> ApiError {
-    match most {
+fn too_large(bytes_max: usize) -> ApiError {
+    match bytes_max {
         0 => ApiError::new(
             codes::TOO_LARGE,
             "this address takes no body",
@@ -134,18 +134,18 @@ fn too_large(most: usize) -> ApiError {
         ),
         _ => ApiError::new(
             codes::TOO_LARGE,
-            format!("the body of this request has at most {most} bytes"),
+            format!("the body of this request has at most {bytes_max} bytes"),
             "divide it into several requests",
         ),
     }
 }
 
-fn no_memory(most: usize, what: &str) -> ApiError {
+fn no_memory(bytes_max: usize, what: &str) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
         format!(
             "the loader has {} MiB for {what} at a time, and they are in use",
-            most >> 20
+            bytes_max >> 20
         ),
         "try again in a moment",
     )
@@ -163,7 +163,7 @@ pub fn answer(bytes: Vec<u8>, answers: &Arc<Semaphore>) -> Result<Response, ApiE
             Some(permit.map_err(|_| no_memory(ANSWERS_MAX, "answers"))?)
         }
     };
-    let body = Body::new(Counted {
+    let body = Body::new(AccountedBody {
         bytes: Full::new(bytes.into()),
         _permit: permit,
     });
@@ -172,12 +172,12 @@ pub fn answer(bytes: Vec<u8>, answers: &Arc<Semaphore>) -> Result<Response, ApiE
 }
 
 /// A body with its share of the memory.
-struct Counted {
+struct AccountedBody {
     bytes: Full<Bytes>,
     _permit: Option<OwnedSemaphorePermit>,
 }
 
-impl hyper::body::Body for Counted {
+impl hyper::body::Body for AccountedBody {
     type Data = Bytes;
     type Error = std::convert::Infallible;
 

@@ -31,19 +31,19 @@ impl Caller {
 
     /// Keep it as long as the client's connection is open; dropped, the caller is gone.
     #[must_use]
-    pub fn presence(&self) -> Presence {
-        Presence(Arc::clone(&self.gone))
+    pub fn guard(&self) -> CallerGuard {
+        CallerGuard(Arc::clone(&self.gone))
     }
 
     /// How long the executor may be waited for at most.
     ///
     /// # Errors
     /// Nobody waits any more.
-    pub fn patience(&self, most: Duration) -> Result<Duration, ApiError> {
+    pub fn remaining_time(&self, most: Duration) -> Result<Duration, ApiError> {
         let left = self.deadline.map_or(most, |deadline| {
             deadline.saturating_duration_since(Instant::now())
         });
-        // Pairs with `Presence::drop`; only the flag itself is told.
+        // Pairs with `CallerGuard::drop`; only the flag itself is told.
         if left.is_zero() || self.gone.load(Ordering::Relaxed) {
             return Err(ApiError::new(
                 codes::GIVEN_UP,
@@ -57,9 +57,9 @@ impl Caller {
 
 /// The connection of a caller.
 #[derive(Debug)]
-pub struct Presence(Arc<AtomicBool>);
+pub struct CallerGuard(Arc<AtomicBool>);
 
-impl Drop for Presence {
+impl Drop for CallerGuard {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -73,16 +73,16 @@ mod tests {
 
     #[test]
     fn a_caller_whose_time_is_over_or_who_is_gone_waits_no_more() {
-        assert_eq!(Caller::default().patience(MOST), Ok(MOST));
+        assert_eq!(Caller::default().remaining_time(MOST), Ok(MOST));
         let soon = Caller::until(Some(Instant::now() + Duration::from_secs(2)));
-        assert!(soon.patience(MOST).is_ok_and(|left| left < MOST));
+        assert!(soon.remaining_time(MOST).is_ok_and(|left| left < MOST));
         let over = Caller::until(Some(Instant::now()));
         assert_eq!(
-            over.patience(MOST).map_err(|error| error.code),
+            over.remaining_time(MOST).map_err(|error| error.code),
             Err(codes::GIVEN_UP)
         );
         let caller = Caller::default();
-        drop(caller.presence());
-        assert!(caller.patience(MOST).is_err());
+        drop(caller.guard());
+        assert!(caller.remaining_time(MOST).is_err());
     }
 }

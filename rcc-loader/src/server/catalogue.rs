@@ -4,8 +4,8 @@
 use rcc_config::device::kind_name;
 use rcc_core::linear::SIDE_MAX;
 use rcc_core::primitive::{
-    Dim, Elements, Example, Literal, Parameter, ParameterKind, Port, PortType, Role, Spec, State,
-    UnitRule,
+    DefaultValue, Dim, ElementType, Example, Parameter, ParameterKind, Port, PortType, Role, Spec,
+    StateSpec, UnitRule,
 };
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::types::Type;
@@ -30,7 +30,7 @@ pub fn primitives() -> Vec<PrimitiveView> {
                 outputs: spec.outputs.iter().map(port).collect(),
                 parameters: spec.parameters.iter().map(parameter).collect(),
                 unique: matches!(spec.role, Role::CommandsArm | Role::CommandsChannel),
-                remembers: spec.state != State::NONE,
+                remembers: spec.state != StateSpec::NONE,
                 examples: spec.examples.iter().map(example).collect(),
             }
         })
@@ -105,7 +105,7 @@ fn group(spec: &Spec) -> &'static str {
         Role::Motion | Role::CommandsArm | Role::CommandsChannel => "Motion and devices",
         Role::Plain if spec.parameters.iter().any(of_device) => "Motion and devices",
         Role::Plain if is(&space) => "Space",
-        Role::Plain if spec.state != State::NONE => "Signals over time",
+        Role::Plain if spec.state != StateSpec::NONE => "Signals over time",
         Role::Plain if spec.inputs.is_empty() => "Signals over time",
         Role::Plain if has_array => "Arrays and matrices",
         Role::Plain if bools(spec.inputs) && bools(spec.outputs) => "Logic",
@@ -157,8 +157,8 @@ fn type_words(ty: PortType) -> String {
         PortType::Part => "Int or Real".to_owned(),
         PortType::Array(elements, length) => {
             let elements = match elements {
-                Elements::Are(ty) => ty.to_string(),
-                Elements::Open => "any".to_owned(),
+                ElementType::Are(ty) => ty.to_string(),
+                ElementType::Open => "any".to_owned(),
             };
             format!("{elements}[{}]", dim_words(length))
         }
@@ -197,13 +197,13 @@ fn unit_words(rule: UnitRule) -> String {
     }
 }
 
-fn literal(value: Literal) -> String {
+fn literal(value: DefaultValue) -> String {
     match value {
-        Literal::Real(value) => value.to_string(),
-        Literal::Int(value) => value.to_string(),
-        Literal::Bool(value) => value.to_string(),
-        Literal::Word(word) => word.to_owned(),
-        Literal::Null => "null".to_owned(),
+        DefaultValue::Real(value) => value.to_string(),
+        DefaultValue::Int(value) => value.to_string(),
+        DefaultValue::Bool(value) => value.to_string(),
+        DefaultValue::Word(word) => word.to_owned(),
+        DefaultValue::Null => "null".to_owned(),
     }
 }
 

@@ -39,7 +39,7 @@ pub const OUTCOMES: [(EndReason, u8); 4] = [
 
 /// What a caller asked of a net whose end it waited for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asked {
+pub enum RequestedEnd {
     /// To do what it is for: only `finished` is a success.
     Finish,
     /// To end, as CANCEL asks: `canceled` is a success, and so is `finished`, when it was done first.
@@ -48,10 +48,10 @@ pub enum Asked {
 
 /// The exit code for a net that ended for `reason`, as its state names it; one without a reason has failed.
 #[must_use]
-pub fn outcome(asked: Asked, reason: Option<&str>) -> u8 {
+pub fn outcome(asked: RequestedEnd, reason: Option<&str>) -> u8 {
     let row = OUTCOMES.iter().find(|(end, _)| Some(end.name()) == reason);
     match row {
-        Some((EndReason::Canceled, _)) if asked == Asked::Cancel => exit::OK,
+        Some((EndReason::Canceled, _)) if asked == RequestedEnd::Cancel => exit::OK,
         Some((_, code)) => *code,
         None => exit::FAILED,
     }
@@ -175,8 +175,8 @@ mod tests {
             (Some("another"), 1, 1),
             (None, 1, 1),
         ] {
-            assert_eq!(outcome(Asked::Finish, reason), finish, "{reason:?}");
-            assert_eq!(outcome(Asked::Cancel, reason), cancel, "{reason:?}");
+            assert_eq!(outcome(RequestedEnd::Finish, reason), finish, "{reason:?}");
+            assert_eq!(outcome(RequestedEnd::Cancel, reason), cancel, "{reason:?}");
         }
         let ends = EndReason::ALL.iter().map(|(end, _)| *end);
         let mut ends = ends.filter(|end| *end != EndReason::None);

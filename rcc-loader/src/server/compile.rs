@@ -2,7 +2,7 @@
 //! Run by blocking threads of the server, and by `rcc-cli check` without a server.
 
 use rcc_config::CellConfig;
-use rcc_config::diagnostic::{DRAWN_MAX, Faults, Row, Severity, render};
+use rcc_config::diagnostic::{DRAWN_MAX, DiagnosticRow, Faults, Severity, render};
 use rcc_core::message::DEVICES_MAX;
 use rcc_core::plan::Resource;
 use rcc_ipc::control::PlanData;
@@ -89,7 +89,7 @@ pub fn compile(text: &str, file: &str, cell: &CellConfig) -> Result<Compiled, Ve
 /// each.
 #[must_use]
 pub fn findings(faults: &Faults) -> Vec<Finding> {
-    let drawn = |row: &Row| render(std::slice::from_ref(row), &faults.sources, false);
+    let drawn = |row: &DiagnosticRow| render(std::slice::from_ref(row), &faults.sources, false);
     faults
         .rows()
         .into_iter()
@@ -104,7 +104,7 @@ pub fn findings(faults: &Faults) -> Vec<Finding> {
         .collect()
 }
 
-fn finding(row: Row) -> Finding {
+fn finding(row: DiagnosticRow) -> Finding {
     Finding {
         code: row.code,
         severity: match row.severity {

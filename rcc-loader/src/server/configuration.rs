@@ -5,67 +5,67 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use rcc_config::{CellConfig, Change, DeviceConfig, FileWatch};
+use rcc_config::{CellConfig, ConfigChange, DeviceConfig, FileWatch};
 use rcc_core::pose::Pose;
 use rcc_ipc::configuration::changed;
-use rcc_ipc::events::{self, Kind};
-use rcc_ipc::{Announcement, Configuration, Disagreement, Role};
+use rcc_ipc::events::{self, EventKind};
+use rcc_ipc::{Announcement, Configuration, ProcessMismatch, Role};
 
 use super::codes;
 use super::error::ApiError;
-use super::executor::{Attached, EXECUTOR_LABEL};
+use super::executor::{EXECUTOR_LABEL, ExecutorConnection};
 use super::service::Service;
 
 /// How often the configuration's files are looked at.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
+const CHECK_EVERY: Duration = Duration::from_secs(1);
 /// What stands for the driver of a device that this loader knows with another one.
 const UNKNOWN: &str = "?";
 
 /// The files of the configuration; none are watched unless somebody asks for it.
 #[derive(Debug, Default)]
-pub struct Files {
+pub struct WatchedFiles {
     watch: Option<FileWatch>,
-    looked: Option<Instant>,
+    checked_at: Option<Instant>,
 }
 
 impl Service {
     /// Watches the files of the configuration, which was loaded with these ports.
     #[must_use]
-    pub fn watching_files(mut self, ports: BTreeMap<String, u16>) -> Service {
+    pub fn with_file_watch(mut self, ports: BTreeMap<String, u16>) -> Service {
         let files = self.files.get_mut().unwrap_or_else(PoisonError::into_inner);
         files.watch = Some(FileWatch::new(self.config.clone(), ports));
         self
     }
 
     /// Looks at the files of the configuration, and tells once what they say that is not in force.
-    pub(super) fn look_at_files(&self) {
+    pub(super) fn check_files(&self) {
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         let now = Instant::now();
-        let is_due = |looked: Instant| now.duration_since(looked) >= LOOK_EVERY;
-        if !files.looked.is_none_or(is_due) {
+        let is_due = |checked_at: Instant| now.duration_since(checked_at) >= CHECK_EVERY;
+        if !files.checked_at.is_none_or(is_due) {
             return;
         }
-        files.looked = Some(now);
+        files.checked_at = Some(now);
         let Some(change) = files.watch.as_mut().and_then(FileWatch::look) else {
             return;
         };
-        let (differs, fault) = told(change);
+        let (differs, fault) = described(change);
         tracing::warn!("{}", changed(&differs, fault.as_deref()));
-        self.record(Kind::ConfigurationChanged { differs, fault });
+        self.record(EventKind::ConfigurationChanged { differs, fault });
     }
 
     /// A life of the executor is there: when it is met first, and has another configuration than ours, that is told, and
     /// things are named only as far as both mean the same.
-    pub(super) fn meet(&self, executor: &Announcement) {
+    pub(super) fn check_configuration(&self, executor: &Announcement) {
         // A panic leaves it whole: it is replaced at once.
         let mut naming = self.naming.lock().unwrap_or_else(PoisonError::into_inner);
         if naming.0 == executor.incarnation {
             return;
         }
-        let why = Disagreement::about_cell(&self.own, executor);
+        let why = ProcessMismatch::about_cell(&self.own, executor);
         let config = match &why {
             None => self.config.clone(),
-            Some(_) => common(&self.config, executor.configuration.as_ref()),
+            Some(_) => common_configuration(&self.config, executor.configuration.as_ref()),
         };
         *naming = (executor.incarnation, Arc::new(config));
         if let Some(why) = why {
@@ -79,15 +79,15 @@ impl Service {
     }
 
     /// An executor that is not opened, because it is of another build: that is told as of one that is.
-    pub(super) fn meet_unopened(&self) {
+    pub(super) fn check_unopened_configuration(&self) {
         let announced = self
             .executor
             .cell()
-            .announced(Role::Executor, EXECUTOR_LABEL);
+            .announced(Role::ExecutorLink, EXECUTOR_LABEL);
         // Gone or not readable meanwhile: the next look tells.
         let announced = announced.ok().flatten();
         if let Some(executor) = announced.filter(|one| one.liveness().is_alive()) {
-            self.meet(&executor);
+            self.check_configuration(&executor);
         }
     }
 
@@ -99,10 +99,10 @@ impl Service {
 
     /// Refuses LOAD and START while loader and executor are of different builds or have different configurations: what a
     /// text means here would be something else there.
-    pub(super) fn require_agreement(&self, attached: &Attached) -> Result<(), ApiError> {
-        match Disagreement::about_cell(&self.own, &attached.announcement) {
+    pub(super) fn require_agreement(&self, attached: &ExecutorConnection) -> Result<(), ApiError> {
+        match ProcessMismatch::about_cell(&self.own, &attached.announcement) {
             None => Ok(()),
-            Some(why @ Disagreement::Build { .. }) => Err(ApiError::new(
+            Some(why @ ProcessMismatch::Build { .. }) => Err(ApiError::new(
                 codes::OTHER_BUILD,
                 format!(
                     "nothing is loaded or started: loader and executor were built from different versions ({why})"
@@ -120,24 +120,24 @@ impl Service {
     }
 
     /// Why the living driver of a device is not attached to the executor, if that is because of its build or configuration.
-    pub(super) fn stranger(&self, device: &str) -> Option<Disagreement> {
+    pub(super) fn disagreement(&self, device: &str) -> Option<ProcessMismatch> {
         let (attached, _) = self.executor.attach().ok()?;
         let driver = self.executor.cell().announced(Role::Driver, device);
         let driver = driver.ok().flatten();
         let driver = driver.filter(|one| one.liveness().is_alive())?;
-        Disagreement::about_device(&driver, &attached.announcement, device)
+        ProcessMismatch::about_device(&driver, &attached.announcement, device)
     }
 
     /// What is wrong with the configuration, a sentence each.
     pub(super) fn configuration_words(
         &self,
-        attached: &Attached,
+        attached: &ExecutorConnection,
         processes: &[Announcement],
     ) -> Vec<String> {
         let mut words = self.files_words(processes);
         let executor = &attached.announcement;
-        if let Some(why) = Disagreement::about_cell(&self.own, executor) {
-            words.push(stranger_words(
+        if let Some(why) = ProcessMismatch::about_cell(&self.own, executor) {
+            words.push(disagreement_sentence(
                 "the loader loads and starts nothing: it",
                 &why,
             ));
@@ -146,9 +146,9 @@ impl Service {
             .iter()
             .filter(|one| one.role == Role::Driver && one.liveness().is_alive())
         {
-            if let Some(why) = Disagreement::about_device(driver, executor, &driver.label) {
+            if let Some(why) = ProcessMismatch::about_device(driver, executor, &driver.label) {
                 let who = format!("the driver of {} is not attached: it", driver.label);
-                words.push(stranger_words(&who, &why));
+                words.push(disagreement_sentence(&who, &why));
             }
         }
         words
@@ -161,8 +161,8 @@ impl Service {
             return Vec::new();
         };
         let mut words = Vec::new();
-        if *watch.change() != Change::None {
-            let (differs, fault) = told(watch.change());
+        if *watch.change() != ConfigChange::None {
+            let (differs, fault) = described(watch.change());
             words.push(changed(&differs, fault.as_deref()));
         }
         if let Some(disk) = watch.disk() {
@@ -193,7 +193,7 @@ fn is_older(process: &Announcement, disk: &Configuration) -> bool {
 }
 
 /// A sentence about a process that the executor does not work with.
-pub(super) fn stranger_words(who: &str, why: &Disagreement) -> String {
+pub(super) fn disagreement_sentence(who: &str, why: &ProcessMismatch) -> String {
     let remedy = why.remedy();
     format!(
         "{who} was {} than the executor ({why}); {remedy}",
@@ -202,17 +202,17 @@ pub(super) fn stranger_words(who: &str, why: &Disagreement) -> String {
 }
 
 /// What is told of a change, short enough for the event log.
-fn told(change: &Change) -> (String, Option<String>) {
+fn described(change: &ConfigChange) -> (String, Option<String>) {
     match change {
-        Change::None => (String::new(), None),
-        Change::Differs(words) => (events::text(&words.join("; ")), None),
-        Change::Invalid(fault) => (String::new(), Some(events::text(fault))),
+        ConfigChange::None => (String::new(), None),
+        ConfigChange::Differs(words) => (events::text(&words.join("; ")), None),
+        ConfigChange::Invalid(fault) => (String::new(), Some(events::text(fault))),
     }
 }
 
 /// What this loader can name of an executor with another configuration: its devices in its order, and of them what both
 /// mean in the same way.
-fn common(ours: &CellConfig, theirs: Option<&Configuration>) -> CellConfig {
+fn common_configuration(ours: &CellConfig, theirs: Option<&Configuration>) -> CellConfig {
     let mine = Configuration::new(ours.identity());
     let named = |theirs: &Configuration, name: &str| {
         let Some((_, known)) = ours.device(name) else {
@@ -285,7 +285,7 @@ mod tests {
              one: {{driver: d, channels: {{gas: {torch}}}}}\n"
         );
         let theirs = Configuration::new(cell(&theirs).identity());
-        let named = common(&cell(&ours), Some(&theirs));
+        let named = common_configuration(&cell(&ours), Some(&theirs));
         let rows = named.devices.iter().map(|device| {
             let channels = device.channels.iter().map(|channel| channel.name.as_str());
             (
@@ -301,6 +301,6 @@ mod tests {
             ("one", UNKNOWN, vec![]),
         ];
         assert_eq!(rows, expected);
-        assert!(common(&cell(&ours), None).devices.is_empty());
+        assert!(common_configuration(&cell(&ours), None).devices.is_empty());
     }
 }

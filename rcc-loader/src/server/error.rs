@@ -57,12 +57,12 @@ impl ApiError {
                 format!("the plan has {size} bytes, {max} are the most"),
                 "divide the net into several",
             ),
-            CallError::NoRoom(room) => ApiError::new(
+            CallError::OutOfSharedMemory(room) => ApiError::new(
                 codes::NO_SPACE,
                 room.to_string(),
                 "free shared memory, then try again",
             ),
-            CallError::Parcel(fault) => ApiError::new(
+            CallError::SpillFile(fault) => ApiError::new(
                 codes::NOT_STORED,
                 fault.to_string(),
                 "free shared memory, then try again",

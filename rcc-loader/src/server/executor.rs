@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rcc_core::helper::{HelperEntry, HelperTable};
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceEntry, MAGIC, Tables};
-use rcc_core::timing::Timing;
+use rcc_core::timing::CycleTiming;
 use rcc_ipc::control::{Answer, CONTROL, Call, HELPERS, STATUS, TABLES, TIMING};
 use rcc_ipc::{Announcement, BoardReader, Build, Cell, Client, Liveness, Role, Session, wire};
 
@@ -23,41 +23,41 @@ const CALL_TIMEOUT: Duration = Duration::from_secs(5);
 /// Calls that wait for each other, because they share a port to the executor. What takes long, or is asked often, never
 /// keeps a CANCEL or ABORT waiting: these have two ports of their own, so that one without an answer does not either.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lane {
-    Stops,
+enum CallClass {
+    Stop,
     /// Plans are decoded, and nets made and rehearsed: up to seconds.
-    Loads,
+    Install,
     /// As long as a net is made anew.
-    Changes,
+    Change,
     /// A cycle or two.
-    Looks,
+    Query,
 }
 
-impl Lane {
-    fn of(call: &Call) -> Lane {
+impl CallClass {
+    fn of(call: &Call) -> CallClass {
         match call {
-            Call::Cancel { .. } | Call::Abort { .. } => Lane::Stops,
-            Call::Install { .. } => Lane::Loads,
+            Call::Cancel { .. } | Call::Abort { .. } => CallClass::Stop,
+            Call::Install { .. } => CallClass::Install,
             Call::Start { .. }
             | Call::Switch { .. }
             | Call::Set { .. }
             | Call::Unload { .. }
-            | Call::Reject { .. } => Lane::Changes,
+            | Call::Reject { .. } => CallClass::Change,
             Call::Reserve
             | Call::Read { .. }
             | Call::Record
             | Call::Recorded { .. }
-            | Call::Acknowledge => Lane::Looks,
+            | Call::Acknowledge => CallClass::Query,
         }
     }
 
     /// Its ports, as indices.
     fn ports(self) -> std::ops::Range<usize> {
         match self {
-            Lane::Stops => 0..2,
-            Lane::Loads => 2..3,
-            Lane::Changes => 3..4,
-            Lane::Looks => 4..PORTS,
+            CallClass::Stop => 0..2,
+            CallClass::Install => 2..3,
+            CallClass::Change => 3..4,
+            CallClass::Query => 4..PORTS,
         }
     }
 }
@@ -66,17 +66,17 @@ impl Lane {
 const PORTS: usize = 5;
 
 /// One life of the executor, with what it offers.
-pub struct Attached {
+pub struct ExecutorConnection {
     /// What it announced.
     pub announcement: Announcement,
     clients: Vec<Mutex<Client>>,
     status: Mutex<BoardReader<CycleStatus>>,
     tables: Mutex<BoardReader<Tables>>,
-    timing: Mutex<BoardReader<Timing>>,
+    timing: Mutex<BoardReader<CycleTiming>>,
     helpers: Mutex<BoardReader<HelperTable>>,
 }
 
-impl Attached {
+impl ExecutorConnection {
     /// The executor's counters.
     pub fn status(&self) -> CycleStatus {
         locked(&self.status).read()
@@ -91,15 +91,15 @@ impl Attached {
     }
 
     /// Histograms and what primitives cost; boxed, as they are large. All zero before they are first written.
-    pub fn timing(&self) -> Box<Timing> {
+    pub fn timing(&self) -> Box<CycleTiming> {
         Box::new(locked(&self.timing).read())
     }
 
     /// The executor's tables; boxed, as they are large. Empty before the first cycle.
-    pub fn tables(&self) -> Box<Snapshot> {
+    pub fn tables(&self) -> Box<TableSnapshot> {
         let tables = locked(&self.tables).read();
         let written = tables.magic == MAGIC;
-        Box::new(Snapshot {
+        Box::new(TableSnapshot {
             commands: tables
                 .commands
                 .into_iter()
@@ -120,8 +120,8 @@ impl Attached {
     }
 
     /// A port of the lane, as soon as one is free.
-    fn port(&self, lane: Lane) -> Option<MutexGuard<'_, Client>> {
-        let ports = self.clients.get(lane.ports())?;
+    fn port(&self, class: CallClass) -> Option<MutexGuard<'_, Client>> {
+        let ports = self.clients.get(class.ports())?;
         let free = ports.iter().find_map(|port| match port.try_lock() {
             Ok(client) => Some(client),
             Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
@@ -139,13 +139,15 @@ impl Attached {
             )
         };
         let bytes = wire::encode(call).map_err(|error| other_build(&error))?;
-        let lane = Lane::of(call);
-        let client = self.port(lane).ok_or_else(|| ApiError::no_executor(cell))?;
+        let class = CallClass::of(call);
+        let client = self
+            .port(class)
+            .ok_or_else(|| ApiError::no_executor(cell))?;
         // Asked when it is our turn: others may have taken all of the caller's time. An operation that ends a motion is
         // carried out although nobody waits any more: whoever asked for it wanted the arm to stop.
-        let patience = match lane {
-            Lane::Stops => CALL_TIMEOUT,
-            _ => caller.patience(CALL_TIMEOUT)?,
+        let patience = match class {
+            CallClass::Stop => CALL_TIMEOUT,
+            _ => caller.remaining_time(CALL_TIMEOUT)?,
         };
         let answer = client
             .call(&bytes, patience)
@@ -157,14 +159,14 @@ impl Attached {
 
 /// The executor's tables at one moment.
 #[derive(Clone, Debug, Default)]
-pub struct Snapshot {
+pub struct TableSnapshot {
     /// Commands that exist.
     pub commands: Vec<CommandEntry>,
     /// Devices, in the order of the configuration; empty before the first cycle.
     pub devices: Vec<DeviceEntry>,
 }
 
-impl Snapshot {
+impl TableSnapshot {
     /// The row of a command.
     pub fn command(&self, id: u64) -> Option<&CommandEntry> {
         self.commands.iter().find(|row| row.id == id)
@@ -172,16 +174,16 @@ impl Snapshot {
 }
 
 /// The link.
-pub struct Executor {
+pub struct ExecutorLink {
     session: Session,
-    attached: Mutex<Option<Arc<Attached>>>,
+    attached: Mutex<Option<Arc<ExecutorConnection>>>,
 }
 
-impl Executor {
+impl ExecutorLink {
     /// A link that has found nothing yet.
     #[must_use]
-    pub fn new(session: Session) -> Executor {
-        Executor {
+    pub fn new(session: Session) -> ExecutorLink {
+        ExecutorLink {
             session,
             attached: Mutex::new(None),
         }
@@ -204,7 +206,7 @@ impl Executor {
     ///
     /// # Errors
     /// [`codes::NO_EXECUTOR`] when none lives or it cannot be reached; [`codes::OTHER_BUILD`] when its layout is another.
-    pub fn attach(&self) -> Result<(Arc<Attached>, bool), ApiError> {
+    pub fn attach(&self) -> Result<(Arc<ExecutorConnection>, bool), ApiError> {
         let mut attached = locked(&self.attached);
         if let Some(known) = attached.as_ref().filter(|known| !known.is_dead()) {
             return Ok((Arc::clone(known), false));
@@ -246,13 +248,13 @@ impl Executor {
     /// Asks the executor while `caller` waits; to CANCEL and ABORT in any case.
     ///
     /// # Errors
-    /// As [`Executor::call`]; or nobody waits for it any more, and it was not asked.
+    /// As [`ExecutorLink::call`]; or nobody waits for it any more, and it was not asked.
     pub fn call_for(&self, caller: &Caller, call: &Call) -> Result<Answer, ApiError> {
         let (attached, _) = self.attach()?;
         attached.call(self.session.cell().name(), caller, call)
     }
 
-    fn open(&self, announcement: Announcement) -> Result<Attached, ApiError> {
+    fn open(&self, announcement: Announcement) -> Result<ExecutorConnection, ApiError> {
         let cell = self.session.cell().name();
         Build::require_layout(&announcement).map_err(|other| {
             ApiError::new(
@@ -287,7 +289,7 @@ impl Executor {
         let tables = self.session.open_board(service(TABLES)?);
         let timing = self.session.open_board(service(TIMING)?);
         let helpers = self.session.open_board(service(HELPERS)?);
-        Ok(Attached {
+        Ok(ExecutorConnection {
             clients: clients.map_err(|error| failed(&error))?,
             status: Mutex::new(status.map_err(|error| failed(&error))?),
             tables: Mutex::new(tables.map_err(|error| failed(&error))?),

@@ -8,9 +8,9 @@ use super::api::{Done, Named, Switch, Switched};
 use super::caller::Caller;
 use super::codes;
 use super::error::ApiError;
-use super::executor::Attached;
+use super::executor::ExecutorConnection;
 use super::service::{Operation, Service, unexpected};
-use super::store::Store;
+use super::store::CommandStore;
 
 impl Service {
     /// Stops and starts.
@@ -39,7 +39,7 @@ impl Service {
         };
         let refused = |id, refusal| {
             let mut error: ApiError =
-                self.with_namer(Some(&store), |namer| namer.refusal(id, refusal));
+                self.with_names(Some(&store), |names| names.refusal(id, refusal));
             error
                 .message
                 .push_str("; nothing is stopped and nothing is started");
@@ -79,15 +79,15 @@ impl Service {
 
     fn named(
         &self,
-        attached: &Attached,
-        store: &Store,
+        attached: &ExecutorConnection,
+        store: &CommandStore,
         names: &[Named],
         suits: impl Fn(CommandState) -> bool,
     ) -> Result<Vec<u64>, ApiError> {
         if names.len() > SWITCH_MAX {
             let max = SWITCH_MAX as u32;
             let refusal = rcc_ipc::control::Refusal::SwitchTooLarge { max };
-            return Err(self.with_namer(None, |namer| namer.refusal(0, refusal)));
+            return Err(self.with_names(None, |names| names.refusal(0, refusal)));
         }
         let ids = names.iter().map(|name| match name {
             Named::Id(id) => Ok(*id),

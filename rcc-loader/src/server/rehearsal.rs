@@ -3,12 +3,14 @@
 
 use rcc_core::kinematics::SingularityKind;
 use rcc_core::message::FaultCode;
-use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed, Rule};
+use rcc_ipc::rehearsal::{
+    MotionPosition, PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule,
+};
 
 use super::api::{PeakView, RehearsalView};
 use super::codes::{self, Code};
 use super::impedance;
-use super::words::Namer;
+use super::messages::NameResolver;
 
 /// Nearer to a singularity than this (sine of the angle that is left) is worth a word.
 const NEAR: f64 = 0.05;
@@ -16,10 +18,10 @@ const NEAR: f64 = 0.05;
 const SINGULAR: f64 = 0.2;
 const QUANTITIES: [&str; 3] = ["speed", "acceleration", "jerk"];
 
-impl Namer<'_> {
+impl NameResolver<'_> {
     /// What a rehearsal came to, with names.
     #[must_use]
-    pub fn rehearsal(&self, rehearsed: &Rehearsed) -> RehearsalView {
+    pub fn rehearsal(&self, rehearsed: &RehearsalReport) -> RehearsalView {
         let peaks = QUANTITIES.into_iter().zip(rehearsed.peaks);
         let moved = peaks.filter(|(_, peak)| peak.joint != 0);
         let peaks: Vec<PeakView> = moved
@@ -47,7 +49,11 @@ impl Namer<'_> {
     }
 
     /// The refusal of a net that would break a limit.
-    pub(super) fn foreseen(&self, id: u64, foreseen: &Foreseen) -> (Code, String, String) {
+    pub(super) fn foreseen(
+        &self,
+        id: u64,
+        foreseen: &PredictedViolation,
+    ) -> (Code, String, String) {
         let net = (self.net)(id);
         let what = self.broken(foreseen);
         let place = self.place(id, foreseen.place);
@@ -58,8 +64,8 @@ impl Namer<'_> {
         (codes::FORESEEN, message, help(foreseen))
     }
 
-    fn broken(&self, foreseen: &Foreseen) -> String {
-        let Foreseen {
+    fn broken(&self, foreseen: &PredictedViolation) -> String {
+        let PredictedViolation {
             rule,
             device,
             joint,
@@ -80,23 +86,23 @@ impl Namer<'_> {
             )
         };
         match rule {
-            Rule::NotFinite => format!("{of}: the set-point is not a finite number"),
-            Rule::Position => format!(
+            RehearsalRule::NotFinite => format!("{of}: the set-point is not a finite number"),
+            RehearsalRule::Position => format!(
                 "{of}: position {} is beyond the limit {}",
                 angle(value, ""),
                 angle(limit, "")
             ),
-            Rule::Velocity => exceeds("velocity", "/s"),
-            Rule::Acceleration => exceeds("acceleration", "/s²"),
-            Rule::Jerk => exceeds("jerk", "/s³"),
-            Rule::Workspace => {
+            RehearsalRule::Velocity => exceeds("velocity", "/s"),
+            RehearsalRule::Acceleration => exceeds("acceleration", "/s²"),
+            RehearsalRule::Jerk => exceeds("jerk", "/s³"),
+            RehearsalRule::Workspace => {
                 let axis = ["?", "x", "y", "z"].get(joint as usize).unwrap_or(&"?");
                 format!(
                     "{} leaves its workspace: {axis} is {value:.4} m, the bound is {limit:.4} m",
                     self.device_name(device)
                 )
             }
-            Rule::Singularity => {
+            RehearsalRule::Singularity => {
                 let kind = SingularityKind::from_number(joint).map(|kind| kind.to_string());
                 format!(
                     "{} comes too near to a singular position ({}): {value:.4}, its `workspace:` allows {limit:.4}",
@@ -104,19 +110,19 @@ impl Namer<'_> {
                     kind.unwrap_or_default()
                 )
             }
-            Rule::Impedance { kind } => self.violation(device, joint, value, limit, kind),
-            Rule::LetsGo => format!(
+            RehearsalRule::Impedance { kind } => self.violation(device, joint, value, limit, kind),
+            RehearsalRule::LetsGo => format!(
                 "{} has no set-point any more while it moves",
                 self.device_name(device)
             ),
-            Rule::Fault => format!(
+            RehearsalRule::Fault => format!(
                 "the net ends with a fault ({})",
                 FaultCode::from_number(value as u32).name()
             ),
         }
     }
 
-    fn place(&self, id: u64, place: Option<Place>) -> String {
+    fn place(&self, id: u64, place: Option<MotionPosition>) -> String {
         let Some(place) = place else {
             return String::new();
         };
@@ -137,7 +143,7 @@ impl Namer<'_> {
     }
 }
 
-fn words(rehearsed: &Rehearsed, peaks: &[PeakView]) -> String {
+fn words(rehearsed: &RehearsalReport, peaks: &[PeakView]) -> String {
     if rehearsed.end == RehearsalEnd::Elsewhere {
         return format!(
             "not checked yet: it does not begin where the arm rests now; START checks it{}",
@@ -169,7 +175,7 @@ fn words(rehearsed: &Rehearsed, peaks: &[PeakView]) -> String {
 }
 
 /// That the path is not rounded as asked for.
-fn roundings(rehearsed: &Rehearsed) -> String {
+fn roundings(rehearsed: &RehearsalReport) -> String {
     let Some(most) = rehearsed.most_shortened else {
         return String::new();
     };
@@ -191,37 +197,37 @@ fn roundings(rehearsed: &Rehearsed) -> String {
 }
 
 /// The singular position that the way passes.
-fn singular(foreseen: &Foreseen) -> Option<String> {
+fn singular(foreseen: &PredictedViolation) -> Option<String> {
     let near = foreseen.near.filter(|near| near.distance < SINGULAR)?;
     let kind = SingularityKind::from_number(near.kind)?;
     Some(format!("{kind}: {:.3}", near.distance))
 }
 
-fn help(foreseen: &Foreseen) -> String {
+fn help(foreseen: &PredictedViolation) -> String {
     let slower = format!(
         "at {:.0} % of its speed it would keep the limits",
         (100.0 * foreseen.speed).floor().max(1.0)
     );
     match foreseen.rule {
-        Rule::Velocity | Rule::Acceleration | Rule::Jerk => match singular(foreseen) {
+        RehearsalRule::Velocity | RehearsalRule::Acceleration | RehearsalRule::Jerk => match singular(foreseen) {
             Some(singular) => format!(
                 "the way passes near a singular position ({singular}), where joints are fast and the flange is slow: take \
                  another goal, branch or arm angle, or go around; {slower}"
             ),
             None => format!("go slower: {slower}"),
         },
-        Rule::Position => "begin with another branch or arm angle, or divide the motion and turn the joint back in between"
+        RehearsalRule::Position => "begin with another branch or arm angle, or divide the motion and turn the joint back in between"
             .to_owned(),
-        Rule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
-        Rule::Singularity => "begin with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
+        RehearsalRule::Workspace => "choose a goal and a path inside, or give the device another `workspace:`".to_owned(),
+        RehearsalRule::Singularity => "begin with another branch or arm angle, go around, or give the device a smaller `singularity` in its `workspace:`"
             .to_owned(),
-        Rule::Impedance { .. } => impedance::STAY_WITHIN.to_owned(),
-        Rule::LetsGo | Rule::NotFinite => {
+        RehearsalRule::Impedance { .. } => impedance::STAY_WITHIN.to_owned(),
+        RehearsalRule::LetsGo | RehearsalRule::NotFinite => {
             "a pose on the path cannot be reached, or only with a joint beyond its limits (`reason` and `joint` of \
              InverseKinematics say which: monitor them and `rcc-cli simulate`): choose another start, goal or arm angle"
                 .to_owned()
         }
-        Rule::Fault => "correct the net or its parameters; `rcc-cli simulate` shows how it gets there".to_owned(),
+        RehearsalRule::Fault => "correct the net or its parameters; `rcc-cli simulate` shows how it gets there".to_owned(),
     }
 }
 

@@ -22,13 +22,13 @@ use super::api::{
     Acknowledged, CommandDetail, CommandView, DeviceView, Done, ErrorBody, Frozen, InputsSet,
     Loaded, PrimitiveView, StatusView, Switched, TimingView, TopicView, ValuesView,
 };
-use super::bodies::{self, ANSWERS_MAX, Held, LONG_TEXT, TEXTS_MAX};
+use super::bodies::{self, ANSWERS_MAX, LONG_TEXT, TEXTS_MAX, TextMemory};
 use super::caller::{Caller, TIMEOUT_HEADER};
 use super::catalogue;
 use super::codes;
 use super::error::ApiError;
-use super::lane::Lane;
 use super::service::{Operation, Service};
+use super::stop_workers::StopWorkers;
 
 /// Texts that are compiled or wait for it; further ones are refused.
 pub const LOADING_MAX: usize = 32;
@@ -41,9 +41,9 @@ pub const REQUEST_TIME: Duration = Duration::from_secs(10);
 
 /// What all requests share.
 #[derive(Clone)]
-struct Shared {
+struct ServerState {
     service: Arc<Service>,
-    stops: Lane,
+    stops: StopWorkers,
     requests: Arc<Semaphore>,
     loading: Arc<Semaphore>,
     compiling: Arc<Semaphore>,
@@ -97,9 +97,9 @@ pub fn document() -> Result<String, serde_json::Error> {
 /// The system gives no thread.
 pub fn router(service: Arc<Service>) -> io::Result<Router> {
     let places = |count| Arc::new(Semaphore::new(count));
-    let shared = Shared {
+    let state = ServerState {
         service,
-        stops: Lane::start()?,
+        stops: StopWorkers::start()?,
         requests: places(REQUESTS_MAX),
         loading: places(LOADING_MAX),
         compiling: places(1),
@@ -108,10 +108,10 @@ pub fn router(service: Arc<Service>) -> io::Result<Router> {
         texts: places(TEXTS_MAX),
         answers: places(ANSWERS_MAX),
     };
-    Ok(routes(shared))
+    Ok(routes(state))
 }
 
-fn routes(shared: Shared) -> Router {
+fn routes(state: ServerState) -> Router {
     Router::new()
         .route("/commands", post(load).get(list))
         .route("/commands/{name}", get(detail).delete(unload))
@@ -134,36 +134,36 @@ fn routes(shared: Shared) -> Router {
         .method_not_allowed_fallback(no_route)
         // `limited` has already looked at the size.
         .layer(DefaultBodyLimit::disable())
-        .layer(middleware::from_fn_with_state(shared.clone(), limited))
-        .with_state(shared)
+        .layer(middleware::from_fn_with_state(state.clone(), limited))
+        .with_state(state)
 }
 
 /// Bounds the number of requests, the size of each, and the time it takes to come and to be answered.
-async fn limited(State(shared): State<Shared>, mut request: Request, next: Next) -> Response {
+async fn limited(State(state): State<ServerState>, mut request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>();
     let route = route.map_or_else(String::new, |route| route.as_str().to_owned());
-    let Some(most) = bodies::body_max(request.method(), &route) else {
-        return in_time(next.run(request)).await;
+    let Some(bytes_max) = bodies::body_max(request.method(), &route) else {
+        return with_time_limit(next.run(request)).await;
     };
     let caller = match caller(request.headers()) {
         Ok(caller) => caller,
         Err(error) => return error.into_response(),
     };
     // As long as the client's connection is open, this future lives.
-    let _presence = caller.presence();
+    let _presence = caller.guard();
     request.extensions_mut().insert(caller);
     // First the body: whoever sends slowly holds nothing that others need.
-    let request = match whole(request, most, &shared).await {
+    let request = match read_body(request, bytes_max, &state).await {
         Ok(request) => request,
         Err(error) => return error.into_response(),
     };
-    let Ok(_place) = shared.requests.try_acquire() else {
+    let Ok(_place) = state.requests.try_acquire() else {
         return too_many(REQUESTS_MAX).into_response();
     };
-    in_time(next.run(request)).await
+    with_time_limit(next.run(request)).await
 }
 
-async fn in_time(answer: impl Future<Output = Response>) -> Response {
+async fn with_time_limit(answer: impl Future<Output = Response>) -> Response {
     match tokio::time::timeout(REQUEST_TIME, answer).await {
         Ok(response) if response.status().is_client_error() && !is_json(&response) => {
             let message = "the address or its query is not understood";
@@ -206,13 +206,17 @@ fn caller(head: &HeaderMap) -> Result<Caller, ApiError> {
 }
 
 /// The request with all of its body in memory.
-async fn whole(request: Request, most: usize, shared: &Shared) -> Result<Request, ApiError> {
-    if most == 0 {
-        return bodies::none(&request).map(|()| request);
+async fn read_body(
+    request: Request,
+    bytes_max: usize,
+    state: &ServerState,
+) -> Result<Request, ApiError> {
+    if bytes_max == 0 {
+        return bodies::require_no_body(&request).map(|()| request);
     }
     let (mut parts, body) = request.into_parts();
-    let (bytes, held) = bodies::take(body, most, &shared.texts).await?;
-    parts.extensions.insert(held);
+    let (bytes, memory) = bodies::read(body, bytes_max, &state.texts).await?;
+    parts.extensions.insert(memory);
     Ok(Request::from_parts(parts, bytes.into()))
 }
 
@@ -222,20 +226,20 @@ fn is_json(response: &Response) -> bool {
     kind.is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"))
 }
 
-fn too_many(most: usize) -> ApiError {
+fn too_many(bytes_max: usize) -> ApiError {
     ApiError::new(
         codes::TOO_MANY,
-        format!("{most} requests of this kind are under way, more are not taken"),
+        format!("{bytes_max} requests of this kind are under way, more are not taken"),
         "try again in a moment",
     )
 }
 
 /// Runs what may block where it may block.
 async fn blocking<T: Send + 'static>(
-    shared: Shared,
+    state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
 ) -> Result<T, ApiError> {
-    tokio::task::spawn_blocking(move || what(&shared.service))
+    tokio::task::spawn_blocking(move || what(&state.service))
         .await
         .unwrap_or_else(|panic| {
             Err(ApiError::new(
@@ -248,23 +252,23 @@ async fn blocking<T: Send + 'static>(
 
 /// As [`blocking`], with the result as JSON, which is written there, too.
 async fn answering<T: Serialize>(
-    shared: Shared,
+    state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
 ) -> Result<Response, ApiError> {
-    let answers = Arc::clone(&shared.answers);
-    let bytes = blocking(shared, |service| written(&what(service)?)).await?;
+    let answers = Arc::clone(&state.answers);
+    let bytes = blocking(state, |service| written(&what(service)?)).await?;
     bodies::answer(bytes, &answers)
 }
 
 /// As [`answering`], for what reads the files of commands.
 async fn reading<T: Serialize>(
-    shared: Shared,
+    state: ServerState,
     what: impl FnOnce(&Service) -> Result<T, ApiError> + Send + 'static,
 ) -> Result<Response, ApiError> {
-    let places = Arc::clone(&shared.reading);
+    let places = Arc::clone(&state.reading);
     // The semaphores are never closed.
     let place = places.acquire_owned().await.ok();
-    answering(shared, move |service| {
+    answering(state, move |service| {
         // Given back when the files are read and the answer is written, also if nobody waits for it any more.
         let _place = place;
         what(service)
@@ -300,20 +304,20 @@ struct LoadQuery {
     params(("file" = Option<String>, Query, description = "how diagnostics name the text")),
     responses((status = 202, body = Loaded), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn load(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Query(query): Query<LoadQuery>,
     Extension(caller): Extension<Caller>,
-    Extension(held): Extension<Held>,
+    Extension(memory): Extension<TextMemory>,
     body: Bytes,
 ) -> Result<Response, ApiError> {
-    let place = Arc::clone(&shared.loading)
+    let place = Arc::clone(&state.loading)
         .try_acquire_owned()
         .map_err(|_| too_many(LOADING_MAX))?;
     let turns = Arc::clone(match body.len() > LONG_TEXT {
-        true => &shared.compiling_long,
-        false => &shared.compiling,
+        true => &state.compiling_long,
+        false => &state.compiling,
     });
-    let id = blocking(shared.clone(), move |service| {
+    let id = blocking(state.clone(), move |service| {
         service.reserve(&caller, text_of(body, "the text is")?)
     })
     .await?;
@@ -322,12 +326,12 @@ async fn load(
     tokio::spawn(async move {
         // The semaphores are never closed.
         let _turn = turns.acquire().await;
-        let service = Arc::clone(&shared.service);
+        let service = Arc::clone(&state.service);
         let compiled = tokio::task::spawn_blocking(move || service.install(id, &file));
         if let Err(error) = compiled.await {
             tracing::error!(id, %error, "a load panicked");
         }
-        drop((place, held));
+        drop((place, memory));
     });
     let state = "loading".to_owned();
     Ok((StatusCode::ACCEPTED, Json(Loaded { id, state })).into_response())
@@ -336,8 +340,8 @@ async fn load(
 /// All commands, by id.
 #[utoipa::path(get, path = "/commands",
     responses((status = 200, body = Vec<CommandView>), (status = 503, body = ErrorBody)))]
-async fn list(State(shared): State<Shared>) -> Result<Response, ApiError> {
-    answering(shared, Service::list).await
+async fn list(State(state): State<ServerState>) -> Result<Response, ApiError> {
+    answering(state, Service::list).await
 }
 
 #[derive(Deserialize)]
@@ -353,21 +357,21 @@ struct DetailQuery {
         ("brief" = Option<bool>, Query, description = "without `text` and `names`, which are long")),
     responses((status = 200, body = CommandDetail), (status = 404, body = ErrorBody)))]
 async fn detail(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
     Query(DetailQuery { brief }): Query<DetailQuery>,
 ) -> Result<Response, ApiError> {
     match brief {
-        true => answering(shared, move |service| service.detail(&name, false)).await,
-        false => reading(shared, move |service| service.detail(&name, true)).await,
+        true => answering(state, move |service| service.detail(&name, false)).await,
+        false => reading(state, move |service| service.detail(&name, true)).await,
     }
 }
 
 /// CANCEL and ABORT are carried out also when their client is gone: whoever sent them wanted the arm to stop.
-async fn stop(shared: Shared, name: String, what: Operation) -> Result<Response, ApiError> {
-    let service = shared.service;
+async fn stop(state: ServerState, name: String, what: Operation) -> Result<Response, ApiError> {
+    let service = state.service;
     let stopped = move || service.operate(&Caller::default(), &name, what);
-    shared
+    state
         .stops
         .run(stopped)
         .await
@@ -381,12 +385,12 @@ async fn stop(shared: Shared, name: String, what: Operation) -> Result<Response,
     responses((status = 200, body = Done), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
 async fn start(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
     Extension(caller): Extension<Caller>,
     body: Bytes,
 ) -> Result<Response, ApiError> {
-    answering(shared, move |service| {
+    answering(state, move |service| {
         let api::Start { after_stopping } = match body.is_empty() {
             true => api::Start::default(),
             false => json(&body)?,
@@ -409,14 +413,11 @@ async fn start(
     responses((status = 200, body = Switched), (status = 400, body = ErrorBody), (status = 404, body = ErrorBody),
         (status = 409, body = ErrorBody)))]
 async fn switch(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
     body: Bytes,
 ) -> Result<Response, ApiError> {
-    answering(shared, move |service| {
-        service.switch(&caller, &json(&body)?)
-    })
-    .await
+    answering(state, move |service| service.switch(&caller, &json(&body)?)).await
 }
 
 /// Sets inputs of a ready or active net: a mapping from their names to constants of the language, YAML or JSON; null
@@ -427,12 +428,12 @@ async fn switch(
     responses((status = 200, body = InputsSet), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody),
         (status = 422, body = ErrorBody)))]
 async fn set(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
     Extension(caller): Extension<Caller>,
     body: Bytes,
 ) -> Result<Response, ApiError> {
-    answering(shared, move |service| {
+    answering(state, move |service| {
         service.set(&caller, &name, &text_of(body, "the values are")?)
     })
     .await
@@ -460,12 +461,12 @@ impl ValuesQuery {
             description = "patterns as `move.pose,ik.*,a.out[2]`; all outputs without")),
     responses((status = 200, body = ValuesView), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn values(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
     Query(query): Query<ValuesQuery>,
     Extension(caller): Extension<Caller>,
 ) -> Result<Response, ApiError> {
-    reading(shared, move |service| {
+    reading(state, move |service| {
         service.values(&caller, &name, &query.patterns())
     })
     .await
@@ -486,31 +487,31 @@ fn json<T: serde::de::DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
 #[utoipa::path(post, path = "/commands/{name}/cancel", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn cancel(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
 ) -> Result<Response, ApiError> {
-    stop(shared, name, Operation::Cancel).await
+    stop(state, name, Operation::Cancel).await
 }
 
 /// ABORT: the devices get no command any more, and their drivers bring them to rest.
 #[utoipa::path(post, path = "/commands/{name}/abort", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn abort(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
 ) -> Result<Response, ApiError> {
-    stop(shared, name, Operation::Abort).await
+    stop(state, name, Operation::Abort).await
 }
 
 /// UNLOAD: forgets a command that is not active.
 #[utoipa::path(delete, path = "/commands/{name}", params(("name" = String, Path, description = "id or name")),
     responses((status = 200, body = Done), (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)))]
 async fn unload(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Path(name): Path<String>,
     Extension(caller): Extension<Caller>,
 ) -> Result<Response, ApiError> {
-    answering(shared, move |service| {
+    answering(state, move |service| {
         service.operate(&caller, &name, Operation::Unload)
     })
     .await
@@ -520,36 +521,36 @@ async fn unload(
 #[utoipa::path(post, path = "/incidents",
     responses((status = 200, body = Frozen), (status = 409, body = ErrorBody), (status = 503, body = ErrorBody)))]
 async fn incident(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
 ) -> Result<Response, ApiError> {
-    answering(shared, move |service| service.freeze(&caller)).await
+    answering(state, move |service| service.freeze(&caller)).await
 }
 
 /// The devices, in the order of the cell's configuration.
 #[utoipa::path(get, path = "/devices",
     responses((status = 200, body = Vec<DeviceView>), (status = 503, body = ErrorBody)))]
-async fn devices(State(shared): State<Shared>) -> Result<Response, ApiError> {
-    answering(shared, Service::devices).await
+async fn devices(State(state): State<ServerState>) -> Result<Response, ApiError> {
+    answering(state, Service::devices).await
 }
 
 /// Every primitive with its ports and parameters.
 #[utoipa::path(get, path = "/primitives", responses((status = 200, body = Vec<PrimitiveView>)))]
-async fn primitives(State(shared): State<Shared>) -> Result<Response, ApiError> {
+async fn primitives(State(state): State<ServerState>) -> Result<Response, ApiError> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
-    constant(shared, &WRITTEN, |_| written(&catalogue::primitives())).await
+    constant(state, &WRITTEN, |_| written(&catalogue::primitives())).await
 }
 
 /// An answer that is always the same for this process: made once, by a blocking thread.
 async fn constant(
-    shared: Shared,
+    state: ServerState,
     kept: &'static OnceLock<Bytes>,
     make: impl FnOnce(&Service) -> Result<Vec<u8>, ApiError> + Send + 'static,
 ) -> Result<Response, ApiError> {
     let bytes = match kept.get() {
         Some(bytes) => bytes.clone(),
         None => {
-            let made = blocking(shared, make).await?;
+            let made = blocking(state, make).await?;
             kept.get_or_init(|| made.into()).clone()
         }
     };
@@ -558,44 +559,44 @@ async fn constant(
 
 /// The JSON Schema of nets, with the names of this cell's devices and channels.
 #[utoipa::path(get, path = "/schema", responses((status = 200, body = serde_json::Value)))]
-async fn schema(State(shared): State<Shared>) -> Result<Response, ApiError> {
-    answering(shared, |service| Ok(service.schema())).await
+async fn schema(State(state): State<ServerState>) -> Result<Response, ApiError> {
+    answering(state, |service| Ok(service.schema())).await
 }
 
 /// The executor's health and the processes of the cell.
 #[utoipa::path(get, path = "/status",
     responses((status = 200, body = StatusView), (status = 503, body = ErrorBody)))]
-async fn status(State(shared): State<Shared>) -> Result<Response, ApiError> {
-    answering(shared, Service::status).await
+async fn status(State(state): State<ServerState>) -> Result<Response, ApiError> {
+    answering(state, Service::status).await
 }
 
 /// Late cycles are acknowledged: what is latched, worst values and histograms begin anew.
 #[utoipa::path(post, path = "/status/acknowledge",
     responses((status = 200, body = Acknowledged), (status = 503, body = ErrorBody)))]
 async fn acknowledge(
-    State(shared): State<Shared>,
+    State(state): State<ServerState>,
     Extension(caller): Extension<Caller>,
 ) -> Result<Response, ApiError> {
-    answering(shared, move |service| service.acknowledge(&caller)).await
+    answering(state, move |service| service.acknowledge(&caller)).await
 }
 
 /// Values that go from net to net: who publishes what, and who subscribes to it.
 #[utoipa::path(get, path = "/topics",
     responses((status = 200, body = Vec<TopicView>), (status = 503, body = ErrorBody)))]
-async fn topics(State(shared): State<Shared>) -> Result<Response, ApiError> {
-    answering(shared, Service::topics).await
+async fn topics(State(state): State<ServerState>) -> Result<Response, ApiError> {
+    answering(state, Service::topics).await
 }
 
 /// Histograms of the cycle, and what primitives cost.
 #[utoipa::path(get, path = "/timing",
     responses((status = 200, body = TimingView), (status = 503, body = ErrorBody)))]
-async fn timing(State(shared): State<Shared>) -> Result<Response, ApiError> {
-    answering(shared, Service::timing).await
+async fn timing(State(state): State<ServerState>) -> Result<Response, ApiError> {
+    answering(state, Service::timing).await
 }
 
-async fn openapi(State(shared): State<Shared>) -> Result<Response, ApiError> {
+async fn openapi(State(state): State<ServerState>) -> Result<Response, ApiError> {
     static WRITTEN: OnceLock<Bytes> = OnceLock::new();
-    constant(shared, &WRITTEN, |_| {
+    constant(state, &WRITTEN, |_| {
         let text = document();
         text.map(String::into_bytes)
             .map_err(|error| ApiError::new(codes::PROCESS_FAILED, error.to_string(), "report it"))

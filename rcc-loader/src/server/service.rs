@@ -7,64 +7,64 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rcc_config::CellConfig;
 use rcc_core::message::{CommandEntry, CommandState, EndReason};
-use rcc_ipc::control::{Answer, Call, Recorded};
-use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::control::{Answer, Call, RecordingState};
+use rcc_ipc::events::{self, EventKind, EventRecorder};
 use rcc_ipc::{Announcement, Configuration};
 use rcc_language::devices::DeviceTable;
 use rcc_language::names::Names;
 use rcc_process::Helpers;
 use serde::Serialize;
 
-use super::address::{self, Address};
+use super::address::{self, CommandAddress};
 use super::api::{CommandView, Done, Finding, Frozen};
 use super::caller::Caller;
 use super::codes;
+use super::command_summary::CommandSummary;
 use super::compile::{self, Compiled};
-use super::configuration::Files;
+use super::configuration::WatchedFiles;
 use super::error::ApiError;
-use super::executor::{Attached, Executor};
-use super::index::Entry;
-use super::store::{CommandFile, Store, StoreError};
-use super::words::{self, Namer};
+use super::executor::{ExecutorConnection, ExecutorLink};
+use super::messages::{self, NameResolver};
+use super::store::{CommandFile, CommandStore, StoreError};
 
 /// How long a recording may take until it is in a file.
 const RECORD_MAX: Duration = Duration::from_secs(8);
 /// How often it is asked for.
-const RECORD_LOOK: Duration = Duration::from_millis(50);
+const RECORD_POLL_EVERY: Duration = Duration::from_millis(50);
 /// A file of a command that is not in the table is removed when it is older than this.
-const SWEEP_AGE: Duration = Duration::from_secs(5);
+const SWEEP_AGE_MIN: Duration = Duration::from_secs(5);
 
 /// The loader of one cell.
 pub struct Service {
-    pub(super) executor: Executor,
+    pub(super) executor: ExecutorLink,
     pub(super) config: CellConfig,
     /// What this loader announces.
     pub(super) own: Announcement,
     /// The life of the executor that was met last, and by which its devices and channels are named:
     /// [`Service::config`] as far as it is the executor's.
     pub(super) naming: Mutex<(u64, Arc<CellConfig>)>,
-    pub(super) files: Mutex<Files>,
+    pub(super) files: Mutex<WatchedFiles>,
     /// Commands that this process is loading; with them a restarted loader tells its own from a dead one's.
-    loading: Mutex<BTreeMap<u64, Loading>>,
-    recorder: Option<Recorder>,
+    loading: Mutex<BTreeMap<u64, PendingLoad>>,
+    recorder: Option<EventRecorder>,
     /// The helper threads of this process, for whoever asks how it does.
     pub(super) helpers: Helpers,
     /// Process and incarnation of the executor that the event log was told of.
-    told: Mutex<Option<(u32, u64)>>,
+    reported_executor: Mutex<Option<(u32, u64)>>,
     /// The commands of the executor of that incarnation.
-    store: Mutex<Option<(u64, Arc<Store>)>>,
+    store: Mutex<Option<(u64, Arc<CommandStore>)>>,
 }
 
 /// A text on its way to become a command.
-struct Loading {
-    entry: Arc<Entry>,
+struct PendingLoad {
+    entry: Arc<CommandSummary>,
     /// Taken by whoever compiles it.
     text: String,
 }
 
 /// A command with what only its file holds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Detail {
+pub struct DetailedCommand {
     /// The command.
     #[serde(flatten)]
     pub command: CommandView,
@@ -110,7 +110,7 @@ impl Operation {
 impl Service {
     /// The loader of the cell that `executor` belongs to.
     #[must_use]
-    pub fn new(executor: Executor, config: CellConfig) -> Service {
+    pub fn new(executor: ExecutorLink, config: CellConfig) -> Service {
         let configuration = Configuration::new(config.identity());
         Service {
             own: executor.own().configured(configuration),
@@ -121,7 +121,7 @@ impl Service {
             loading: Mutex::new(BTreeMap::new()),
             recorder: None,
             helpers: Helpers::default(),
-            told: Mutex::new(None),
+            reported_executor: Mutex::new(None),
             store: Mutex::new(None),
         }
     }
@@ -134,38 +134,41 @@ impl Service {
 
     /// Shows these helper threads of this process to whoever asks how it does.
     #[must_use]
-    pub fn watching(mut self, helpers: Helpers) -> Service {
+    pub fn with_helpers(mut self, helpers: Helpers) -> Service {
         self.helpers = helpers;
         self
     }
 
     /// Writes what happens to the cell's event log.
     #[must_use]
-    pub fn recording(mut self, recorder: Recorder) -> Service {
+    pub fn with_event_log(mut self, recorder: EventRecorder) -> Service {
         self.recorder = Some(recorder);
         self
     }
 
-    pub(super) fn record(&self, what: Kind) {
+    pub(super) fn record(&self, what: EventKind) {
         if let Some(recorder) = &self.recorder {
             recorder.tell(what);
         }
     }
 
     /// Tells of an executor that is found or gone, once each.
-    fn tell_executor(&self, found: Option<(u32, u64)>) {
+    fn report_executor_change(&self, found: Option<(u32, u64)>) {
         // A panic leaves it whole: it is one value.
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        if *told == found {
+        let mut reported_executor = self
+            .reported_executor
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if *reported_executor == found {
             return;
         }
-        if let Some((pid, incarnation)) = std::mem::replace(&mut *told, found) {
+        if let Some((pid, incarnation)) = std::mem::replace(&mut *reported_executor, found) {
             let executor = events::digits(incarnation);
-            self.record(Kind::ExecutorLost { pid, executor });
+            self.record(EventKind::ExecutorLost { pid, executor });
         }
         if let Some((pid, incarnation)) = found {
             let executor = events::digits(incarnation);
-            self.record(Kind::ExecutorFound { pid, executor });
+            self.record(EventKind::ExecutorFound { pid, executor });
         }
     }
 
@@ -174,19 +177,19 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor.
-    pub fn attach(&self) -> Result<(Arc<Attached>, Arc<Store>), ApiError> {
+    pub fn attach(&self) -> Result<(Arc<ExecutorConnection>, Arc<CommandStore>), ApiError> {
         let attached = self.executor.attach();
         let found = attached.as_ref().ok().map(|(attached, _)| {
             let announced = &attached.announcement;
             (announced.pid, announced.incarnation)
         });
-        self.tell_executor(found);
+        self.report_executor_change(found);
         let (attached, _) = attached.inspect_err(|error| {
             if error.code == codes::OTHER_BUILD {
-                self.meet_unopened();
+                self.check_unopened_configuration();
             }
         })?;
-        self.meet(&attached.announcement);
+        self.check_configuration(&attached.announcement);
         let (store, new) = self.store(attached.announcement.incarnation);
         if new {
             tracing::info!(pid = attached.announcement.pid, "the executor is attached");
@@ -197,13 +200,13 @@ impl Service {
     }
 
     /// The commands of an executor, and whether they were only now read from their files.
-    fn store(&self, incarnation: u64) -> (Arc<Store>, bool) {
+    fn store(&self, incarnation: u64) -> (Arc<CommandStore>, bool) {
         // A panic leaves it whole: it is one value. Others wait for the one that reads: without names they can do nothing.
         let mut store = self.store.lock().unwrap_or_else(PoisonError::into_inner);
         match store.as_ref().filter(|(known, _)| *known == incarnation) {
             Some((_, store)) => (Arc::clone(store), false),
             None => {
-                let found = Arc::new(Store::open(self.executor.cell(), incarnation));
+                let found = Arc::new(CommandStore::open(self.executor.cell(), incarnation));
                 *store = Some((incarnation, Arc::clone(&found)));
                 (found, true)
             }
@@ -211,15 +214,15 @@ impl Service {
     }
 
     /// What is due from time to time: attaching, and forgetting what was unloaded.
-    pub fn tend(&self) {
-        self.look_at_files();
+    pub fn maintain(&self) {
+        self.check_files();
         if let Ok((attached, store)) = self.attach() {
             let snapshot = attached.tables();
-            store.sweep(|id| snapshot.command(id).is_some(), SWEEP_AGE);
+            store.sweep(|id| snapshot.command(id).is_some(), SWEEP_AGE_MIN);
         }
     }
 
-    fn reject_orphans(&self, attached: &Attached, store: &Store) {
+    fn reject_orphans(&self, attached: &ExecutorConnection, store: &CommandStore) {
         for row in attached.tables().commands {
             let state = CommandState::from_number(row.state);
             if state != CommandState::Loading || self.loading().contains_key(&row.id) {
@@ -233,7 +236,7 @@ impl Service {
             let mut file = store.read(row.id).unwrap_or_default();
             file.id = row.id;
             file.diagnostics.push(lost.finding());
-            file.cut();
+            file.discard_excess();
             if let Err(error) = store.write(&file) {
                 tracing::warn!(%error, "a rejected command has no file");
             }
@@ -256,16 +259,16 @@ impl Service {
             .map_err(|error| not_stored(&error))?;
         match self.executor.call_for(caller, &Call::Reserve)? {
             Answer::Reserved { id } => {
-                let entry = Arc::new(Entry {
+                let entry = Arc::new(CommandSummary {
                     net: compile::name_of(&text),
                     loaded_at: seconds_now(),
-                    ..Entry::default()
+                    ..CommandSummary::default()
                 });
-                self.loading().insert(id, Loading { entry, text });
+                self.loading().insert(id, PendingLoad { entry, text });
                 Ok(id)
             }
             Answer::Refused(refusal) => {
-                Err(self.with_namer(None, |namer| namer.refusal(0, refusal)))
+                Err(self.with_names(None, |names| names.refusal(0, refusal)))
             }
             _ => Err(unexpected()),
         }
@@ -301,10 +304,14 @@ impl Service {
             .loading()
             .get(&id)
             .map(|loading| loading.entry.net.clone());
-        let told = *self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        self.record(Kind::Rejected {
+        let reported_executor = *self
+            .reported_executor
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        self.record(EventKind::Rejected {
             command: id,
-            executor: told.map_or_else(String::new, |(_, incarnation)| events::digits(incarnation)),
+            executor: reported_executor
+                .map_or_else(String::new, |(_, incarnation)| events::digits(incarnation)),
             net: events::text(&net.unwrap_or_default()),
             code: first.code.clone(),
             words: events::text(&first.message),
@@ -334,21 +341,21 @@ impl Service {
                     self.record_rejected(id, first, errors.count());
                 }
                 file.diagnostics = diagnostics;
-                file.cut();
+                file.discard_excess();
                 // Without a file they are in memory, and it is rejected all the same.
                 let kept = stored(&file);
                 self.executor.call(&Call::Reject { id })?;
                 return kept;
             }
         };
-        file.uses = self.with_namer(None, |namer| {
-            let uses = uses.into_iter().map(|use_| namer.resource(id, use_));
+        file.uses = self.with_names(None, |names| {
+            let uses = uses.into_iter().map(|use_| names.resource(id, use_));
             uses.chain(topics.iter().map(|topic| format!("topic {topic}")))
                 .collect()
         });
         (file.net, file.description, file.names) = (net, description, Some(names));
         (file.diagnostics, file.primitives) = (warnings, primitives);
-        self.record(Kind::Loaded {
+        self.record(EventKind::Loaded {
             command: id,
             executor: events::digits(attached.announcement.incarnation),
             net: events::text(&file.net),
@@ -366,11 +373,11 @@ impl Service {
             Ok(Answer::RefusedFor { .. } | Answer::Values(_) | Answer::Recorded(_)) => unexpected(),
             Ok(Answer::Done { .. } | Answer::Reserved { .. }) => return Ok(()),
             Ok(Answer::Rehearsed { rehearsed, .. }) => {
-                file.rehearsal = Some(self.with_namer(None, |namer| namer.rehearsal(&rehearsed)));
+                file.rehearsal = Some(self.with_names(None, |names| names.rehearsal(&rehearsed)));
                 return stored(&file);
             }
             Ok(Answer::Refused(refusal)) => {
-                self.with_namer(Some(&store), |namer| namer.refusal(id, refusal))
+                self.with_names(Some(&store), |names| names.refusal(id, refusal))
             }
             Err(error) => {
                 // It must not stay `loading`; if the executor is gone, so is the command.
@@ -381,7 +388,7 @@ impl Service {
         let finding = refused.finding();
         self.record_rejected(id, &finding, 1);
         file.diagnostics.push(finding);
-        file.cut();
+        file.discard_excess();
         stored(&file)
     }
 
@@ -400,17 +407,17 @@ impl Service {
     ///
     /// # Errors
     /// There is no executor or no such command.
-    pub fn detail(&self, name: &str, in_full: bool) -> Result<Detail, ApiError> {
+    pub fn detail(&self, name: &str, in_full: bool) -> Result<DetailedCommand, ApiError> {
         let (attached, store) = self.attach()?;
         let id = self.resolve(&attached, &store, name, |_| true)?;
         let row = attached.tables().command(id).copied();
         let row = row.or_else(|| self.loading_row(id));
-        let command = self.view(&store, &row.ok_or_else(|| words::unknown(name))?);
+        let command = self.view(&store, &row.ok_or_else(|| messages::unknown(name))?);
         let file = in_full
             .then(|| store.read(id))
             .flatten()
             .unwrap_or_default();
-        Ok(Detail {
+        Ok(DetailedCommand {
             command,
             text: file.text,
             names: file.names,
@@ -441,7 +448,7 @@ impl Service {
                 Ok(Done { id, net, cycle })
             }
             Answer::Refused(refusal) => {
-                Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+                Err(self.with_names(Some(&store), |names| names.refusal(id, refusal)))
             }
             _ => Err(unexpected()),
         }
@@ -457,7 +464,7 @@ impl Service {
         let cycle = match self.executor.call_for(caller, &Call::Record)? {
             Answer::Done { cycle } => cycle,
             Answer::Refused(refusal) => {
-                return Err(self.with_namer(None, |namer| namer.refusal(0, refusal)));
+                return Err(self.with_names(None, |names| names.refusal(0, refusal)));
             }
             _ => return Err(unexpected()),
         };
@@ -466,20 +473,20 @@ impl Service {
         loop {
             let (attached, _) = self.attach()?;
             if attached.announcement.incarnation != incarnation {
-                return Err(not_recorded(
+                return Err(recording_lost(
                     "the executor died before it was written".to_owned(),
                 ));
             }
             match self.executor.call(&Call::Recorded { cycle })? {
-                Answer::Recorded(Recorded::Written { file }) => {
+                Answer::Recorded(RecordingState::Written { file }) => {
                     return Ok(Frozen {
                         cycle,
                         executor: events::digits(incarnation),
                         file,
                     });
                 }
-                Answer::Recorded(Recorded::Lost { why }) => return Err(not_recorded(why)),
-                Answer::Recorded(Recorded::NotYet) => {}
+                Answer::Recorded(RecordingState::Lost { why }) => return Err(recording_lost(why)),
+                Answer::Recorded(RecordingState::NotYet) => {}
                 _ => return Err(unexpected()),
             }
             if Instant::now() >= limit {
@@ -489,7 +496,7 @@ impl Service {
                     "the disk is slow: `rcc-cli events` tells when it is written, `rcc-cli incidents` lists it then",
                 ));
             }
-            std::thread::sleep(RECORD_LOOK);
+            std::thread::sleep(RECORD_POLL_EVERY);
         }
     }
 
@@ -497,22 +504,22 @@ impl Service {
     /// newest.
     pub(super) fn resolve(
         &self,
-        attached: &Attached,
-        store: &Store,
+        attached: &ExecutorConnection,
+        store: &CommandStore,
         name: &str,
         suits: impl Fn(CommandState) -> bool,
     ) -> Result<u64, ApiError> {
-        let name = match Address::read(name) {
-            Some(Address::Id(id)) => return Ok(id),
-            Some(Address::Both(net, id)) => {
-                let is = self.entry(store, id);
+        let name = match CommandAddress::read(name) {
+            Some(CommandAddress::Id(id)) => return Ok(id),
+            Some(CommandAddress::Both(net, id)) => {
+                let is = self.summary(store, id);
                 return match is.as_ref().map(|entry| entry.net.as_str()) {
                     Some(is) if is == net => Ok(id),
                     is => Err(address::other_name(net, id, is)),
                 };
             }
-            Some(Address::Name(name)) => name,
-            None => return Err(words::unknown(name)),
+            Some(CommandAddress::Name(name)) => name,
+            None => return Err(messages::unknown(name)),
         };
         let rows = attached.tables().commands;
         let state = |id: u64| {
@@ -531,21 +538,21 @@ impl Service {
         let newest = |of: &mut dyn Iterator<Item = &(u64, CommandState)>| of.map(|row| row.0).max();
         newest(&mut named.iter().filter(|(_, state)| suits(*state)))
             .or_else(|| newest(&mut named.iter()))
-            .ok_or_else(|| words::unknown(name))
+            .ok_or_else(|| messages::unknown(name))
     }
 
-    fn entry(&self, store: &Store, id: u64) -> Option<Arc<Entry>> {
+    fn summary(&self, store: &CommandStore, id: u64) -> Option<Arc<CommandSummary>> {
         let loading = || {
             self.loading()
                 .get(&id)
                 .map(|loading| Arc::clone(&loading.entry))
         };
-        store.entry(id).or_else(loading)
+        store.summary(id).or_else(loading)
     }
 
     /// The name of a command's net; empty if nobody knows it.
-    pub(super) fn net(&self, store: &Store, id: u64) -> String {
-        let entry = self.entry(store, id);
+    pub(super) fn net(&self, store: &CommandStore, id: u64) -> String {
+        let entry = self.summary(store, id);
         entry.map_or_else(String::new, |entry| entry.net.clone())
     }
 
@@ -558,10 +565,10 @@ impl Service {
         })
     }
 
-    fn view(&self, store: &Store, row: &CommandEntry) -> CommandView {
+    fn view(&self, store: &CommandStore, row: &CommandEntry) -> CommandView {
         // Looked at before the file: what the load came to is written after the executor has answered.
         let is_loading = self.loading().contains_key(&row.id);
-        let known = self.entry(store, row.id).unwrap_or_default();
+        let known = self.summary(store, row.id).unwrap_or_default();
         let state = match CommandState::from_number(row.state) {
             CommandState::Ready | CommandState::Rejected if is_loading => CommandState::Loading,
             state => state,
@@ -573,7 +580,7 @@ impl Service {
             description: known.description.clone(),
             state: state.name().to_owned(),
             reason: (reason != EndReason::None).then(|| reason.name().to_owned()),
-            fault: self.with_namer(Some(store), |namer| namer.fault(&row.fault)),
+            fault: self.with_names(Some(store), |names| names.fault(&row.fault)),
             can_cancel: row.can_cancel == 1,
             cycles: row.cycles,
             started_cycle: row.started_cycle,
@@ -590,31 +597,31 @@ impl Service {
         }
     }
 
-    pub(super) fn with_namer<T>(
+    pub(super) fn with_names<T>(
         &self,
-        store: Option<&Store>,
-        what: impl FnOnce(&Namer<'_>) -> T,
+        store: Option<&CommandStore>,
+        what: impl FnOnce(&NameResolver<'_>) -> T,
     ) -> T {
         let net = |id: u64| match store.map(|store| self.net(store, id)) {
             Some(net) if !net.is_empty() => format!("{net}#{id}"),
             _ => format!("#{id}"),
         };
         let names = |id: u64| {
-            let entry = store.and_then(|store| self.entry(store, id));
+            let entry = store.and_then(|store| self.summary(store, id));
             entry.map(|entry| entry.names.clone()).unwrap_or_default()
         };
         let reason = |device: &str, reason: u32| self.reason_words(device, reason);
-        let stranger = |device: &str| self.stranger(device);
-        what(&Namer {
+        let disagreement = |device: &str| self.disagreement(device);
+        what(&NameResolver {
             config: &self.naming(),
-            stranger: &stranger,
+            disagreement: &disagreement,
             net: &net,
             names: &names,
             reason: &reason,
         })
     }
 
-    fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, Loading>> {
+    fn loading(&self) -> MutexGuard<'_, BTreeMap<u64, PendingLoad>> {
         // A panic between two insertions leaves a whole map.
         self.loading.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -629,7 +636,7 @@ pub fn check(text: &str, file: &str, config: &CellConfig) -> Result<Compiled, Ve
 }
 
 /// A recording that is in no file.
-fn not_recorded(why: String) -> ApiError {
+fn recording_lost(why: String) -> ApiError {
     ApiError::new(
         codes::NOT_STORED,
         format!("the recording was not written: {why}"),

@@ -15,7 +15,7 @@ use rcc_language::names::{InputNames, Names, TopicNames};
 use serde::{Deserialize, Serialize};
 
 use super::api::{Finding, RehearsalView};
-use super::index::Entry;
+use super::command_summary::CommandSummary;
 
 /// Bytes of all files of commands together: they lie in memory (tmpfs).
 pub const KEPT_MAX: u64 = 256 << 20;
@@ -65,8 +65,8 @@ impl CommandFile {
     }
 
     /// Leaves out what a rejected command does not need: nobody starts it, but people look at what was wrong.
-    pub fn cut(&mut self) {
-        bound(&mut self.diagnostics);
+    pub fn discard_excess(&mut self) {
+        limit_findings(&mut self.diagnostics);
         if !self.is_rejected() {
             return;
         }
@@ -83,7 +83,7 @@ impl CommandFile {
 }
 
 /// Keeps as many findings as fit into [`FINDINGS_MAX`], the first error among them, and says how many there were.
-fn bound(findings: &mut Vec<Finding>) {
+fn limit_findings(findings: &mut Vec<Finding>) {
     let size = |row: &Finding| {
         let place = |place: &Option<super::api::Place>| {
             place
@@ -105,12 +105,12 @@ fn bound(findings: &mut Vec<Finding>) {
     // Errors come first: a rejected command stays one.
     findings.sort_by_key(|row| row.severity != "error");
     for row in findings.iter_mut() {
-        shorten(&mut row.message);
-        shorten(&mut row.rendered);
+        truncate_text(&mut row.message);
+        truncate_text(&mut row.rendered);
         row.help.iter_mut().for_each(shorten);
         for place in row.place.iter_mut().chain(&mut row.used_at) {
-            shorten(&mut place.file);
-            shorten(&mut place.label);
+            truncate_text(&mut place.file);
+            truncate_text(&mut place.label);
         }
     }
     let mut sum = 0;
@@ -134,10 +134,10 @@ fn bound(findings: &mut Vec<Finding>) {
 }
 
 /// Words of one finding that came from a text of any length.
-fn shorten(words: &mut String) {
-    const MOST: usize = 8 << 10;
-    if words.len() > MOST {
-        words.truncate(words.floor_char_boundary(MOST));
+fn truncate_text(words: &mut String) {
+    const TEXT_MAX: usize = 8 << 10;
+    if words.len() > TEXT_MAX {
+        words.truncate(words.floor_char_boundary(TEXT_MAX));
         words.push('…');
     }
 }
@@ -155,7 +155,7 @@ pub enum StoreError {
     },
     /// Everything that may be kept is kept, and by commands that are not rejected.
     #[error(
-        "the loader keeps {kept} bytes for its commands and {most} at most: there is no room for {size} more"
+        "the loader keeps {kept} bytes for its commands and {bytes_max} at most: there is no room for {size} more"
     )]
     Full {
         /// Bytes of the file.
@@ -163,27 +163,27 @@ pub enum StoreError {
         /// Bytes in use.
         kept: u64,
         /// The limit.
-        most: u64,
+        bytes_max: u64,
     },
 }
 
 /// The commands of one life of the executor.
 #[derive(Debug)]
-pub struct Store {
+pub struct CommandStore {
     folder: PathBuf,
-    most: u64,
-    index: Mutex<Index>,
+    bytes_max: u64,
+    index: Mutex<StoreIndex>,
 }
 
 #[derive(Debug, Default)]
-struct Index {
+struct StoreIndex {
     kept: u64,
-    rows: BTreeMap<u64, Row>,
+    rows: BTreeMap<u64, IndexRow>,
 }
 
 #[derive(Debug)]
-struct Row {
-    entry: Arc<Entry>,
+struct IndexRow {
+    summary: Arc<CommandSummary>,
     /// Of its file; 0: it has none.
     bytes: u64,
     is_rejected: bool,
@@ -193,10 +193,10 @@ struct Row {
 /// What a restarted loader takes over of a file; the rest of it is passed over.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Brief {
+struct CommandFileSummary {
     net: String,
     description: String,
-    names: Option<BriefNames>,
+    names: Option<SummaryNames>,
     diagnostics: Vec<Finding>,
     uses: Vec<String>,
     primitives: u32,
@@ -206,18 +206,18 @@ struct Brief {
 
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct BriefNames {
+struct SummaryNames {
     net: String,
     inputs: Vec<InputNames>,
     publishes: Vec<TopicNames>,
     motions: Vec<String>,
 }
 
-impl From<Brief> for Entry {
-    fn from(file: Brief) -> Entry {
+impl From<CommandFileSummary> for CommandSummary {
+    fn from(file: CommandFileSummary) -> CommandSummary {
         let is_named = file.names.is_some();
         let names = file.names.unwrap_or_default();
-        Entry {
+        CommandSummary {
             net: file.net,
             description: file.description,
             diagnostics: file.diagnostics,
@@ -238,12 +238,12 @@ impl From<Brief> for Entry {
 }
 
 /// Counts what is written.
-struct Counted<W> {
+struct CountingWriter<W> {
     into: W,
     bytes: u64,
 }
 
-impl<W: Write> Write for Counted<W> {
+impl<W: Write> Write for CountingWriter<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.into.write(bytes)?;
         self.bytes += written as u64;
@@ -255,21 +255,21 @@ impl<W: Write> Write for Counted<W> {
     }
 }
 
-impl Store {
+impl CommandStore {
     /// The folder for the commands of that life of the executor, with an empty index.
     #[must_use]
-    pub fn of(cell: &Cell, incarnation: u64) -> Store {
-        Store {
+    pub fn of(cell: &Cell, incarnation: u64) -> CommandStore {
+        CommandStore {
             folder: cell.commands_dir().join(format!("{incarnation:016x}")),
-            most: KEPT_MAX,
+            bytes_max: KEPT_MAX,
             index: Mutex::default(),
         }
     }
 
-    /// As [`Store::of`], with what a dead loader left there.
+    /// As [`CommandStore::of`], with what a dead loader left there.
     #[must_use]
-    pub fn open(cell: &Cell, incarnation: u64) -> Store {
-        let store = Store::of(cell, incarnation);
+    pub fn open(cell: &Cell, incarnation: u64) -> CommandStore {
+        let store = CommandStore::of(cell, incarnation);
         for path in entries(&store.folder) {
             if path.extension().is_none_or(|extension| extension != "json") {
                 // A loader died while it wrote it.
@@ -279,14 +279,14 @@ impl Store {
             let Some(id) = id_of(&path) else {
                 continue;
             };
-            if let Some((entry, bytes)) = read::<Brief>(&path) {
-                store.index().insert(id, entry.into(), bytes);
+            if let Some((summary, bytes)) = read::<CommandFileSummary>(&path) {
+                store.index().insert(id, summary.into(), bytes);
             }
         }
         store
     }
 
-    fn index(&self) -> MutexGuard<'_, Index> {
+    fn index(&self) -> MutexGuard<'_, StoreIndex> {
         // A panic between two changes leaves a whole map, and a sum that the next sweep corrects.
         self.index.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -301,10 +301,10 @@ impl Store {
     /// # Errors
     /// What the system says, with the path; or that nothing more may be kept.
     pub fn write(&self, command: &CommandFile) -> Result<(), StoreError> {
-        let entry = Entry::of(command);
+        let summary = CommandSummary::of(command);
         let written = self.write_file(command);
         let bytes = written.as_ref().map_or(0, |bytes| *bytes);
-        self.index().insert(command.id, entry, bytes);
+        self.index().insert(command.id, summary, bytes);
         written.map(|_| ())
     }
 
@@ -314,25 +314,27 @@ impl Store {
             path: path.clone(),
             source,
         };
-        let half = path.with_extension("half");
+        let partial = path.with_extension("half");
         let write = || {
             fs::create_dir_all(&self.folder)?;
             let mut options = fs::OpenOptions::new();
             options.write(true).create(true).truncate(true).mode(0o600);
-            let into = BufWriter::new(options.open(&half)?);
-            let mut counted = Counted { into, bytes: 0 };
+            let into = BufWriter::new(options.open(&partial)?);
+            let mut counted = CountingWriter { into, bytes: 0 };
             serde_json::to_writer(&mut counted, command)?;
             counted.flush()?;
             Ok(counted.bytes)
         };
         let removed = |error| {
             // What is left of it is removed with the next life of the loader.
-            let _ = fs::remove_file(&half);
+            let _ = fs::remove_file(&partial);
             error
         };
         let bytes = write().map_err(failed).map_err(removed)?;
         self.make_room(command.id, bytes).map_err(removed)?;
-        fs::rename(&half, &path).map_err(failed).map_err(removed)?;
+        fs::rename(&partial, &path)
+            .map_err(failed)
+            .map_err(removed)?;
         Ok(bytes)
     }
 
@@ -344,11 +346,11 @@ impl Store {
         let index = self.index();
         let stay = index.rows.values().filter(|row| !row.is_rejected);
         let kept: u64 = stay.map(|row| row.bytes).sum();
-        if kept + bytes > self.most {
+        if kept + bytes > self.bytes_max {
             return Err(StoreError::Full {
                 size: bytes,
                 kept,
-                most: self.most,
+                bytes_max: self.bytes_max,
             });
         }
         Ok(())
@@ -364,7 +366,7 @@ impl Store {
         let rejected =
             rejected.filter(|(other, row)| **other != id && row.is_rejected && row.bytes > 0);
         for (other, row) in rejected {
-            if kept + bytes <= self.most {
+            if kept + bytes <= self.bytes_max {
                 break;
             }
             kept -= row.bytes;
@@ -377,11 +379,11 @@ impl Store {
             // What cannot be removed is counted no more, and the next sweep does not find it: the folder goes with the executor.
             let _ = fs::remove_file(self.path(other));
         }
-        if kept + bytes > self.most {
+        if kept + bytes > self.bytes_max {
             return Err(StoreError::Full {
                 size: bytes,
                 kept,
-                most: self.most,
+                bytes_max: self.bytes_max,
             });
         }
         Ok(())
@@ -389,15 +391,18 @@ impl Store {
 
     /// What is known of a command without its file.
     #[must_use]
-    pub fn entry(&self, id: u64) -> Option<Arc<Entry>> {
-        self.index().rows.get(&id).map(|row| Arc::clone(&row.entry))
+    pub fn summary(&self, id: u64) -> Option<Arc<CommandSummary>> {
+        self.index()
+            .rows
+            .get(&id)
+            .map(|row| Arc::clone(&row.summary))
     }
 
     /// The ids of the commands that have this name.
     #[must_use]
     pub fn named(&self, net: &str) -> Vec<u64> {
         let index = self.index();
-        let rows = index.rows.iter().filter(|(_, row)| row.entry.net == net);
+        let rows = index.rows.iter().filter(|(_, row)| row.summary.net == net);
         rows.map(|(id, _)| *id).collect()
     }
 
@@ -444,7 +449,8 @@ impl Store {
             }
         }
         // Those without a file.
-        let stays = |id: u64, row: &Row| row.bytes > 0 || exists(id) || row.since.elapsed() < age;
+        let stays =
+            |id: u64, row: &IndexRow| row.bytes > 0 || exists(id) || row.since.elapsed() < age;
         self.index().rows.retain(|id, row| stays(*id, row));
     }
 
@@ -462,14 +468,17 @@ impl Store {
     }
 }
 
-impl Index {
-    fn insert(&mut self, id: u64, entry: Entry, bytes: u64) {
+impl StoreIndex {
+    fn insert(&mut self, id: u64, summary: CommandSummary, bytes: u64) {
         self.remove(id);
         self.kept += bytes;
-        let is_rejected = entry.diagnostics.iter().any(|row| row.severity == "error");
-        let entry = Arc::new(entry);
-        let row = Row {
-            entry,
+        let is_rejected = summary
+            .diagnostics
+            .iter()
+            .any(|row| row.severity == "error");
+        let summary = Arc::new(summary);
+        let row = IndexRow {
+            summary,
             bytes,
             is_rejected,
             since: Instant::now(),
@@ -498,7 +507,7 @@ fn id_of(path: &Path) -> Option<u64> {
 
 fn entries(folder: &Path) -> Vec<PathBuf> {
     fs::read_dir(folder)
-        .map(|entries| entries.flatten().map(|entry| entry.path()).collect())
+        .map(|entries| entries.flatten().map(|summary| summary.path()).collect())
         .unwrap_or_default()
 }
 

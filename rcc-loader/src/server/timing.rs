@@ -12,9 +12,9 @@ use super::api::{
 };
 use super::caller::Caller;
 use super::error::ApiError;
-use super::executor::{Attached, Snapshot};
+use super::executor::{ExecutorConnection, TableSnapshot};
 use super::service::{Service, unexpected};
-use super::store::Store;
+use super::store::CommandStore;
 
 impl Service {
     /// Histograms and what primitives cost.
@@ -37,15 +37,15 @@ impl Service {
         match self.executor.call_for(caller, &Call::Acknowledge)? {
             Answer::Done { cycle } => Ok(Acknowledged { cycle, late }),
             Answer::Refused(refusal) | Answer::RefusedFor { refusal, .. } => {
-                Err(self.with_namer(Some(&store), |namer| namer.refusal(0, refusal)))
+                Err(self.with_names(Some(&store), |names| names.refusal(0, refusal)))
             }
             _ => Err(unexpected()),
         }
     }
 
     /// A late cycle with the name of its net; `None` if there was none.
-    pub(super) fn late(&self, store: &Store, late: &LateCycle) -> Option<LateView> {
-        let net = |id| self.with_namer(Some(store), |namer| (namer.net)(id));
+    pub(super) fn late(&self, store: &CommandStore, late: &LateCycle) -> Option<LateView> {
+        let net = |id| self.with_names(Some(store), |names| (names.net)(id));
         (late.cycle != 0).then(|| LateView {
             cycle: late.cycle,
             cause: LateCause::from_number(late.cause).name().to_owned(),
@@ -59,13 +59,13 @@ impl Service {
 }
 
 /// What the active nets are expected to need together in one cycle.
-pub(super) fn committed_ns(snapshot: &Snapshot) -> u64 {
+pub(super) fn committed_ns(snapshot: &TableSnapshot) -> u64 {
     let rows = snapshot.commands.iter();
     rows.filter(|row| CommandState::from_number(row.state).is_active())
         .fold(0, |sum: u64, row| sum.saturating_add(row.expected_ns))
 }
 
-fn view(attached: &Attached) -> TimingView {
+fn view(attached: &ExecutorConnection) -> TimingView {
     let timing = attached.timing();
     let mut types: Vec<PrimitiveTimeView> = CATALOGUE
         .iter()

@@ -36,7 +36,7 @@ pub enum TokenError {
     #[error(
         "token file {path} has mode {mode:04o}, so others know the token or can change it: `chmod 600 {path}`, and make a new one"
     )]
-    Open {
+    NotPrivate {
         /// The file.
         path: PathBuf,
         /// Its permissions.
@@ -46,7 +46,7 @@ pub enum TokenError {
     #[error(
         "token file {path} belongs to user {owner}: `chown` it to the user that runs the cell, or to root"
     )]
-    NotOurs {
+    WrongOwner {
         /// The file.
         path: PathBuf,
         /// Its owner's user id.
@@ -76,13 +76,13 @@ impl Token {
         let found = file.metadata().map_err(failed)?;
         let owner = found.uid();
         if owner != 0 && owner != nix::unistd::geteuid().as_raw() {
-            return Err(TokenError::NotOurs {
+            return Err(TokenError::WrongOwner {
                 path: path.to_owned(),
                 owner,
             });
         }
         if found.mode() & 0o027 != 0 {
-            return Err(TokenError::Open {
+            return Err(TokenError::NotPrivate {
                 path: path.to_owned(),
                 mode: found.mode() & 0o7777,
             });
@@ -175,7 +175,7 @@ mod tests {
             let file = TestFile::new("open", GOOD, mode)?;
             let refused = Token::read(&file.0);
             assert!(
-                matches!(refused, Err(TokenError::Open { .. })),
+                matches!(refused, Err(TokenError::NotPrivate { .. })),
                 "{mode:o}: {refused:?}"
             );
         }

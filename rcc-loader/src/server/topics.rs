@@ -13,7 +13,7 @@ use super::service::Service;
 
 /// What a net has to do with a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Use<'a> {
+pub struct TopicUse<'a> {
     /// The topic.
     pub topic: &'a str,
     /// It publishes it; else it subscribes to it.
@@ -26,7 +26,7 @@ pub struct Use<'a> {
     pub unit: &'a str,
 }
 
-impl Use<'_> {
+impl TopicUse<'_> {
     /// `Real in N`, or `Wrench`.
     #[must_use]
     pub fn kind(&self) -> String {
@@ -47,8 +47,8 @@ impl Use<'_> {
 }
 
 /// Everything that a net publishes and subscribes to.
-pub fn uses(names: &Names) -> impl Iterator<Item = Use<'_>> {
-    let published = names.publishes.iter().map(|row| Use {
+pub fn uses(names: &Names) -> impl Iterator<Item = TopicUse<'_>> {
+    let published = names.publishes.iter().map(|row| TopicUse {
         topic: &row.topic,
         publishes: true,
         primitive: &row.primitive,
@@ -56,7 +56,7 @@ pub fn uses(names: &Names) -> impl Iterator<Item = Use<'_>> {
         unit: row.unit.as_deref().unwrap_or_default(),
     });
     let shown = names.inputs.iter().filter_map(|row| {
-        Some(Use {
+        Some(TopicUse {
             topic: row.topic.as_deref()?,
             publishes: false,
             primitive: &row.primitive,
@@ -69,8 +69,9 @@ pub fn uses(names: &Names) -> impl Iterator<Item = Use<'_>> {
 
 /// What a net has to do with the topic of this key.
 #[must_use]
-pub fn of_key(names: &Names, key: u64) -> Option<Use<'_>> {
-    uses(names).find(|it| Topic::new(it.topic, it.ty, it.unit).key == key)
+pub fn of_key(names: &Names, key: u64) -> Option<TopicUse<'_>> {
+    uses(names)
+        .find(|topic_use| Topic::new(topic_use.topic, topic_use.ty, topic_use.unit).key == key)
 }
 
 impl Service {
@@ -85,27 +86,27 @@ impl Service {
         let mut topics: BTreeMap<[String; 3], TopicView> = BTreeMap::new();
         for row in rows {
             let state = CommandState::from_number(row.state);
-            let entry = store.entry(row.id);
+            let entry = store.summary(row.id);
             let Some(entry) = entry.filter(|_| state == CommandState::Ready || state.is_active())
             else {
                 continue;
             };
             let names = &entry.names;
-            for it in uses(names) {
-                let key = [it.topic, it.ty, it.unit].map(str::to_owned);
+            for topic_use in uses(names) {
+                let key = [topic_use.topic, topic_use.ty, topic_use.unit].map(str::to_owned);
                 let view = topics.entry(key).or_insert_with(|| TopicView {
-                    topic: it.topic.to_owned(),
-                    ty: it.ty.to_owned(),
-                    unit: Some(it.unit.to_owned()).filter(|unit| !unit.is_empty()),
+                    topic: topic_use.topic.to_owned(),
+                    ty: topic_use.ty.to_owned(),
+                    unit: Some(topic_use.unit.to_owned()).filter(|unit| !unit.is_empty()),
                     ..TopicView::default()
                 });
                 let end = TopicEnd {
                     id: row.id,
                     net: names.net.clone(),
-                    primitive: it.primitive.to_owned(),
+                    primitive: topic_use.primitive.to_owned(),
                     state: state.name().to_owned(),
                 };
-                match it.publishes {
+                match topic_use.publishes {
                     true => view.publishers.push(end),
                     false => view.subscribers.push(end),
                 }

@@ -4,10 +4,10 @@
 use rcc_core::message::CommandState;
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::{NULL_BOOL, NULL_INT, Store};
-use rcc_ipc::control::{Answer, Call, READ_MAX, Values};
+use rcc_ipc::control::{Answer, Call, NetValues, READ_MAX};
 use rcc_ipc::pattern::Pattern;
+use rcc_language::input_values;
 use rcc_language::names::{Names, PortNames};
-use rcc_language::setting;
 use serde_json::{Number, Value};
 
 use super::api::{InputsSet, ValueView, ValuesView};
@@ -19,7 +19,7 @@ use super::service::{Service, unexpected};
 
 /// A port, or an element of one, that somebody wants to see.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shown {
+pub struct SelectedPort {
     /// `primitive.port`, or `primitive.port[index]`.
     pub port: String,
     /// Its type.
@@ -42,10 +42,11 @@ impl Service {
         let (attached, store) = self.attach()?;
         let suits = |state: CommandState| state == CommandState::Ready || state.is_active();
         let id = self.resolve(&attached, &store, name, suits)?;
-        let entry = store.entry(id).filter(|entry| entry.is_named);
+        let entry = store.summary(id).filter(|entry| entry.is_named);
         let entry = entry.ok_or_else(|| no_names(id))?;
         let names = &entry.names;
-        let values = setting::read(text, "values", names).map_err(|faults| refused(&faults))?;
+        let values =
+            input_values::read(text, "values", names).map_err(|faults| refused(&faults))?;
         let set = values.iter().filter_map(|value| {
             let input = names.inputs.get(value.input as usize)?;
             Some(input.primitive.clone())
@@ -59,7 +60,7 @@ impl Service {
                 set,
             }),
             Answer::Refused(refusal) => {
-                Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+                Err(self.with_names(Some(&store), |names| names.refusal(id, refusal)))
             }
             _ => Err(unexpected()),
         }
@@ -78,15 +79,15 @@ impl Service {
         let (attached, store) = self.attach()?;
         let id = self.resolve(&attached, &store, name, |state| state.is_active())?;
         let names = store.names(id).ok_or_else(|| no_names(id))?;
-        let shown = select(&names, ports)?;
-        let points = shown.iter().map(|shown| shown.point).collect();
+        let selected = select(&names, ports)?;
+        let points = selected.iter().map(|selected| selected.point).collect();
         match self.executor.call_for(caller, &Call::Read { id, points })? {
             Answer::Values(values) => {
                 let period_ns = attached.status().period_ns;
-                Ok(view(id, &names.net, period_ns, &shown, &values))
+                Ok(view(id, &names.net, period_ns, &selected, &values))
             }
             Answer::Refused(refusal) => {
-                Err(self.with_namer(Some(&store), |namer| namer.refusal(id, refusal)))
+                Err(self.with_names(Some(&store), |names| names.refusal(id, refusal)))
             }
             _ => Err(unexpected()),
         }
@@ -117,16 +118,16 @@ fn refused(faults: &rcc_config::diagnostic::Faults) -> ApiError {
 }
 
 /// The ports that the patterns name, in the order of the net, each once; without patterns all outputs.
-pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<Shown>, ApiError> {
+pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<SelectedPort>, ApiError> {
     let patterns = ports.iter().map(|port| {
         let pattern: Result<Pattern, _> = port.parse();
         pattern.map_err(|error| ApiError::new(codes::BAD_REQUEST, error.to_string(), ""))
     });
     let patterns: Vec<Pattern> = patterns.collect::<Result<_, _>>()?;
     let mut used = vec![false; patterns.len()];
-    let mut shown: Vec<Shown> = Vec::new();
+    let mut selected: Vec<SelectedPort> = Vec::new();
     for primitive in &names.primitives {
-        if shown.len() > READ_MAX {
+        if selected.len() > READ_MAX {
             break;
         }
         // What a motion's `speed` is stands at its output; the input of that name is what feeds it, where it comes from.
@@ -137,39 +138,39 @@ pub(super) fn select(names: &Names, ports: &[String]) -> Result<Vec<Shown>, ApiE
         for (port, is_input) in inputs.chain(outputs) {
             let name = format!("{}.{}", primitive.id, port.name);
             if patterns.is_empty() && !is_input {
-                shown.extend(of_port(&name, port, None));
+                selected.extend(of_port(&name, port, None));
             }
             for (pattern, used) in patterns.iter().zip(&mut used) {
                 let full = format!("{}/{name}", names.net);
                 if pattern.matches(&full) || pattern.matches(&name) {
                     *used = true;
                     let found = of_port(&name, port, pattern.element);
-                    let new = found.filter(|new| shown.iter().all(|old| old.port != new.port));
-                    shown.extend(new);
+                    let new = found.filter(|new| selected.iter().all(|old| old.port != new.port));
+                    selected.extend(new);
                 }
             }
         }
     }
-    if shown.len() > READ_MAX {
+    if selected.len() > READ_MAX {
         let message = format!("these are more than {READ_MAX} ports of `{}`", names.net);
         let help = "name fewer: `--ports 'move.*'`, or `?ports=move.*`";
         return Err(ApiError::new(codes::TOO_MANY_PORTS, message, help));
     }
-    let vain = ports.iter().zip(&used).find(|(_, used)| !**used);
-    match vain {
+    let unmatched = ports.iter().zip(&used).find(|(_, used)| !**used);
+    match unmatched {
         Some((port, _)) => Err(no_port(names, port)),
-        None => Ok(shown),
+        None => Ok(selected),
     }
 }
 
-fn of_port(name: &str, port: &PortNames, element: Option<usize>) -> Option<Shown> {
+fn of_port(name: &str, port: &PortNames, element: Option<usize>) -> Option<SelectedPort> {
     let kind = port.type_name.split('[').next().unwrap_or_default();
     let point = ValuePoint {
         store: port.store,
         slot: port.slot,
         width: port.width,
     };
-    let whole = Shown {
+    let whole = SelectedPort {
         port: name.to_owned(),
         ty: port.type_name.clone(),
         unit: port.unit.clone(),
@@ -182,7 +183,7 @@ fn of_port(name: &str, port: &PortNames, element: Option<usize>) -> Option<Shown
     let index = u32::try_from(element)
         .ok()
         .filter(|index| *index < port.width)?;
-    Some(Shown {
+    Some(SelectedPort {
         port: format!("{name}[{element}]"),
         // The elements of composites are numbers.
         ty: if whole.whole { "Real" } else { kind }.to_owned(),
@@ -215,20 +216,20 @@ pub(super) fn view(
     id: u64,
     net: &str,
     period_ns: u64,
-    shown: &[Shown],
-    values: &Values,
+    selected: &[SelectedPort],
+    values: &NetValues,
 ) -> ValuesView {
     let mut words = values.words.as_slice();
-    let values_of = shown.iter().map(|shown| {
+    let values_of = selected.iter().map(|selected| {
         let (own, rest) = words
-            .split_at_checked(shown.point.width as usize)
+            .split_at_checked(selected.point.width as usize)
             .unwrap_or_default();
         words = rest;
         ValueView {
-            port: shown.port.clone(),
-            ty: shown.ty.clone(),
-            unit: shown.unit.clone(),
-            value: json(shown, own),
+            port: selected.port.clone(),
+            ty: selected.ty.clone(),
+            unit: selected.unit.clone(),
+            value: json(selected, own),
         }
     });
     let step_s = period_ns as f64 * f64::from(values.every) / 1e9;
@@ -244,12 +245,12 @@ pub(super) fn view(
 }
 
 /// A value as JSON.
-fn json(shown: &Shown, words: &[u64]) -> Value {
-    let store = shown.point.store;
+fn json(selected: &SelectedPort, words: &[u64]) -> Value {
+    let store = selected.point.store;
     let mut elements: Vec<Value> = words.iter().map(|word| element(store, *word)).collect();
     match elements.len() {
-        1 if !shown.whole && !shown.ty.contains('[') => elements.pop().unwrap_or_default(),
-        _ if shown.whole && elements.last().is_none_or(Value::is_null) => Value::Null,
+        1 if !selected.whole && !selected.ty.contains('[') => elements.pop().unwrap_or_default(),
+        _ if selected.whole && elements.last().is_none_or(Value::is_null) => Value::Null,
         _ => Value::Array(elements),
     }
 }
@@ -323,8 +324,8 @@ mod tests {
 
     fn ports(patterns: &[&str]) -> Result<Vec<String>, ApiError> {
         let patterns: Vec<String> = patterns.iter().map(|text| (*text).to_owned()).collect();
-        let shown = select(&names(), &patterns)?;
-        Ok(shown.into_iter().map(|shown| shown.port).collect())
+        let selected = select(&names(), &patterns)?;
+        Ok(selected.into_iter().map(|selected| selected.port).collect())
     }
 
     #[test]
@@ -338,7 +339,7 @@ mod tests {
         assert_eq!(
             speed
                 .iter()
-                .map(|shown| shown.point.slot)
+                .map(|selected| selected.point.slot)
                 .collect::<Vec<_>>(),
             [9]
         );
@@ -366,22 +367,22 @@ mod tests {
     #[test]
     fn null_is_null_and_a_composite_is_null_as_a_whole() {
         let names = names();
-        let shown = select(&names, &[]).unwrap_or_default();
+        let selected = select(&names, &[]).unwrap_or_default();
         let mut words = vec![f64::NAN.to_bits(); 7];
         words.push(2);
         words.push(1.5_f64.to_bits());
         words.extend([f64::NAN.to_bits(), f64::INFINITY.to_bits()]);
-        let values = Values {
+        let values = NetValues {
             every: 2,
             evaluations: 4,
             words,
-            ..Values::default()
+            ..NetValues::default()
         };
-        let view = view(3, "line", 1_000_000, &shown, &values);
-        let shown: Vec<&Value> = view.values.iter().map(|value| &value.value).collect();
+        let view = view(3, "line", 1_000_000, &selected, &values);
+        let selected: Vec<&Value> = view.values.iter().map(|value| &value.value).collect();
         let last = serde_json::json!([null, "inf"]);
         let speed = serde_json::json!(1.5);
-        assert_eq!(shown, [&Value::Null, &Value::Null, &speed, &last]);
+        assert_eq!(selected, [&Value::Null, &Value::Null, &speed, &last]);
         assert_eq!(view.time_s, 0.006);
     }
 }

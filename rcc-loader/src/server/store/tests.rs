@@ -2,20 +2,20 @@
 
 use super::*;
 
-struct Folder(Store);
+struct TestStore(CommandStore);
 
-impl Folder {
-    fn new(name: &str) -> Folder {
+impl TestStore {
+    fn new(name: &str) -> TestStore {
         let base = std::env::temp_dir().join(format!("rcc-store-{}-{name}", std::process::id()));
-        Folder(Store {
+        TestStore(CommandStore {
             folder: base.join("00000000000000aa"),
-            most: 4 << 10,
+            bytes_max: 4 << 10,
             index: Mutex::default(),
         })
     }
 }
 
-impl Drop for Folder {
+impl Drop for TestStore {
     fn drop(&mut self) {
         if let Some(base) = self.0.folder.parent() {
             let _ = fs::remove_dir_all(base);
@@ -33,7 +33,7 @@ fn command(id: u64) -> CommandFile {
 
 #[test]
 fn what_is_written_is_read_back() -> Result<(), StoreError> {
-    let folder = Folder::new("back");
+    let folder = TestStore::new("back");
     folder.0.write(&command(7))?;
     assert_eq!(folder.0.read(7), Some(command(7)));
     assert_eq!(folder.0.read(8), None);
@@ -42,7 +42,7 @@ fn what_is_written_is_read_back() -> Result<(), StoreError> {
 
 #[test]
 fn a_sweep_removes_what_does_not_exist_and_nothing_young() -> Result<(), StoreError> {
-    let folder = Folder::new("sweep");
+    let folder = TestStore::new("sweep");
     for id in [1, 2] {
         folder.0.write(&command(id))?;
     }
@@ -55,7 +55,7 @@ fn a_sweep_removes_what_does_not_exist_and_nothing_young() -> Result<(), StoreEr
 
 #[test]
 fn folders_of_dead_executors_go() -> Result<(), StoreError> {
-    let folder = Folder::new("others");
+    let folder = TestStore::new("others");
     folder.0.write(&command(1))?;
     let other = folder.0.folder.with_file_name("00000000000000bb");
     fs::create_dir_all(&other).expect("a folder");
@@ -79,12 +79,12 @@ fn rejected(id: u64, text: usize) -> CommandFile {
 
 #[test]
 fn names_are_known_without_any_file() -> Result<(), StoreError> {
-    let folder = Folder::new("index");
+    let folder = TestStore::new("index");
     folder.0.write(&command(7))?;
     fs::remove_dir_all(&folder.0.folder).expect("removed");
     assert_eq!(folder.0.named("line"), [7]);
     assert_eq!(
-        folder.0.entry(7).map(|entry| entry.net.clone()),
+        folder.0.summary(7).map(|summary| summary.net.clone()),
         Some("line".into())
     );
     Ok(())
@@ -92,15 +92,15 @@ fn names_are_known_without_any_file() -> Result<(), StoreError> {
 
 #[test]
 fn the_oldest_rejected_files_make_room_and_nothing_else_does() -> Result<(), StoreError> {
-    let folder = Folder::new("room");
+    let folder = TestStore::new("room");
     folder.0.write(&command(1))?;
     for id in 2..20 {
         folder.0.write(&rejected(id, 1000))?;
-        assert!(folder.0.kept() <= folder.0.most, "{}", folder.0.kept());
+        assert!(folder.0.kept() <= folder.0.bytes_max, "{}", folder.0.kept());
     }
     assert!(folder.0.read(1).is_some() && folder.0.read(19).is_some());
     assert_eq!(folder.0.read(2), None);
-    let first = folder.0.entry(2).map(|entry| entry.diagnostics.len());
+    let first = folder.0.summary(2).map(|summary| summary.diagnostics.len());
     assert_eq!(first, Some(1), "why it is rejected is still told");
     let live = CommandFile {
         text: "x".repeat(3 << 10),
@@ -127,7 +127,7 @@ fn of_a_rejected_text_its_beginning_is_kept_and_of_findings_as_many_as_fit() {
     let mut long = file.diagnostics[0].clone();
     long.rendered = "y".repeat(1 << 20);
     file.diagnostics = vec![long; 1000];
-    file.cut();
+    file.discard_excess();
     assert!(file.text.len() <= REJECTED_TEXT_MAX + 100 && file.text.contains("4194304 bytes"));
     let bytes = serde_json::to_vec(&file).map_or(usize::MAX, |bytes| bytes.len());
     assert!(
@@ -142,6 +142,6 @@ fn of_a_rejected_text_its_beginning_is_kept_and_of_findings_as_many_as_fit() {
         ..command(1)
     };
     let whole = small.clone();
-    small.cut();
+    small.discard_excess();
     assert_eq!(small, whole, "of a net that can be started all is kept");
 }

@@ -9,7 +9,7 @@ use rcc_process::helpers;
 use tokio::sync::oneshot;
 
 use super::codes;
-use super::door::STOPS;
+use super::connection::STOPS;
 use super::error::ApiError;
 
 /// Threads: one that waits for an executor without an answer does not keep the other from the next request.
@@ -19,14 +19,14 @@ type Job = Box<dyn FnOnce() + Send>;
 
 /// The threads; they end with the last clone of this.
 #[derive(Clone, Debug)]
-pub struct Lane(SyncSender<Job>);
+pub struct StopWorkers(SyncSender<Job>);
 
-impl Lane {
+impl StopWorkers {
     /// Makes the threads.
     ///
     /// # Errors
     /// The system gives none.
-    pub fn start() -> io::Result<Lane> {
+    pub fn start() -> io::Result<StopWorkers> {
         // As many as the doors let in at a time, so that none is refused here; and some of another door.
         let (jobs, work) = sync_channel::<Job>(2 * STOPS.connections);
         let work = Arc::new(Mutex::new(work));
@@ -34,7 +34,7 @@ impl Lane {
             let work = Arc::clone(&work);
             helpers::thread(&format!("stop-{number}"), move || run(&work))?;
         }
-        Ok(Lane(jobs))
+        Ok(StopWorkers(jobs))
     }
 
     /// Runs `what` on one of the threads; it is run also if nobody waits for its result any more.
@@ -85,17 +85,17 @@ mod tests {
     #[test]
     fn a_job_that_hangs_or_panics_does_not_keep_the_next_one()
     -> Result<(), Box<dyn std::error::Error>> {
-        let lane = Lane::start()?;
+        let workers = StopWorkers::start()?;
         let runtime = tokio::runtime::Builder::new_current_thread().build()?;
         let (hold, held) = std::sync::mpsc::channel::<()>();
-        let hung = lane.clone();
+        let hung = workers.clone();
         runtime.block_on(async {
             let hanging = hung.run(move || {
                 let _ = held.recv();
                 Ok(0)
             });
-            let panics = lane.run(|| -> Result<u32, ApiError> { panic!("on purpose") });
-            let fine = lane.run(|| Ok(7));
+            let panics = workers.run(|| -> Result<u32, ApiError> { panic!("on purpose") });
+            let fine = workers.run(|| Ok(7));
             tokio::pin!(hanging);
             tokio::select! {
                 biased;

@@ -7,7 +7,7 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use rcc_ipc::seldom::Seldom;
+use rcc_ipc::log_throttle::LogThrottle;
 use tokio::sync::oneshot;
 
 use super::super::codes;
@@ -15,7 +15,7 @@ use super::super::error::ApiError;
 
 /// How much a door lets in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct ConnectionLimits {
     /// Requests at a time.
     pub connections: usize,
     /// Requests of one peer at a time.
@@ -27,28 +27,28 @@ pub struct Limits {
 }
 
 /// A peer on the Unix socket is a process.
-pub const UNIX: Limits = Limits {
+pub const UNIX: ConnectionLimits = ConnectionLimits {
     connections: 64,
     connections_of_peer: 16,
     rate: 1000,
     burst: 2000,
 };
 /// A peer on TCP is an address; these are requests with the right token.
-pub const TCP: Limits = Limits {
+pub const TCP: ConnectionLimits = ConnectionLimits {
     connections: 32,
     connections_of_peer: 8,
     rate: 100,
     burst: 200,
 };
 /// CANCEL and ABORT, at each door; they count nowhere else, and nothing else counts here.
-pub const STOPS: Limits = Limits {
+pub const STOPS: ConnectionLimits = ConnectionLimits {
     connections: 32,
     connections_of_peer: 8,
     rate: 100,
     burst: 200,
 };
 /// Requests of one address a second, and at once, that are told that their token is not right; others are only closed.
-pub const STRANGERS: (u32, u32) = (5, 20);
+pub const UNAUTHENTICATED: (u32, u32) = (5, 20);
 /// Connections of a door whose head is awaited; a further one takes the place of the oldest one of the peer that has most.
 pub const HEADS_MAX: usize = 192;
 /// Peers that are remembered; beyond, those without a request are forgotten.
@@ -74,95 +74,95 @@ impl fmt::Display for Peer {
 
 /// What a request is counted as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Kind {
+pub(super) enum RequestClass {
     /// Everything else.
     Usual,
     /// CANCEL or ABORT.
     Stop,
     /// Without the right token.
-    Stranger,
+    Unauthenticated,
 }
 
 /// Requests that a peer may still make at once.
-struct Account {
+struct PeerQuota {
     connections: usize,
     credit: f64,
     counted: Instant,
 }
 
-struct Awaited {
+struct PendingHead {
     peer: Peer,
     /// Dropped, the connection ends.
     _stay: oneshot::Sender<()>,
 }
 
 #[derive(Default)]
-struct Inner {
+struct QuotaState {
     next: u64,
-    heads: BTreeMap<u64, Awaited>,
+    heads: BTreeMap<u64, PendingHead>,
     usual: usize,
     stops: usize,
-    peers: HashMap<(Peer, Kind), Account>,
-    complaints: Seldom,
+    peers: HashMap<(Peer, RequestClass), PeerQuota>,
+    refusal_log: LogThrottle,
 }
 
 /// The accounts of a door.
-pub(super) struct Accounts {
-    limits: Limits,
-    inner: Mutex<Inner>,
+pub(super) struct Quotas {
+    limits: ConnectionLimits,
+    inner: Mutex<QuotaState>,
 }
 
 /// A connection whose head is awaited, until this is dropped.
-pub(super) struct HeadPlace {
-    accounts: Arc<Accounts>,
+pub(super) struct HeadPermit {
+    quotas: Arc<Quotas>,
     number: u64,
     /// Ends when another connection takes this place.
     pub displaced: oneshot::Receiver<()>,
 }
 
-impl Drop for HeadPlace {
+impl Drop for HeadPermit {
     fn drop(&mut self) {
-        self.accounts.inner().heads.remove(&self.number);
+        self.quotas.inner().heads.remove(&self.number);
     }
 }
 
 /// A request that is counted until this is dropped.
-pub(super) struct Place {
-    accounts: Arc<Accounts>,
+pub(super) struct RequestPermit {
+    quotas: Arc<Quotas>,
     peer: Peer,
-    kind: Kind,
+    kind: RequestClass,
 }
 
-impl Drop for Place {
+impl Drop for RequestPermit {
     fn drop(&mut self) {
-        let mut inner = self.accounts.inner();
+        let mut inner = self.quotas.inner();
         match self.kind {
-            Kind::Usual => inner.usual -= 1,
-            Kind::Stop => inner.stops -= 1,
-            Kind::Stranger => {}
+            RequestClass::Usual => inner.usual -= 1,
+            RequestClass::Stop => inner.stops -= 1,
+            RequestClass::Unauthenticated => {}
         }
-        if let Some(account) = inner.peers.get_mut(&(self.peer, self.kind)) {
-            account.connections -= 1;
+        if let Some(quota) = inner.peers.get_mut(&(self.peer, self.kind)) {
+            quota.connections -= 1;
         }
     }
 }
 
-impl Accounts {
-    pub(super) fn new(limits: Limits) -> Arc<Accounts> {
-        Arc::new(Accounts {
+impl Quotas {
+    pub(super) fn new(limits: ConnectionLimits) -> Arc<Quotas> {
+        Arc::new(Quotas {
             limits,
             inner: Mutex::default(),
         })
     }
 
-    fn inner(&self) -> MutexGuard<'_, Inner> {
+    fn inner(&self) -> MutexGuard<'_, QuotaState> {
         // A panic in another task leaves numbers, and those are whole.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A place for a connection whose head is awaited. Nobody is refused: whoever sends his head at once has it read before
     /// he is the oldest.
-    pub(super) fn await_head(self: &Arc<Accounts>, peer: Peer) -> HeadPlace {
+    pub(super) fn await_head(self: &Arc<Quotas>, peer: Peer) -> HeadPermit {
         let mut inner = self.inner();
         if inner.heads.len() >= HEADS_MAX {
             let mut counts: HashMap<Peer, usize> = HashMap::new();
@@ -180,9 +180,9 @@ impl Accounts {
         let number = inner.next;
         inner.next += 1;
         let (_stay, displaced) = oneshot::channel();
-        inner.heads.insert(number, Awaited { peer, _stay });
-        HeadPlace {
-            accounts: Arc::clone(self),
+        inner.heads.insert(number, PendingHead { peer, _stay });
+        HeadPermit {
+            quotas: Arc::clone(self),
             number,
             displaced,
         }
@@ -190,28 +190,28 @@ impl Accounts {
 
     /// A place for a request, if this peer has one left.
     pub(super) fn admit(
-        self: &Arc<Accounts>,
+        self: &Arc<Quotas>,
         peer: Peer,
-        kind: Kind,
+        kind: RequestClass,
         now: Instant,
-    ) -> Result<Place, ApiError> {
+    ) -> Result<RequestPermit, ApiError> {
         let limits = match kind {
-            Kind::Usual => self.limits,
-            Kind::Stop => STOPS,
-            Kind::Stranger => Limits {
+            RequestClass::Usual => self.limits,
+            RequestClass::Stop => STOPS,
+            RequestClass::Unauthenticated => ConnectionLimits {
                 connections: usize::MAX,
                 connections_of_peer: usize::MAX,
-                rate: STRANGERS.0,
-                burst: STRANGERS.1,
+                rate: UNAUTHENTICATED.0,
+                burst: UNAUTHENTICATED.1,
             },
         };
         let mut inner = self.inner();
         let open = match kind {
-            Kind::Usual => inner.usual,
-            Kind::Stop => inner.stops,
-            Kind::Stranger => 0,
+            RequestClass::Usual => inner.usual,
+            RequestClass::Stop => inner.stops,
+            RequestClass::Unauthenticated => 0,
         };
-        let Limits {
+        let ConnectionLimits {
             connections,
             connections_of_peer,
             rate,
@@ -221,43 +221,43 @@ impl Accounts {
             return Err(too_many(format!("{connections} requests are under way")));
         }
         if inner.peers.len() >= PEERS_MAX {
-            inner.peers.retain(|_, account| account.connections > 0);
+            inner.peers.retain(|_, quota| quota.connections > 0);
         }
-        let account = inner.peers.entry((peer, kind)).or_insert(Account {
+        let quota = inner.peers.entry((peer, kind)).or_insert(PeerQuota {
             connections: 0,
             credit: f64::from(burst),
             counted: now,
         });
-        if account.connections >= connections_of_peer {
+        if quota.connections >= connections_of_peer {
             return Err(too_many(format!(
                 "{connections_of_peer} requests of {peer} are under way"
             )));
         }
-        let earned = now.saturating_duration_since(account.counted).as_secs_f64() * f64::from(rate);
-        account.credit = (account.credit + earned).min(f64::from(burst));
-        account.counted = now;
-        if account.credit < 1.0 {
+        let earned = now.saturating_duration_since(quota.counted).as_secs_f64() * f64::from(rate);
+        quota.credit = (quota.credit + earned).min(f64::from(burst));
+        quota.counted = now;
+        if quota.credit < 1.0 {
             return Err(too_many(format!(
                 "{peer} asks more than {rate} times a second"
             )));
         }
-        account.credit -= 1.0;
-        account.connections += 1;
+        quota.credit -= 1.0;
+        quota.connections += 1;
         match kind {
-            Kind::Usual => inner.usual += 1,
-            Kind::Stop => inner.stops += 1,
-            Kind::Stranger => {}
+            RequestClass::Usual => inner.usual += 1,
+            RequestClass::Stop => inner.stops += 1,
+            RequestClass::Unauthenticated => {}
         }
-        Ok(Place {
-            accounts: Arc::clone(self),
+        Ok(RequestPermit {
+            quotas: Arc::clone(self),
             peer,
             kind,
         })
     }
 
     /// Whether to tell of one more that is cut off: then how many were not told of.
-    pub(super) fn complain(&self, now: Instant) -> Option<u64> {
-        self.inner().complaints.say(now)
+    pub(super) fn log_refusal(&self, now: Instant) -> Option<u64> {
+        self.inner().refusal_log.say(now)
     }
 }
 
@@ -275,94 +275,112 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
-    const LIMITS: Limits = Limits {
+    const LIMITS: ConnectionLimits = ConnectionLimits {
         connections: 3,
         connections_of_peer: 2,
         rate: 10,
         burst: 5,
     };
 
-    fn usual(accounts: &Arc<Accounts>, peer: Peer, now: Instant) -> Result<Place, ApiError> {
-        accounts.admit(peer, Kind::Usual, now)
+    fn usual(quotas: &Arc<Quotas>, peer: Peer, now: Instant) -> Result<RequestPermit, ApiError> {
+        quotas.admit(peer, RequestClass::Usual, now)
     }
 
     #[test]
     fn a_peer_has_so_many_requests_and_others_still_have_theirs() {
-        let (door, now) = (Accounts::new(LIMITS), Instant::now());
-        let one = usual(&door, Peer::Process(1), now);
-        let _two = usual(&door, Peer::Process(1), now);
-        assert!(usual(&door, Peer::Process(1), now).is_err());
-        let _other = usual(&door, Peer::Process(2), now);
+        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
+        let one = usual(&listener, Peer::Process(1), now);
+        let _two = usual(&listener, Peer::Process(1), now);
+        assert!(usual(&listener, Peer::Process(1), now).is_err());
+        let _other = usual(&listener, Peer::Process(2), now);
         assert!(
-            usual(&door, Peer::Process(3), now).is_err(),
+            usual(&listener, Peer::Process(3), now).is_err(),
             "the door is full"
         );
         drop(one);
-        assert!(usual(&door, Peer::Process(3), now).is_ok());
+        assert!(usual(&listener, Peer::Process(3), now).is_ok());
     }
 
     #[test]
     fn whoever_has_used_up_everything_can_still_cancel() {
-        let (door, now) = (Accounts::new(LIMITS), Instant::now());
+        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = Peer::Process(1);
-        let held: Vec<_> = (0..2).map(|_| usual(&door, peer, now)).collect();
-        while usual(&door, Peer::Process(2), now).is_ok() {}
-        assert!(held.iter().all(Result::is_ok) && usual(&door, peer, now).is_err());
-        let stops: Vec<_> = (0..10).map(|_| door.admit(peer, Kind::Stop, now)).collect();
+        let held: Vec<_> = (0..2).map(|_| usual(&listener, peer, now)).collect();
+        while usual(&listener, Peer::Process(2), now).is_ok() {}
+        assert!(held.iter().all(Result::is_ok) && usual(&listener, peer, now).is_err());
+        let stops: Vec<_> = (0..10)
+            .map(|_| listener.admit(peer, RequestClass::Stop, now))
+            .collect();
         let admitted = stops.iter().filter(|stop| stop.is_ok()).count();
         assert_eq!(admitted, STOPS.connections_of_peer);
-        assert!(door.admit(Peer::Process(2), Kind::Stop, now).is_ok());
+        assert!(
+            listener
+                .admit(Peer::Process(2), RequestClass::Stop, now)
+                .is_ok()
+        );
     }
 
     #[test]
     fn a_peer_makes_so_many_requests_a_second_and_others_theirs() {
-        let (door, now) = (Accounts::new(LIMITS), Instant::now());
+        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
-        let admitted = |now| (0..100).filter(|_| usual(&door, peer, now).is_ok()).count();
+        let admitted = |now| {
+            (0..100)
+                .filter(|_| usual(&listener, peer, now).is_ok())
+                .count()
+        };
         assert_eq!(admitted(now), 5, "the burst");
         assert_eq!(admitted(now + Duration::from_millis(200)), 2, "10 a second");
-        assert!(usual(&door, Peer::Process(2), now).is_ok());
+        assert!(usual(&listener, Peer::Process(2), now).is_ok());
         let much_later = now + Duration::from_secs(3600);
         assert_eq!(admitted(much_later), 5, "no more than the burst");
     }
 
     #[test]
     fn strangers_cost_the_holders_of_their_address_nothing() {
-        let (door, now) = (Accounts::new(LIMITS), Instant::now());
+        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
         let peer = Peer::Address(IpAddr::from([127, 0, 0, 1]));
-        let told = (0..1000).filter(|_| door.admit(peer, Kind::Stranger, now).is_ok());
-        assert_eq!(told.count(), STRANGERS.1 as usize);
-        assert!(usual(&door, peer, now).is_ok());
+        let told = (0..1000).filter(|_| {
+            listener
+                .admit(peer, RequestClass::Unauthenticated, now)
+                .is_ok()
+        });
+        assert_eq!(told.count(), UNAUTHENTICATED.1 as usize);
+        assert!(usual(&listener, peer, now).is_ok());
     }
 
     #[test]
     fn peers_without_requests_are_forgotten() {
-        let (door, now) = (Accounts::new(LIMITS), Instant::now());
-        let _kept = usual(&door, Peer::Process(-1), now);
+        let (listener, now) = (Quotas::new(LIMITS), Instant::now());
+        let _kept = usual(&listener, Peer::Process(-1), now);
         for pid in 0..3000 {
-            drop(usual(&door, Peer::Process(pid), now));
+            drop(usual(&listener, Peer::Process(pid), now));
         }
-        let inner = door.inner();
+        let inner = listener.inner();
         assert!(inner.peers.len() <= PEERS_MAX && inner.usual == 1);
-        assert!(inner.peers.contains_key(&(Peer::Process(-1), Kind::Usual)));
+        assert!(
+            inner
+                .peers
+                .contains_key(&(Peer::Process(-1), RequestClass::Usual))
+        );
     }
 
     #[test]
     fn a_head_too_many_displaces_the_oldest_of_whoever_has_most() {
-        let door = Accounts::new(LIMITS);
-        let mut quiet = door.await_head(Peer::Process(1));
+        let listener = Quotas::new(LIMITS);
+        let mut quiet = listener.await_head(Peer::Process(1));
         let mut held: Vec<_> = (1..HEADS_MAX)
-            .map(|_| door.await_head(Peer::Process(2)))
+            .map(|_| listener.await_head(Peer::Process(2)))
             .collect();
-        let _new = door.await_head(Peer::Process(3));
-        let open = |place: &mut HeadPlace| {
+        let _new = listener.await_head(Peer::Process(3));
+        let open = |permit: &mut HeadPermit| {
             matches!(
-                place.displaced.try_recv(),
+                permit.displaced.try_recv(),
                 Err(oneshot::error::TryRecvError::Empty)
             )
         };
         assert!(open(&mut quiet) && !open(&mut held[0]) && open(&mut held[1]));
         drop(held);
-        assert_eq!(door.inner().heads.len(), 2);
+        assert_eq!(listener.inner().heads.len(), 2);
     }
 }

@@ -9,18 +9,18 @@ const TOLERANCE: f64 = 2e-3;
 
 /// The set-points that a device was sent, as far as the next one depends on them.
 #[derive(Clone, Copy, Debug)]
-pub struct Judge {
+pub struct SetPointChecker {
     limits: JointLimits,
     last: Option<(Joints, Option<(Joints, f64)>)>,
     /// Rounding of a position on the way here, rad: binary32 on the wire, 0 in memory.
     rounding: f64,
 }
 
-impl Judge {
+impl SetPointChecker {
     /// Nothing was sent yet.
     #[must_use]
-    pub fn new(limits: JointLimits, rounding: f64) -> Judge {
-        Judge {
+    pub fn new(limits: JointLimits, rounding: f64) -> SetPointChecker {
+        SetPointChecker {
             limits,
             last: None,
             rounding,

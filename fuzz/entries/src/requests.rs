@@ -1,15 +1,15 @@
-//! Target `door`: any bytes as requests to the executor, as announcements and as files of commands. What is no call is
+//! Target `connection`: any bytes as requests to the executor, as announcements and as files of commands. What is no call is
 //! refused; what is one is carried out and commands nothing outside of the limits. Run by the thread of the target.
 
 use arbitrary::{Arbitrary, Result, Unstructured};
 use rcc_core::plan::ValuePoint;
 use rcc_core::types::Store;
-use rcc_engine::queue::{Order, Reading};
+use rcc_engine::queue::{EngineRequest, Reading};
 use rcc_ipc::control::{Answer, Call, InputValue, READ_ELEMENTS_MAX, SWITCH_MAX};
 use rcc_ipc::{Announcement, wire};
 use rcc_loader::server::store::CommandFile;
 
-use crate::engine::Bench;
+use crate::engine::EngineHarness;
 use crate::shipped::shipped;
 
 /// Requests of one input.
@@ -26,7 +26,7 @@ pub fn run(data: &[u8]) {
     // Readers take what they find or leave it.
     let _ = serde_json::from_slice::<CommandFile>(data);
     let _ = wire::decode::<Answer>(data);
-    let mut bench = Bench::new();
+    let mut harness = EngineHarness::new();
     let mut bytes = Unstructured::new(data);
     for _ in 0..CALLS_MAX {
         let Ok(call) = request(&mut bytes) else {
@@ -37,12 +37,12 @@ pub fn run(data: &[u8]) {
                 wire::encode(&call).is_ok(),
                 "what was decoded can be encoded"
             );
-            obey(&mut bench, call);
+            obey(&mut harness, call);
         }
-        if crate::plan::happen(&mut bench, 1, &mut bytes).is_err() {
+        if crate::plan::apply_event(&mut harness, 1, &mut bytes).is_err() {
             break;
         }
-        bench.step();
+        harness.step();
     }
 }
 
@@ -99,11 +99,11 @@ fn request(bytes: &mut Unstructured<'_>) -> Result<Vec<u8>> {
 }
 
 /// As the executor's intake thread does it.
-fn obey(bench: &mut Bench, call: Call) {
+fn obey(harness: &mut EngineHarness, call: Call) {
     let answer = match call {
-        Call::Reserve => bench.ask(|ticket| Order::Reserve { ticket }),
-        Call::Reject { id } => bench.ask(|ticket| Order::Reject { ticket, id }),
-        Call::Start { id } => bench.ask(|ticket| Order::Start { ticket, id }),
+        Call::Reserve => harness.ask(|ticket| EngineRequest::Reserve { ticket }),
+        Call::Reject { id } => harness.ask(|ticket| EngineRequest::Reject { ticket, id }),
+        Call::Start { id } => harness.ask(|ticket| EngineRequest::Start { ticket, id }),
         Call::Switch { stop, start } => {
             let named = |ids: &[u64]| {
                 let mut list = [0; SWITCH_MAX];
@@ -113,34 +113,36 @@ fn obey(bench: &mut Bench, call: Call) {
                 list
             };
             let (stop, start) = (named(&stop), named(&start));
-            bench.ask(|ticket| Order::Switch {
+            harness.ask(|ticket| EngineRequest::Handover {
                 ticket,
                 stop,
                 start,
             })
         }
-        Call::Set { id, values } => bench.ask(|ticket| Order::Set { ticket, id, values }),
+        Call::Set { id, values } => harness.ask(|ticket| EngineRequest::Set { ticket, id, values }),
         Call::Read { id, points } => {
             let widths = points.iter().map(|point| u64::from(point.width));
             if widths.sum::<u64>() > READ_ELEMENTS_MAX as u64 {
                 return;
             }
             let reading = Reading::of(points);
-            bench.ask(|ticket| Order::Read {
+            harness.ask(|ticket| EngineRequest::Read {
                 ticket,
                 id,
                 reading,
             })
         }
-        Call::Cancel { id } => bench.ask(|ticket| Order::Cancel { ticket, id }),
-        Call::Abort { id } => bench.ask(|ticket| Order::Abort { ticket, id }),
-        Call::Unload { id } => bench.ask(|ticket| Order::Unload { ticket, id }),
-        Call::Record | Call::Recorded { .. } => bench.ask(|ticket| Order::Record { ticket }),
-        Call::Acknowledge => bench.ask(|ticket| Order::Acknowledge { ticket }),
-        Call::Install { id, plan } => match bench.build(plan) {
-            Ok(net) => bench.ask(|ticket| Order::Install { ticket, id, net }),
+        Call::Cancel { id } => harness.ask(|ticket| EngineRequest::Cancel { ticket, id }),
+        Call::Abort { id } => harness.ask(|ticket| EngineRequest::Abort { ticket, id }),
+        Call::Unload { id } => harness.ask(|ticket| EngineRequest::Unload { ticket, id }),
+        Call::Record | Call::Recorded { .. } => {
+            harness.ask(|ticket| EngineRequest::Record { ticket })
+        }
+        Call::Acknowledge => harness.ask(|ticket| EngineRequest::Acknowledge { ticket }),
+        Call::Install { id, plan } => match harness.build(plan) {
+            Ok(net) => harness.ask(|ticket| EngineRequest::Install { ticket, id, net }),
             Err(refusal) => {
-                bench.ask(|ticket| Order::Reject { ticket, id });
+                harness.ask(|ticket| EngineRequest::Reject { ticket, id });
                 Some(Answer::Refused(refusal))
             }
         },

@@ -11,11 +11,11 @@ use super::api::{
     ChannelView, ClockView, DeviceView, ExecutorView, HelperView, ProcessView, StatusView,
 };
 use super::codes;
-use super::configuration::stranger_words;
+use super::configuration::disagreement_sentence;
 use super::error::ApiError;
-use super::executor::Attached;
+use super::executor::ExecutorConnection;
 use super::service::Service;
-use super::store::Store;
+use super::store::CommandStore;
 use super::timing::committed_ns;
 
 /// Bits of `CycleStatus::grants`, with what they grant.
@@ -40,13 +40,13 @@ impl Service {
             });
             // The executor looks at announcements now and then: until it has, its row is still the former driver's.
             let is_attached = row.is_some_and(|row| row.attached == 1);
-            let stranger = match is_attached {
+            let disagreement = match is_attached {
                 true => None,
-                false => self.stranger(&device.name),
+                false => self.disagreement(&device.name),
             };
             let reason = match row {
-                _ if stranger.is_some() => stranger
-                    .map(|why| stranger_words("its driver is not attached: it", &why))
+                _ if disagreement.is_some() => disagreement
+                    .map(|why| disagreement_sentence("its driver is not attached: it", &why))
                     .unwrap_or_default(),
                 Some(row) if row.attached == 1 => self.reason_words(&device.name, row.reason),
                 _ => "no driver is attached".to_owned(),
@@ -90,7 +90,7 @@ impl Service {
         })
     }
 
-    fn helper_views(&self, attached: &Attached) -> Vec<HelperView> {
+    fn helper_views(&self, attached: &ExecutorConnection) -> Vec<HelperView> {
         let now_ns = monotonic_ns();
         let theirs = attached.helpers().into_iter();
         let theirs = theirs.map(|row| helper("executor", &row, now_ns));
@@ -99,7 +99,7 @@ impl Service {
         theirs.chain(ours).collect()
     }
 
-    fn executor_view(&self, attached: &Attached, store: &Store) -> ExecutorView {
+    fn executor_view(&self, attached: &ExecutorConnection, store: &CommandStore) -> ExecutorView {
         let status = attached.status();
         let announcement = &attached.announcement;
         let granted = |bit: u32| status.grants & bit != 0;

@@ -1,11 +1,11 @@
 //! The loader's doors against clients that are slow, half-open, too many, too large, or that talk nonsense: cut off with
 //! words and a line in the log, while the others are served. Each test has a cell of its own, on loopback.
 
-#[path = "server/executor.rs"]
+#[path = "server/fake_executor.rs"]
 #[allow(dead_code)]
-mod executor;
-#[path = "server/served.rs"]
-mod served;
+mod fake_executor;
+#[path = "server/test_server.rs"]
+mod test_server;
 
 use std::fs;
 use std::io::Write;
@@ -16,19 +16,19 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use executor::TestCell;
+use fake_executor::TestCell;
 use rcc_config::{AccessConfig, TcpAccess};
 use rcc_ipc::Cell;
 use rcc_loader::server::bodies::{self, TEXT_MAX};
-use rcc_loader::server::door::{
-    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, HEADS_MAX, Limits, STOPS, STRANGERS, TCP,
-    UNIX,
+use rcc_loader::server::connection::{
+    CONNECTION_TIME, HEAD_MAX, HEAD_TIME, HEADERS_MAX, HEADS_MAX, Limits, STOPS, TCP,
+    UNAUTHENTICATED, UNIX,
 };
-use rcc_loader::server::doors::{DoorError, Doors};
+use rcc_loader::server::listeners::{ListenError, Listeners};
 use rcc_loader::server::routes;
 use rcc_loader::server::store;
 use rcc_loader::server::token::{TOKEN_LENGTH_MAX, TOKEN_LENGTH_MIN};
-use served::{LIMIT, Served, answer, ask, exchange};
+use test_server::{LIMIT, TestServer, answer, ask, exchange};
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 const SOCKET: &str = "RCC_DOORS_TEST_SOCKET";
@@ -114,7 +114,7 @@ fn tcp(cell: &Cell) -> AccessConfig {
 }
 
 /// Waits for a line in the log.
-fn told(served: &Served, words: &str) {
+fn wait_for_log(served: &TestServer, words: &str) {
     let limit = Instant::now() + LIMIT;
     while !served.log().contains(words) {
         assert!(Instant::now() < limit, "no `{words}` in:\n{}", served.log());
@@ -147,7 +147,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         ),
         format!(
             "| TCP, without the token | address | refused | {} a second, {} at once |",
-            STRANGERS.0, STRANGERS.1
+            UNAUTHENTICATED.0, UNAUTHENTICATED.1
         ),
         format!(
             "| connections of a door without a whole head | {HEADS_MAX} | {} |",
@@ -212,7 +212,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
         ),
         format!(
             "| log lines about one kind of nuisance | 1 | each {} |",
-            seconds(rcc_ipc::seldom::SELDOM)
+            seconds(rcc_ipc::log_throttle::LOG_INTERVAL)
         ),
     ] {
         assert!(docs.contains(&row), "docs/security.md lacks:\n{row}");
@@ -222,7 +222,7 @@ fn the_limits_in_the_docs_are_those_of_the_code() {
 #[test]
 fn a_client_that_does_not_finish_its_head_is_cut_off_and_others_are_served() {
     let test = TestCell::new("slow");
-    let served = Served::start(&test.cell);
+    let served = TestServer::start(&test.cell);
     let silent = connect(&test.cell);
     let mut slow = connect(&test.cell);
     slow.write_all(b"GET /status HTTP/1.1\r\nhost:").unwrap();
@@ -232,13 +232,13 @@ fn a_client_that_does_not_finish_its_head_is_cut_off_and_others_are_served() {
         assert_eq!((status, &body["code"]), (408, &"RCC4017".into()));
         assert!(body["message"].as_str().unwrap().contains("2s"), "{body}");
     }
-    told(&served, "took longer than 2s");
+    wait_for_log(&served, "took longer than 2s");
 }
 
 #[test]
 fn a_client_that_does_not_finish_its_body_is_cut_off_and_others_are_served() {
     let test = TestCell::new("body");
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     let mut slow = connect(&test.cell);
     slow.write_all(b"POST /commands HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nnet: ")
         .unwrap();
@@ -250,7 +250,7 @@ fn a_client_that_does_not_finish_its_body_is_cut_off_and_others_are_served() {
 #[test]
 fn what_is_too_large_is_refused_with_words() {
     let test = TestCell::new("large");
-    let served = Served::start(&test.cell);
+    let served = TestServer::start(&test.cell);
     let long = format!("x: {}\r\n", "y".repeat(HEAD_MAX));
     let many = "x: y\r\n".repeat(HEADERS_MAX + 1);
     for lines in [long, many] {
@@ -261,14 +261,14 @@ fn what_is_too_large_is_refused_with_words() {
     assert_eq!(exchange(connect(&test.cell), &endless).1["code"], "RCC4016");
     let (status, body) = ask(&test.cell, "POST /commands", &vec![b'#'; TEXT_MAX + 1]);
     assert_eq!((status, &body["code"]), (413, &"RCC4006".into()));
-    told(&served, "RCC4016");
+    wait_for_log(&served, "RCC4016");
     assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
 }
 
 #[test]
 fn nonsense_is_refused_with_words() {
     let test = TestCell::new("nonsense");
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     for bytes in [
         &b"\x00\xff\r\n\r\n"[..],
         b"\x16\x03\x01\x02\x00\x01\x00",
@@ -300,7 +300,7 @@ fn nonsense_is_refused_with_words() {
 #[test]
 fn an_answer_has_no_date() {
     let test = TestCell::new("no-date");
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     let mut stream = connect(&test.cell);
     stream.write_all(&get("/primitives", "")).unwrap();
     let mut text = String::new();
@@ -313,7 +313,7 @@ fn an_answer_has_no_date() {
 #[test]
 fn of_requests_sent_at_once_over_one_connection_the_first_is_answered() {
     let test = TestCell::new("pipeline");
-    let _served = Served::start(&test.cell);
+    let _served = TestServer::start(&test.cell);
     let one = get("/nothing", "");
     let mut stream = connect(&test.cell);
     stream.write_all(&one.repeat(50)).unwrap();
@@ -326,7 +326,7 @@ fn of_requests_sent_at_once_over_one_connection_the_first_is_answered() {
 #[test]
 fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_served() {
     let test = TestCell::new("many");
-    let served = Served::start(&test.cell);
+    let served = TestServer::start(&test.cell);
     let held: Vec<_> = (0..UNIX.connections_of_peer)
         .map(|_| {
             let mut stream = connect(&test.cell);
@@ -337,7 +337,7 @@ fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_ser
     let (status, body) = ask(&test.cell, "GET /primitives", b"");
     assert_eq!((status, &body["code"]), (429, &"RCC4010".into()));
     assert!(another_process_is_served(&test.cell));
-    told(&served, "requests of process");
+    wait_for_log(&served, "requests of process");
     // Each of them had its time; then there is room again.
     for stream in held {
         assert_eq!(answer(stream).0, 408);
@@ -356,12 +356,12 @@ fn a_process_that_holds_too_many_connections_gets_no_more_and_another_one_is_ser
 #[test]
 fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
     let test = TestCell::new("often");
-    let served = Served::with(&test.cell, &tcp(&test.cell));
-    let door = served.address.unwrap();
+    let served = TestServer::with(&test.cell, &tcp(&test.cell));
+    let connection = served.address.unwrap();
     let request = get("/nothing", &with_token());
     let limit = Instant::now() + LIMIT;
     loop {
-        let (status, body) = exchange(connect_from(1, door), &request);
+        let (status, body) = exchange(connect_from(1, connection), &request);
         if status == 429 {
             assert!(
                 body["message"].as_str().unwrap().contains("times a second"),
@@ -372,30 +372,34 @@ fn an_address_that_asks_too_often_is_refused_and_another_one_is_served() {
         assert_eq!(status, 404);
         assert!(Instant::now() < limit, "never refused");
     }
-    assert_eq!(exchange(connect_from(2, door), &request).0, 404);
+    assert_eq!(exchange(connect_from(2, connection), &request).0, 404);
     assert_eq!(ask(&test.cell, "GET /primitives", b"").0, 200);
-    told(&served, "times a second");
+    wait_for_log(&served, "times a second");
 }
 
 #[test]
 fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_served() {
     let test = TestCell::new("half-open");
-    let served = Served::with(&test.cell, &tcp(&test.cell));
-    let door = served.address.unwrap();
+    let served = TestServer::with(&test.cell, &tcp(&test.cell));
+    let connection = served.address.unwrap();
     let _held: Vec<_> = (0..TCP.connections_of_peer)
         .map(|_| {
-            let mut stream = connect_from(1, door);
+            let mut stream = connect_from(1, connection);
             stream.write_all(&slow_body(&with_token())).unwrap();
             stream
         })
         .collect();
     let request = get("/primitives", &with_token());
     assert_eq!(
-        exchange(connect_from(1, door), &request).1["code"],
+        exchange(connect_from(1, connection), &request).1["code"],
         "RCC4010"
     );
     assert_eq!(
-        exchange(connect_from(2, door), &get("/primitives", &with_token())).0,
+        exchange(
+            connect_from(2, connection),
+            &get("/primitives", &with_token())
+        )
+        .0,
         200
     );
     assert!(another_process_is_served(&test.cell));
@@ -404,21 +408,25 @@ fn an_address_that_holds_too_many_connections_gets_no_more_and_another_one_is_se
 #[test]
 fn over_tcp_only_the_token_opens() {
     let test = TestCell::new("token");
-    let served = Served::with(&test.cell, &tcp(&test.cell));
-    let door = served.address.unwrap();
+    let served = TestServer::with(&test.cell, &tcp(&test.cell));
+    let connection = served.address.unwrap();
     let almost = format!("authorization: Bearer {}0\r\n", &TOKEN[1..]);
     let basic = format!("authorization: Basic {TOKEN}\r\n");
     for lines in ["", "authorization: Bearer \r\n", &almost, &basic] {
-        let (status, body) = exchange(connect_from(1, door), &get("/primitives", lines));
+        let (status, body) = exchange(connect_from(1, connection), &get("/primitives", lines));
         assert_eq!((status, &body["code"]), (401, &"RCC4015".into()), "{lines}");
         assert!(
             body["help"].as_str().unwrap().contains("RCC_TOKEN"),
             "{body}"
         );
     }
-    told(&served, "RCC4015");
+    wait_for_log(&served, "RCC4015");
     assert_eq!(
-        exchange(connect_from(1, door), &get("/primitives", &with_token())).0,
+        exchange(
+            connect_from(1, connection),
+            &get("/primitives", &with_token())
+        )
+        .0,
         200
     );
     assert!(!served.log().contains(TOKEN));
@@ -427,30 +435,35 @@ fn over_tcp_only_the_token_opens() {
 #[test]
 fn wrong_tokens_take_nothing_from_the_holder_of_the_right_one_at_the_same_address() {
     let test = TestCell::new("lock-out");
-    let served = Served::with(&test.cell, &tcp(&test.cell));
-    let door = served.address.unwrap();
+    let served = TestServer::with(&test.cell, &tcp(&test.cell));
+    let connection = served.address.unwrap();
     let wrong = get("/primitives", "authorization: Bearer wrong\r\n");
     let mut refused = [0, 0];
     for _ in 0..3 * TCP.burst {
-        match exchange(connect_from(1, door), &wrong).0 {
+        match exchange(connect_from(1, connection), &wrong).0 {
             401 => refused[0] += 1,
             // Closed with a word, or at once.
             _ => refused[1] += 1,
         }
     }
-    assert!(refused[0] >= STRANGERS.1 && refused[1] > 0, "{refused:?}");
+    assert!(
+        refused[0] >= UNAUTHENTICATED.1 && refused[1] > 0,
+        "{refused:?}"
+    );
     // Heads that never come do not take the holder's place, either.
-    let _silent: Vec<_> = (0..HEADS_MAX + 8).map(|_| connect_from(1, door)).collect();
+    let _silent: Vec<_> = (0..HEADS_MAX + 8)
+        .map(|_| connect_from(1, connection))
+        .collect();
     for _ in 0..60 {
         let right = get("/nothing", &with_token());
-        assert_eq!(exchange(connect_from(1, door), &right).0, 404);
+        assert_eq!(exchange(connect_from(1, connection), &right).0, 404);
     }
 }
 
 #[test]
 fn a_body_is_not_read_before_the_token_was_seen() {
     let test = TestCell::new("first");
-    let served = Served::with(&test.cell, &tcp(&test.cell));
+    let served = TestServer::with(&test.cell, &tcp(&test.cell));
     let mut stream = connect_from(1, served.address.unwrap());
     stream
         .write_all(b"POST /commands HTTP/1.1\r\nhost: x\r\ncontent-length: 4000000\r\n\r\n")
@@ -472,7 +485,7 @@ fn a_group_may_use_the_socket_and_nobody_else_without_one() {
         group: Some(own.name),
         tcp: None,
     };
-    drop(Doors::open(&test.cell, &access).unwrap());
+    drop(Listeners::open(&test.cell, &access).unwrap());
     assert_eq!(modes(), (0o750, 0o660));
     // Whoever joins the cell later leaves that as it is; what is inside stays private.
     assert!(Cell::at("group", test.cell.runtime_dir()).is_ok());
@@ -481,7 +494,7 @@ fn a_group_may_use_the_socket_and_nobody_else_without_one() {
         fs::metadata(test.cell.processes_dir()).unwrap().mode() & 0o777,
         0o700
     );
-    drop(Doors::open(&test.cell, &AccessConfig::default()).unwrap());
+    drop(Listeners::open(&test.cell, &AccessConfig::default()).unwrap());
     assert_eq!(modes(), (0o700, 0o600));
 }
 
@@ -492,12 +505,12 @@ fn a_door_that_cannot_be_locked_is_not_opened() {
         group: Some("no-such-group".to_owned()),
         tcp: None,
     };
-    let refused = Doors::open(&test.cell, &access).unwrap_err();
-    assert!(matches!(refused, DoorError::NoGroup { .. }) && refused.is_final());
+    let refused = Listeners::open(&test.cell, &access).unwrap_err();
+    assert!(matches!(refused, ListenError::NoGroup { .. }) && refused.is_final());
     let access = tcp(&test.cell);
     fs::write(&access.tcp.as_ref().unwrap().token_file, "secret").unwrap();
-    let refused = Doors::open(&test.cell, &access).unwrap_err();
-    assert!(matches!(refused, DoorError::Token(_)) && refused.is_final());
+    let refused = Listeners::open(&test.cell, &access).unwrap_err();
+    assert!(matches!(refused, ListenError::Token(_)) && refused.is_final());
     assert!(refused.to_string().contains("openssl rand"), "{refused}");
     assert!(!test.cell.socket().exists());
 }

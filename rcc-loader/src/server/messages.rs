@@ -6,12 +6,12 @@ use std::f64::consts::PI;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::frame::PrepareFault;
 use rcc_core::guard::{ViolationKind, axis};
-use rcc_core::impedance::Strategy;
+use rcc_core::impedance::ControlStrategy;
 use rcc_core::message::{CommandState, DeviceState, FaultCode, FaultRecord};
 use rcc_core::path::{LEGS_MAX, MotionFault, Quantity};
 use rcc_core::plan::{PlanError, Resource};
 use rcc_core::primitive::ChannelKind;
-use rcc_ipc::Disagreement;
+use rcc_ipc::ProcessMismatch;
 use rcc_ipc::control::{InputFault, Refusal};
 use rcc_language::names::Names;
 
@@ -21,7 +21,7 @@ use super::error::ApiError;
 use super::{impedance, topics};
 
 /// What names numbers: the configuration, the nets, and the reasons that drivers give.
-pub struct Namer<'a> {
+pub struct NameResolver<'a> {
     /// The cell.
     pub config: &'a CellConfig,
     /// `net#id` of a command.
@@ -29,7 +29,7 @@ pub struct Namer<'a> {
     /// The names of that net; none: nobody knows them.
     pub names: &'a dyn Fn(u64) -> Names,
     /// Why the driver of a device is not attached although it lives: it is of another build or configuration.
-    pub stranger: &'a dyn Fn(&str) -> Option<Disagreement>,
+    pub disagreement: &'a dyn Fn(&str) -> Option<ProcessMismatch>,
     /// The words of a driver for a reason number of its device.
     pub reason: &'a dyn Fn(&str, u32) -> String,
 }
@@ -51,7 +51,7 @@ fn input_refused(net: &str, input: u32, fault: InputFault) -> (Code, String, Str
     )
 }
 
-impl Namer<'_> {
+impl NameResolver<'_> {
     /// The id of a motion of a command, or its number when the names do not have it.
     #[must_use]
     pub fn motion(&self, id: u64, motion: u32) -> String {
@@ -116,8 +116,10 @@ impl Namer<'_> {
             }
             Resource::Topic { key } => {
                 let names = (self.names)(id);
-                let it = topics::of_key(&names, key);
-                it.map_or("a topic".to_owned(), |it| format!("topic {}", it.topic))
+                let topic_use = topics::of_key(&names, key);
+                topic_use.map_or("a topic".to_owned(), |topic_use| {
+                    format!("topic {}", topic_use.topic)
+                })
             }
         }
     }
@@ -284,7 +286,12 @@ impl Namer<'_> {
             let names = (self.names)(id);
             let net = (self.net)(id);
             match topics::of_key(&names, key) {
-                Some(it) => format!("{net} {} {} as {}", it.verb(), it.topic, it.kind()),
+                Some(topic_use) => format!(
+                    "{net} {} {} as {}",
+                    topic_use.verb(),
+                    topic_use.topic,
+                    topic_use.kind()
+                ),
                 None => format!("{net} has another type for a topic"),
             }
         };
@@ -304,7 +311,7 @@ impl Namer<'_> {
         reason: u32,
     ) -> (Code, String, String) {
         let name = self.device_name(device);
-        if let Some(why) = (self.stranger)(&name) {
+        if let Some(why) = (self.disagreement)(&name) {
             return (
                 codes::DEVICE_NOT_READY,
                 format!(
@@ -445,8 +452,8 @@ impl Namer<'_> {
         match kind {
             Some(ViolationKind::Strategy) => format!(
                 "{name} runs {}, its set-points are for {}",
-                Strategy::words(limit as u64),
-                Strategy::words(value as u64)
+                ControlStrategy::label(limit as u64),
+                ControlStrategy::label(value as u64)
             ),
             Some(
                 kind @ (ViolationKind::Stiffness
@@ -551,7 +558,9 @@ fn first_set_point(
     value: f64,
 ) -> (Code, String, String) {
     let help = match kind {
-        Some(ViolationKind::Strategy) => impedance::switch(Strategy::from_number(value as u64)),
+        Some(ViolationKind::Strategy) => {
+            impedance::switch(ControlStrategy::from_number(value as u64))
+        }
         Some(
             ViolationKind::Stiffness
             | ViolationKind::StiffnessRate

@@ -8,7 +8,7 @@ use super::store::CommandFile;
 
 /// A command without what is long: its text, and where its ports lie, are in its file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Entry {
+pub struct CommandSummary {
     /// The net's name; empty when the text does not even tell that.
     pub net: String,
     /// The net's description.
@@ -29,12 +29,12 @@ pub struct Entry {
     pub is_named: bool,
 }
 
-impl Entry {
+impl CommandSummary {
     /// What of a command's file stays in memory.
     #[must_use]
-    pub fn of(file: &CommandFile) -> Entry {
+    pub fn of(file: &CommandFile) -> CommandSummary {
         let names = file.names.as_ref();
-        Entry {
+        CommandSummary {
             net: file.net.clone(),
             description: file.description.clone(),
             diagnostics: file.diagnostics.clone(),

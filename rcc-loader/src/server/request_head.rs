@@ -9,14 +9,14 @@ use axum::http::{Method, Uri};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 
 use super::codes;
-use super::door::{HEAD_MAX, HEADERS_MAX};
+use super::connection::{HEAD_MAX, HEADERS_MAX};
 use super::error::ApiError;
 
 /// Up to here every byte is looked at as it comes, so that nonsense is answered at once; later only at ends of lines.
-const BEGINNING: usize = 64;
+const EVERY_BYTE_PARSED_MAX: usize = 64;
 
 /// What was read: the head, and maybe the beginning of the body.
-pub(super) struct Head {
+pub(super) struct RequestHead {
     /// All of it, as it came.
     pub bytes: Vec<u8>,
     /// What follows `Bearer ` in `authorization`.
@@ -26,7 +26,9 @@ pub(super) struct Head {
 }
 
 /// Reads a head; nothing when the client closed before it sent anything.
-pub(super) async fn read(io: &mut (impl AsyncRead + Unpin)) -> Result<Option<Head>, ApiError> {
+pub(super) async fn read(
+    io: &mut (impl AsyncRead + Unpin),
+) -> Result<Option<RequestHead>, ApiError> {
     let mut bytes = Vec::with_capacity(1024);
     loop {
         let before = bytes.len();
@@ -37,9 +39,9 @@ pub(super) async fn read(io: &mut (impl AsyncRead + Unpin)) -> Result<Option<Hea
             Ok(0) | Err(_) => return Err(malformed("it ends in the middle of its head")),
             Ok(_) => {}
         }
-        let looked_at = before < BEGINNING || bytes[before..].contains(&b'\n');
+        let looked_at = before < EVERY_BYTE_PARSED_MAX || bytes[before..].contains(&b'\n');
         if looked_at && let Some((bearer, is_stop)) = parse(&bytes)? {
-            return Ok(Some(Head {
+            return Ok(Some(RequestHead {
                 bytes,
                 bearer,
                 is_stop,
@@ -139,42 +141,42 @@ fn too_large(what: String) -> ApiError {
 }
 
 /// A connection of which the beginning was read already.
-pub(super) struct Rewound<I> {
-    begun: Vec<u8>,
-    given: usize,
+pub(super) struct PrefixedStream<I> {
+    prefix: Vec<u8>,
+    consumed: usize,
     /// The connection itself.
     pub io: I,
 }
 
-impl<I> Rewound<I> {
-    /// As if `begun` had not been read yet.
-    pub fn new(begun: Vec<u8>, io: I) -> Rewound<I> {
-        Rewound {
-            begun,
-            given: 0,
+impl<I> PrefixedStream<I> {
+    /// As if `prefix` had not been read yet.
+    pub fn new(prefix: Vec<u8>, io: I) -> PrefixedStream<I> {
+        PrefixedStream {
+            prefix,
+            consumed: 0,
             io,
         }
     }
 }
 
-impl<I: AsyncRead + Unpin> AsyncRead for Rewound<I> {
+impl<I: AsyncRead + Unpin> AsyncRead for PrefixedStream<I> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
         into: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        let rest = self.begun.get(self.given..).unwrap_or_default();
+        let rest = self.prefix.get(self.consumed..).unwrap_or_default();
         if rest.is_empty() {
             return Pin::new(&mut self.io).poll_read(context, into);
         }
         let count = rest.len().min(into.remaining());
         into.put_slice(&rest[..count]);
-        self.given += count;
+        self.consumed += count;
         Poll::Ready(Ok(()))
     }
 }
 
-impl<I: AsyncWrite + Unpin> AsyncWrite for Rewound<I> {
+impl<I: AsyncWrite + Unpin> AsyncWrite for PrefixedStream<I> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,

@@ -8,16 +8,16 @@ use std::os::unix::net::UnixListener;
 use axum::Router;
 use nix::unistd::Group;
 use rcc_config::AccessConfig;
-use rcc_ipc::events::Recorder;
+use rcc_ipc::events::EventRecorder;
 use rcc_ipc::{Cell, CellError};
 
-use super::door::{self, Listener};
+use super::connection::{self, Listener};
 use super::socket::{self, SocketError};
 use super::token::{Token, TokenError};
 
 /// Why a door cannot be opened.
 #[derive(Debug, thiserror::Error)]
-pub enum DoorError {
+pub enum ListenError {
     /// The system does not know the group.
     #[error("access: there is no group `{name}`: `groupadd {name}`, or name another one")]
     NoGroup {
@@ -50,31 +50,31 @@ pub enum DoorError {
     },
 }
 
-impl DoorError {
+impl ListenError {
     /// True if only another configuration helps, and starting again does not.
     #[must_use]
     pub fn is_final(&self) -> bool {
         matches!(
             self,
-            DoorError::NoGroup { .. } | DoorError::Folder { .. } | DoorError::Token(_)
+            ListenError::NoGroup { .. } | ListenError::Folder { .. } | ListenError::Token(_)
         )
     }
 }
 
 /// The open doors of a cell.
 #[derive(Debug)]
-pub struct Doors {
+pub struct Listeners {
     unix: UnixListener,
     tcp: Option<(TcpListener, Token)>,
-    recorder: Option<Recorder>,
+    recorder: Option<EventRecorder>,
 }
 
-impl Doors {
+impl Listeners {
     /// Opens them. Call it while holding the loader's announcement.
     ///
     /// # Errors
     /// A group, token or address that cannot be used; then no door is open.
-    pub fn open(cell: &Cell, access: &AccessConfig) -> Result<Doors, DoorError> {
+    pub fn open(cell: &Cell, access: &AccessConfig) -> Result<Listeners, ListenError> {
         let group = access.group.as_deref().map(group_of).transpose()?;
         let tcp = match &access.tcp {
             Some(tcp) => {
@@ -84,13 +84,13 @@ impl Doors {
             None => None,
         };
         cell.open_to_group(group)
-            .map_err(|source| DoorError::Folder {
+            .map_err(|source| ListenError::Folder {
                 group: access.group.clone().unwrap_or_default(),
                 source,
             })?;
         let unix = socket::listen(&cell.socket(), group)?;
         let recorder = None;
-        Ok(Doors {
+        Ok(Listeners {
             unix,
             tcp,
             recorder,
@@ -99,7 +99,7 @@ impl Doors {
 
     /// Tells of clients that are cut off in the cell's event log, too.
     #[must_use]
-    pub fn recording(mut self, recorder: Recorder) -> Doors {
+    pub fn with_event_log(mut self, recorder: EventRecorder) -> Listeners {
         self.recorder = Some(recorder);
         self
     }
@@ -119,11 +119,11 @@ impl Doors {
     pub async fn serve(self, router: Router) -> io::Result<()> {
         let unix = Listener::Unix(tokio::net::UnixListener::from_std(self.unix)?);
         let log = self.recorder;
-        let unix = door::serve(unix, door::UNIX, None, log.clone(), router.clone());
+        let unix = connection::serve(unix, connection::UNIX, None, log.clone(), router.clone());
         match self.tcp {
             Some((listener, token)) => {
                 let tcp = Listener::Tcp(tokio::net::TcpListener::from_std(listener)?);
-                let tcp = door::serve(tcp, door::TCP, Some(token), log, router);
+                let tcp = connection::serve(tcp, connection::TCP, Some(token), log, router);
                 tokio::select! {
                     never = unix => match never {},
                     never = tcp => match never {},
@@ -134,17 +134,17 @@ impl Doors {
     }
 }
 
-fn group_of(name: &str) -> Result<u32, DoorError> {
+fn group_of(name: &str) -> Result<u32, ListenError> {
     let found = Group::from_name(name).ok().flatten();
     found
         .map(|group| group.gid.as_raw())
-        .ok_or_else(|| DoorError::NoGroup {
+        .ok_or_else(|| ListenError::NoGroup {
             name: name.to_owned(),
         })
 }
 
-fn listen(address: SocketAddr) -> Result<TcpListener, DoorError> {
-    let failed = |source| DoorError::Address { address, source };
+fn listen(address: SocketAddr) -> Result<TcpListener, ListenError> {
+    let failed = |source| ListenError::Address { address, source };
     let listener = TcpListener::bind(address).map_err(failed)?;
     listener.set_nonblocking(true).map_err(failed)?;
     Ok(listener)

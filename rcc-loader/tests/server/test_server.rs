@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use rcc_config::{AccessConfig, CellConfig, auto_ports};
 use rcc_ipc::{Cell, Role, Session};
-use rcc_loader::server::doors::Doors;
-use rcc_loader::server::executor::Executor;
+use rcc_loader::server::executor::ExecutorLink;
+use rcc_loader::server::listeners::Listeners;
 use rcc_loader::server::routes;
 use rcc_loader::server::service::Service;
 use serde_json::Value;
@@ -32,11 +32,11 @@ pub fn config() -> CellConfig {
 
 pub fn service(cell: &Cell) -> Service {
     let session = Session::join(cell, Role::Loader, "loader").expect("join");
-    Service::new(Executor::new(session), config())
+    Service::new(ExecutorLink::new(session), config())
 }
 
 /// A server on the cell's socket until it is dropped.
-pub struct Served {
+pub struct TestServer {
     /// Where its TCP door is.
     pub address: Option<std::net::SocketAddr>,
     log: Log,
@@ -44,15 +44,15 @@ pub struct Served {
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
-impl Served {
-    pub fn start(cell: &Cell) -> Served {
-        Served::with(cell, &AccessConfig::default())
+impl TestServer {
+    pub fn start(cell: &Cell) -> TestServer {
+        TestServer::with(cell, &AccessConfig::default())
     }
 
-    pub fn with(cell: &Cell, access: &AccessConfig) -> Served {
+    pub fn with(cell: &Cell, access: &AccessConfig) -> TestServer {
         let service = Arc::new(service(cell));
-        let doors = Doors::open(cell, access).expect("doors");
-        let address = doors.address();
+        let listeners = Listeners::open(cell, access).expect("doors");
+        let address = listeners.address();
         let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
         let log = Log::default();
         let told = log.clone();
@@ -65,12 +65,12 @@ impl Served {
                 .expect("a runtime");
             runtime.block_on(async {
                 tokio::select! {
-                    served = doors.serve(routes::router(service).expect("threads")) => served.expect("served"),
+                    served = listeners.serve(routes::router(service).expect("threads")) => served.expect("served"),
                     _ = stopped => {}
                 }
             });
         });
-        Served {
+        TestServer {
             address,
             log,
             stop: Some(stop),
@@ -79,7 +79,7 @@ impl Served {
     }
 }
 
-impl Served {
+impl TestServer {
     /// What it told its log so far.
     pub fn log(&self) -> String {
         String::from_utf8_lossy(&self.log.0.lock().expect("a log")).into_owned()
@@ -108,7 +108,7 @@ impl<'a> MakeWriter<'a> for Log {
     }
 }
 
-impl Drop for Served {
+impl Drop for TestServer {
     fn drop(&mut self) {
         self.stop.take();
         if let Some(thread) = self.thread.take() {

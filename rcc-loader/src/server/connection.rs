@@ -3,7 +3,7 @@
 //! off and told in the log, while the others are served. CANCEL and ABORT have places of their own.
 //! Run by the one thread that serves connections.
 
-mod accounts;
+mod quotas;
 
 use std::cell::Cell;
 use std::convert::Infallible;
@@ -15,17 +15,17 @@ use axum::Router;
 use axum::http::StatusCode;
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
-use rcc_ipc::events::{self, Recorder};
+use rcc_ipc::events::{self, EventRecorder};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, UnixListener};
 use tokio::time::timeout;
 
-use accounts::{Accounts, HeadPlace, Kind, Peer};
-pub use accounts::{HEADS_MAX, Limits, STOPS, STRANGERS, TCP, UNIX};
+pub use quotas::{ConnectionLimits, HEADS_MAX, STOPS, TCP, UNAUTHENTICATED, UNIX};
+use quotas::{HeadPermit, Peer, Quotas, RequestClass};
 
 use super::codes;
 use super::error::ApiError;
-use super::head::{self, Head, Rewound};
+use super::request_head::{self, PrefixedStream, RequestHead};
 use super::token::Token;
 
 /// Longest head of a request, bytes.
@@ -33,20 +33,20 @@ pub const HEAD_MAX: usize = 16 << 10;
 /// Most lines in a head.
 pub const HEADERS_MAX: usize = 64;
 /// So long the head of a request may take, from the connection on.
-pub const HEAD_TIME: Duration = Duration::from_secs(2);
+pub const HEAD_TIME_MAX: Duration = Duration::from_secs(2);
 /// So long a whole connection may take: request, work, and the client's taking the answer.
 pub const CONNECTION_TIME: Duration = Duration::from_secs(20);
 /// So long, and so many bytes, a client that was answered early may go on talking: an answer would get lost otherwise.
-const LINGER: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
+const LINGER_LIMITS: (Duration, u64) = (Duration::from_millis(500), 1 << 20);
 /// So many of them at a time.
-const LINGERING_MAX: usize = 64;
+const DRAINING_MAX: usize = 64;
 /// Pause after the system gave no connection (no free descriptor).
-const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
+const ACCEPT_RETRY_AFTER: Duration = Duration::from_millis(50);
 
 thread_local! {
     /// hyper 1.12 keeps a date for each thread that serves, makes it at the first request even if nobody wants one, and
     /// panics when the wall clock shows a time before 1970 at that moment; later the clock may show anything.
-    static DATED: Cell<bool> = const { Cell::new(false) };
+    static DATE_CACHED: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Where connections come from.
@@ -59,21 +59,21 @@ pub enum Listener {
 }
 
 /// A door.
-struct Door {
-    accounts: Arc<Accounts>,
+struct ListenerContext {
+    quotas: Arc<Quotas>,
     token: Option<Token>,
-    recorder: Option<Recorder>,
-    lingering: AtomicUsize,
+    recorder: Option<EventRecorder>,
+    draining: AtomicUsize,
 }
 
-impl Door {
-    fn complain(&self, peer: Peer, error: &ApiError) {
-        let said = self.accounts.complain(Instant::now());
+impl ListenerContext {
+    fn log_refusal(&self, peer: Peer, error: &ApiError) {
+        let said = self.quotas.log_refusal(Instant::now());
         if let Some(others) = said {
             let (code, message) = (error.code.code, &error.message);
             tracing::warn!(%peer, code, others, "cut off: {message}");
             if let Some(recorder) = &self.recorder {
-                recorder.tell(events::Kind::ClientCutOff {
+                recorder.tell(events::EventKind::ClientCutOff {
                     client: peer.to_string(),
                     why: events::text(&format!("{code} {message}")),
                 });
@@ -81,7 +81,7 @@ impl Door {
         }
     }
 
-    fn lets_in(&self, bearer: Option<&[u8]>) -> bool {
+    fn is_authorized(&self, bearer: Option<&[u8]>) -> bool {
         let token = self.token.as_ref();
         token.is_none_or(|token| token.is(bearer.unwrap_or_default()))
     }
@@ -90,82 +90,90 @@ impl Door {
 /// Serves one door for ever. Over TCP nobody gets in without the token.
 pub async fn serve(
     listener: Listener,
-    limits: Limits,
+    limits: ConnectionLimits,
     token: Option<Token>,
-    recorder: Option<Recorder>,
+    recorder: Option<EventRecorder>,
     router: Router,
 ) -> Infallible {
-    let door = Arc::new(Door {
-        accounts: Accounts::new(limits),
+    let context = Arc::new(ListenerContext {
+        quotas: Quotas::new(limits),
         token,
         recorder,
-        lingering: AtomicUsize::new(0),
+        draining: AtomicUsize::new(0),
     });
     loop {
         let accepted = match &listener {
             Listener::Unix(listener) => listener.accept().await.map(|(stream, _)| {
                 let pid = stream.peer_cred().ok().and_then(|peer| peer.pid());
-                greet(&door, Peer::Process(pid.unwrap_or(0)), stream, &router);
+                spawn_connection(&context, Peer::Process(pid.unwrap_or(0)), stream, &router);
             }),
             Listener::Tcp(listener) => listener.accept().await.map(|(stream, address)| {
-                greet(&door, Peer::Address(address.ip()), stream, &router);
+                spawn_connection(&context, Peer::Address(address.ip()), stream, &router);
             }),
         };
         if let Err(error) = accepted {
             tracing::warn!(%error, "no connection can be taken");
-            tokio::time::sleep(ACCEPT_AGAIN).await;
+            tokio::time::sleep(ACCEPT_RETRY_AFTER).await;
         }
     }
 }
 
 /// Gives a connection a task of its own.
-fn greet<I>(door: &Arc<Door>, peer: Peer, io: I, router: &Router)
+fn spawn_connection<I>(context: &Arc<ListenerContext>, peer: Peer, io: I, router: &Router)
 where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let (door, router) = (Arc::clone(door), router.clone());
-    let place = door.accounts.await_head(peer);
+    let (context, router) = (Arc::clone(context), router.clone());
+    let permit = context.quotas.await_head(peer);
     tokio::spawn(async move {
-        let talk = converse(&door, peer, place, io, router);
+        let talk = serve_request(&context, peer, permit, io, router);
         if timeout(CONNECTION_TIME, talk).await.is_err() {
             let what = format!("the connection took longer than {CONNECTION_TIME:?}");
-            door.complain(peer, &too_slow(what));
+            context.log_refusal(peer, &too_slow(what));
         }
     });
 }
 
 /// One request and its answer.
-async fn converse<I>(door: &Door, peer: Peer, place: HeadPlace, mut io: I, router: Router)
-where
+async fn serve_request<I>(
+    context: &ListenerContext,
+    peer: Peer,
+    permit: HeadPermit,
+    mut io: I,
+    router: Router,
+) where
     I: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let head = match read_head(place, &mut io).await {
+    let head = match read_head(permit, &mut io).await {
         Ok(Some(head)) => head,
         Ok(None) => return,
-        Err(error) => return refuse(door, peer, io, &error).await,
+        Err(error) => return refuse(context, peer, io, &error).await,
     };
     // The token counts before the quota: whoever has none takes nothing from those of his address who have it.
-    if !door.lets_in(head.bearer.as_deref()) {
-        return match door.accounts.admit(peer, Kind::Stranger, Instant::now()) {
-            Ok(_place) => refuse(door, peer, io, &no_token()).await,
+    if !context.is_authorized(head.bearer.as_deref()) {
+        return match context
+            .quotas
+            .admit(peer, RequestClass::Unauthenticated, Instant::now())
+        {
+            Ok(_permit) => refuse(context, peer, io, &no_token()).await,
             Err(error) => {
-                door.complain(peer, &error);
-                say_at_once(&mut io, &error);
+                context.log_refusal(peer, &error);
+                write_without_waiting(&mut io, &error);
             }
         };
     }
-    let kind = match head.is_stop {
-        true => Kind::Stop,
-        false => Kind::Usual,
+    let class = match head.is_stop {
+        true => RequestClass::Stop,
+        false => RequestClass::Usual,
     };
-    let place = match door.accounts.admit(peer, kind, Instant::now()) {
-        Ok(place) => place,
-        Err(error) => return refuse(door, peer, io, &error).await,
+    let permit = match context.quotas.admit(peer, class, Instant::now()) {
+        Ok(permit) => permit,
+        Err(error) => return refuse(context, peer, io, &error).await,
     };
-    if rcc_os::wall::is_before_epoch() && !DATED.get() {
-        return refuse(door, peer, io, &no_clock()).await;
+    if rcc_os::wall::is_before_epoch() && !DATE_CACHED.get() {
+        return refuse(context, peer, io, &no_clock()).await;
     }
-    DATED.set(true);
+    DATE_CACHED.set(true);
     let mut server = hyper::server::conn::http1::Builder::new();
     server
         .keep_alive(false)
@@ -173,29 +181,29 @@ where
         .auto_date_header(false)
         .max_headers(HEADERS_MAX)
         .header_read_timeout(None);
-    let io = TokioIo::new(Rewound::new(head.bytes, io));
+    let io = TokioIo::new(PrefixedStream::new(head.bytes, io));
     let connection = server.serve_connection(io, TowerToHyperService::new(router));
     let served = connection.without_shutdown().await;
     // It has its answer: what it still sends keeps nobody out.
-    drop(place);
+    drop(permit);
     // An error is a client that went away: there is nobody to tell.
     if let Ok(parts) = served {
-        linger(door, parts.io.into_inner().io).await;
+        drain_input(context, parts.io.into_inner().io).await;
     }
 }
 
 /// The head, unless it takes too long or others want the place more; nothing when the client said nothing.
 async fn read_head<I: AsyncRead + Unpin>(
-    mut place: HeadPlace,
+    mut permit: HeadPermit,
     io: &mut I,
-) -> Result<Option<Head>, ApiError> {
+) -> Result<Option<RequestHead>, ApiError> {
     tokio::select! {
         // What is there is read, however many wait.
         biased;
-        head = timeout(HEAD_TIME, head::read(io)) => head.unwrap_or_else(|_| {
-            Err(too_slow(format!("the head of the request took longer than {HEAD_TIME:?}")))
+        head = timeout(HEAD_TIME_MAX, request_head::read(io)) => head.unwrap_or_else(|_| {
+            Err(too_slow(format!("the head of the request took longer than {HEAD_TIME_MAX:?}")))
         }),
-        _ = &mut place.displaced => Err(ApiError::new(
+        _ = &mut permit.displaced => Err(ApiError::new(
             codes::TOO_MANY,
             format!("{HEADS_MAX} connections have sent no whole head, and this is the oldest of its client"),
             "send the head of a request at once",
@@ -223,27 +231,27 @@ fn no_token() -> ApiError {
     )
 }
 
-async fn refuse<I>(door: &Door, peer: Peer, mut io: I, error: &ApiError)
+async fn refuse<I>(context: &ListenerContext, peer: Peer, mut io: I, error: &ApiError)
 where
     I: AsyncRead + AsyncWrite + Unpin,
 {
-    door.complain(peer, error);
-    if timeout(LINGER.0, io.write_all(&raw(error)))
+    context.log_refusal(peer, error);
+    if timeout(LINGER_LIMITS.0, io.write_all(&http_response(error)))
         .await
         .is_ok_and(|sent| sent.is_ok())
     {
-        linger(door, io).await;
+        drain_input(context, io).await;
     }
 }
 
 /// What goes into the socket's buffer at once is said; nobody is waited for.
-fn say_at_once<I: AsyncWrite + Unpin>(io: &mut I, error: &ApiError) {
+fn write_without_waiting<I: AsyncWrite + Unpin>(io: &mut I, error: &ApiError) {
     let mut context = std::task::Context::from_waker(std::task::Waker::noop());
-    let _ = std::pin::Pin::new(io).poll_write(&mut context, &raw(error));
+    let _ = std::pin::Pin::new(io).poll_write(&mut context, &http_response(error));
 }
 
 /// An answer without an HTTP library: status, code and words.
-fn raw(error: &ApiError) -> Vec<u8> {
+fn http_response(error: &ApiError) -> Vec<u8> {
     let status = StatusCode::from_u16(error.code.status).unwrap_or(StatusCode::BAD_REQUEST);
     // Strings and a list: this cannot fail.
     let body = serde_json::to_string(&error.body()).unwrap_or_default();
@@ -262,10 +270,10 @@ fn raw(error: &ApiError) -> Vec<u8> {
 
 /// Ends our side and takes what is still coming, for a short time: closing at once would make the system throw away
 /// what the client has not read yet. Of too many clients at a time not all are waited for.
-async fn linger<I: AsyncRead + AsyncWrite + Unpin>(door: &Door, mut io: I) {
-    let (time, bytes) = LINGER;
+async fn drain_input<I: AsyncRead + AsyncWrite + Unpin>(context: &ListenerContext, mut io: I) {
+    let (time, bytes) = LINGER_LIMITS;
     // Relaxed: one thread counts.
-    if door.lingering.fetch_add(1, Ordering::Relaxed) < LINGERING_MAX {
+    if context.draining.fetch_add(1, Ordering::Relaxed) < DRAINING_MAX {
         // A client that is gone already, or goes on talking, is not our concern any more.
         let _ = timeout(time, async {
             io.shutdown().await?;
@@ -273,5 +281,5 @@ async fn linger<I: AsyncRead + AsyncWrite + Unpin>(door: &Door, mut io: I) {
         })
         .await;
     }
-    door.lingering.fetch_sub(1, Ordering::Relaxed);
+    context.draining.fetch_sub(1, Ordering::Relaxed);
 }

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use rcc_core::message::{CommandEntry, CommandState, CycleStatus, DeviceState, MAGIC, Tables};
-use rcc_core::timing::Timing;
-use rcc_ipc::control::{Answer, CONTROL, Call, Refusal, STATUS, TABLES, TIMING, Values};
+use rcc_core::timing::CycleTiming;
+use rcc_ipc::control::{Answer, CONTROL, Call, NetValues, Refusal, STATUS, TABLES, TIMING};
 use rcc_ipc::{
     Announced, Announcement, BoardWriter, Cell, Configuration, Role, Server, Session, wire,
 };
@@ -43,7 +43,7 @@ impl Drop for TestCell {
 
 /// What the executor was asked, and what it saw when asked.
 #[derive(Default)]
-pub struct Seen {
+pub struct CallLog {
     pub calls: Vec<Call>,
     /// At an Install: the file with the names was there already.
     pub named_before_install: bool,
@@ -54,7 +54,7 @@ pub struct Seen {
 /// The fake; ends when dropped.
 pub struct FakeExecutor {
     pub incarnation: u64,
-    pub seen: Arc<Mutex<Seen>>,
+    pub seen: Arc<Mutex<CallLog>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -64,7 +64,7 @@ struct State {
     incarnation: u64,
     tables: Box<Tables>,
     board: BoardWriter<Tables>,
-    seen: Arc<Mutex<Seen>>,
+    seen: Arc<Mutex<CallLog>>,
     refuse_install: Option<Refusal>,
     next_id: u64,
 }
@@ -76,11 +76,11 @@ impl FakeExecutor {
         rows: &[(u64, CommandState)],
         refuse: Option<Refusal>,
     ) -> FakeExecutor {
-        let session = Session::join(cell, Role::Executor, "exec").expect("join");
+        let session = Session::join(cell, Role::ExecutorLink, "exec").expect("join");
         let server = session.serve(CONTROL).expect("serve");
         let mut status = session.create_board::<CycleStatus>(STATUS).expect("status");
         let board = session.create_board::<Tables>(TABLES).expect("tables");
-        let timing = session.create_board::<Timing>(TIMING).expect("timing");
+        let timing = session.create_board::<CycleTiming>(TIMING).expect("timing");
         let helpers = session
             .create_board::<rcc_core::helper::HelperTable>(rcc_ipc::control::HELPERS)
             .expect("helpers");
@@ -93,7 +93,7 @@ impl FakeExecutor {
         let announced = cell
             .announce(
                 &Announcement::of(&session)
-                    .configured(Configuration::new(crate::served::config().identity()))
+                    .configured(Configuration::new(crate::test_server::config().identity()))
                     .service(CONTROL, server.service())
                     .service(STATUS, status.service())
                     .service(TABLES, board.service())
@@ -108,7 +108,7 @@ impl FakeExecutor {
         for (row, (id, state)) in tables.commands.iter_mut().zip(rows) {
             (row.id, row.state) = (*id, *state as u32);
         }
-        let seen = Arc::new(Mutex::new(Seen::default()));
+        let seen = Arc::new(Mutex::new(CallLog::default()));
         let stop = Arc::new(AtomicBool::new(false));
         let incarnation = session.incarnation();
         let mut state = State {
@@ -248,7 +248,7 @@ impl State {
             },
             Call::Read { points, .. } => {
                 let elements = points.iter().map(|point| point.width as usize).sum();
-                Answer::Values(Values {
+                Answer::Values(NetValues {
                     cycle: 8,
                     evaluations: 3,
                     every: 2,
