@@ -9,9 +9,9 @@ use rcc_ipc::{Cell, CellError};
 use rcc_loader::server::codes;
 use serde::Serialize;
 
-use crate::client::{Client, Remote, no_loader};
+use crate::client::{Client, RemoteLoader, no_loader};
 use crate::failure::Failure;
-use crate::output::{remark_drawing, say};
+use crate::output::{print_diagnostics, print_line};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -28,7 +28,7 @@ pub struct Context {
     /// Name of the cell, if one was given.
     pub cell: Option<String>,
     /// A loader's TCP door, to be used instead of the cell's socket.
-    pub remote: Option<Remote>,
+    pub remote: Option<RemoteLoader>,
     /// How results are printed.
     pub format: Format,
     /// How long one answer is waited for.
@@ -78,7 +78,7 @@ impl Context {
             // Values of ours have string keys and finite numbers, or null instead.
             Format::Json => serde_json::to_string(value).unwrap_or_default(),
         };
-        say(&text);
+        print_line(&text);
     }
 
     /// Prints a failure on stderr.
@@ -90,7 +90,7 @@ impl Context {
             Format::Human => failure.human(Self::colour()),
             Format::Json => serde_json::to_string(&*failure.body).unwrap_or_default() + "\n",
         };
-        remark_drawing(&text);
+        print_diagnostics(&text);
     }
 }
 

@@ -1,12 +1,12 @@
 //! The demo: the paper's figures 3, 4, 5 and a cancel on a simulated robot, through every process, verified from data.
-//! Run by the main thread, which also supervises the demo's cell.
+//! NetRun by the main thread, which also supervises the demo's cell.
 
 pub mod facts;
-pub mod judge;
+pub mod checks;
 pub mod progress;
 pub mod recorder;
 pub mod simulator;
-pub mod stage;
+pub mod runner;
 pub mod verify;
 
 use std::cell::Cell;
@@ -24,54 +24,54 @@ use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow;
 use crate::interrupt::Interrupts;
-use crate::output::{Printer, say};
-use crate::supervisor::launch::Prepared;
-use crate::supervisor::{Line, Supervisor, launch, places};
+use crate::output::{Printer, print_line};
+use crate::supervisor::processes::PreparedCell;
+use crate::supervisor::{SupervisorEvent, Supervisor, processes, paths};
 use crate::table::grouped;
-use judge::{Event, Recorded, judge, monitor_index};
-use progress::{Bar, View};
+use checks::{MotionEvent, RecordedMotion, checks, monitor_index};
+use progress::{Bar, MotionProgress};
 use recorder::Recorder;
 use simulator::Simulator;
-use stage::{Run, Stage, simulator_failed};
-use verify::Check;
+use runner::{NetRun, DemoRunner, simulator_failed};
+use verify::MotionCheck;
 
 /// One motion of the demo.
-struct Figure {
+struct DemoFigure {
     title: &'static str,
     file: &'static str,
     /// Where it begins, m.
     start: [f64; 3],
-    event: Event,
+    event: MotionEvent,
 }
 
 /// Beside the start configuration of the simulated arm, and 0.15 m to the side.
 const MIDDLE: [f64; 3] = [0.538, 0.0, 0.384];
 const SIDE: [f64; 3] = [0.538, 0.15, 0.384];
 
-const FIGURES: [Figure; 4] = [
-    Figure {
+const FIGURES: [DemoFigure; 4] = [
+    DemoFigure {
         title: "figure 3: line",
         file: "nets/line.yaml",
         start: MIDDLE,
-        event: Event::None,
+        event: MotionEvent::None,
     },
-    Figure {
+    DemoFigure {
         title: "figure 4: contact",
         file: "nets/guarded-line.yaml",
         start: SIDE,
-        event: Event::Contact,
+        event: MotionEvent::Contact,
     },
-    Figure {
+    DemoFigure {
         title: "figure 5: torch",
         file: "nets/welding-line.yaml",
         start: SIDE,
-        event: Event::Weld,
+        event: MotionEvent::Weld,
     },
-    Figure {
+    DemoFigure {
         title: "figure 5: cancel",
         file: "nets/welding-line.yaml",
         start: SIDE,
-        event: Event::Cancel,
+        event: MotionEvent::Cancel,
     },
 ];
 
@@ -93,7 +93,7 @@ const APPROACHES: usize = 5;
 pub fn run(context: &Context) -> Result<(), Failure> {
     let begun = Instant::now();
     let interrupts = Interrupts::listen()?;
-    let prepared = launch::prepare(&places::config("cells/demo.yaml")?)?;
+    let prepared = processes::prepare(&paths::config("cells/demo.yaml")?)?;
     let own = format!("demo-{}", std::process::id());
     let name = context.cell.clone().unwrap_or(own);
     let json = context.format == Format::Json;
@@ -101,14 +101,14 @@ pub fn run(context: &Context) -> Result<(), Failure> {
     let told = Rc::clone(&starting);
     let printer = Printer::start();
     let teller = printer.clone();
-    let tell = move |line: &Line| {
+    let tell = move |line: &SupervisorEvent| {
         if told.get() || is_trouble(&line.what) {
             let at = line.at.as_secs_f64();
-            teller.remark(&format!("  {at:7.3} s  {:<20} {}", line.who, line.what));
+            teller.print_note(&format!("  {at:7.3} s  {:<20} {}", line.who, line.what));
         }
     };
     if !json {
-        printer.say(&format!(
+        printer.print_line(&format!(
             "RCC demo: a KUKA LWR 4+ and an I/O station, simulated, on loopback; cell {name}"
         ));
     }
@@ -146,28 +146,28 @@ fn is_trouble(what: &str) -> bool {
         .any(|begin| what.starts_with(begin))
 }
 
-type Results = Vec<(&'static str, Vec<Check>)>;
+type FigureResults = Vec<(&'static str, Vec<MotionCheck>)>;
 
 fn play(
     context: &Context,
     supervisor: &mut Supervisor,
     (interrupts, printer): (&Interrupts, &Printer),
-    prepared: &Prepared,
-) -> Result<(Results, StatusView), Failure> {
+    prepared: &PreparedCell,
+) -> Result<(FigureResults, StatusView), Failure> {
     let cell = supervisor.cell.clone();
     let timeout = context.timeout.max(Duration::from_secs(5));
     let client = Client::new(cell.name(), &cell.socket(), timeout)?;
-    let setting = Setting::of(prepared)?;
+    let setting = DemoArm::of(prepared)?;
     let recorder = Recorder::start(&cell)?;
     let control = cell.simulator_socket(SIMULATOR);
     let mut simulator = Simulator::connect(&control).map_err(simulator_failed)?;
     let quiet = context.format == Format::Json;
     let status: StatusView = client.get("/status")?;
     if !quiet {
-        printer.say(&format!("  {}", status.executor.grade));
-        printer.say("");
+        printer.print_line(&format!("  {}", status.executor.grade));
+        printer.print_line("");
     }
-    let mut stage = Stage {
+    let mut runner = DemoRunner {
         begun: Instant::now(),
         supervisor,
         client: &client,
@@ -178,20 +178,20 @@ fn play(
     };
     let mut results = Vec::new();
     for figure in &FIGURES {
-        results.push((figure.title, measure(&mut stage, figure, &setting, quiet)?));
+        results.push((figure.title, measure(&mut runner, figure, &setting, quiet)?));
     }
     Ok((results, client.get("/status")?))
 }
 
 /// What the configuration says about the demo's arm.
-struct Setting {
+struct DemoArm {
     arm: Arm,
     torch_bit: u16,
     dt_s: f64,
 }
 
-impl Setting {
-    fn of(prepared: &Prepared) -> Result<Setting, Failure> {
+impl DemoArm {
+    fn of(prepared: &PreparedCell) -> Result<DemoArm, Failure> {
         let config = &prepared.config;
         let lacks = |what: &str| {
             Failure::new(
@@ -207,7 +207,7 @@ impl Setting {
             .and_then(|channel| channel.address.as_u64())
             .filter(|address| (1..=16).contains(address))
             .ok_or_else(|| lacks("digital output `torch` with a number as address"))?;
-        Ok(Setting {
+        Ok(DemoArm {
             arm: robot.arm,
             torch_bit: 1 << (torch - 1),
             dt_s: config.period_ns as f64 * 1e-9,
@@ -217,26 +217,26 @@ impl Setting {
 
 /// Runs one figure and judges it; again, when it failed while the machine did not keep its own time.
 fn measure(
-    stage: &mut Stage<'_>,
-    figure: &Figure,
-    setting: &Setting,
+    runner: &mut DemoRunner<'_>,
+    figure: &DemoFigure,
+    setting: &DemoArm,
     quiet: bool,
-) -> Result<Vec<Check>, Failure> {
-    let path = places::config(figure.file)?;
+) -> Result<Vec<MotionCheck>, Failure> {
+    let path = paths::config(figure.file)?;
     let text = std::fs::read_to_string(&path)
         .map_err(|error| Failure::unreadable(&path.display().to_string(), &error))?;
     let facts = facts::read(figure.file, &text)?;
     loop {
-        go_to(stage, figure.start)?;
-        let run = perform(stage, figure, &text, &facts, quiet);
-        stage.simulator.no_floor().map_err(simulator_failed)?;
-        let Run {
+        go_to(runner, figure.start)?;
+        let run = run_figure(runner, figure, &text, &facts, quiet);
+        runner.simulator.no_floor().map_err(simulator_failed)?;
+        let NetRun {
             command,
             records,
             exchanges,
             late,
         } = run?;
-        let recorded = Recorded {
+        let recorded = RecordedMotion {
             command: &command,
             facts: facts.clone(),
             records,
@@ -245,14 +245,14 @@ fn measure(
             torch_bit: setting.torch_bit,
             dt_s: setting.dt_s,
         };
-        let checks = judge(&recorded, figure.event);
-        let failed: Vec<&Check> = checks.iter().filter(|check| !check.holds).collect();
+        let checks = checks(&recorded, figure.event);
+        let failed: Vec<&MotionCheck> = checks.iter().filter(|check| !check.holds).collect();
         let disturbed = late > 0 || command.command.fault.is_some();
-        if failed.is_empty() || !disturbed || stage.begun.elapsed() > AGAIN_LIMIT {
+        if failed.is_empty() || !disturbed || runner.begun.elapsed() > AGAIN_LIMIT {
             return Ok(checks);
         }
         let whats: Vec<&str> = failed.iter().map(|check| check.what.as_str()).collect();
-        stage.printer.remark(&format!(
+        runner.printer.print_note(&format!(
             "  measured again, as the executor was late in {late} cycles meanwhile or the connection was lost ({})",
             whats.join("; ")
         ));
@@ -260,10 +260,10 @@ fn measure(
 }
 
 /// Brings the arm to where a figure begins.
-fn go_to(stage: &mut Stage<'_>, start: [f64; 3]) -> Result<(), Failure> {
+fn go_to(runner: &mut DemoRunner<'_>, start: [f64; 3]) -> Result<(), Failure> {
     let mut words = String::new();
     for _ in 0..APPROACHES {
-        let run = stage.run("approach", &approach(start), |_, _| false)?;
+        let run = runner.run("approach", &approach(start), |_, _| false)?;
         let command = &run.command.command;
         if command.reason.as_deref() == Some("finished") {
             return Ok(());
@@ -277,34 +277,34 @@ fn go_to(stage: &mut Stage<'_>, start: [f64; 3]) -> Result<(), Failure> {
     ))
 }
 
-fn perform(
-    stage: &mut Stage<'_>,
-    figure: &Figure,
+fn run_figure(
+    runner: &mut DemoRunner<'_>,
+    figure: &DemoFigure,
     text: &str,
-    facts: &facts::Facts,
+    facts: &facts::MotionFacts,
     quiet: bool,
-) -> Result<Run, Failure> {
-    let way = verify::Line {
+) -> Result<NetRun, Failure> {
+    let way = verify::SupervisorEvent {
         start: figure.start,
         end: facts.goal,
     };
-    if figure.event == Event::Contact {
+    if figure.event == MotionEvent::Contact {
         let height = f64::midpoint(way.start[2], way.end[2]);
-        stage
+        runner
             .simulator
             .floor(height, STIFFNESS)
             .map_err(simulator_failed)?;
     }
     let torch = facts.torch_on.zip(facts.torch_off);
     let middle = torch.map_or(f64::INFINITY, |(on, off)| f64::midpoint(on, off));
-    let mut bar = Bar::new(figure.title, quiet, stage.printer);
-    let mut view = View::default();
-    let run = stage.run(figure.file, text, |recorder, command| {
+    let mut bar = Bar::new(figure.title, quiet, runner.printer);
+    let mut view = MotionProgress::default();
+    let run = runner.run(figure.file, text, |recorder, command| {
         let newest = |source: &str| {
             monitor_index(command, source)
                 .and_then(|index| recorder.newest(command.command.id, index))
         };
-        view = View {
+        view = MotionProgress {
             distance: newest("move.distance").unwrap_or(view.distance),
             speed: newest("move.speed"),
             force: newest("force.out"),
@@ -313,7 +313,7 @@ fn perform(
         };
         view.part = view.distance / way.length();
         bar.show(&view);
-        figure.event == Event::Cancel && view.distance >= middle
+        figure.event == MotionEvent::Cancel && view.distance >= middle
     })?;
     let ended = &run.command.command;
     if !quiet {
@@ -344,14 +344,14 @@ primitives:
     )
 }
 
-fn report(context: &Context, results: &Results, status: &StatusView, clean: bool, seconds: f64) {
+fn report(context: &Context, results: &FigureResults, status: &StatusView, clean: bool, seconds: f64) {
     let checks = || results.iter().flat_map(|(_, checks)| checks);
     let (all, held) = (
         checks().count(),
         checks().filter(|check| check.holds).count(),
     );
     if context.format == Format::Json {
-        let row = |figure: &str, check: &Check| {
+        let row = |figure: &str, check: &MotionCheck| {
             json!({"figure": figure, "what": check.what, "expected": check.expected, "found": check.found,
                    "holds": check.holds})
         };
@@ -361,22 +361,22 @@ fn report(context: &Context, results: &Results, status: &StatusView, clean: bool
             .collect();
         let value = json!({"checks": rows, "late_cycles": status.executor.late, "cycles": status.executor.cycle,
                            "grade": status.executor.grade, "clean_end": clean, "seconds": seconds});
-        say(&value.to_string());
+        print_line(&value.to_string());
         return;
     }
-    say("\nVerified from what was recorded and from what went over the wire:");
+    print_line("\nVerified from what was recorded and from what went over the wire:");
     for (title, checks) in results {
-        say(&format!("  {title}"));
+        print_line(&format!("  {title}"));
         for check in checks {
             let mark = if check.holds { "ok  " } else { "FAIL" };
-            say(&format!(
+            print_line(&format!(
                 "    {mark}  {:<44} {}  (must be: {})",
                 check.what, check.found, check.expected
             ));
         }
     }
     let executor = &status.executor;
-    say(&format!(
+    print_line(&format!(
         "  executor: {} late cycles of {}, longest cycle {}; {}",
         grouped(executor.late),
         grouped(executor.cycle),
@@ -388,5 +388,5 @@ fn report(context: &Context, results: &Results, status: &StatusView, clean: bool
     } else {
         "something was left behind"
     };
-    say(&format!("  {held} of {all} hold; {end}; {seconds:.1} s"));
+    print_line(&format!("  {held} of {all} hold; {end}; {seconds:.1} s"));
 }

@@ -15,14 +15,14 @@ pub mod measure;
 pub mod processes;
 pub mod record;
 pub mod report;
-pub mod told;
+pub mod driver_status;
 pub mod trial;
-pub mod wish;
+pub mod requirements;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Level {
+pub enum FindingLevel {
     /// As it should be.
     Ok,
     /// Worth knowing; nothing is wrong because of it.
@@ -33,26 +33,26 @@ pub enum Level {
     Fail,
 }
 
-impl Level {
+impl FindingLevel {
     /// As printed before a finding.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
-            Level::Ok => "ok",
-            Level::Note => "note",
-            Level::Warn => "WARN",
-            Level::Fail => "FAIL",
+            FindingLevel::Ok => "ok",
+            FindingLevel::Note => "note",
+            FindingLevel::Warn => "WARN",
+            FindingLevel::Fail => "FAIL",
         }
     }
 }
 
 /// One thing that was looked at.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Finding {
+pub struct HealthFinding {
     /// Which check found it.
     pub check: &'static str,
     /// How bad it is.
-    pub level: Level,
+    pub level: FindingLevel,
     /// What is so.
     pub what: String,
     /// Why, where it is known.
@@ -61,9 +61,9 @@ pub struct Finding {
     pub fix: Option<String>,
 }
 
-impl Finding {
-    fn new(level: Level, what: impl Into<String>) -> Finding {
-        Finding {
+impl HealthFinding {
+    fn new(level: FindingLevel, what: impl Into<String>) -> HealthFinding {
+        HealthFinding {
             // The table of checks writes it in.
             check: "",
             level,
@@ -75,47 +75,47 @@ impl Finding {
 
     /// As it should be.
     #[must_use]
-    pub fn ok(what: impl Into<String>) -> Finding {
-        Finding::new(Level::Ok, what)
+    pub fn ok(what: impl Into<String>) -> HealthFinding {
+        HealthFinding::new(FindingLevel::Ok, what)
     }
 
     /// Worth knowing.
     #[must_use]
-    pub fn note(what: impl Into<String>) -> Finding {
-        Finding::new(Level::Note, what)
+    pub fn note(what: impl Into<String>) -> HealthFinding {
+        HealthFinding::new(FindingLevel::Note, what)
     }
 
     /// It works, but worse than it could.
     #[must_use]
-    pub fn warn(what: impl Into<String>, fix: impl Into<String>) -> Finding {
-        Finding::new(Level::Warn, what).fix(fix)
+    pub fn warn(what: impl Into<String>, fix: impl Into<String>) -> HealthFinding {
+        HealthFinding::new(FindingLevel::Warn, what).fix(fix)
     }
 
     /// It prevents a cell from running.
     #[must_use]
-    pub fn fail(what: impl Into<String>, fix: impl Into<String>) -> Finding {
-        Finding::new(Level::Fail, what).fix(fix)
+    pub fn fail(what: impl Into<String>, fix: impl Into<String>) -> HealthFinding {
+        HealthFinding::new(FindingLevel::Fail, what).fix(fix)
     }
 
     /// Worse if the cell's file requires what was refused (`executor: {rt: required}`).
     #[must_use]
-    pub fn required(mut self, required: bool) -> Finding {
-        if required && self.level == Level::Warn {
-            self.level = Level::Fail;
+    pub fn required(mut self, required: bool) -> HealthFinding {
+        if required && self.level == FindingLevel::Warn {
+            self.level = FindingLevel::Fail;
         }
         self
     }
 
     /// Why it is so.
     #[must_use]
-    pub fn cause(mut self, cause: impl Into<String>) -> Finding {
+    pub fn cause(mut self, cause: impl Into<String>) -> HealthFinding {
         self.cause = Some(cause.into());
         self
     }
 
     /// What to do.
     #[must_use]
-    pub fn fix(mut self, fix: impl Into<String>) -> Finding {
+    pub fn fix(mut self, fix: impl Into<String>) -> HealthFinding {
         self.fix = Some(fix.into());
         self
     }
@@ -123,7 +123,7 @@ impl Finding {
 
 /// The worst level among findings.
 #[must_use]
-pub fn worst(findings: &[Finding]) -> Level {
+pub fn worst(findings: &[HealthFinding]) -> FindingLevel {
     let levels = findings.iter().map(|finding| finding.level);
-    levels.max().unwrap_or(Level::Ok)
+    levels.max().unwrap_or(FindingLevel::Ok)
 }

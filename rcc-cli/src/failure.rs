@@ -1,7 +1,7 @@
 //! Why a verb did not succeed: the same body as over HTTP, and the exit code.
 //! Made and printed by the main thread.
 
-use rcc_config::diagnostic::{Faults, Row, RowPlace, Severity, Source, render};
+use rcc_config::diagnostic::{Faults, DiagnosticRow, DiagnosticPosition, Severity, SourceText, render};
 use rcc_core::printable::Printable;
 use rcc_loader::server::api::{ErrorBody, Finding};
 use rcc_loader::server::codes::{self, Code, exit};
@@ -150,8 +150,8 @@ pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: boo
     });
     match local {
         Some((name, text)) => {
-            let rows: Vec<Row> = findings.iter().map(row).collect();
-            let source = Source {
+            let rows: Vec<DiagnosticRow> = findings.iter().map(row).collect();
+            let source = SourceText {
                 name: name.clone(),
                 text: text.clone(),
             };
@@ -164,9 +164,9 @@ pub fn draw(findings: &[Finding], source: Option<&(String, String)>, colour: boo
     }
 }
 
-fn row(finding: &Finding) -> Row {
+fn row(finding: &Finding) -> DiagnosticRow {
     let place = finding.place.clone().unwrap_or_default();
-    Row {
+    DiagnosticRow {
         code: finding.code.clone(),
         severity: if finding.severity == "warning" {
             Severity::Warning
@@ -180,7 +180,7 @@ fn row(finding: &Finding) -> Row {
         length: place.length,
         label: place.label,
         help: finding.help.clone(),
-        used_at: finding.used_at.clone().map(|place| RowPlace {
+        used_at: finding.used_at.clone().map(|place| DiagnosticPosition {
             file: place.file,
             line: place.line,
             column: place.column,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rcc_language::bundle::bundle;
 use rcc_language::library::FileLibraries;
-use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, Named, Switch, Switched};
+use rcc_loader::server::api::{CommandDetail, CommandView, Done, Loaded, CommandRef, Switch, Switched};
 use rcc_loader::server::codes::{self, RequestedEnd, exit};
 use rcc_loader::server::compile::findings;
 
@@ -147,7 +147,7 @@ pub fn operate(client: &Client, name: &str, what: &str) -> Result<Done, Failure>
 /// # Errors
 /// Not reachable, or refused: then nothing has changed.
 pub fn switch(client: &Client, stop: &[String], start: &[String]) -> Result<Switched, Failure> {
-    let named = |names: &[String]| names.iter().cloned().map(Named::Name).collect();
+    let named = |names: &[String]| names.iter().cloned().map(CommandRef::Name).collect();
     let switch = Switch {
         stop: named(stop),
         start: named(start),

@@ -10,7 +10,7 @@ use serde_json::{Number, Value};
 
 /// What is known of a net beside its plan.
 #[derive(Clone, Debug, Default)]
-pub struct Named {
+pub struct IncidentNet {
     /// Its id.
     pub id: u64,
     /// Its name; empty if nobody knows.
@@ -21,7 +21,7 @@ pub struct Named {
 
 /// One or more elements of an arena that are shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Shown {
+pub struct ShownSlots {
     /// `line/move.pose`, `line/ik.joints[2]`.
     pub name: String,
     /// Which arena.
@@ -32,13 +32,13 @@ pub struct Shown {
     pub width: u32,
 }
 
-impl Named {
+impl IncidentNet {
     /// From a net's command file, if there is one that can be read.
     #[must_use]
-    pub fn of(id: u64, command: Option<&[u8]>) -> Named {
+    pub fn of(id: u64, command: Option<&[u8]>) -> IncidentNet {
         let file = command.and_then(|bytes| serde_json::from_slice::<CommandFile>(bytes).ok());
         let file = file.unwrap_or_default();
-        Named {
+        IncidentNet {
             id,
             net: file.net,
             names: file.names.unwrap_or_default(),
@@ -61,7 +61,7 @@ impl Named {
 
     /// Outputs that a pattern means, by their port or by the monitor that watches them.
     #[must_use]
-    pub fn shown(&self, patterns: &[Pattern]) -> Vec<Shown> {
+    pub fn shown(&self, patterns: &[Pattern]) -> Vec<ShownSlots> {
         let net = self.prefix();
         let ports = self.names.primitives.iter().flat_map(|primitive| {
             let outputs = primitive.outputs.iter();
@@ -84,13 +84,13 @@ impl Named {
                 .element
                 .and_then(|element| u32::try_from(element).ok())
             {
-                None => Shown {
+                None => ShownSlots {
                     name: shown,
                     store,
                     slot,
                     width,
                 },
-                Some(element) if element < width => Shown {
+                Some(element) if element < width => ShownSlots {
                     name: format!("{shown}[{element}]"),
                     store,
                     slot: slot + element,
@@ -136,7 +136,7 @@ impl Named {
     }
 }
 
-impl Shown {
+impl ShownSlots {
     /// Names of its elements.
     #[must_use]
     pub fn columns(&self) -> Vec<String> {
@@ -226,7 +226,7 @@ mod tests {
         }
     }
 
-    fn named() -> Named {
+    fn named() -> IncidentNet {
         let primitives = vec![PrimitiveNames {
             id: "move".into(),
             type_name: "LinearMotion".into(),
@@ -241,7 +241,7 @@ mod tests {
             primitives,
             ..Names::default()
         };
-        Named {
+        IncidentNet {
             id: 3,
             net: "line".into(),
             names,
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn a_net_without_a_command_file_is_named_by_its_id() {
-        assert_eq!(Named::of(7, None).title(), "#7");
-        assert_eq!(Named::of(7, Some(b"{")).title(), "#7");
+        assert_eq!(IncidentNet::of(7, None).title(), "#7");
+        assert_eq!(IncidentNet::of(7, Some(b"{")).title(), "#7");
     }
 }

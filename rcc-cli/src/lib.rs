@@ -13,7 +13,7 @@ pub mod identify;
 pub mod incident;
 pub mod interrupt;
 pub mod output;
-pub mod picture;
+pub mod plot;
 pub mod simulate;
 pub mod supervisor;
 pub mod table;

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use rcc_cli::client::Remote;
+use rcc_cli::client::RemoteLoader;
 use rcc_cli::context::{Context, Format};
 use rcc_cli::output;
 use rcc_cli::verbs::Verb;
@@ -70,7 +70,7 @@ fn main() -> ExitCode {
         .map(|url| {
             // Never an argument: those are seen by everybody on the machine.
             let token = std::env::var("RCC_TOKEN").ok();
-            Remote::new(url, arguments.token_file.as_deref(), token.as_deref())
+            RemoteLoader::new(url, arguments.token_file.as_deref(), token.as_deref())
         });
     let (remote, refused) = match remote.transpose() {
         Ok(remote) => (remote, None),
@@ -95,12 +95,12 @@ fn main() -> ExitCode {
 fn conclude(told: &clap::Error) -> ExitCode {
     if told.use_stderr() {
         // What was typed may be the name of a file of somebody else.
-        output::remark(&told.to_string());
+        output::print_note(&told.to_string());
     } else if std::io::stdout().is_terminal() {
         // Ours, with colours.
         let _ = told.print();
     } else {
-        output::say(&told.to_string());
+        output::print_line(&told.to_string());
     }
     ExitCode::from(u8::try_from(told.exit_code()).unwrap_or(codes::exit::USAGE))
 }

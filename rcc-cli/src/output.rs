@@ -18,42 +18,42 @@ const LAST_LINES: Duration = Duration::from_secs(1);
 
 /// Prints a line on stdout, as the result of a verb that has nothing else to do. A reader that is gone ends the program
 /// without words, as it ends other filters; any other failure ends it with an error, because the result is lost.
-pub fn say(text: &str) {
-    put(&format!("{}\n", Printable(text.trim_end_matches('\n'))));
+pub fn print_line(text: &str) {
+    write_or_exit(&format!("{}\n", Printable(text.trim_end_matches('\n'))));
 }
 
-/// Prints the text of a file, as [`say`], but to the byte as it is unless a terminal shows it.
-pub fn say_file(text: &str) {
+/// Prints the text of a file, as [`print_line`], but to the byte as it is unless a terminal shows it.
+pub fn print_file(text: &str) {
     if io::stdout().is_terminal() {
-        say(text);
+        print_line(text);
     } else {
-        put(&format!("{}\n", text.trim_end_matches('\n')));
+        write_or_exit(&format!("{}\n", text.trim_end_matches('\n')));
     }
 }
 
-/// Prints a table, as [`say`], in the place of the one before, of so many lines; 0: below what is there.
-pub fn say_again(before: usize, text: &str) {
+/// Prints a table, as [`print_line`], in the place of the one before, of so many lines; 0: below what is there.
+pub fn reprint(before: usize, text: &str) {
     if before > 0 {
         // Back to its first line, and from there to the end everything is erased.
-        put(&format!("\x1b[{before}A\x1b[J"));
+        write_or_exit(&format!("\x1b[{before}A\x1b[J"));
     }
-    say(text);
+    print_line(text);
 }
 
-fn put(text: &str) {
+fn write_or_exit(text: &str) {
     let mut out = io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     if let Err(error) = written {
-        process::exit(i32::from(unwritten(&error)));
+        process::exit(i32::from(exit_code_of(&error)));
     }
 }
 
 /// The exit code of a program whose output cannot be written; told on stderr unless its reader is gone.
-fn unwritten(error: &io::Error) -> u8 {
+fn exit_code_of(error: &io::Error) -> u8 {
     if error.kind() == ErrorKind::BrokenPipe {
         return exit::READER_GONE;
     }
-    remark(&format!(
+    print_note(&format!(
         "error {}: standard output: {error}\n       help: what was asked for may be done, but what is to be said about \
          it is lost: make room, or print elsewhere",
         codes::NOT_STORED.code
@@ -62,16 +62,16 @@ fn unwritten(error: &io::Error) -> u8 {
 }
 
 /// Prints a remark on stderr. Nobody can be told when that fails, and nothing changes by it.
-pub fn remark(text: &str) {
-    tell(&Printable(text.trim_end_matches('\n')).to_string());
+pub fn print_note(text: &str) {
+    write_stderr(&Printable(text.trim_end_matches('\n')).to_string());
 }
 
-/// Prints drawings of findings on stderr, as [`remark`], in the colours that they were drawn in.
-pub fn remark_drawing(drawing: &str) {
-    tell(&Coloured(drawing.trim_end_matches('\n')).to_string());
+/// Prints drawings of findings on stderr, as [`print_note`], in the colours that they were drawn in.
+pub fn print_diagnostics(drawing: &str) {
+    write_stderr(&Coloured(drawing.trim_end_matches('\n')).to_string());
 }
 
-fn tell(text: &str) {
+fn write_stderr(text: &str) {
     if !text.is_empty() {
         // One write, so that lines of several programs do not mix.
         let _ = io::stderr().write_all(format!("{text}\n").as_bytes());
@@ -88,14 +88,14 @@ enum Stream {
 }
 
 /// Prints while something runs that must not wait for it: neither a full disk, nor a reader that is gone, nor one that
-/// does not read (a stopped terminal, a pager) holds up the caller. Text that cannot be printed is dropped.
+/// does not read (a stopped terminal, a pager) holds up the caller. PrintJob that cannot be printed is dropped.
 #[derive(Clone, Debug)]
 pub struct Printer {
-    texts: SyncSender<Text>,
+    texts: SyncSender<PrintJob>,
 }
 
 #[derive(Debug)]
-enum Text {
+enum PrintJob {
     Print(Stream, String),
     /// Everything before is printed.
     Done(SyncSender<()>),
@@ -113,32 +113,32 @@ impl Printer {
     }
 
     /// Prints a line on stdout.
-    pub fn say(&self, text: &str) {
+    pub fn print_line(&self, text: &str) {
         let line = format!("{}\n", Printable(text.trim_end_matches('\n')));
-        self.put(Stream::Out, line);
+        self.send(Stream::Out, line);
     }
 
     /// Prints a line on stderr.
-    pub fn remark(&self, text: &str) {
+    pub fn print_note(&self, text: &str) {
         let line = format!("{}\n", Printable(text.trim_end_matches('\n')));
-        self.put(Stream::Err, line);
+        self.send(Stream::Err, line);
     }
 
     /// Prints a line on stdout over the one that begins there, and ends it or not.
     pub fn overwrite(&self, line: &str, end: bool) {
         let end = if end { "\n" } else { "" };
-        self.put(Stream::Out, format!("\r{}\x1b[K{end}", Printable(line)));
+        self.send(Stream::Out, format!("\r{}\x1b[K{end}", Printable(line)));
     }
 
-    fn put(&self, stream: Stream, text: String) {
+    fn send(&self, stream: Stream, text: String) {
         // Full or without a reader: dropped.
-        let _ = self.texts.try_send(Text::Print(stream, text));
+        let _ = self.texts.try_send(PrintJob::Print(stream, text));
     }
 
     /// Waits until everything is printed, at most a second.
     pub fn finish(&self) {
         let (done, printed) = sync_channel(1);
-        if self.texts.try_send(Text::Done(done)).is_ok() {
+        if self.texts.try_send(PrintJob::Done(done)).is_ok() {
             // Whoever does not read until now does not get the rest.
             let _: Result<(), RecvTimeoutError> = printed.recv_timeout(LAST_LINES);
         }
@@ -156,11 +156,11 @@ fn write(stream: Stream, text: &str) -> io::Result<()> {
 }
 
 /// Prints until the last printer is gone; the first failure of stdout is told on stderr.
-fn print_all(texts: &Receiver<Text>, write: &mut dyn FnMut(Stream, &str) -> io::Result<()>) {
+fn print_all(texts: &Receiver<PrintJob>, write: &mut dyn FnMut(Stream, &str) -> io::Result<()>) {
     let mut told = false;
     for text in texts {
         match text {
-            Text::Print(stream, text) => {
+            PrintJob::Print(stream, text) => {
                 if let Err(error) = write(stream, &text)
                     && stream == Stream::Out
                     && !told
@@ -172,7 +172,7 @@ fn print_all(texts: &Receiver<Text>, write: &mut dyn FnMut(Stream, &str) -> io::
                 }
             }
             // Whoever waited may have given up.
-            Text::Done(done) => {
+            PrintJob::Done(done) => {
                 let _ = done.try_send(());
             }
         }
@@ -187,8 +187,8 @@ mod tests {
     fn output_that_fails_is_told_once_and_the_rest_is_still_tried() {
         let (texts, waiting) = sync_channel(8);
         let printer = Printer { texts };
-        ["a", "b", "c"].iter().for_each(|line| printer.say(line));
-        printer.remark("d");
+        ["a", "b", "c"].iter().for_each(|line| printer.print_line(line));
+        printer.print_note("d");
         drop(printer);
         let (mut tried, mut errors) = (Vec::new(), String::new());
         print_all(&waiting, &mut |stream, text| match stream {
@@ -210,7 +210,7 @@ mod tests {
     fn a_printer_that_nobody_reads_from_holds_up_nobody() {
         let (texts, waiting) = sync_channel(2);
         let printer = Printer { texts };
-        (0..100).for_each(|number| printer.say(&number.to_string()));
+        (0..100).for_each(|number| printer.print_line(&number.to_string()));
         // Not even at the end: there is no room for the question.
         printer.finish();
         assert_eq!(waiting.try_iter().count(), 2);

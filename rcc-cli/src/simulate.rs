@@ -8,10 +8,10 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{CommandEntry, CommandState, Joints, MonitorRecord};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperEnds, Order, Outcome, rings};
-use rcc_engine::rehearsal::{Scene, rehearse};
+use rcc_engine::queue::{HelperRingEnds, EngineRequest, EngineReply, rings};
+use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_ipc::rehearsal::Rehearsed;
+use rcc_ipc::rehearsal::RehearsalReport;
 use rcc_language::names::Names;
 use thiserror::Error;
 
@@ -23,9 +23,9 @@ pub mod trace;
 pub mod tracks;
 pub mod wall;
 
-use device::Device;
-use script::Step;
-use trace::Trace;
+use device::SimulatedDevice;
+use script::ScriptStep;
+use trace::MonitorTrace;
 
 /// The one command's id: the engine counts from 1.
 const ID: u64 = 1;
@@ -35,20 +35,20 @@ const START: u64 = 2;
 
 /// What happens meanwhile.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct SimulationOptions {
     /// Longest logical time, ns.
     pub limit_ns: u64,
     /// CANCEL (ABORT of a net that has no Cancel) after this logical time, ns.
     pub cancel_at_ns: Option<u64>,
     /// Inputs that are set.
-    pub steps: Vec<Step>,
+    pub steps: Vec<ScriptStep>,
     /// Run it even if its rehearsal breaks a limit: to see how.
-    pub whatever: bool,
+    pub despite_refusal: bool,
 }
 
 /// What came of it.
 #[derive(Debug)]
-pub struct Simulated {
+pub struct SimulationResult {
     /// The command's row at the end.
     pub command: CommandEntry,
     /// Cycles since START.
@@ -56,15 +56,15 @@ pub struct Simulated {
     /// Period, ns.
     pub period_ns: u64,
     /// What monitors said.
-    pub trace: Trace,
+    pub trace: MonitorTrace,
     /// What its rehearsal came to; `None`: it commands no arm.
-    pub rehearsed: Option<Rehearsed>,
-    /// The limit that it broke in its rehearsal, if it was run whatever that came to.
+    pub rehearsed: Option<RehearsalReport>,
+    /// The limit that it broke in its rehearsal, if it was run despite_refusal that came to.
     pub foreseen: Option<Refusal>,
 }
 
 /// Somebody who looks at the engine after each cycle; the time is that since START, s.
-pub type Watcher<'w> = &'w mut dyn FnMut(f64, &Engine);
+pub type CycleObserver<'w> = &'w mut dyn FnMut(f64, &Engine);
 
 /// Why a net cannot be simulated.
 #[derive(Debug, Error)]
@@ -81,17 +81,17 @@ pub enum SimulateError {
 }
 
 /// The engine and its devices in one virtual time.
-struct Cell {
+struct VirtualCell {
     engine: Engine,
-    ends: HelperEnds,
-    devices: Vec<Device>,
+    ends: HelperRingEnds,
+    devices: Vec<SimulatedDevice>,
     now_ns: u64,
     period_ns: u64,
     answers: [Option<Answer>; 3],
 }
 
-impl Cell {
-    fn new(config: &CellConfig) -> Cell {
+impl VirtualCell {
+    fn new(config: &CellConfig) -> VirtualCell {
         let (rt, ends) = rings();
         let period_ns = config.period_ns;
         let engine = EngineConfig {
@@ -104,8 +104,8 @@ impl Cell {
         let devices = config
             .devices
             .iter()
-            .map(|device| Device::new(device, &config.simulators, period_ns));
-        Cell {
+            .map(|device| SimulatedDevice::new(device, &config.simulators, period_ns));
+        VirtualCell {
             engine: Engine::new(engine, rt),
             ends,
             devices: devices.collect(),
@@ -127,8 +127,8 @@ impl Cell {
         }
         self.engine.cycle(self.now_ns);
         self.engine.account(0, 0, 0);
-        while let Ok(outcome) = self.ends.outcomes.pop() {
-            if let Outcome::Answer { ticket, answer } = outcome
+        while let Ok(outcome) = self.ends.replies.pop() {
+            if let EngineReply::Answer { ticket, answer } = outcome
                 && let Some(place) = self.answers.get_mut(ticket as usize)
             {
                 *place = Some(answer);
@@ -137,16 +137,16 @@ impl Cell {
         while self.ends.events.pop().is_ok() {}
     }
 
-    fn order(&mut self, order: Order) -> Result<(), SimulateError> {
+    fn order(&mut self, order: EngineRequest) -> Result<(), SimulateError> {
         // The ring is empty before each step: its room is only used up by what is asked here.
         self.ends
-            .orders
+            .requests
             .push(order)
             .map_err(|_| SimulateError::Silent)
     }
 
     fn holds(&self) -> Vec<Option<Joints>> {
-        self.devices.iter().map(Device::hold).collect()
+        self.devices.iter().map(SimulatedDevice::hold).collect()
     }
 
     fn command(&self) -> Option<&CommandEntry> {
@@ -178,11 +178,11 @@ pub fn run(
     config: &CellConfig,
     plan: PlanData,
     names: &Names,
-    options: &Options,
+    options: &SimulationOptions,
     mut table: Option<&mut dyn Write>,
-    watch: Watcher<'_>,
-) -> Result<Simulated, SimulateError> {
-    let mut cell = Cell::new(config);
+    watch: CycleObserver<'_>,
+) -> Result<SimulationResult, SimulateError> {
+    let mut cell = VirtualCell::new(config);
     apply(&options.steps, 0, 0, &mut cell.devices);
     // Once without a net, so that the engine has seen the devices.
     cell.step();
@@ -192,20 +192,20 @@ pub fn run(
     let mut net = net.map_err(SimulateError::Refused)?;
     let (rehearsed, foreseen) = match cell.rehearse(&mut net, &config.models()) {
         Ok(rehearsed) => (rehearsed, None),
-        Err(foreseen) if options.whatever => (None, Some(foreseen)),
+        Err(foreseen) if options.despite_refusal => (None, Some(foreseen)),
         Err(foreseen) => return Err(SimulateError::Refused(foreseen)),
     };
-    cell.order(Order::Reserve { ticket: 0 })?;
-    cell.order(Order::Install {
+    cell.order(EngineRequest::Reserve { ticket: 0 })?;
+    cell.order(EngineRequest::Install {
         ticket: INSTALL,
         id: ID,
         net,
     })?;
-    cell.order(Order::Start {
+    cell.order(EngineRequest::Start {
         ticket: START,
         id: ID,
     })?;
-    let mut trace = Trace::new(names);
+    let mut trace = MonitorTrace::new(names);
     if let Some(out) = &mut table {
         trace.write_head(out)?;
     }
@@ -242,7 +242,7 @@ pub fn run(
         out.flush()?;
     }
     let command = *cell.command().ok_or(SimulateError::Silent)?;
-    Ok(Simulated {
+    Ok(SimulationResult {
         command,
         cycles: cell.engine.status().cycle + 1 - begun,
         period_ns: config.period_ns,
@@ -259,26 +259,26 @@ pub fn run(
 pub fn rehearse_at_start(
     config: &CellConfig,
     plan: PlanData,
-) -> Result<Option<Rehearsed>, Refusal> {
-    let mut cell = Cell::new(config);
+) -> Result<Option<RehearsalReport>, Refusal> {
+    let mut cell = VirtualCell::new(config);
     cell.step();
     let (models, dt_s) = (config.models(), config.period_ns as f64 / 1e9);
     let mut net = Net::build(plan, &models, config.fingerprint(), &cell.holds(), dt_s)?;
     cell.rehearse(&mut net, &models)
 }
 
-impl Cell {
+impl VirtualCell {
     /// As an executor does before a net is ready.
     fn rehearse(
         &self,
         net: &mut Net,
         models: &[DeviceModel],
-    ) -> Result<Option<Rehearsed>, Refusal> {
+    ) -> Result<Option<RehearsalReport>, Refusal> {
         let inputs = self.devices.iter().map(|device| DeviceInput {
             present: true,
             measurement: *device.measurement(),
         });
-        let scene = Scene {
+        let scene = RehearsalScene {
             models,
             devices: &inputs.collect::<Vec<_>>(),
             holds: &self.holds(),
@@ -292,15 +292,15 @@ impl Cell {
         let (ticket, id) = (u64::MAX, ID);
         let can_cancel = self.command().is_some_and(|row| row.can_cancel == 1);
         self.order(if can_cancel {
-            Order::Cancel { ticket, id }
+            EngineRequest::Cancel { ticket, id }
         } else {
-            Order::Abort { ticket, id }
+            EngineRequest::Abort { ticket, id }
         })
     }
 }
 
 /// Sets the inputs whose time is between the two, both included; in the order in which they were given.
-fn apply(steps: &[Step], from_ns: u64, to_ns: u64, devices: &mut [Device]) {
+fn apply(steps: &[ScriptStep], from_ns: u64, to_ns: u64, devices: &mut [SimulatedDevice]) {
     for step in steps
         .iter()
         .filter(|step| (from_ns..=to_ns).contains(&step.at_ns))

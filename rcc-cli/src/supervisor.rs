@@ -2,9 +2,9 @@
 //! all of them without leaving a process or a file. Run by one thread; the children die with that thread.
 
 pub mod child;
-pub mod launch;
-pub mod notices;
-pub mod places;
+pub mod processes;
+pub mod notify;
+pub mod paths;
 pub mod policy;
 pub mod running;
 mod stop;
@@ -13,10 +13,10 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rcc_config::{CellConfig, Change, FileWatch};
+use rcc_config::{CellConfig, ConfigChange, FileWatch};
 use rcc_ipc::clean::{self, JANITOR_TIMEOUT, WipeError};
 use rcc_ipc::configuration::changed;
-use rcc_ipc::events::{self, Kind, Origin};
+use rcc_ipc::events::{self, EventKind, EventOrigin};
 use rcc_ipc::{Announced, Announcement, Cell, Configuration, Role, room, take};
 use rcc_loader::server::api::{DeviceView, StatusView};
 use rcc_loader::server::codes;
@@ -25,12 +25,12 @@ use crate::client::Client;
 use crate::context::of_cell;
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use child::{Child, Life};
-use launch::{Prepared, Stage};
-use policy::Verdict;
+use child::{Child, ProcessState};
+use processes::{PreparedCell, ProcessKind};
+use policy::RestartDecision;
 
 /// How often the processes are looked at.
-pub const LOOK_EVERY: Duration = Duration::from_millis(20);
+pub const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// How often the devices are asked for.
 const DEVICES_EVERY: Duration = Duration::from_millis(250);
 /// How often the configuration's files are looked at.
@@ -48,7 +48,7 @@ const ROOM_DEVICE: u64 = 1 << 20;
 
 /// Something that changed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Line {
+pub struct SupervisorEvent {
     /// Time since the supervisor's start.
     pub at: Duration,
     /// Which process or device.
@@ -62,19 +62,19 @@ pub struct Supervisor {
     /// The cell.
     pub cell: Cell,
     /// Its configuration.
-    pub prepared: Prepared,
+    pub prepared: PreparedCell,
     children: Vec<Child>,
     begun: Instant,
-    tell: Box<dyn FnMut(&Line)>,
+    on_event: Box<dyn FnMut(&SupervisorEvent)>,
     client: Client,
     devices: Vec<(String, String)>,
-    devices_asked: Instant,
-    grade_told: u32,
+    devices_polled_at: Instant,
+    grade_pid: u32,
     files: FileWatch,
-    files_looked: Instant,
+    files_polled_at: Instant,
     /// When the janitor has to run again, on the supervisor's clock.
     clean_due: Option<Duration>,
-    looked: Instant,
+    polled_at: Instant,
     failed: bool,
     executor_failed: bool,
     logs: PathBuf,
@@ -90,18 +90,18 @@ impl Supervisor {
     /// The cell lives, there is too little shared memory, or a program is not there.
     pub fn start(
         name: &str,
-        prepared: Prepared,
-        tell: Box<dyn FnMut(&Line)>,
+        prepared: PreparedCell,
+        on_event: Box<dyn FnMut(&SupervisorEvent)>,
     ) -> Result<Supervisor, Failure> {
-        let specs = launch::specs(name, &prepared)?;
-        places::program("rcc-janitor")?;
+        let specs = processes::specs(name, &prepared)?;
+        paths::program("rcc-janitor")?;
         let cell = Cell::new(name).map_err(|error| of_cell(&error))?;
-        let presence = take(&cell, &prepared.config)?;
+        let presence = claim(&cell, &prepared.config)?;
         let logs = cell.runtime_dir().join("logs");
-        let client = furnish(&cell, &prepared, &logs).inspect_err(|_| {
+        let client = set_up(&cell, &prepared, &logs).inspect_err(|_| {
             // Nothing of ours stays; what cannot be removed, the next `up` removes.
             let _ = std::fs::remove_dir_all(&logs);
-            let _ = take::give_back(&cell, &presence);
+            let _ = ownership::release(&cell, &presence);
         })?;
         let supervision = &prepared.config.supervision;
         let children = specs.into_iter().enumerate();
@@ -112,21 +112,21 @@ impl Supervisor {
             cell,
             prepared,
             begun: Instant::now(),
-            tell,
+            on_event,
             client,
             devices: Vec::new(),
-            devices_asked: Instant::now(),
-            grade_told: 0,
+            devices_polled_at: Instant::now(),
+            grade_pid: 0,
             files,
-            files_looked: Instant::now(),
+            files_polled_at: Instant::now(),
             clean_due: None,
-            looked: Instant::now(),
+            polled_at: Instant::now(),
             failed: false,
             executor_failed: false,
             logs,
             presence,
         };
-        supervisor.look();
+        supervisor.poll();
         Ok(supervisor)
     }
 
@@ -137,11 +137,11 @@ impl Supervisor {
     pub fn wait_until_up(&mut self, interrupts: &Interrupts) -> Result<(), Failure> {
         let limit = Instant::now() + START_LIMIT;
         loop {
-            self.look();
+            self.poll();
             let waiting: Vec<&str> = self
                 .children
                 .iter()
-                .filter(|child| !matches!(child.life, Life::Up(_)))
+                .filter(|child| !matches!(child.state, ProcessState::Up(_)))
                 .map(|child| child.spec.name.as_str())
                 .collect();
             if waiting.is_empty() {
@@ -158,15 +158,15 @@ impl Supervisor {
                     "the lines above say why",
                 ));
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    /// One look at everything; call it at least every [`LOOK_EVERY`].
-    pub fn look(&mut self) {
-        self.excuse_all();
+    /// One look at everything; call it at least every [`POLL_INTERVAL`].
+    pub fn poll(&mut self) {
+        self.reset_watchdogs();
         for index in 0..self.children.len() {
-            self.look_at(index);
+            self.poll_child(index);
         }
         if self
             .clean_due
@@ -174,26 +174,26 @@ impl Supervisor {
         {
             self.clean(None);
         }
-        if self.devices_asked.elapsed() >= DEVICES_EVERY {
-            self.devices_asked = Instant::now();
-            self.look_at_devices();
+        if self.devices_polled_at.elapsed() >= DEVICES_EVERY {
+            self.devices_polled_at = Instant::now();
+            self.poll_devices();
         }
-        if self.files_looked.elapsed() >= FILES_EVERY {
-            self.files_looked = Instant::now();
-            self.look_at_files();
+        if self.files_polled_at.elapsed() >= FILES_EVERY {
+            self.files_polled_at = Instant::now();
+            self.poll_files();
         }
-        self.looked = Instant::now();
+        self.polled_at = Instant::now();
     }
 
     /// Says once what the files of the configuration say that is not in force; the loader writes it to the event log.
-    fn look_at_files(&mut self) {
-        let words = match self.files.look() {
+    fn poll_files(&mut self) {
+        let words = match self.files.poll() {
             None => return,
-            Some(Change::None) => changed("", None),
-            Some(Change::Differs(words)) => changed(&words.join("; "), None),
-            Some(Change::Invalid(fault)) => changed("", Some(fault)),
+            Some(ConfigChange::None) => changed("", None),
+            Some(ConfigChange::Differs(words)) => changed(&words.join("; "), None),
+            Some(ConfigChange::Invalid(fault)) => changed("", Some(fault)),
         };
-        self.say("configuration", &words);
+        self.report("configuration", &words);
     }
 
     /// True once a process failed for good.
@@ -215,14 +215,14 @@ impl Supervisor {
 
     /// A supervisor that was not there for long (a busy or suspended machine) calls nobody silent. Time that it spends in
     /// a look, waiting for a janitor or a loader that hangs, does not count: what is told meanwhile waits in the sockets.
-    fn excuse_all(&mut self) {
-        let away = self.looked.elapsed();
+    fn reset_watchdogs(&mut self) {
+        let away = self.polled_at.elapsed();
         if away > Duration::from_nanos(self.prepared.config.supervision.watchdog_ns) / 2 {
-            let ears = self
+            let sockets = self
                 .children
                 .iter_mut()
                 .filter_map(|child| child.notices.as_mut());
-            ears.for_each(notices::Notices::excuse);
+            sockets.for_each(notify::NotifySocket::reset_watchdog);
         }
     }
 
@@ -239,7 +239,7 @@ impl Supervisor {
         child.pid()
     }
 
-    fn look_at(&mut self, index: usize) {
+    fn poll_child(&mut self, index: usize) {
         let now = self.begun.elapsed();
         let patience = self.patience();
         let Some(child) = self.children.get_mut(index) else {
@@ -248,100 +248,100 @@ impl Supervisor {
         let name = child.spec.name.clone();
         if let Some(status) = child.ended() {
             let words = match child.hung {
-                Some(_) => format!("killed, because it hung ({})", child::words(status)),
-                None => child::words(status),
+                Some(_) => format!("killed, because it hung ({})", child::describe(status)),
+                None => child::describe(status),
             };
-            self.bury(index, now, &words, child::remedy(status));
+            self.handle_death(index, now, &words, child::remedy(status));
             return;
         }
         if let Some(silence) = child.watch(START_LIMIT, patience) {
             let silence = silence.as_secs_f64();
-            let status = child.notices.as_ref().map_or("", notices::Notices::status);
+            let status = child.notices.as_ref().map_or("", notify::NotifySocket::status);
             let words = format!(
                 "hangs: no progress for {silence:.1} s, it is killed; it said last: {status}"
             );
             let pid = child.pid().unwrap_or(0);
-            self.say(&name, &words);
-            self.record(Kind::WatchdogKill {
+            self.report(&name, &words);
+            self.record(EventKind::WatchdogKill {
                 process: name,
                 pid,
                 silent_ms: (silence * 1e3) as u64,
             });
             return;
         }
-        match std::mem::replace(&mut child.life, Life::Failed) {
-            Life::Down(at) if at <= now => {
+        match std::mem::replace(&mut child.state, ProcessState::Failed) {
+            ProcessState::Down(at) if at <= now => {
                 if let Err(error) = child.start() {
                     let remedy = "allow it, or install all programs again";
-                    self.bury(index, now, &error.to_string(), Some(remedy));
+                    self.handle_death(index, now, &error.to_string(), Some(remedy));
                 }
             }
-            Life::Starting(process) => {
-                child.life = Life::Starting(process);
+            ProcessState::Starting(process) => {
+                child.state = ProcessState::Starting(process);
                 if child.is_ready() {
                     let pid = child.pid().unwrap_or(0);
-                    if let Life::Starting(process) =
-                        std::mem::replace(&mut child.life, Life::Failed)
+                    if let ProcessState::Starting(process) =
+                        std::mem::replace(&mut child.state, ProcessState::Failed)
                     {
-                        child.life = Life::Up(process);
+                        child.state = ProcessState::Up(process);
                     }
-                    self.say(&name, &format!("up  pid {pid}"));
-                    self.record(Kind::ProcessStarted { process: name, pid });
+                    self.report(&name, &format!("up  pid {pid}"));
+                    self.record(EventKind::ProcessStarted { process: name, pid });
                 }
             }
             other => {
-                child.life = other;
+                child.state = other;
                 child.trim_log();
             }
         }
     }
 
     /// A process is dead: its last words, the janitor, and what becomes of it.
-    fn bury(&mut self, index: usize, now: Duration, words: &str, remedy: Option<&str>) {
+    fn handle_death(&mut self, index: usize, now: Duration, words: &str, remedy: Option<&str>) {
         let Some(child) = self.children.get_mut(index) else {
             return;
         };
-        let (name, last_words) = (child.spec.name.clone(), child.last_words());
+        let (name, last_words) = (child.spec.name.clone(), child.last_log_lines());
         let pid = child.pid().unwrap_or(0);
-        let is_executor = child.spec.stage == Stage::Executor;
+        let is_executor = child.spec.kind == ProcessKind::Executor;
         let verdict = if remedy.is_some() {
-            Verdict::Failed
+            RestartDecision::Failed
         } else {
             child.restarts.died(now)
         };
-        child.life = match verdict {
-            Verdict::Again { at, .. } => Life::Down(at),
-            Verdict::Failed => Life::Failed,
+        child.state = match verdict {
+            RestartDecision::Again { at, .. } => ProcessState::Down(at),
+            RestartDecision::Failed => ProcessState::Failed,
         };
-        self.say(&name, &format!("died: {words}"));
+        self.report(&name, &format!("died: {words}"));
         // What it did before is in the log; only an error or a panic tells why it died.
         let usual = |line: &&String| line.contains(" INFO ") || line.contains(" WARN ");
         let said = last_words.iter().rfind(|line| !usual(line));
-        self.record(Kind::ProcessDied {
+        self.record(EventKind::ProcessDied {
             process: name.clone(),
             pid,
             how: words.to_owned(),
-            last_words: events::text(said.map_or("", String::as_str)),
+            last_words: events::event_text(said.map_or("", String::as_str)),
         });
         for line in last_words {
-            self.say(&name, &format!("  | {line}"));
+            self.report(&name, &format!("  | {line}"));
         }
         self.clean(Some(clean::HALF_CREATED_AFTER * 2));
         match verdict {
-            Verdict::Again { nth, .. } => {
+            RestartDecision::Again { nth, .. } => {
                 let (most, window) = self.allowed();
-                self.say(
+                self.report(
                     &name,
                     &format!("starting again ({nth}/{most} in {window} s)"),
                 );
-                self.record(Kind::ProcessRestart {
+                self.record(EventKind::ProcessRestart {
                     process: name,
                     nth,
                     most,
                     within_s: window,
                 });
             }
-            Verdict::Failed => self.fail(name, is_executor, words, remedy),
+            RestartDecision::Failed => self.fail(name, is_executor, words, remedy),
         }
     }
 
@@ -358,9 +358,9 @@ impl Supervisor {
             || format!("it died more than {most} times in {window} s; find out why from the lines above, then start the cell again"),
             str::to_owned,
         );
-        self.say(&name, &format!("failed: it is not started again ({words})"));
-        self.say(&name, &format!("  > {rest}; {remedy}"));
-        self.record(Kind::ProcessFailed {
+        self.report(&name, &format!("failed: it is not started again ({words})"));
+        self.report(&name, &format!("  > {rest}; {remedy}"));
+        self.record(EventKind::ProcessFailed {
             process: name,
             why: words.to_owned(),
         });
@@ -382,15 +382,15 @@ impl Supervisor {
         let pause = done.as_ref().map_or(Some(CLEAN_AGAIN), |_| again);
         self.clean_due = pause.map(|pause| self.begun.elapsed() + pause);
         if let Err(error) = done {
-            self.say("janitor", &error.to_string());
+            self.report("janitor", &error.to_string());
         }
     }
 
-    fn look_at_devices(&mut self) {
+    fn poll_devices(&mut self) {
         let serving = self
             .children
             .iter()
-            .any(|child| child.spec.stage == Stage::Loader && matches!(child.life, Life::Up(_)));
+            .any(|child| child.spec.kind == ProcessKind::Loader && matches!(child.state, ProcessState::Up(_)));
         if !serving {
             return;
         }
@@ -413,34 +413,34 @@ impl Supervisor {
             let old = before.iter().find(|(other, _)| *other == name);
             match old {
                 Some((_, old)) if *old == state => {}
-                Some((_, old)) => self.say(&format!("device {name}"), &format!("{old} → {state}")),
-                None => self.say(&format!("device {name}"), &state),
+                Some((_, old)) => self.report(&format!("device {name}"), &format!("{old} → {state}")),
+                None => self.report(&format!("device {name}"), &state),
             }
         }
-        self.tell_grade();
+        self.report_grade();
     }
 
     /// The RT grade, once for each life of the executor.
-    fn tell_grade(&mut self) {
+    fn report_grade(&mut self) {
         let pid = self.pid("executor").unwrap_or(0);
-        if pid == self.grade_told {
+        if pid == self.grade_pid {
             return;
         }
         if let Ok(status) = self.client.get::<StatusView>("/status")
             && status.executor.pid == pid
         {
-            self.grade_told = pid;
-            self.say("executor", &status.executor.grade);
+            self.grade_pid = pid;
+            self.report("executor", &status.executor.grade);
         }
     }
 
     /// Into the cell's event log.
-    fn record(&self, what: Kind) {
-        events::tell(&self.cell, Origin::Supervisor, "up", what);
+    fn record(&self, what: EventKind) {
+        events::tell(&self.cell, EventOrigin::Supervisor, "up", what);
     }
 
-    fn say(&mut self, who: &str, what: &str) {
-        (self.tell)(&Line {
+    fn report(&mut self, who: &str, what: &str) {
+        (self.on_event)(&SupervisorEvent {
             at: self.begun.elapsed(),
             who: who.to_owned(),
             what: what.to_owned(),
@@ -449,7 +449,7 @@ impl Supervisor {
 }
 
 /// Makes what the processes of a cell find there.
-fn furnish(cell: &Cell, prepared: &Prepared, logs: &Path) -> Result<Client, Failure> {
+fn set_up(cell: &Cell, prepared: &PreparedCell, logs: &Path) -> Result<Client, Failure> {
     room::require(ROOM_CELL + ROOM_DEVICE * prepared.config.devices.len() as u64)
         .map_err(|error| Failure::new(codes::NO_SPACE, error.to_string(), ""))?;
     std::fs::DirBuilder::new()
@@ -458,17 +458,17 @@ fn furnish(cell: &Cell, prepared: &Prepared, logs: &Path) -> Result<Client, Fail
         .create(logs)
         .map_err(|error| Failure::unreadable(&logs.display().to_string(), &error))?;
     let config = prepared.path.display().to_string();
-    events::begin(cell, &config, &prepared.ports);
+    events::begin_log(cell, &config, &prepared.ports);
     running::write(cell, prepared)?;
     Client::new(cell.name(), &cell.socket(), ANSWER_LIMIT)
 }
 
 /// Takes the cell for this process, if nobody has it; what somebody has is not touched.
-fn take(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
+fn claim(cell: &Cell, config: &CellConfig) -> Result<Announced, Failure> {
     let supervisor = Announcement::supervisor()
         .map_err(|error| Failure::new(codes::PROCESS_FAILED, error.to_string(), ""))?
         .configured(Configuration::new(config.identity()));
-    take::take(cell, &supervisor).map_err(|error| {
+    ownership::acquire(cell, &supervisor).map_err(|error| {
         let name = cell.name();
         match &error {
             WipeError::Living { role: Role::Cli, pid, .. } => Failure::new(

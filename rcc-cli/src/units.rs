@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use rcc_config::cell::SupervisionConfig;
 use rcc_config::{AccessConfig, CellConfig};
 
-use crate::supervisor::launch;
+use crate::supervisor::processes;
 use cores::Cores;
 
 /// What begins every file of ours; only such files are ever replaced or removed.
@@ -63,7 +63,7 @@ pub struct UnitFile {
 
 /// One cell and how it shall run.
 #[derive(Clone, Copy, Debug)]
-pub struct Order<'a> {
+pub struct CellUnits<'a> {
     /// Name of the cell.
     pub cell: &'a str,
     /// Its configuration.
@@ -91,7 +91,7 @@ pub fn shipped(programs: &Path) -> Vec<UnitFile> {
     SHIPPED.iter().map(file).collect()
 }
 
-impl Order<'_> {
+impl CellUnits<'_> {
     /// The drop-ins of the cell.
     #[must_use]
     pub fn drop_ins(&self) -> Vec<UnitFile> {
@@ -154,7 +154,7 @@ impl Order<'_> {
             self.environment(""),
             times(&self.config.supervision, 0),
             self.affinity(),
-            doors(&self.config.access),
+            listeners(&self.config.access),
         );
         let unit = format!("rcc-loader@{}.service", self.cell);
         let text = limits(&self.config.supervision) + "\n[Service]\n" + &service;
@@ -163,7 +163,7 @@ impl Order<'_> {
 
     fn driver(&self, device: &rcc_config::DeviceConfig) -> UnitFile {
         let cell = self.cell;
-        let priority = launch::driver_priority(self.config.executor.priority);
+        let priority = processes::driver_priority(self.config.executor.priority);
         let more = format!(
             " \"RCC_CELL={cell}\" \"RCC_DEVICE={}\" \"RCC_PRIORITY={priority}\"",
             device.name
@@ -274,8 +274,8 @@ fn limits(supervision: &SupervisionConfig) -> String {
     )
 }
 
-/// What the loader needs for the doors that are asked for.
-fn doors(access: &AccessConfig) -> String {
+/// What the loader needs for the listeners that are asked for.
+fn listeners(access: &AccessConfig) -> String {
     let group = access.group.as_ref();
     let group = group.map_or(String::new(), |group| {
         format!("# It gives the socket to this group.\nSupplementaryGroups={group}\n")
@@ -335,10 +335,10 @@ mod tests {
     #[test]
     fn when_memory_runs_out_units_go_in_the_same_order_as_under_up() {
         for (unit, stage) in [
-            ("executor", launch::Stage::Executor),
-            ("driver", launch::Stage::Driver),
-            ("loader", launch::Stage::Loader),
-            ("simulator", launch::Stage::Simulator),
+            ("executor", processes::ProcessKind::Executor),
+            ("driver", processes::ProcessKind::Driver),
+            ("loader", processes::ProcessKind::Loader),
+            ("simulator", processes::ProcessKind::Simulator),
         ] {
             let path = format!("etc/systemd/system/rcc-{unit}@.service");
             let found = SHIPPED.iter().find(|(name, _)| *name == path);

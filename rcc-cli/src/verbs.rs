@@ -143,7 +143,7 @@ verbs! {
 
 /// A net by id or name.
 #[derive(clap::Args, Debug)]
-pub struct Named {
+pub struct NetName {
     /// Id, name of the net (then the newest of that name), or name#id.
     pub name: String,
 }

@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use nalgebra::Vector3;
-use rcc_cli::identify::readings::{Wanted, read};
+use rcc_cli::identify::readings::{ReadingSelection, read};
 use rcc_cli::identify::{GRAVITY, Identified, IdentifyError, Reading, identify};
 use rcc_core::rotation;
 
@@ -271,13 +271,13 @@ fn two() -> Vec<Reading> {
 #[test]
 fn a_table_of_simulate_gives_the_lines_in_which_both_are_known() {
     let pose = [0.4, 0.1, 0.5, 0.0, 0.0, 0.6, 0.8];
-    assert_eq!(read(&sheet_of(&pose), &Wanted::default()), Ok(two()));
+    assert_eq!(read(&sheet_of(&pose), &ReadingSelection::default()), Ok(two()));
 }
 
 #[test]
 fn a_rotation_does_as_well_as_a_pose() {
     let text = sheet_of(&ROTATION).replace(",,,,,,,,", ",,,,,");
-    assert_eq!(read(&text, &Wanted::default()), Ok(two()));
+    assert_eq!(read(&text, &ReadingSelection::default()), Ok(two()));
 }
 
 #[test]
@@ -294,7 +294,7 @@ fn lines_of_tail_are_paired_by_their_cycle() {
         text += &line("n/at.rotation", cycle, &ROTATION);
     }
     text += &line("n/ft.wrench", 9, &WRENCH);
-    assert_eq!(read(&text, &Wanted::default()), Ok(two()));
+    assert_eq!(read(&text, &ReadingSelection::default()), Ok(two()));
 }
 
 #[test]
@@ -308,9 +308,9 @@ fn of_two_wrenches_one_is_named() {
         cells(&WRENCH),
         cells(&ROTATION),
     );
-    let error = read(&text, &Wanted::default()).unwrap_err();
+    let error = read(&text, &ReadingSelection::default()).unwrap_err();
     assert!(error.to_string().contains("n/raw, n/filtered"), "{error}");
-    let wanted = Wanted {
+    let wanted = ReadingSelection {
         wrench: Some("filtered".to_owned()),
         pose: None,
     };
@@ -326,7 +326,7 @@ fn what_is_not_understood_is_told_by_its_line() {
         ("{\"name\": \n", "line 1"),
         ("a,b\n1,2\n", "a, b"),
     ] {
-        let error = read(text, &Wanted::default()).unwrap_err().to_string();
+        let error = read(text, &ReadingSelection::default()).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
     }
 }

@@ -3,13 +3,13 @@
 
 use std::fmt::Write as _;
 
-use rcc_language::anatomy::{Anatomy, Part, PartRole, Pin, Source};
+use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortInfo, SourceInfo};
 
 use super::{Values, constant, frame_title, links};
 
 /// Draws a net.
 #[must_use]
-pub fn dot(net: &Anatomy, values: Option<&Values>) -> String {
+pub fn dot(net: &NetStructure, values: Option<&Values>) -> String {
     let mut out = format!(
         "digraph {} {{\n  rankdir=LR;\n  node [shape=plain, fontname=\"Helvetica\", fontsize=11];\n  edge [color=\"#7f8a99\", arrowsize=0.6];\n",
         quoted(&net.net)
@@ -35,12 +35,12 @@ pub fn dot(net: &Anatomy, values: Option<&Values>) -> String {
 }
 
 /// The nodes, those of a fragment within its frame.
-fn clusters(out: &mut String, net: &Anatomy, values: Option<&Values>) {
+fn clusters(out: &mut String, net: &NetStructure, values: Option<&Values>) {
     let mut parts: Vec<(Vec<&str>, usize)> = net
         .primitives
         .iter()
         .enumerate()
-        .filter(|(_, part)| part.role != PartRole::Constant)
+        .filter(|(_, part)| part.role != PrimitiveRole::Constant)
         .map(|(number, part)| (part.frames().collect(), number))
         .collect();
     // Those of one frame together, whatever the order of the file is.
@@ -69,19 +69,19 @@ fn clusters(out: &mut String, net: &Anatomy, values: Option<&Values>) {
     }
 }
 
-const fn colour(role: PartRole) -> &'static str {
+const fn colour(role: PrimitiveRole) -> &'static str {
     match role {
-        PartRole::Measures => "#dcecfb",
-        PartRole::Input => "#dff3e4",
-        PartRole::Moves => "#ece4fa",
-        PartRole::Commands => "#fde6d8",
-        PartRole::Ends => "#f9dfe3",
-        PartRole::Shows => "#d9f2f1",
-        PartRole::Plain | PartRole::Constant => "#eef1f5",
+        PrimitiveRole::Measures => "#dcecfb",
+        PrimitiveRole::Input => "#dff3e4",
+        PrimitiveRole::Moves => "#ece4fa",
+        PrimitiveRole::Commands => "#fde6d8",
+        PrimitiveRole::Ends => "#f9dfe3",
+        PrimitiveRole::Shows => "#d9f2f1",
+        PrimitiveRole::Plain | PrimitiveRole::Constant => "#eef1f5",
     }
 }
 
-fn node(out: &mut String, net: &Anatomy, number: usize, part: &Part, values: Option<&Values>) {
+fn node(out: &mut String, net: &NetStructure, number: usize, part: &PrimitiveInfo, values: Option<&Values>) {
     let device = part.device.as_ref().map(|device| format!(" · {device}"));
     let mut rows = format!(
         "<TR><TD COLSPAN=\"2\" BGCOLOR=\"{}\"><B>{}</B><BR/>{}</TD></TR>",
@@ -96,7 +96,7 @@ fn node(out: &mut String, net: &Anatomy, number: usize, part: &Part, values: Opt
             html(&format!("{name} {value}"))
         );
     }
-    let value = |pin: &Pin| values?.get(&format!("{}.{}", part.id, pin.name)).cloned();
+    let value = |pin: &PortInfo| values?.get(&format!("{}.{}", part.id, pin.name)).cloned();
     for row in 0..part.inputs.len().max(part.outputs.len()) {
         rows.push_str("<TR>");
         match part.inputs.get(row) {
@@ -129,7 +129,7 @@ fn node(out: &mut String, net: &Anatomy, number: usize, part: &Part, values: Opt
     );
 }
 
-fn kind(pin: &Pin) -> String {
+fn kind(pin: &PortInfo) -> String {
     match &pin.unit {
         Some(unit) => format!("{} {unit}", pin.type_name),
         None => pin.type_name.clone(),
@@ -137,13 +137,13 @@ fn kind(pin: &Pin) -> String {
 }
 
 /// What stands at an input: constants as they are, links by name and type.
-fn input(net: &Anatomy, pin: &Pin, value: Option<String>) -> String {
+fn input(net: &NetStructure, pin: &PortInfo, value: Option<String>) -> String {
     let constants: Vec<String> = pin
         .sources
         .iter()
         .filter_map(|source| match source {
-            Source::Constant(value) | Source::Default(value) => Some(value.clone()),
-            Source::Link(link) => constant(net, link),
+            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
+            SourceInfo::Link(link) => constant(net, link),
         })
         .collect();
     match (constants.len() == pin.sources.len(), value) {

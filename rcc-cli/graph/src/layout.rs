@@ -1,4 +1,4 @@
-//! Layered drawing of boxes with ports, from left to right: K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual
+//! LayeredGraph drawing of boxes with ports, from left to right: K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual
 //! understanding of hierarchical system structures", IEEE SMC 11 (1981). The same boxes and links give the same drawing.
 //! Pure; run by the command line.
 //!
@@ -11,7 +11,7 @@ mod route;
 
 /// A box to be placed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shape {
+pub struct NodeShape {
     /// Width.
     pub width: f64,
     /// Height.
@@ -21,12 +21,12 @@ pub struct Shape {
     /// Heights of its outputs, on its right side.
     pub outputs: Vec<f64>,
     /// Where it must be.
-    pub pin: Pin,
+    pub constraint: LayerConstraint,
 }
 
 /// A place that is prescribed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pin {
+pub enum LayerConstraint {
     /// None.
     Free,
     /// On the left border.
@@ -38,9 +38,9 @@ pub enum Pin {
 /// A link from an output of one shape to an input of another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Edge {
-    /// Shape and output.
+    /// NodeShape and output.
     pub from: (usize, usize),
-    /// Shape and input.
+    /// NodeShape and input.
     pub to: (usize, usize),
     /// It does not say what comes first.
     pub delayed: bool,
@@ -48,7 +48,7 @@ pub struct Edge {
 
 /// A point; y grows downwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Point {
+pub struct PlanePoint {
     /// To the right.
     pub x: f64,
     /// Down.
@@ -57,37 +57,37 @@ pub struct Point {
 
 /// How a link goes.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Route {
+pub enum LinkRoute {
     /// Forwards: level at each of these points, in a curve from height to height.
-    Curve(Vec<Point>),
+    Curve(Vec<PlanePoint>),
     /// Backwards below the boxes: level and upright by turns, with rounded corners.
-    Around(Vec<Point>),
+    Around(Vec<PlanePoint>),
 }
 
-impl Route {
+impl LinkRoute {
     /// Its points.
     #[must_use]
-    pub fn points(&self) -> &[Point] {
+    pub fn points(&self) -> &[PlanePoint] {
         match self {
-            Route::Curve(points) | Route::Around(points) => points,
+            LinkRoute::Curve(points) | LinkRoute::Around(points) => points,
         }
     }
 
     /// The same way elsewhere.
     #[must_use]
-    pub fn moved(self, by: Point) -> Route {
-        let moved = |points: Vec<Point>| {
+    pub fn moved(self, by: PlanePoint) -> LinkRoute {
+        let moved = |points: Vec<PlanePoint>| {
             let points = points.into_iter();
             points
-                .map(|at| Point {
+                .map(|at| PlanePoint {
                     x: at.x + by.x,
                     y: at.y + by.y,
                 })
                 .collect()
         };
         match self {
-            Route::Curve(points) => Route::Curve(moved(points)),
-            Route::Around(points) => Route::Around(moved(points)),
+            LinkRoute::Curve(points) => LinkRoute::Curve(moved(points)),
+            LinkRoute::Around(points) => LinkRoute::Around(moved(points)),
         }
     }
 }
@@ -96,27 +96,27 @@ impl Route {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
     /// Left upper corners, by shape.
-    pub places: Vec<Point>,
+    pub places: Vec<PlanePoint>,
     /// By edge.
-    pub routes: Vec<Route>,
+    pub routes: Vec<LinkRoute>,
     /// Width of all.
     pub width: f64,
     /// Height of all.
     pub height: f64,
 }
 
-/// What stands in a layer: a shape, or a link that passes.
+/// What stands in a layer: a shape, or a link that dummies.
 #[derive(Clone, Debug)]
 struct Vertex {
     layer: usize,
     height: f64,
-    /// `None`: a link that passes.
+    /// `None`: a link that dummies.
     shape: Option<usize>,
 }
 
 /// A part of a link from one layer to the next: vertices, heights within them, and what it counts.
 #[derive(Clone, Copy, Debug)]
-struct Segment {
+struct EdgeSegment {
     from: usize,
     from_y: f64,
     to: usize,
@@ -125,24 +125,24 @@ struct Segment {
 
 /// Shapes and passing links in layers.
 #[derive(Debug, Default)]
-struct Layered {
+struct LayeredGraph {
     vertices: Vec<Vertex>,
-    segments: Vec<Segment>,
+    segments: Vec<EdgeSegment>,
     /// By layer: vertices from top to bottom.
     layers: Vec<Vec<usize>>,
-    /// By edge: the vertices where it passes, in order; `None`: it goes backwards.
-    passes: Vec<Option<Vec<usize>>>,
+    /// By edge: the vertices where it dummies, in order; `None`: it goes backwards.
+    dummies: Vec<Option<Vec<usize>>>,
     /// By shape: its layer.
     layer_of: Vec<usize>,
 }
 
 /// Places shapes and leads edges.
 #[must_use]
-pub fn layout(shapes: &[Shape], edges: &[Edge]) -> Layout {
-    let mut layered = layers::layered(shapes, edges);
+pub fn layout(shapes: &[NodeShape], edges: &[Edge]) -> Layout {
+    let mut layered = layers::layered_graph(shapes, edges);
     order::reduce_crossings(&mut layered, shapes);
     let tops = coordinates::tops(&layered, shapes);
-    route::finish(&layered, shapes, edges, &tops)
+    route::routed_layout(&layered, shapes, edges, &tops)
 }
 
 #[cfg(test)]

@@ -5,20 +5,20 @@
 pub mod dot;
 pub mod layout;
 pub mod mermaid;
-pub mod picture;
+pub mod boxes;
 pub mod scene;
 pub mod svg;
 pub mod text;
 
 use std::collections::BTreeMap;
 
-use rcc_language::anatomy::{Anatomy, Link, Part, PartRole, Source};
+use rcc_language::structure::{NetStructure, LinkInfo, PrimitiveInfo, PrimitiveRole, SourceInfo};
 
 /// Values of a running net by `primitive.port`, as words.
 pub type Values = BTreeMap<String, String>;
 
 /// The links of a net: the reading primitive, its input, the element of a list of links, and what is read.
-pub fn links(net: &Anatomy) -> impl Iterator<Item = (usize, usize, Option<usize>, &Link)> {
+pub fn links(net: &NetStructure) -> impl Iterator<Item = (usize, usize, Option<usize>, &LinkInfo)> {
     let parts = net.primitives.iter().enumerate();
     parts.flat_map(|(number, part)| {
         part.inputs
@@ -30,7 +30,7 @@ pub fn links(net: &Anatomy) -> impl Iterator<Item = (usize, usize, Option<usize>
                     .iter()
                     .enumerate()
                     .filter_map(move |(element, source)| match source {
-                        Source::Link(link) => {
+                        SourceInfo::Link(link) => {
                             Some((number, input, is_list.then_some(element), link))
                         }
                         _ => None,
@@ -41,24 +41,24 @@ pub fn links(net: &Anatomy) -> impl Iterator<Item = (usize, usize, Option<usize>
 
 /// True for a primitive that is drawn as a label of others: a constant at its readers, a monitor at what it shows.
 #[must_use]
-pub fn is_label(net: &Anatomy, part: &Part) -> bool {
+pub fn is_label(net: &NetStructure, part: &PrimitiveInfo) -> bool {
     match part.role {
-        PartRole::Constant => true,
-        PartRole::Shows => shown(net, part).is_some(),
+        PrimitiveRole::Constant => true,
+        PrimitiveRole::Shows => shown(net, part).is_some(),
         _ => false,
     }
 }
 
 /// What a monitor shows, if that is an output of a box.
 #[must_use]
-pub fn shown<'n>(net: &'n Anatomy, part: &'n Part) -> Option<&'n Link> {
-    if part.role != PartRole::Shows {
+pub fn shown<'n>(net: &'n NetStructure, part: &'n PrimitiveInfo) -> Option<&'n LinkInfo> {
+    if part.role != PrimitiveRole::Shows {
         return None;
     }
     match part.inputs.first()?.sources.as_slice() {
-        [Source::Link(link)] => {
+        [SourceInfo::Link(link)] => {
             let source = net.primitives.get(link.primitive)?;
-            (source.role != PartRole::Constant).then_some(link)
+            (source.role != PrimitiveRole::Constant).then_some(link)
         }
         _ => None,
     }
@@ -66,7 +66,7 @@ pub fn shown<'n>(net: &'n Anatomy, part: &'n Part) -> Option<&'n Link> {
 
 /// What stands in the frame of an instance: its name, and what it depends on if it is not always active.
 #[must_use]
-pub fn frame_title(net: &Anatomy, path: &str) -> String {
+pub fn frame_title(net: &NetStructure, path: &str) -> String {
     let name = path.rsplit('/').next().unwrap_or_default();
     match net.condition(path) {
         Some(condition) => format!("{name}, while {condition}"),
@@ -76,11 +76,11 @@ pub fn frame_title(net: &Anatomy, path: &str) -> String {
 
 /// The value of a constant that a link reads, with its name; `None`: it reads something else.
 #[must_use]
-pub fn constant(net: &Anatomy, link: &Link) -> Option<String> {
+pub fn constant(net: &NetStructure, link: &LinkInfo) -> Option<String> {
     let part = net.primitives.get(link.primitive)?;
     let (_, value) = part
         .parameters
         .first()
-        .filter(|_| part.role == PartRole::Constant)?;
+        .filter(|_| part.role == PrimitiveRole::Constant)?;
     Some(format!("{value} ({})", part.id))
 }

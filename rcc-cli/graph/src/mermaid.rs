@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use rcc_language::anatomy::{Anatomy, PartRole, Source};
+use rcc_language::structure::{NetStructure, PrimitiveRole, SourceInfo};
 
 use super::{Values, constant, frame_title, links};
 
 /// Draws a net.
 #[must_use]
-pub fn mermaid(net: &Anatomy, values: Option<&Values>) -> String {
+pub fn mermaid(net: &NetStructure, values: Option<&Values>) -> String {
     let mut out = "flowchart LR\n".to_owned();
     nodes(&mut out, net);
     for (reader, input, element, link) in links(net) {
@@ -53,22 +53,22 @@ pub fn mermaid(net: &Anatomy, values: Option<&Values>) -> String {
     out
 }
 
-const fn name(role: PartRole) -> Option<&'static str> {
+const fn name(role: PrimitiveRole) -> Option<&'static str> {
     match role {
-        PartRole::Measures => Some("measures"),
-        PartRole::Input => Some("input"),
-        PartRole::Moves => Some("moves"),
-        PartRole::Commands => Some("commands"),
-        PartRole::Ends => Some("ends"),
-        PartRole::Shows => Some("shows"),
-        PartRole::Plain | PartRole::Constant => None,
+        PrimitiveRole::Measures => Some("measures"),
+        PrimitiveRole::Input => Some("input"),
+        PrimitiveRole::Moves => Some("moves"),
+        PrimitiveRole::Commands => Some("commands"),
+        PrimitiveRole::Ends => Some("ends"),
+        PrimitiveRole::Shows => Some("shows"),
+        PrimitiveRole::Plain | PrimitiveRole::Constant => None,
     }
 }
 
-fn nodes(out: &mut String, net: &Anatomy) {
+fn nodes(out: &mut String, net: &NetStructure) {
     let mut parts: BTreeMap<Vec<&str>, Vec<usize>> = BTreeMap::new();
     for (number, part) in net.primitives.iter().enumerate() {
-        if part.role != PartRole::Constant {
+        if part.role != PrimitiveRole::Constant {
             let frames: Vec<&str> = part.frames().collect();
             // A frame that holds only frames is there, too.
             for depth in 0..=frames.len() {
@@ -97,7 +97,7 @@ fn nodes(out: &mut String, net: &Anatomy) {
     }
 }
 
-fn node(out: &mut String, net: &Anatomy, number: usize) {
+fn node(out: &mut String, net: &NetStructure, number: usize) {
     let part = &net.primitives[number];
     let id = part.id.rsplit('/').next().unwrap_or_default();
     let device = part
@@ -112,8 +112,8 @@ fn node(out: &mut String, net: &Anatomy, number: usize) {
     );
     for pin in &part.inputs {
         let constants = pin.sources.iter().filter_map(|source| match source {
-            Source::Constant(value) | Source::Default(value) => Some(value.clone()),
-            Source::Link(link) => constant(net, link),
+            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
+            SourceInfo::Link(link) => constant(net, link),
         });
         let constants: Vec<String> = constants.collect();
         if constants.len() == pin.sources.len() {

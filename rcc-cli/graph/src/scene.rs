@@ -3,10 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rcc_language::anatomy::{Anatomy, PartRole};
+use rcc_language::structure::{NetStructure, PrimitiveRole};
 
-use super::layout::{Edge, Pin, Point, Route, Shape, layout};
-use super::picture::{Box, boxes};
+use super::layout::{Edge, LayerConstraint, PlanePoint, LinkRoute, NodeShape, layout};
+use super::boxes::{PrimitiveBox, boxes};
 use super::{Values, frame_title, is_label, links};
 
 /// More boxes are no picture any more.
@@ -21,11 +21,11 @@ const MARGIN: f64 = 18.0;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// Boxes and their left upper corners.
-    pub boxes: Vec<(Box, Point)>,
+    pub boxes: Vec<(PrimitiveBox, PlanePoint)>,
     /// Fragments, outer ones first.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<FragmentFrame>,
     /// Links, in pieces from frame to frame.
-    pub links: Vec<Piece>,
+    pub links: Vec<LinkSegment>,
     /// Width.
     pub width: f64,
     /// Height.
@@ -34,11 +34,11 @@ pub struct Scene {
 
 /// An instance of a fragment.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
+pub struct FragmentFrame {
     /// Its name.
     pub title: String,
     /// Left upper corner.
-    pub at: Point,
+    pub at: PlanePoint,
     /// Width.
     pub width: f64,
     /// Height.
@@ -50,18 +50,18 @@ pub type Signal = (usize, usize, bool);
 
 /// A piece of a link.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Piece {
+pub struct LinkSegment {
     /// What it carries.
     pub signal: Signal,
     /// The primitive and input that it ends at; `None`: at a frame.
     pub to: Option<(usize, usize)>,
     /// Its way.
-    pub route: Route,
+    pub route: LinkRoute,
 }
 
 /// A net with too many boxes for a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TooMany {
+pub struct TooManyBoxes {
     /// How many it has.
     pub boxes: usize,
 }
@@ -70,23 +70,23 @@ pub struct TooMany {
 ///
 /// # Errors
 /// The net has more than [`BOXES_MAX`] boxes.
-pub fn scene(net: &Anatomy, values: Option<&Values>) -> Result<Scene, TooMany> {
+pub fn scene(net: &NetStructure, values: Option<&Values>) -> Result<Scene, TooManyBoxes> {
     let boxes = boxes(net, values);
     if boxes.len() > BOXES_MAX {
-        return Err(TooMany { boxes: boxes.len() });
+        return Err(TooManyBoxes { boxes: boxes.len() });
     }
-    let mut root = Group::default();
+    let mut root = FrameGroup::default();
     for (place, it) in boxes.iter().enumerate() {
         let path: Vec<&str> = net.primitives[it.part].frames().collect();
         root.insert(&path, place);
     }
-    let stage = Stage {
+    let builder = SceneBuilder {
         net,
         boxes: &boxes,
-        links: wires(net),
+        links: drawn_links(net),
     };
-    let arranged = stage.arrange(&root, None);
-    let at = |place: usize, at: Point| (boxes[place].clone(), at);
+    let arranged = builder.arrange(&root, None);
+    let at = |place: usize, at: PlanePoint| (boxes[place].clone(), at);
     Ok(Scene {
         boxes: arranged
             .boxes
@@ -101,29 +101,29 @@ pub fn scene(net: &Anatomy, values: Option<&Values>) -> Result<Scene, TooMany> {
 }
 
 /// What is read by whom, of boxes only.
-type Wire = (Signal, (usize, usize));
+type DrawnLink = (Signal, (usize, usize));
 
-fn wires(net: &Anatomy) -> Vec<Wire> {
+fn drawn_links(net: &NetStructure) -> Vec<DrawnLink> {
     let drawn = links(net).filter(|(reader, _, _, link)| {
-        let constant = net.primitives[link.primitive].role == PartRole::Constant;
+        let constant = net.primitives[link.primitive].role == PrimitiveRole::Constant;
         !constant && !is_label(net, &net.primitives[*reader])
     });
-    let wires = drawn.map(|(reader, input, _, link)| {
+    let drawn_links = drawn.map(|(reader, input, _, link)| {
         ((link.primitive, link.output, link.delayed), (reader, input))
     });
     let mut seen = BTreeSet::new();
-    wires.filter(|wire| seen.insert(*wire)).collect()
+    drawn_links.filter(|wire| seen.insert(*wire)).collect()
 }
 
 /// Boxes and groups that are in one instance of a fragment.
 #[derive(Default)]
-struct Group {
+struct FrameGroup {
     path: String,
     boxes: Vec<usize>,
-    groups: Vec<Group>,
+    groups: Vec<FrameGroup>,
 }
 
-impl Group {
+impl FrameGroup {
     /// `path`: the names of all groups from the outermost to the one that the box is in.
     fn insert(&mut self, path: &[&str], place: usize) {
         let Some((first, rest)) = path.split_first() else {
@@ -132,9 +132,9 @@ impl Group {
         };
         let found = self.groups.iter().position(|group| group.path == *first);
         let found = found.unwrap_or_else(|| {
-            self.groups.push(Group {
+            self.groups.push(FrameGroup {
                 path: (*first).to_owned(),
-                ..Group::default()
+                ..FrameGroup::default()
             });
             self.groups.len() - 1
         });
@@ -144,76 +144,76 @@ impl Group {
 
 /// A group with a place for everything in it.
 #[derive(Default)]
-struct Arranged {
+struct GroupLayout {
     width: f64,
     height: f64,
     inputs: Vec<(Signal, f64)>,
     outputs: Vec<(Signal, f64)>,
-    boxes: Vec<(usize, Point)>,
-    frames: Vec<Frame>,
-    links: Vec<Piece>,
+    boxes: Vec<(usize, PlanePoint)>,
+    frames: Vec<FragmentFrame>,
+    links: Vec<LinkSegment>,
 }
 
-impl Arranged {
-    fn shape(&self) -> Shape {
-        Shape {
+impl GroupLayout {
+    fn shape(&self) -> NodeShape {
+        NodeShape {
             width: self.width,
             height: self.height,
             inputs: self.inputs.iter().map(|(_, y)| *y).collect(),
             outputs: self.outputs.iter().map(|(_, y)| *y).collect(),
-            pin: Pin::Free,
+            constraint: LayerConstraint::Free,
         }
     }
 
     /// Takes over what is in an inner group.
-    fn take(&mut self, inner: Arranged, by: Point) {
-        let add = |at: Point| Point {
+    fn take(&mut self, inner: GroupLayout, by: PlanePoint) {
+        let add = |at: PlanePoint| PlanePoint {
             x: at.x + by.x,
             y: at.y + by.y,
         };
         let boxes = inner.boxes.into_iter();
         self.boxes.extend(boxes.map(|(place, at)| (place, add(at))));
         let frames = inner.frames.into_iter();
-        self.frames.extend(frames.map(|frame| Frame {
+        self.frames.extend(frames.map(|frame| FragmentFrame {
             at: add(frame.at),
             ..frame
         }));
         let links = inner.links.into_iter();
-        self.links.extend(links.map(|piece| Piece {
+        self.links.extend(links.map(|piece| LinkSegment {
             route: piece.route.moved(by),
             ..piece
         }));
     }
 }
 
-struct Stage<'a> {
-    net: &'a Anatomy,
-    boxes: &'a [Box],
-    links: Vec<Wire>,
+struct SceneBuilder<'a> {
+    net: &'a NetStructure,
+    boxes: &'a [PrimitiveBox],
+    links: Vec<DrawnLink>,
 }
 
 /// The ends of a group's edges while they are found.
-struct Ends<'a> {
-    stage: &'a Stage<'a>,
-    group: &'a Group,
-    inner: &'a [Arranged],
+struct EdgeBuilder<'a> {
+    builder: &'a SceneBuilder<'a>,
+    group: &'a FrameGroup,
+    inner: &'a [GroupLayout],
     /// By primitive: the box or group of this group that it is in.
     owner: BTreeMap<usize, usize>,
     /// What comes in and goes out, by signal: the shape on the border.
     coming: BTreeMap<Signal, usize>,
     going: BTreeMap<Signal, usize>,
-    shapes: Vec<Shape>,
+    shapes: Vec<NodeShape>,
 }
 
-impl Stage<'_> {
+impl SceneBuilder<'_> {
     /// Lays out what is in a group; `title`: the name in its frame.
-    fn arrange(&self, group: &Group, title: Option<&str>) -> Arranged {
-        let inner: Vec<Arranged> = group
+    fn arrange(&self, group: &FrameGroup, title: Option<&str>) -> GroupLayout {
+        let inner: Vec<GroupLayout> = group
             .groups
             .iter()
             .map(|inner| self.arrange(inner, Some(&frame_title(self.net, &inner.path))))
             .collect();
-        let mut ends = Ends::new(self, group, &inner);
+        let mut ends = EdgeBuilder::new(self, group, &inner);
         let mut edges: Vec<Edge> = Vec::new();
         let mut known = BTreeSet::new();
         for (signal, to) in &self.links {
@@ -221,14 +221,14 @@ impl Stage<'_> {
             edges.extend(edge.filter(|edge| known.insert(*edge)));
         }
         let laid = layout(&ends.shapes, &edges);
-        let Ends {
+        let EdgeBuilder {
             shapes,
             coming,
             going,
             ..
         } = ends;
         let framed = title.is_some();
-        let by = Point {
+        let by = PlanePoint {
             x: if framed && coming.is_empty() {
                 MARGIN
             } else {
@@ -236,7 +236,7 @@ impl Stage<'_> {
             },
             y: if framed { TITLE } else { 0.0 },
         };
-        let mut out = Arranged {
+        let mut out = GroupLayout {
             width: laid.width
                 + by.x
                 + if framed && going.is_empty() {
@@ -245,7 +245,7 @@ impl Stage<'_> {
                     0.0
                 },
             height: laid.height + by.y + if framed { MARGIN } else { 0.0 },
-            ..Arranged::default()
+            ..GroupLayout::default()
         };
         let border = |borders: &BTreeMap<Signal, usize>| -> Vec<(Signal, f64)> {
             let borders = borders.iter();
@@ -255,9 +255,9 @@ impl Stage<'_> {
         };
         (out.inputs, out.outputs) = (border(&coming), border(&going));
         if let Some(title) = title {
-            out.frames.push(Frame {
+            out.frames.push(FragmentFrame {
                 title: title.to_owned(),
-                at: Point::default(),
+                at: PlanePoint::default(),
                 width: out.width,
                 height: out.height,
             });
@@ -273,7 +273,7 @@ impl Stage<'_> {
                 &shapes,
             ));
         }
-        let place = |shape: usize| Point {
+        let place = |shape: usize| PlanePoint {
             x: laid.places[shape].x + by.x,
             y: laid.places[shape].y + by.y,
         };
@@ -290,14 +290,14 @@ impl Stage<'_> {
     #[allow(clippy::too_many_arguments)]
     fn piece(
         &self,
-        group: &Group,
+        group: &FrameGroup,
         coming: &BTreeMap<Signal, usize>,
         edge: &Edge,
-        route: Route,
-        inner: &[Arranged],
+        route: LinkRoute,
+        inner: &[GroupLayout],
         width: f64,
-        shapes: &[Shape],
-    ) -> Piece {
+        shapes: &[NodeShape],
+    ) -> LinkSegment {
         let (from, output) = edge.from;
         let signal = match group.boxes.get(from) {
             Some(it) => {
@@ -317,47 +317,47 @@ impl Stage<'_> {
             let it = &self.boxes[*it];
             (it.part, it.inputs[edge.to.1].port)
         });
-        Piece {
+        LinkSegment {
             signal,
             to,
-            route: to_border(route, shapes[from].pin, shapes[edge.to.0].pin, width),
+            route: to_border(route, shapes[from].constraint, shapes[edge.to.0].constraint, width),
         }
     }
 }
 
-fn to_border(route: Route, from: Pin, to: Pin, width: f64) -> Route {
-    let lead = |mut points: Vec<Point>| {
-        if let (Pin::First, Some(first)) = (from, points.first().copied()) {
-            points.insert(0, Point { x: 0.0, ..first });
+fn to_border(route: LinkRoute, from: LayerConstraint, to: LayerConstraint, width: f64) -> LinkRoute {
+    let extended = |mut points: Vec<PlanePoint>| {
+        if let (LayerConstraint::First, Some(first)) = (from, points.first().copied()) {
+            points.insert(0, PlanePoint { x: 0.0, ..first });
         }
-        if let (Pin::Last, Some(last)) = (to, points.last().copied()) {
-            points.push(Point { x: width, ..last });
+        if let (LayerConstraint::Last, Some(last)) = (to, points.last().copied()) {
+            points.push(PlanePoint { x: width, ..last });
         }
         points.dedup();
         points
     };
     match route {
-        Route::Curve(points) => Route::Curve(lead(points)),
-        Route::Around(points) => Route::Around(lead(points)),
+        LinkRoute::Curve(points) => LinkRoute::Curve(extended(points)),
+        LinkRoute::Around(points) => LinkRoute::Around(extended(points)),
     }
 }
 
-impl<'a> Ends<'a> {
-    fn new(stage: &'a Stage<'a>, group: &'a Group, inner: &'a [Arranged]) -> Ends<'a> {
-        let boxes = group.boxes.iter().map(|it| &stage.boxes[*it]);
+impl<'a> EdgeBuilder<'a> {
+    fn new(builder: &'a SceneBuilder<'a>, group: &'a FrameGroup, inner: &'a [GroupLayout]) -> EdgeBuilder<'a> {
+        let boxes = group.boxes.iter().map(|it| &builder.boxes[*it]);
         let mut owner: BTreeMap<usize, usize> = boxes
             .clone()
             .enumerate()
             .map(|(shape, it)| (it.part, shape))
             .collect();
-        let mut shapes: Vec<Shape> = boxes.map(Box::shape).collect();
+        let mut shapes: Vec<NodeShape> = boxes.map(PrimitiveBox::shape).collect();
         for inner in inner {
-            let parts = inner.boxes.iter().map(|(it, _)| stage.boxes[*it].part);
+            let parts = inner.boxes.iter().map(|(it, _)| builder.boxes[*it].part);
             owner.extend(parts.map(|part| (part, shapes.len())));
             shapes.push(inner.shape());
         }
-        Ends {
-            stage,
+        EdgeBuilder {
+            builder,
             group,
             inner,
             owner,
@@ -377,8 +377,8 @@ impl<'a> Ends<'a> {
         }
         let from = match source {
             Some(shape) if shape < boxes => {
-                let it = &self.stage.boxes[self.group.boxes[shape]];
-                (shape, Box::label(&it.outputs, signal.1)?)
+                let it = &self.builder.boxes[self.group.boxes[shape]];
+                (shape, PrimitiveBox::label(&it.outputs, signal.1)?)
             }
             Some(shape) => {
                 let outputs = &self.inner[shape - boxes].outputs;
@@ -388,14 +388,14 @@ impl<'a> Ends<'a> {
                 )
             }
             None => (
-                Ends::border(&mut self.coming, &mut self.shapes, signal, Pin::First),
+                EdgeBuilder::border(&mut self.coming, &mut self.shapes, signal, LayerConstraint::First),
                 0,
             ),
         };
         let to = match reader {
             Some(shape) if shape < boxes => {
-                let it = &self.stage.boxes[self.group.boxes[shape]];
-                (shape, Box::label(&it.inputs, to.1)?)
+                let it = &self.builder.boxes[self.group.boxes[shape]];
+                (shape, PrimitiveBox::label(&it.inputs, to.1)?)
             }
             Some(shape) => {
                 let inputs = &self.inner[shape - boxes].inputs;
@@ -405,7 +405,7 @@ impl<'a> Ends<'a> {
                 )
             }
             None => (
-                Ends::border(&mut self.going, &mut self.shapes, signal, Pin::Last),
+                EdgeBuilder::border(&mut self.going, &mut self.shapes, signal, LayerConstraint::Last),
                 0,
             ),
         };
@@ -419,17 +419,17 @@ impl<'a> Ends<'a> {
 
     fn border(
         borders: &mut BTreeMap<Signal, usize>,
-        shapes: &mut Vec<Shape>,
+        shapes: &mut Vec<NodeShape>,
         signal: Signal,
-        pin: Pin,
+        constraint: LayerConstraint,
     ) -> usize {
         *borders.entry(signal).or_insert_with(|| {
-            shapes.push(Shape {
+            shapes.push(NodeShape {
                 width: 0.0,
                 height: 0.0,
                 inputs: vec![0.0],
                 outputs: vec![0.0],
-                pin,
+                constraint,
             });
             shapes.len() - 1
         })

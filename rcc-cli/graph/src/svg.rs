@@ -2,14 +2,14 @@
 
 use std::fmt::Write as _;
 
-use rcc_language::anatomy::{Anatomy, Part, PartRole};
+use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole};
 
 mod legend;
 
 use self::legend::Legend;
-use super::layout::{Point, Route};
-use super::picture::{Box, PortLabel};
-use super::scene::{Frame, Piece, Scene};
+use super::layout::{PlanePoint, LinkRoute};
+use super::boxes::{PrimitiveBox, PortLabel};
+use super::scene::{FragmentFrame, LinkSegment, Scene};
 use super::text::{fit, lines};
 
 const MARGIN: f64 = 24.0;
@@ -21,45 +21,45 @@ const LEGEND: f64 = 44.0;
 const LEAST_WIDTH: f64 = 420.0;
 
 /// Name of a colour, in the legend, and its tint and line in light and dark.
-const ROLES: [(PartRole, &str, &str, [&str; 4]); 7] = [
+const ROLES: [(PrimitiveRole, &str, &str, [&str; 4]); 7] = [
     (
-        PartRole::Plain,
+        PrimitiveRole::Plain,
         "plain",
         "computes",
         ["#eef1f5", "#aab4c1", "#2a313b", "#566173"],
     ),
     (
-        PartRole::Measures,
+        PrimitiveRole::Measures,
         "measures",
         "measures",
         ["#dcecfb", "#5a9bd8", "#173a5c", "#4a8ccb"],
     ),
     (
-        PartRole::Input,
+        PrimitiveRole::Input,
         "input",
         "set from outside",
         ["#dff3e4", "#57b174", "#17402a", "#46a164"],
     ),
     (
-        PartRole::Moves,
+        PrimitiveRole::Moves,
         "moves",
         "moves along a path",
         ["#ece4fa", "#9a7bd6", "#352a57", "#8b6bcb"],
     ),
     (
-        PartRole::Commands,
+        PrimitiveRole::Commands,
         "commands",
         "commands a device",
         ["#fde6d8", "#e08a52", "#552f18", "#d27b43"],
     ),
     (
-        PartRole::Ends,
+        PrimitiveRole::Ends,
         "ends",
         "cancel and end",
         ["#f9dfe3", "#d96b7c", "#52222b", "#c95a6c"],
     ),
     (
-        PartRole::Shows,
+        PrimitiveRole::Shows,
         "shows",
         "is shown",
         ["#d9f2f1", "#45aaa6", "#16403f", "#3c9c98"],
@@ -85,7 +85,7 @@ text{fill:#e4e9ef}.paper{fill:#151a21}.words{fill:#9aa5b3}
 
 /// Draws a net.
 #[must_use]
-pub fn svg(net: &Anatomy, scene: &Scene) -> String {
+pub fn svg(net: &NetStructure, scene: &Scene) -> String {
     let wide = (scene.width + 2.0 * MARGIN).max(LEAST_WIDTH).ceil();
     let words = lines(&net.description, 12.0, wide - 2.0 * MARGIN, 4);
     let top = MARGIN + TITLE + 18.0 * words.len() as f64 + 14.0;
@@ -154,13 +154,13 @@ fn style() -> String {
     format!("{light}@media(prefers-color-scheme:dark){{\n{dark}}}\n")
 }
 
-fn role_name(role: PartRole) -> &'static str {
+fn role_name(role: PrimitiveRole) -> &'static str {
     let row = ROLES.iter().find(|(known, ..)| *known == role);
     row.map_or("plain", |(_, name, ..)| name)
 }
 
-fn draw_frame(out: &mut String, frame: &Frame) {
-    let Point { x, y } = frame.at;
+fn draw_frame(out: &mut String, frame: &FragmentFrame) {
+    let PlanePoint { x, y } = frame.at;
     let _ = writeln!(
         out,
         "<rect class=\"frame\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"10\"/>",
@@ -179,7 +179,7 @@ fn draw_frame(out: &mut String, frame: &Frame) {
     );
 }
 
-fn draw_link(out: &mut String, net: &Anatomy, piece: &Piece) {
+fn draw_link(out: &mut String, net: &NetStructure, piece: &LinkSegment) {
     let (part, output, delayed) = piece.signal;
     let part = net.primitives.get(part);
     let port = part.and_then(|part| part.outputs.get(output));
@@ -209,7 +209,7 @@ fn draw_link(out: &mut String, net: &Anatomy, piece: &Piece) {
 }
 
 /// A way as commands of a path.
-fn path(route: &Route) -> String {
+fn path(route: &LinkRoute) -> String {
     let mut out = String::new();
     let points = route.points();
     let Some(first) = points.first() else {
@@ -217,7 +217,7 @@ fn path(route: &Route) -> String {
     };
     let _ = write!(out, "M{},{}", short(first.x), short(first.y));
     match route {
-        Route::Curve(_) => {
+        LinkRoute::Curve(_) => {
             for pair in points.windows(2) {
                 let [from, to] = [pair[0], pair[1]];
                 if (from.y - to.y).abs() < 0.05 {
@@ -235,7 +235,7 @@ fn path(route: &Route) -> String {
                 }
             }
         }
-        Route::Around(_) => {
+        LinkRoute::Around(_) => {
             for corner in points.windows(3) {
                 let [before, at, after] = [corner[0], corner[1], corner[2]];
                 let [near, far] = [towards(at, before), towards(at, after)];
@@ -259,7 +259,7 @@ fn path(route: &Route) -> String {
 }
 
 /// A little from one point to another.
-fn towards(from: Point, to: Point) -> Point {
+fn towards(from: PlanePoint, to: PlanePoint) -> PlanePoint {
     let (x, y) = (to.x - from.x, to.y - from.y);
     let length = x.abs().max(y.abs());
     let part = if length > 0.0 {
@@ -267,14 +267,14 @@ fn towards(from: Point, to: Point) -> Point {
     } else {
         0.0
     };
-    Point {
+    PlanePoint {
         x: from.x + x * part,
         y: from.y + y * part,
     }
 }
 
-fn draw_box(out: &mut String, part: &Part, it: &Box, at: Point) {
-    let Point { x, y } = at;
+fn draw_box(out: &mut String, part: &PrimitiveInfo, it: &PrimitiveBox, at: PlanePoint) {
+    let PlanePoint { x, y } = at;
     let (w, h) = (it.width, it.height);
     let _ = writeln!(
         out,
@@ -302,7 +302,7 @@ fn draw_box(out: &mut String, part: &Part, it: &Box, at: Point) {
             out,
             "small",
             x + SIDE,
-            y + Box::first_line() + Box::LINE * row as f64,
+            y + PrimitiveBox::first_line() + PrimitiveBox::LINE * row as f64,
             line,
             "",
         );
@@ -312,13 +312,13 @@ fn draw_box(out: &mut String, part: &Part, it: &Box, at: Point) {
             .inputs
             .get(port.port)
             .and_then(|pin| pin.null.as_deref());
-        draw_input(out, port, Point { x, y: y + port.y }, why);
+        draw_input(out, port, PlanePoint { x, y: y + port.y }, why);
     }
     for port in &it.outputs {
         draw_output(
             out,
             port,
-            Point {
+            PlanePoint {
                 x: x + w,
                 y: y + port.y,
             },
@@ -335,7 +335,7 @@ fn draw_box(out: &mut String, part: &Part, it: &Box, at: Point) {
             out,
             class,
             x + SIDE,
-            y + it.first_note() + Box::LINE * row as f64,
+            y + it.first_note() + PrimitiveBox::LINE * row as f64,
             line,
             "",
         );
@@ -343,7 +343,7 @@ fn draw_box(out: &mut String, part: &Part, it: &Box, at: Point) {
     out.push_str("</g>\n");
 }
 
-fn draw_input(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) {
+fn draw_input(out: &mut String, port: &PortLabel, at: PlanePoint, why: Option<&str>) {
     let class = if port.null { "dot null" } else { "dot" };
     if port.linked {
         let _ = writeln!(
@@ -357,7 +357,7 @@ fn draw_input(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) 
     port_words(out, port, at.x + SIDE, at.y, "");
 }
 
-fn draw_output(out: &mut String, port: &PortLabel, at: Point, why: Option<&str>) {
+fn draw_output(out: &mut String, port: &PortLabel, at: PlanePoint, why: Option<&str>) {
     let class = if port.null { "dot null" } else { "dot" };
     let _ = writeln!(
         out,

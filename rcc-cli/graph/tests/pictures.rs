@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
-use rcc_graph::layout::Point;
+use rcc_graph::layout::PlanePoint;
 use rcc_graph::scene::{Scene, scene};
 use rcc_graph::{dot::dot, is_label, links, mermaid::mermaid, shown, svg::svg};
-use rcc_language::anatomy::{Anatomy, PartRole};
-use rcc_language::dissect;
-use rcc_language::library::Files;
+use rcc_language::structure::{NetStructure, PrimitiveRole};
+use rcc_language::compile_with_structure;
+use rcc_language::library::FileLibraries;
 
 fn folder(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -23,27 +23,27 @@ fn cell() -> CellConfig {
     CellConfig::load_offline(&path).unwrap_or_else(|faults| panic!("{faults}"))
 }
 
-fn anatomy(text: &str, name: &str) -> Anatomy {
-    let net = dissect(text, name, &cell(), &Files);
+fn structure(text: &str, name: &str) -> NetStructure {
+    let net = compile_with_structure(text, name, &cell(), &FileLibraries);
     net.unwrap_or_else(|faults| panic!("{faults}")).1
 }
 
 /// The example nets by name.
-fn nets() -> BTreeMap<String, Anatomy> {
+fn nets() -> BTreeMap<String, NetStructure> {
     let entries = std::fs::read_dir(folder("configs/nets")).unwrap();
     let paths = entries.map(|entry| entry.unwrap().path());
     let paths = paths.filter(|path| path.extension().is_some_and(|end| end == "yaml"));
     paths
         .map(|path| {
             let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-            let net = anatomy(&std::fs::read_to_string(&path).unwrap(), &name);
+            let net = structure(&std::fs::read_to_string(&path).unwrap(), &name);
             (name, net)
         })
         .collect()
 }
 
 /// Boxes do not meet, are within their picture, and links end at the ports of their boxes.
-fn check(net: &Anatomy, scene: &Scene) {
+fn check(net: &NetStructure, scene: &Scene) {
     for (number, (a, at)) in scene.boxes.iter().enumerate() {
         for (b, other) in &scene.boxes[number + 1..] {
             let beside = at.x + a.width <= other.x || other.x + b.width <= at.x;
@@ -66,7 +66,7 @@ fn check(net: &Anatomy, scene: &Scene) {
     }
     for (reader, input, _, link) in links(net) {
         let source = &net.primitives[link.primitive];
-        if source.role == PartRole::Constant || is_label(net, &net.primitives[reader]) {
+        if source.role == PrimitiveRole::Constant || is_label(net, &net.primitives[reader]) {
             continue;
         }
         let pieces = scene
@@ -82,7 +82,7 @@ fn check(net: &Anatomy, scene: &Scene) {
             .find(|(it, _)| it.part == reader)
             .unwrap();
         let port = it.inputs.iter().find(|port| port.port == input).unwrap();
-        let end = Point {
+        let end = PlanePoint {
             x: at.x,
             y: at.y + port.y,
         };
@@ -176,7 +176,7 @@ primitives:
 
 #[test]
 fn dot_has_ports_and_dashes_for_what_is_delayed() {
-    let text = dot(&anatomy(SMALL, "small"), None);
+    let text = dot(&structure(SMALL, "small"), None);
     for line in [
         "  n0:o0:e -> n2:i0:w;",
         "  n2:o0:e -> n2:i1:w [style=dashed, constraint=false];",
@@ -196,7 +196,7 @@ fn dot_has_ports_and_dashes_for_what_is_delayed() {
 
 #[test]
 fn mermaid_has_boxes_links_and_nothing_that_it_would_read() {
-    let text = mermaid(&anatomy(SMALL, "small"), None);
+    let text = mermaid(&structure(SMALL, "small"), None);
     let wanted = "flowchart LR
   n0[\"<b>time</b><br/>Time\"]
   n2[\"<b>late</b><br/>OrElse\"]
@@ -216,7 +216,7 @@ fn mermaid_has_boxes_links_and_nothing_that_it_would_read() {
 
 #[test]
 fn what_is_null_for_a_reason_says_it_and_texts_are_escaped() {
-    let net = anatomy(SMALL, "small");
+    let net = structure(SMALL, "small");
     let text = svg(&net, &scene(&net, None).unwrap());
     check_xml(&text);
     assert!(
@@ -243,7 +243,7 @@ fn a_net_of_too_many_boxes_is_no_picture() {
         );
     }
     text += "  over: {type: Greater, inputs: {a: p499.out, b: 0 s}}\n  end: {type: Termination, inputs: {done: over.out}}\n";
-    let net = anatomy(&text, "large");
+    let net = structure(&text, "large");
     assert_eq!(scene(&net, None).map_err(|many| many.boxes), Err(502));
     assert_eq!(dot(&net, None).matches(" -> ").count(), 501);
 }
@@ -273,7 +273,7 @@ primitives:
 
 #[test]
 fn fragments_are_frames_that_hold_what_is_in_them() {
-    let net = anatomy(NESTED, "nested");
+    let net = structure(NESTED, "nested");
     let scene = scene(&net, None).unwrap();
     check(&net, &scene);
     check_xml(&svg(&net, &scene));
@@ -327,7 +327,7 @@ fn what_is_not_always_active_says_what_it_depends_on() {
         primitives:\n  arc: {type: DigitalInput, parameters: {device: lwr, channel: arc}}\n  time: {type: Time}\n  \
         a: {fragment: half, inputs: {x: time.out}, active: arc.out}\n  twice: {type: Add, inputs: {a: a.y, b: a.y}, active: arc.out}\n  \
         end: {type: Termination, inputs: {done: false}}\ndiscard: [twice.out]\n";
-    let net = anatomy(text, "regions");
+    let net = structure(text, "regions");
     assert_eq!(net.condition("a"), Some("arc.out"));
     assert_eq!(net.condition("time"), None);
     let scene = scene(&net, None).unwrap();

@@ -8,7 +8,7 @@ use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
 
 use crate::ImportError;
-use crate::urdf::{Joint, Kind, Robot};
+use crate::urdf::{UrdfJoint, JointKind, UrdfRobot};
 
 /// Names that a message lists.
 const LISTED_MAX: usize = 20;
@@ -16,12 +16,12 @@ const LISTED_MAX: usize = 20;
 /// Links that are flanges by custom, where a robot has several leaves (REP 199).
 const TIPS: [&str; 4] = ["tool0", "flange", "ee_link", "ee"];
 
-/// A hinge.
+/// A revolute.
 #[derive(Clone, Debug)]
-pub struct Hinge {
+pub struct RevoluteJoint {
     /// The joint's name.
     pub name: String,
-    /// From the hinge before it (or from the base) to its own frame with the joint 0.
+    /// From the revolute before it (or from the base) to its own frame with the joint 0.
     pub origin: Isometry3<f64>,
     /// Its axis in its frame, unit.
     pub axis: Unit<Vector3<f64>>,
@@ -39,22 +39,22 @@ pub struct Chain {
     /// The link that is the flange.
     pub tip: String,
     /// The hinges in order.
-    pub hinges: Vec<Hinge>,
-    /// From the last hinge to the tip.
+    pub revolute_joints: Vec<RevoluteJoint>,
+    /// From the last revolute to the tip.
     pub end: Isometry3<f64>,
 }
 
 impl Chain {
     /// The chain between two links of a robot.
     pub(crate) fn of(
-        robot: &Robot,
+        robot: &UrdfRobot,
         base: Option<&str>,
         tip: Option<&str>,
     ) -> Result<Chain, ImportError> {
         // Each table once: a robot of very many links is looked at in proportion to their number. Of several joints to one
         // link the first counts.
         let parents: HashSet<&str> = robot.joints.iter().map(|joint| &*joint.parent).collect();
-        let mut above: HashMap<&str, &Joint> = HashMap::new();
+        let mut above: HashMap<&str, &UrdfJoint> = HashMap::new();
         let mut names: HashMap<&str, usize> = HashMap::new();
         for joint in &robot.joints {
             above.entry(&joint.child).or_insert(joint);
@@ -72,13 +72,13 @@ impl Chain {
             upwards.push(joint);
             link = &joint.parent;
         }
-        let (mut hinges, mut between) = (Vec::new(), Isometry3::identity());
+        let (mut revolute_joints, mut between) = (Vec::new(), Isometry3::identity());
         for joint in upwards.into_iter().rev() {
             between *= joint.origin;
-            usable(joint, names.get(&*joint.name) == Some(&1))?;
+            check_usable(joint, names.get(&*joint.name) == Some(&1))?;
             let range = match joint.kind {
-                Kind::Fixed => continue,
-                Kind::Revolute => {
+                JointKind::Fixed => continue,
+                JointKind::Revolute => {
                     let [lower, upper] = joint.range;
                     if lower > upper {
                         return Err(ImportError::Reversed {
@@ -90,15 +90,15 @@ impl Chain {
                     let range = (lower < upper).then_some([lower, upper]);
                     within_soft_limits(joint, range)?
                 }
-                Kind::Continuous => None,
-                Kind::Other(kind) => {
-                    return Err(ImportError::NoHinge {
+                JointKind::Continuous => None,
+                JointKind::Other(kind) => {
+                    return Err(ImportError::NotRevolute {
                         joint: joint.name.clone(),
                         kind: kind.to_owned(),
                     });
                 }
             };
-            hinges.push(Hinge {
+            revolute_joints.push(RevoluteJoint {
                 name: joint.name.clone(),
                 origin: between,
                 axis: Unit::new_normalize(Vector3::from(joint.axis)),
@@ -110,7 +110,7 @@ impl Chain {
         Ok(Chain {
             base,
             tip,
-            hinges,
+            revolute_joints,
             end: between,
         })
     }
@@ -119,8 +119,8 @@ impl Chain {
     #[must_use]
     pub fn forward(&self, joints: &Joints) -> Pose {
         let mut at = Isometry3::identity();
-        for (hinge, joint) in self.hinges.iter().zip(joints) {
-            at *= hinge.origin * UnitQuaternion::from_axis_angle(&hinge.axis, *joint);
+        for (revolute, joint) in self.revolute_joints.iter().zip(joints) {
+            at *= revolute.origin * UnitQuaternion::from_axis_angle(&revolute.axis, *joint);
         }
         at *= self.end;
         let rotation = at.rotation.to_rotation_matrix();
@@ -129,12 +129,12 @@ impl Chain {
         Pose::from_rotation_matrix(at.translation.vector.into(), &rows)
     }
 
-    /// Axis and origin of each hinge in the base, and the tip, with all joints 0.
+    /// Axis and origin of each revolute in the base, and the tip, with all joints 0.
     pub(crate) fn at_zero(&self) -> (Vec<[Vector3<f64>; 2]>, Isometry3<f64>) {
         let mut at = Isometry3::identity();
-        let axes = self.hinges.iter().map(|hinge| {
-            at *= hinge.origin;
-            [at.rotation * hinge.axis.into_inner(), at.translation.vector]
+        let axes = self.revolute_joints.iter().map(|revolute| {
+            at *= revolute.origin;
+            [at.rotation * revolute.axis.into_inner(), at.translation.vector]
         });
         let axes = axes.collect();
         (axes, at * self.end)
@@ -142,7 +142,7 @@ impl Chain {
 }
 
 /// Nothing that is said of a joint is passed over.
-fn usable(joint: &Joint, is_only_one: bool) -> Result<(), ImportError> {
+fn check_usable(joint: &UrdfJoint, is_only_one: bool) -> Result<(), ImportError> {
     let unusable = |what: String| {
         Err(ImportError::Unusable {
             joint: joint.name.clone(),
@@ -152,7 +152,7 @@ fn usable(joint: &Joint, is_only_one: bool) -> Result<(), ImportError> {
     if !is_only_one {
         return unusable("is there twice: rename one of the two".to_owned());
     }
-    if joint.kind == Kind::Fixed {
+    if joint.kind == JointKind::Fixed {
         return Ok(());
     }
     if let Some(mimic) = &joint.mimic {
@@ -179,7 +179,7 @@ fn usable(joint: &Joint, is_only_one: bool) -> Result<(), ImportError> {
 
 /// The range that soft limits leave, if there are any.
 fn within_soft_limits(
-    joint: &Joint,
+    joint: &UrdfJoint,
     range: Option<[f64; 2]>,
 ) -> Result<Option<[f64; 2]>, ImportError> {
     let (Some([lower, upper]), Some(soft)) = (range, joint.soft) else {
@@ -203,7 +203,7 @@ fn within_soft_limits(
 }
 
 fn find(
-    robot: &Robot,
+    robot: &UrdfRobot,
     named: Option<&str>,
     what: &'static str,
     fits: impl Fn(&str) -> bool,

@@ -16,7 +16,7 @@ type Vector = Vector3<f64>;
 
 /// What a joint or link lacks.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Misfit {
+pub enum GeometryMismatch {
     /// The axis has another direction.
     Direction {
         /// The axis, base frame, all joints 0.
@@ -38,34 +38,34 @@ pub enum Misfit {
     },
 }
 
-impl fmt::Display for Misfit {
+impl fmt::Display for GeometryMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Misfit::Direction { axis, wanted } => {
+            GeometryMismatch::Direction { axis, wanted } => {
                 let [x, y, z] = axis.map(|value| value + 0.0);
                 write!(
                     f,
                     "its axis is [{x:.6}, {y:.6}, {z:.6}] with all joints 0, but must be {wanted}"
                 )
             }
-            Misfit::Beside { by, point } => {
+            GeometryMismatch::Beside { by, point } => {
                 write!(f, "its axis misses {point} by {:.6} mm", by * 1e3)
             }
-            Misfit::NoLength { between } => write!(f, "there is no length between {between}"),
+            GeometryMismatch::NoLength { between } => write!(f, "there is no length between {between}"),
         }
     }
 }
 
 /// One line in space.
 #[derive(Clone, Copy)]
-struct Line {
+struct AxisLine {
     axis: Vector,
     origin: Vector,
 }
 
-impl Line {
+impl AxisLine {
     /// The point of this line that is nearest to another one, and how far they are apart; `None` if they are parallel.
-    fn meets(&self, other: &Line) -> Option<(Vector, f64)> {
+    fn nearest_point(&self, other: &AxisLine) -> Option<(Vector, f64)> {
         let across = self.axis.cross(&other.axis);
         let square = across.norm_squared();
         if square < SLACK {
@@ -85,9 +85,9 @@ impl Line {
 }
 
 /// Words of a fit: which joint or link they are about.
-struct Fit<'c> {
+struct ChainFit<'c> {
     chain: &'c Chain,
-    lines: Vec<Line>,
+    lines: Vec<AxisLine>,
     tip: Isometry3<f64>,
 }
 
@@ -96,39 +96,39 @@ pub(crate) fn arm(chain: &Chain) -> Result<Arm, ImportError> {
     let (axes, tip) = chain.at_zero();
     let lines = axes
         .into_iter()
-        .map(|[axis, origin]| Line { axis, origin })
+        .map(|[axis, origin]| AxisLine { axis, origin })
         .collect();
-    let fit = Fit { chain, lines, tip };
+    let fit = ChainFit { chain, lines, tip };
     match *fit.lines.as_slice() {
         [a, b, c, d, e, f] => fit
             .ortho_parallel([a, b, c, d, e, f])
             .map(Arm::OrthoParallel),
         [a, b, c, d, e, f, g] => fit.srs([a, b, c, d, e, f, g]).map(Arm::Srs),
         _ => Err(ImportError::Count {
-            count: chain.hinges.len(),
+            count: chain.revolute_joints.len(),
             joints: fit.names(),
         }),
     }
 }
 
-impl Fit<'_> {
+impl ChainFit<'_> {
     fn names(&self) -> String {
-        let names = self.chain.hinges.iter().map(|hinge| hinge.name.as_str());
+        let names = self.chain.revolute_joints.iter().map(|revolute| revolute.name.as_str());
         listed(names)
     }
 
-    fn joint(&self, number: usize, misfit: Misfit) -> ImportError {
-        let hinge = self.chain.hinges.get(number - 1);
+    fn joint(&self, number: usize, mismatch: GeometryMismatch) -> ImportError {
+        let revolute = self.chain.revolute_joints.get(number - 1);
         ImportError::Joint {
-            joint: hinge.map(|hinge| hinge.name.clone()).unwrap_or_default(),
-            misfit,
+            joint: revolute.map(|revolute| revolute.name.clone()).unwrap_or_default(),
+            mismatch,
         }
     }
 
-    fn tip_misfit(&self, misfit: Misfit) -> ImportError {
+    fn tip_mismatch(&self, mismatch: GeometryMismatch) -> ImportError {
         ImportError::Link {
             link: self.chain.tip.clone(),
-            misfit,
+            mismatch,
         }
     }
 
@@ -136,7 +136,7 @@ impl Fit<'_> {
     fn sign(
         &self,
         number: usize,
-        line: &Line,
+        line: &AxisLine,
         direction: &Vector,
         wanted: &'static str,
     ) -> Result<f64, ImportError> {
@@ -144,13 +144,13 @@ impl Fit<'_> {
             return Ok(line.axis.dot(direction).signum());
         }
         let axis = line.axis.into();
-        Err(self.joint(number, Misfit::Direction { axis, wanted }))
+        Err(self.joint(number, GeometryMismatch::Direction { axis, wanted }))
     }
 
-    fn through(
+    fn require_through(
         &self,
         number: usize,
-        line: &Line,
+        line: &AxisLine,
         at: &Vector,
         point: &'static str,
     ) -> Result<(), ImportError> {
@@ -158,11 +158,11 @@ impl Fit<'_> {
         if by < SLACK {
             return Ok(());
         }
-        Err(self.joint(number, Misfit::Beside { by, point }))
+        Err(self.joint(number, GeometryMismatch::Beside { by, point }))
     }
 
     /// Seven hinges along z y z y z y z, all 0 with the arm straight up.
-    fn srs(&self, lines: [Line; 7]) -> Result<SrsArm, ImportError> {
+    fn srs(&self, lines: [AxisLine; 7]) -> Result<SrsArm, ImportError> {
         const Z: &str = "along the base's z axis (upright, all joints 0)";
         const Y: &str = "along the base's y axis (upright, all joints 0)";
         let mut signs = [0.0; 7];
@@ -179,17 +179,17 @@ impl Fit<'_> {
                 true => self.sign(number, line, y, Y)?,
             };
         }
-        let height = |line: &Line| line.origin.z;
+        let height = |line: &AxisLine| line.origin.z;
         for (number, line) in (1..).zip(&lines) {
             let at = Vector::z() * height(line);
-            self.through(number, line, &at, "the base's z axis")?;
+            self.require_through(number, line, &at, "the base's z axis")?;
         }
         let [_, l2, _, l4, _, l6, _] = &lines;
         let [shoulder, elbow, wrist] = [l2, l4, l6].map(height);
         let flange = self.tip.translation.vector;
         let turned = self.tip.rotation.angle();
         if turned > SLACK {
-            return Err(self.tip_misfit(Misfit::Direction {
+            return Err(self.tip_mismatch(GeometryMismatch::Direction {
                 axis: (self.tip.rotation * Vector::x()).into(),
                 wanted: "that of the base (x axis of the flange, all joints 0)",
             }));
@@ -197,19 +197,19 @@ impl Fit<'_> {
         let by = flange.xy().norm();
         if by > SLACK {
             let point = "the last axis";
-            return Err(self.tip_misfit(Misfit::Beside { by, point }));
+            return Err(self.tip_mismatch(GeometryMismatch::Beside { by, point }));
         }
         for (number, between, length) in [
             (4, "shoulder and elbow", elbow - shoulder),
             (6, "elbow and wrist", wrist - elbow),
         ] {
             if length < SLACK {
-                return Err(self.joint(number, Misfit::NoLength { between }));
+                return Err(self.joint(number, GeometryMismatch::NoLength { between }));
             }
         }
         if flange.z < wrist || shoulder < 0.0 {
             let between = "wrist and flange, upwards";
-            return Err(self.tip_misfit(Misfit::NoLength { between }));
+            return Err(self.tip_mismatch(GeometryMismatch::NoLength { between }));
         }
         Ok(SrsArm {
             shoulder_height: shoulder,
@@ -221,17 +221,17 @@ impl Fit<'_> {
     }
 
     /// Six hinges: upright, two parallel ones, and three that meet; in any position with all joints 0.
-    fn ortho_parallel(&self, lines: [Line; 6]) -> Result<OrthoParallelArm, ImportError> {
+    fn ortho_parallel(&self, lines: [AxisLine; 6]) -> Result<OrthoParallelArm, ImportError> {
         let [l1, l2, l3, l4, l5, l6] = &lines;
         let up = Vector::z();
         let sign1 = self.sign(1, l1, &up, "along the base's z axis")?;
-        self.through(1, l1, &Vector::zeros(), "the base's z axis")?;
+        self.require_through(1, l1, &Vector::zeros(), "the base's z axis")?;
         // Joint 2 to the left of where joint 1 = 0 looks: forwards is nearer to x than to −x.
         let left = l2.axis - up * l2.axis.z;
         if l2.axis.z.abs() > SLACK {
             let wanted = "square to axis 1";
             let axis = l2.axis.into();
-            return Err(self.joint(2, Misfit::Direction { axis, wanted }));
+            return Err(self.joint(2, GeometryMismatch::Direction { axis, wanted }));
         }
         let backwards = left.y < -SLACK || (left.y.abs() <= SLACK && left.x > 0.0);
         let left = if backwards { -left } else { left }.normalize();
@@ -240,13 +240,13 @@ impl Fit<'_> {
         let sign3 = self.sign(3, l3, &left, "parallel to axis 2")?;
 
         // Where the wrist is: axes 4, 5 and 6 meet.
-        let wrist = l4.meets(l5).filter(|(_, by)| *by < SLACK);
+        let wrist = l4.nearest_point(l5).filter(|(_, by)| *by < SLACK);
         let Some((wrist, _)) = wrist else {
-            let by = l4.meets(l5).map_or(0.0, |(_, by)| by);
+            let by = l4.nearest_point(l5).map_or(0.0, |(_, by)| by);
             let point = "axis 4 (or is parallel to it)";
-            return Err(self.joint(5, Misfit::Beside { by, point }));
+            return Err(self.joint(5, GeometryMismatch::Beside { by, point }));
         };
-        self.through(6, l6, &wrist, "the point where axes 4 and 5 meet")?;
+        self.require_through(6, l6, &wrist, "the point where axes 4 and 5 meet")?;
         for (number, a, b, wanted) in [
             (4, l4, &left, "square to axis 3"),
             (5, l5, &l4.axis, "square to axis 4"),
@@ -254,7 +254,7 @@ impl Fit<'_> {
         ] {
             if a.axis.dot(b).abs() > SLACK {
                 let axis = a.axis.into();
-                return Err(self.joint(number, Misfit::Direction { axis, wanted }));
+                return Err(self.joint(number, GeometryMismatch::Direction { axis, wanted }));
             }
         }
 
@@ -264,7 +264,7 @@ impl Fit<'_> {
         let upper_arm = along.hypot(rise);
         if upper_arm < SLACK {
             let between = "axes 2 and 3";
-            return Err(self.joint(3, Misfit::NoLength { between }));
+            return Err(self.joint(3, GeometryMismatch::NoLength { between }));
         }
         let theta2 = along.atan2(rise);
         let lower = wrist - l3.origin;
@@ -276,7 +276,7 @@ impl Fit<'_> {
         let (forearm, elbow_offset) = (lower.dot(&z3), lower.dot(&x3));
         if forearm < SLACK {
             let between = "axis 3 and the wrist";
-            return Err(self.joint(4, Misfit::NoLength { between }));
+            return Err(self.joint(4, GeometryMismatch::NoLength { between }));
         }
         let (along, rise) = level(z3);
         let theta3 = along.atan2(rise) - theta2;
@@ -292,7 +292,7 @@ impl Fit<'_> {
         let sign6 = if l6.axis.cross(&z5).norm() < SLACK {
             l6.axis.dot(&z5).signum()
         } else {
-            return Err(self.tip_misfit(Misfit::Direction {
+            return Err(self.tip_mismatch(GeometryMismatch::Direction {
                 axis: z5.into(),
                 wanted: "along the last axis (z axis of the flange, all joints 0)",
             }));
@@ -301,12 +301,12 @@ impl Fit<'_> {
         let by = to_flange.cross(&z5).norm();
         if by > SLACK {
             let point = "the last axis";
-            return Err(self.tip_misfit(Misfit::Beside { by, point }));
+            return Err(self.tip_mismatch(GeometryMismatch::Beside { by, point }));
         }
         let wrist_to_flange = to_flange.dot(&z5);
         if wrist_to_flange < 0.0 {
             let between = "wrist and flange along the flange's z axis (it points inwards)";
-            return Err(self.tip_misfit(Misfit::NoLength { between }));
+            return Err(self.tip_mismatch(GeometryMismatch::NoLength { between }));
         }
         let x4 = y4.cross(&z3);
         let theta5 = z5.dot(&x4).atan2(z5.dot(&z3));

@@ -9,8 +9,8 @@ mod yaml;
 use rcc_core::kinematics::Arm;
 use rcc_core::message::{JOINTS_MAX, Joints};
 
-pub use chain::{Chain, Hinge};
-pub use fit::Misfit;
+pub use chain::{Chain, RevoluteJoint};
+pub use fit::GeometryMismatch;
 pub use urdf::{BYTES_MAX, UrdfError};
 pub use yaml::yaml;
 
@@ -76,7 +76,7 @@ pub enum ImportError {
     Xacro,
     /// A joint of the chain that is no hinge.
     #[error("joint `{joint}` is {kind}; an arm has hinges only")]
-    NoHinge {
+    NotRevolute {
         /// The joint.
         joint: String,
         /// What it is.
@@ -113,20 +113,20 @@ pub enum ImportError {
         joints: String,
     },
     /// A joint does not fit.
-    #[error("joint `{joint}`: {misfit}")]
+    #[error("joint `{joint}`: {mismatch}")]
     Joint {
         /// The joint.
         joint: String,
         /// What it lacks.
-        misfit: Misfit,
+        mismatch: GeometryMismatch,
     },
     /// The base or the tip does not fit.
-    #[error("link `{link}`: {misfit}")]
+    #[error("link `{link}`: {mismatch}")]
     Link {
         /// The link.
         link: String,
         /// What it lacks.
-        misfit: Misfit,
+        mismatch: GeometryMismatch,
     },
     /// Everything fits, but not exactly enough.
     #[error(
@@ -167,7 +167,7 @@ fn difference(chain: &Chain, arm: &Arm) -> f64 {
     let mut worst = 0.0_f64;
     for _ in 0..SAMPLES {
         let mut joints: Joints = [0.0; JOINTS_MAX];
-        for joint in joints.iter_mut().take(chain.hinges.len()) {
+        for joint in joints.iter_mut().take(chain.revolute_joints.len()) {
             // xorshift64*: the same positions every time.
             seed ^= seed >> 12;
             seed ^= seed << 25;

@@ -153,7 +153,7 @@ fn nothing_that_is_said_of_a_joint_is_passed_over() {
     }
     let soft = text.replacen(limit, "<safety_controller soft_lower_limit=\"-1\" soft_upper_limit=\"1.25\" k_velocity=\"1\"/><limit", 1);
     let arm = import(&soft, None, None).unwrap();
-    assert_eq!(arm.chain.hinges[0].range, Some([-1.0, 1.25]));
+    assert_eq!(arm.chain.revolute_joints[0].range, Some([-1.0, 1.25]));
     let nothing = refused(
         limit,
         "<safety_controller soft_lower_limit=\"50\" soft_upper_limit=\"51\" k_velocity=\"1\"/><limit",

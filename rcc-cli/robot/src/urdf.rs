@@ -67,17 +67,17 @@ pub enum UrdfError {
 
 /// A robot.
 #[derive(Clone, Debug)]
-pub(crate) struct Robot {
+pub(crate) struct UrdfRobot {
     pub name: String,
     pub links: Vec<String>,
-    pub joints: Vec<Joint>,
+    pub joints: Vec<UrdfJoint>,
 }
 
 /// A joint, as the URDF says it.
 #[derive(Clone, Debug)]
-pub(crate) struct Joint {
+pub(crate) struct UrdfJoint {
     pub name: String,
-    pub kind: Kind,
+    pub kind: JointKind,
     pub parent: String,
     pub child: String,
     /// From the parent's frame to the joint's with the joint 0.
@@ -95,7 +95,7 @@ pub(crate) struct Joint {
 
 /// How a joint moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum JointKind {
     Fixed,
     Revolute,
     Continuous,
@@ -103,18 +103,18 @@ pub(crate) enum Kind {
     Other(&'static str),
 }
 
-const KINDS: [(&str, Kind); 7] = [
-    ("fixed", Kind::Fixed),
-    ("revolute", Kind::Revolute),
-    ("continuous", Kind::Continuous),
-    ("prismatic", Kind::Other("prismatic")),
-    ("floating", Kind::Other("floating")),
-    ("planar", Kind::Other("planar")),
-    ("spherical", Kind::Other("spherical")),
+const KINDS: [(&str, JointKind); 7] = [
+    ("fixed", JointKind::Fixed),
+    ("revolute", JointKind::Revolute),
+    ("continuous", JointKind::Continuous),
+    ("prismatic", JointKind::Other("prismatic")),
+    ("floating", JointKind::Other("floating")),
+    ("planar", JointKind::Other("planar")),
+    ("spherical", JointKind::Other("spherical")),
 ];
 
 /// Reads a text.
-pub(crate) fn read(text: &str) -> Result<Robot, UrdfError> {
+pub(crate) fn read(text: &str) -> Result<UrdfRobot, UrdfError> {
     bounds::check(text)?;
     let options = ParsingOptions {
         allow_dtd: false,
@@ -140,14 +140,14 @@ pub(crate) fn read(text: &str) -> Result<Robot, UrdfError> {
             _ => {}
         }
     }
-    Ok(Robot {
+    Ok(UrdfRobot {
         name: required(root, "name")?.to_owned(),
         links,
         joints,
     })
 }
 
-fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<Joint, UrdfError> {
+fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<UrdfJoint, UrdfError> {
     let written = required(node, "type")?;
     let kind = KINDS.iter().find(|(name, _)| *name == written.trim());
     let Some((_, kind)) = kind else {
@@ -173,7 +173,7 @@ fn joint(node: Node<'_, '_>, version: (u32, u32)) -> Result<Joint, UrdfError> {
         ])
     });
     let mimic = element(node, "mimic").map(|mimic| required(mimic, "joint").map(str::to_owned));
-    Ok(Joint {
+    Ok(UrdfJoint {
         name: required(node, "name")?.to_owned(),
         kind: *kind,
         parent: link("parent")?,

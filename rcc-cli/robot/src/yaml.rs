@@ -75,17 +75,17 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         "# Compare every number with the data sheet before the arm moves."
     );
     put!(text, "joints:");
-    for hinge in &chain.hinges {
-        let [lower, upper] = hinge
+    for revolute in &chain.revolute_joints {
+        let [lower, upper] = revolute
             .range
             .unwrap_or([-180_f64, 180.0].map(f64::to_radians));
-        let velocity = hinge.velocity.unwrap_or(VELOCITY);
+        let velocity = revolute.velocity.unwrap_or(VELOCITY);
         let degrees = |value: f64| tidy(value.to_degrees());
         let mut missing = Vec::new();
-        if hinge.range.is_none() {
+        if revolute.range.is_none() {
             missing.push("no limits in the URDF: one turn");
         }
-        if hinge.velocity.is_none() {
+        if revolute.velocity.is_none() {
             missing.push("no speed in the URDF: chosen");
         }
         let comment = match missing.is_empty() {
@@ -95,7 +95,7 @@ pub fn yaml(imported: &Imported, source: &str) -> String {
         put!(
             text,
             "  {}: {{position: [deg({}), deg({})], velocity: {} deg/s, acceleration: {} deg/s^2, jerk: {} deg/s^3}}{comment}",
-            quoted(&hinge.name),
+            quoted(&revolute.name),
             degrees(lower),
             degrees(upper),
             degrees(velocity),

@@ -10,7 +10,7 @@ use crate::failure::Failure;
 
 /// The facts of one net.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Facts {
+pub struct MotionFacts {
     /// Where the motion goes, m, base frame.
     pub goal: [f64; 3],
     /// What it may do; the length is not known before it starts.
@@ -30,7 +30,7 @@ const DISTANCE: &str = "move.distance";
 ///
 /// # Errors
 /// The text is none of the demo's nets.
-pub fn read(name: &str, text: &str) -> Result<Facts, Failure> {
+pub fn read(name: &str, text: &str) -> Result<MotionFacts, Failure> {
     let strange = |what: &str| {
         Failure::new(
             codes::BAD_REQUEST,
@@ -54,7 +54,7 @@ pub fn read(name: &str, text: &str) -> Result<Facts, Failure> {
     let goal = goal
         .and_then(|goal| <[f64; 3]>::try_from(goal).ok())
         .ok_or_else(|| strange("to"))?;
-    Ok(Facts {
+    Ok(MotionFacts {
         goal,
         limits: PathLimits {
             length: 0.0,
@@ -100,7 +100,7 @@ primitives:
         let facts = read("x", TEXT);
         assert_eq!(
             facts,
-            Ok(Facts {
+            Ok(MotionFacts {
                 goal: [0.5, 0.1, 0.4],
                 limits: PathLimits {
                     length: 0.0,

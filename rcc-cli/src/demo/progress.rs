@@ -9,7 +9,7 @@ const WIDTH: usize = 28;
 
 /// What is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct View {
+pub struct MotionProgress {
     /// Part of the way, 0 to 1.
     pub part: f64,
     /// m.
@@ -44,7 +44,7 @@ impl Bar {
     }
 
     /// Shows the motion as it is now; only on a terminal.
-    pub fn show(&mut self, view: &View) {
+    pub fn show(&mut self, view: &MotionProgress) {
         let line = line(&self.name, view);
         if self.live && self.shown.as_ref() != Some(&line) {
             self.printer.overwrite(&line, false);
@@ -53,17 +53,17 @@ impl Bar {
     }
 
     /// The last line stays, with how it ended.
-    pub fn end(&mut self, view: &View, words: &str) {
+    pub fn end(&mut self, view: &MotionProgress, words: &str) {
         let text = format!("{}  {words}", line(&self.name, view));
         if self.live {
             self.printer.overwrite(&text, true);
         } else {
-            self.printer.say(&text);
+            self.printer.print_line(&text);
         }
     }
 }
 
-fn line(name: &str, view: &View) -> String {
+fn line(name: &str, view: &MotionProgress) -> String {
     let part = if view.part.is_finite() {
         view.part.clamp(0.0, 1.0)
     } else {
@@ -92,11 +92,11 @@ mod tests {
 
     #[test]
     fn half_of_the_way_is_half_of_the_bar() {
-        let view = View {
+        let view = MotionProgress {
             part: 0.5,
             distance: 0.075,
             torch: Some(true),
-            ..View::default()
+            ..MotionProgress::default()
         };
         let text = line("figure 5", &view);
         assert_eq!(text.matches('█').count(), WIDTH / 2);
@@ -105,9 +105,9 @@ mod tests {
 
     #[test]
     fn null_is_no_way() {
-        let view = View {
+        let view = MotionProgress {
             part: f64::NAN,
-            ..View::default()
+            ..MotionProgress::default()
         };
         assert_eq!(line("x", &view).matches('█').count(), 0);
     }

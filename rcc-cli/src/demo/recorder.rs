@@ -16,10 +16,10 @@ use rcc_loader::server::executor::EXECUTOR_LABEL;
 use crate::failure::Failure;
 
 /// How often the stream is looked at; its buffers hold more than 100 ms.
-const LOOK_EVERY: Duration = Duration::from_millis(4);
+const POLL_INTERVAL: Duration = Duration::from_millis(4);
 
 #[derive(Default)]
-struct Kept {
+struct RecordStore {
     /// By command.
     records: HashMap<u64, Vec<MonitorRecord>>,
     next_sequence: Option<u64>,
@@ -28,7 +28,7 @@ struct Kept {
 
 /// Keeps records until it is dropped.
 pub struct Recorder {
-    kept: Arc<Mutex<Kept>>,
+    kept: Arc<Mutex<RecordStore>>,
     // Relaxed: nothing else is handed over with it.
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -57,7 +57,7 @@ impl Recorder {
         let subscriber = session
             .subscribe::<MonitorRecord>(service)
             .map_err(|error| failed(error.to_string()))?;
-        let kept = Arc::new(Mutex::new(Kept::default()));
+        let kept = Arc::new(Mutex::new(RecordStore::default()));
         let stop = Arc::new(AtomicBool::new(false));
         let (kept_there, stop_there) = (Arc::clone(&kept), Arc::clone(&stop));
         let thread = thread::Builder::new()
@@ -113,7 +113,7 @@ impl Drop for Recorder {
 fn keep(
     session: Session,
     mut subscriber: Subscriber<MonitorRecord>,
-    kept: &Mutex<Kept>,
+    kept: &Mutex<RecordStore>,
     stop: &AtomicBool,
 ) {
     let mut batch = Vec::new();
@@ -132,7 +132,7 @@ fn keep(
                 .push(*record);
         }
         drop(kept);
-        thread::sleep(LOOK_EVERY);
+        thread::sleep(POLL_INTERVAL);
     }
     // In this order: what was opened through the session is closed first.
     drop(subscriber);
@@ -140,6 +140,6 @@ fn keep(
 }
 
 /// A panic between two records leaves whole records.
-fn locked(kept: &Mutex<Kept>) -> MutexGuard<'_, Kept> {
+fn locked(kept: &Mutex<RecordStore>) -> MutexGuard<'_, RecordStore> {
     kept.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -85,13 +85,13 @@ impl Simulator {
     ///
     /// # Errors
     /// As [`Simulator::ask`].
-    pub fn begin_trace(&mut self, path: &Path) -> io::Result<Trace> {
+    pub fn begin_trace(&mut self, path: &Path) -> io::Result<ActiveTrace> {
         match std::fs::remove_file(path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
         }
         self.ask(&json!({"trace": {"path": path}}))?;
-        Ok(Trace {
+        Ok(ActiveTrace {
             path: path.to_owned(),
         })
     }
@@ -100,7 +100,7 @@ impl Simulator {
     ///
     /// # Errors
     /// As [`Simulator::ask`], or a file that is no trace.
-    pub fn end_trace(&mut self, trace: Trace) -> io::Result<Vec<Exchange>> {
+    pub fn end_trace(&mut self, trace: ActiveTrace) -> io::Result<Vec<Exchange>> {
         self.ask(&json!({"trace": null}))?;
         let text = std::fs::read_to_string(&trace.path)?;
         read_trace(&text)
@@ -108,7 +108,7 @@ impl Simulator {
 }
 
 /// A trace that is being written.
-pub struct Trace {
+pub struct ActiveTrace {
     path: PathBuf,
 }
 

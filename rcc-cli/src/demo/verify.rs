@@ -17,7 +17,7 @@ const ROUNDING_M: f64 = 2.3e-16;
 
 /// One thing that was measured, and whether it is as it must be.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Check {
+pub struct MotionCheck {
     /// What.
     pub what: String,
     /// As it must be.
@@ -28,15 +28,15 @@ pub struct Check {
     pub holds: bool,
 }
 
-impl Check {
+impl MotionCheck {
     /// A check.
     pub fn new(
         what: impl Into<String>,
         holds: bool,
         expected: impl Into<String>,
         found: impl Into<String>,
-    ) -> Check {
-        Check {
+    ) -> MotionCheck {
+        MotionCheck {
             what: what.into(),
             expected: expected.into(),
             found: found.into(),
@@ -47,14 +47,14 @@ impl Check {
 
 /// A straight line between two points, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct LineSegment {
     /// Where it begins.
     pub start: [f64; 3],
     /// Where it ends.
     pub end: [f64; 3],
 }
 
-impl Line {
+impl LineSegment {
     /// Its length, m.
     #[must_use]
     pub fn length(&self) -> f64 {
@@ -89,7 +89,7 @@ impl Line {
 
 /// Every point is within `tolerance` of the line; no points or a null point do not hold.
 #[must_use]
-pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &Line, tolerance: f64) -> Check {
+pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &LineSegment, tolerance: f64) -> MotionCheck {
     let mut worst = 0.0_f64;
     for point in points {
         let distance = line.distance(*point);
@@ -102,12 +102,12 @@ pub fn on_the_line(what: &str, points: &[[f64; 3]], line: &Line, tolerance: f64)
     }
     let holds = !points.is_empty() && worst <= tolerance;
     let found = format!("{} over {} points", metres(worst), points.len());
-    Check::new(what, holds, format!("≤ {}", metres(tolerance)), found)
+    MotionCheck::new(what, holds, format!("≤ {}", metres(tolerance)), found)
 }
 
 /// Distances along the line, one a cycle.
 #[derive(Clone, Copy, Debug)]
-pub struct Track<'a> {
+pub struct DistanceTrack<'a> {
     /// Cycle of the first distance.
     pub first_cycle: u64,
     /// m, one for each cycle from there.
@@ -118,7 +118,7 @@ pub struct Track<'a> {
     pub dt_s: f64,
 }
 
-impl Track<'_> {
+impl DistanceTrack<'_> {
     /// The distance in a cycle, m.
     #[must_use]
     pub fn at(&self, cycle: u64) -> Option<f64> {
@@ -141,7 +141,7 @@ impl Track<'_> {
 
 /// Velocity, acceleration and jerk, as finite differences of the set-points, are within the limits.
 #[must_use]
-pub fn within_limits(what: &str, track: &Track<'_>) -> Check {
+pub fn within_limits(what: &str, track: &DistanceTrack<'_>) -> MotionCheck {
     let PathLimits {
         velocity,
         acceleration,
@@ -167,7 +167,7 @@ pub fn within_limits(what: &str, track: &Track<'_>) -> Check {
         holds &= largest <= limit * (1.0 + RELATIVE_TOLERANCE) + rounding;
         found.push(format!("{unit} {:.4}", largest / limit));
     }
-    Check::new(
+    MotionCheck::new(
         what,
         holds,
         "v, a, j ≤ 1.0000 of their limits",
@@ -178,10 +178,10 @@ pub fn within_limits(what: &str, track: &Track<'_>) -> Check {
 /// A soft stop that was asked for in cycle `asked` (`None`: it never was) while the motion had a constant speed: it begins at once (in the
 /// cycle itself or the next), and is over in the time that the limits predict, ± 1 cycle.
 #[must_use]
-pub fn soft_stop(cause: &str, track: &Track<'_>, asked: Option<u64>) -> Vec<Check> {
+pub fn soft_stop(cause: &str, track: &DistanceTrack<'_>, asked: Option<u64>) -> Vec<MotionCheck> {
     let Some(asked) = asked else {
         let what = format!("soft stop begins after {cause}");
-        return vec![Check::new(
+        return vec![MotionCheck::new(
             what,
             false,
             "within 1 cycle",
@@ -189,7 +189,7 @@ pub fn soft_stop(cause: &str, track: &Track<'_>, asked: Option<u64>) -> Vec<Chec
         )];
     };
     let begun = stop_begins(track, asked);
-    let begins = Check::new(
+    let begins = MotionCheck::new(
         format!("soft stop begins after {cause}"),
         begun.is_some_and(|cycle| cycle == asked || cycle == asked + 1),
         "within 1 cycle",
@@ -207,7 +207,7 @@ pub fn soft_stop(cause: &str, track: &Track<'_>, asked: Option<u64>) -> Vec<Chec
         // At rest in the first cycle that is not before the end of the stop, counted from the last one before it.
         Some((predicted.ceil(), (rest + 1).checked_sub(begun)? as f64))
     });
-    let in_time = Check::new(
+    let in_time = MotionCheck::new(
         "comes to rest in the predicted time",
         rests.is_some_and(|(predicted, found)| (predicted - found).abs() <= 1.0),
         rests.map_or_else(
@@ -220,7 +220,7 @@ pub fn soft_stop(cause: &str, track: &Track<'_>, asked: Option<u64>) -> Vec<Chec
         ),
     );
     let stopped = track.distances.last().copied().unwrap_or(f64::NAN);
-    let on_the_way = Check::new(
+    let on_the_way = MotionCheck::new(
         "comes to rest on the path, before its end",
         stopped > 0.0 && stopped < track.limits.length - SET_POINT_TOLERANCE_M,
         format!("between 0 and {:.4} m", track.limits.length),
@@ -231,7 +231,7 @@ pub fn soft_stop(cause: &str, track: &Track<'_>, asked: Option<u64>) -> Vec<Chec
 
 /// The first cycle, from a little before `asked` on, that is slower than the one before by what the jerk limit gives
 /// in a cycle (half of it, for rounding).
-fn stop_begins(track: &Track<'_>, asked: u64) -> Option<u64> {
+fn stop_begins(track: &DistanceTrack<'_>, asked: u64) -> Option<u64> {
     let slower = 0.5 * track.limits.jerk * track.dt_s.powi(3) / 6.0;
     let last = track.first_cycle + track.distances.len() as u64;
     (asked.saturating_sub(BEFORE)..last).find(|cycle| {
@@ -245,7 +245,7 @@ const BEFORE: u64 = 20;
 
 /// One datagram to the robot: how far along the line its set-point is, m, and an output's bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sent {
+pub struct SentDatagram {
     /// m along the line.
     pub along: f64,
     /// The output.
@@ -256,9 +256,9 @@ pub struct Sent {
 /// in which the net switched it. A driver that bridges a late executor sends points between two set-points; then it is
 /// the first one not before.
 #[must_use]
-pub fn switches_with(what: &str, sent: &[Sent], on: bool, along: f64) -> Check {
+pub fn switches_with(what: &str, sent: &[SentDatagram], on: bool, along: f64) -> MotionCheck {
     let expected = format!("with the set-point at {along:.6} m");
-    let changes: Vec<&[Sent]> = sent
+    let changes: Vec<&[SentDatagram]> = sent
         .windows(2)
         .filter(|pair| pair[0].on != on && pair[1].on == on)
         .collect();
@@ -274,13 +274,13 @@ pub fn switches_with(what: &str, sent: &[Sent], on: bool, along: f64) -> Check {
         [] => (false, "never".to_owned()),
         many => (false, format!("{} times", many.len())),
     };
-    Check::new(what, holds, expected, found)
+    MotionCheck::new(what, holds, expected, found)
 }
 
 /// The net switches in the cycle whose set-point is the first beyond `position` (m): `before` and `after` are the
 /// distances of the cycle before and of that cycle.
 #[must_use]
-pub fn crosses(what: &str, position: f64, pair: Option<(f64, f64)>) -> Check {
+pub fn crosses(what: &str, position: f64, pair: Option<(f64, f64)>) -> MotionCheck {
     // A decimal position is on the grid of set-points but for rounding.
     let rounding = 1e-12;
     let holds = pair.is_some_and(|(before, after)| {
@@ -290,18 +290,18 @@ pub fn crosses(what: &str, position: f64, pair: Option<(f64, f64)>) -> Check {
         || "never".to_owned(),
         |(before, after)| format!("between {before:.6} and {after:.6} m"),
     );
-    Check::new(what, holds, format!("at {position:.6} m"), found)
+    MotionCheck::new(what, holds, format!("at {position:.6} m"), found)
 }
 
 /// Cycle numbers without gaps, ascending by one.
 #[must_use]
-pub fn without_gaps(what: &str, cycles: &[u64]) -> Check {
+pub fn without_gaps(what: &str, cycles: &[u64]) -> MotionCheck {
     let gaps = cycles
         .windows(2)
         .filter(|pair| pair[1] != pair[0] + 1)
         .count();
     let holds = gaps == 0 && cycles.len() > 1;
-    Check::new(
+    MotionCheck::new(
         what,
         holds,
         "no gap",

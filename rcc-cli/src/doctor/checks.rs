@@ -1,8 +1,8 @@
 //! The checks: one file and two lines each; pure functions of the facts, each with tests on good and bad ones.
 //! Run by the main thread, in this order.
 
-use super::Finding;
-use super::facts::Facts;
+use super::HealthFinding;
+use super::facts::MachineFacts;
 
 mod cells;
 mod clock;
@@ -26,10 +26,10 @@ mod virtual_machine;
 mod wake_up;
 
 /// A function that looks at the facts.
-type Check = fn(&Facts) -> Vec<Finding>;
+type CheckFunction = fn(&MachineFacts) -> Vec<HealthFinding>;
 
 /// Name and function of every check.
-pub const CHECKS: &[(&str, Check)] = &[
+pub const CHECKS: &[(&str, CheckFunction)] = &[
     ("fifo", fifo::check),
     ("rttime", run_time::check),
     ("memory-lock", memory_lock::check),
@@ -54,10 +54,10 @@ pub const CHECKS: &[(&str, Check)] = &[
 
 /// All findings, in the order of the table.
 #[must_use]
-pub fn all(facts: &Facts) -> Vec<Finding> {
-    let named = |(name, check): &(&'static str, fn(&Facts) -> Vec<Finding>)| {
+pub fn all(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let named = |(name, check): &(&'static str, fn(&MachineFacts) -> Vec<HealthFinding>)| {
         let name = *name;
-        check(facts).into_iter().map(move |finding| Finding {
+        check(facts).into_iter().map(move |finding| HealthFinding {
             check: name,
             ..finding
         })
@@ -84,7 +84,7 @@ fn cores(all: &[usize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use std::collections::BTreeSet;
 
     #[test]
@@ -96,8 +96,8 @@ mod tests {
     #[test]
     fn whatever_is_wrong_says_what_to_do() {
         // Nothing is known: every check must cope with it.
-        for finding in all(&Facts::default()) {
-            let needs = finding.level >= Level::Warn;
+        for finding in all(&MachineFacts::default()) {
+            let needs = finding.level >= FindingLevel::Warn;
             assert!(!needs || finding.fix.is_some(), "{finding:?}");
             assert!(!finding.check.is_empty() && !finding.what.is_empty());
         }

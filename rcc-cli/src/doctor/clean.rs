@@ -9,7 +9,7 @@ use rcc_ipc::Cell;
 use rcc_ipc::clean::remove_cell;
 use serde::Serialize;
 
-use super::facts::cells::{self, CellFacts, Stray};
+use super::facts::cells::{self, CellFacts, StrayMemory};
 
 /// What was removed, or why not.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -35,7 +35,7 @@ pub fn clean(base: &Path, shm: Option<&Path>) -> Cleaned {
     }
     let Some(shm) = shm else { return cleaned };
     let uid = nix::unistd::getuid();
-    let ours = |stray: &Stray| !stray.used && (uid.is_root() || stray.owner == uid.as_raw());
+    let ours = |stray: &StrayMemory| !stray.used && (uid.is_root() || stray.owner == uid.as_raw());
     for stray in cells::strays(shm, base).into_iter().filter(ours) {
         match remove_all(&stray.paths) {
             Ok(()) => cleaned.removed.push(format!(

@@ -9,7 +9,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::measure::Measured;
+use super::measure::WakeUpMeasurement;
 
 /// A: no wake-up later than this part of the period, in percent.
 pub const PERCENT_A: u64 = 10;
@@ -46,7 +46,7 @@ impl fmt::Display for Grade {
 impl Grade {
     /// The grade of a measurement. Without SCHED_FIFO it is C at best: any other program may come first tomorrow.
     #[must_use]
-    pub fn of(measured: &Measured) -> Grade {
+    pub fn of(measured: &WakeUpMeasurement) -> Grade {
         let part = |percent| measured.period_ns * percent / 100;
         let trusted = measured.priority.is_some() && measured.cycles >= CYCLES_MIN;
         if measured.cycles == 0 {
@@ -95,8 +95,8 @@ impl Grade {
 pub(crate) mod tests {
     use super::*;
 
-    pub(crate) fn measured(p999_us: u64, max_us: u64) -> Measured {
-        Measured {
+    pub(crate) fn measured(p999_us: u64, max_us: u64) -> WakeUpMeasurement {
+        WakeUpMeasurement {
             priority: Some(80),
             core: Some(1),
             period_ns: 1_000_000,

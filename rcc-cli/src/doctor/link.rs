@@ -3,8 +3,8 @@
 
 use serde::Serialize;
 
-use super::told::{History, Told};
-use super::{Finding, Level};
+use super::driver_status::{LinkHistory, DriverStatus};
+use super::{HealthFinding, FindingLevel};
 
 pub mod fri;
 pub mod gather;
@@ -31,15 +31,15 @@ pub struct LinkFacts {
     /// Process of the living driver.
     pub pid: Option<u32>,
     /// What it told last.
-    pub told: Option<Told>,
+    pub driver_status: Option<DriverStatus>,
     /// What it had told about a second before.
-    pub before: Option<Told>,
+    pub before: Option<DriverStatus>,
     /// What was heard without a driver.
     pub probe: Option<serde_json::Value>,
     /// Why nothing could be heard without a driver.
     pub no_probe: Option<String>,
     /// Addresses of this machine.
-    pub interfaces: Vec<sockets::Interface>,
+    pub interfaces: Vec<sockets::NetworkInterface>,
     /// Who has the device's port.
     pub holder: Option<String>,
     /// The server accepts connections; none: it was not tried.
@@ -50,7 +50,7 @@ impl LinkFacts {
     /// What only the driver knows, from the driver or from listening in its place.
     #[must_use]
     pub fn link(&self) -> &serde_json::Value {
-        match (&self.told, &self.probe) {
+        match (&self.driver_status, &self.probe) {
             (Some(told), _) => &told.link,
             (None, Some(probe)) => &probe["link"],
             (None, None) => &serde_json::Value::Null,
@@ -76,12 +76,12 @@ impl LinkFacts {
     /// Somebody answers the device, so that its judgement of us means something.
     #[must_use]
     pub fn is_answered(&self) -> bool {
-        self.told.is_some()
+        self.driver_status.is_some()
     }
 }
 
 /// A stage: nothing to say, or what was found.
-pub type Stage = (&'static str, fn(&LinkFacts) -> Option<Finding>);
+pub type LinkStage = (&'static str, fn(&LinkFacts) -> Option<HealthFinding>);
 
 /// The report about one device; keys are only ever added.
 #[derive(Clone, Debug, Serialize)]
@@ -95,9 +95,9 @@ pub struct LinkReport {
     /// The stage that failed, if one did.
     pub failed: Option<&'static str>,
     /// What was found, in order; ends with what failed.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<HealthFinding>,
     /// The last minute, if a driver runs.
-    pub history: Option<History>,
+    pub history: Option<LinkHistory>,
     /// What only the driver knows.
     pub link: serde_json::Value,
 }
@@ -106,7 +106,7 @@ impl LinkReport {
     /// Runs the stages that suit the driver.
     #[must_use]
     pub fn of(facts: &LinkFacts) -> LinkReport {
-        let stages: &[Stage] = match facts.driver.as_str() {
+        let stages: &[LinkStage] = match facts.driver.as_str() {
             "fri-lwr" => fri::STAGES,
             _ => plain::STAGES,
         };
@@ -116,8 +116,8 @@ impl LinkReport {
             let Some(finding) = stage(facts) else {
                 continue;
             };
-            let fails = finding.level == Level::Fail;
-            findings.push(Finding {
+            let fails = finding.level == FindingLevel::Fail;
+            findings.push(HealthFinding {
                 check: name,
                 ..finding
             });
@@ -132,7 +132,7 @@ impl LinkReport {
             driver: facts.driver.clone(),
             failed,
             findings,
-            history: facts.told.as_ref().map(Told::history),
+            history: facts.driver_status.as_ref().map(DriverStatus::history),
             link: facts.link().clone(),
         }
     }
@@ -150,7 +150,7 @@ impl LinkReport {
                 percent(history.quality_min_permille),
                 history.late,
                 history.late_total,
-                super::record::age(super::told::now().saturating_sub(history.since)),
+                super::record::age(super::driver_status::now().saturating_sub(history.since)),
             ));
         }
         let name = &self.device;
@@ -172,13 +172,13 @@ pub fn percent(permille: u32) -> String {
 }
 
 /// The configuration can be used as it is.
-fn configuration(facts: &LinkFacts) -> Option<Finding> {
+fn configuration(facts: &LinkFacts) -> Option<HealthFinding> {
     if facts.unknown_ports.is_empty() {
         return None;
     }
     let ports = facts.unknown_ports.join(", ");
     Some(
-        Finding::fail(
+        HealthFinding::fail(
             format!(
                 "the cell does not run, and its file leaves the number of {ports} to the start"
             ),
@@ -192,27 +192,27 @@ fn configuration(facts: &LinkFacts) -> Option<Finding> {
 }
 
 /// The driver lives and turns.
-fn driver(facts: &LinkFacts) -> Option<Finding> {
+fn driver(facts: &LinkFacts) -> Option<HealthFinding> {
     let pid = facts.pid?;
-    let Some(told) = &facts.told else {
-        return Some(Finding::fail(
+    let Some(told) = &facts.driver_status else {
+        return Some(HealthFinding::fail(
             format!("the driver runs (pid {pid}) and has told nothing yet"),
             "ask again in two seconds; if it stays so, look at its log",
         ));
     };
     if told.history().stale {
         return Some(
-            Finding::fail(
-                format!("the driver (pid {pid}) has told nothing for {} s", super::told::now().saturating_sub(told.at)),
+            HealthFinding::fail(
+                format!("the driver (pid {pid}) has told nothing for {} s", super::driver_status::now().saturating_sub(told.at)),
                 format!("continue or restart it: kill -CONT {pid}; `rcc-cli up` and systemd restart what hangs"),
             )
             .cause("it is stopped, or hangs"),
         );
     }
-    Some(Finding::ok(format!(
+    Some(HealthFinding::ok(format!(
         "driver {} runs (pid {pid}), for {}",
         facts.driver,
-        super::record::age(super::told::now().saturating_sub(told.since))
+        super::record::age(super::driver_status::now().saturating_sub(told.since))
     )))
 }
 
@@ -244,18 +244,18 @@ mod tests {
         };
         assert_eq!(
             driver(&facts).map(|finding| finding.level),
-            Some(Level::Fail)
+            Some(FindingLevel::Fail)
         );
-        facts.told = Some(Told {
-            at: super::super::told::now() - 60,
-            ..Told::default()
+        facts.driver_status = Some(DriverStatus {
+            at: super::super::driver_status::now() - 60,
+            ..DriverStatus::default()
         });
         let found = driver(&facts);
         assert!(found.is_some_and(|found| found.what.contains("has told nothing for")));
-        facts.told = Some(Told {
-            at: super::super::told::now(),
-            ..Told::default()
+        facts.driver_status = Some(DriverStatus {
+            at: super::super::driver_status::now(),
+            ..DriverStatus::default()
         });
-        assert_eq!(driver(&facts).map(|finding| finding.level), Some(Level::Ok));
+        assert_eq!(driver(&facts).map(|finding| finding.level), Some(FindingLevel::Ok));
     }
 }

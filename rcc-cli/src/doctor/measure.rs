@@ -21,7 +21,7 @@ const WARM_UP: u64 = 20;
 
 /// How to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Plan {
+pub struct MeasurementPlan {
     /// SCHED_FIFO priority, `None` = as an ordinary thread.
     pub priority: Option<u8>,
     /// The core, `None` = the system chooses.
@@ -34,7 +34,7 @@ pub struct Plan {
 
 /// How late the wake-ups were.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Measured {
+pub struct WakeUpMeasurement {
     /// SCHED_FIFO priority it ran with, none = ordinary thread.
     pub priority: Option<u8>,
     /// Core it was bound to, none = not bound.
@@ -68,7 +68,7 @@ pub struct Measured {
 ///
 /// # Errors
 /// The system gives no thread, or refuses the core.
-pub fn measure(plan: Plan) -> io::Result<Measured> {
+pub fn measure(plan: MeasurementPlan) -> io::Result<WakeUpMeasurement> {
     let (tell, told) = mpsc::channel();
     let thread = thread::Builder::new()
         .name("wake-ups".into())
@@ -84,7 +84,7 @@ pub fn measure(plan: Plan) -> io::Result<Measured> {
     result
 }
 
-fn run(plan: Plan) -> io::Result<Measured> {
+fn run(plan: MeasurementPlan) -> io::Result<WakeUpMeasurement> {
     if let Some(core) = plan.core {
         let mut set = CpuSet::new();
         set.set(core)
@@ -96,7 +96,7 @@ fn run(plan: Plan) -> io::Result<Measured> {
     let mut histogram = Histogram::default();
     let before = preempted();
     let missed = wake_ups(plan, &mut histogram);
-    Ok(Measured {
+    Ok(WakeUpMeasurement {
         priority: fifo,
         core: plan.core,
         period_ns: plan.period_ns,
@@ -114,7 +114,7 @@ fn run(plan: Plan) -> io::Result<Measured> {
 }
 
 /// Returns how many were after the next deadline.
-fn wake_ups(plan: Plan, histogram: &mut Histogram) -> u64 {
+fn wake_ups(plan: MeasurementPlan, histogram: &mut Histogram) -> u64 {
     let period_ns = plan.period_ns.max(10_000);
     let mut deadline_ns = monotonic_ns() + period_ns;
     let end_ns = deadline_ns + u64::try_from(plan.length.as_nanos()).unwrap_or(u64::MAX / 2);
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_real_measurement_counts_its_wake_ups_in_order() -> io::Result<()> {
-        let plan = Plan {
+        let plan = MeasurementPlan {
             priority: None,
             core: None,
             period_ns: 1_000_000,
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_core_that_is_not_there_is_refused() {
-        let plan = Plan {
+        let plan = MeasurementPlan {
             priority: None,
             core: Some(1000),
             period_ns: 1_000_000,

@@ -11,7 +11,7 @@ use rcc_os::{file, wall};
 use serde::{Deserialize, Serialize};
 
 use super::grade::Grade;
-use super::measure::Measured;
+use super::measure::WakeUpMeasurement;
 use crate::table::{grouped, time};
 
 /// Where root's measurement lies; everybody reads it.
@@ -24,14 +24,14 @@ const SCHEMA: u32 = 1;
 
 /// A grade and how it was obtained.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Record {
+pub struct GradeRecord {
     /// Form of this file, 1.
     pub schema: u32,
     /// Seconds since the epoch.
     pub at: u64,
     /// Which start of the machine.
     pub boot: String,
-    /// Kernel.
+    /// KernelFacts.
     pub kernel: String,
     /// The grade.
     pub grade: Grade,
@@ -49,11 +49,11 @@ pub struct Record {
     pub max_ns: u64,
 }
 
-impl Record {
+impl GradeRecord {
     /// Of a measurement that has just ended.
     #[must_use]
-    pub fn of(measured: &Measured) -> Record {
-        Record {
+    pub fn of(measured: &WakeUpMeasurement) -> GradeRecord {
+        GradeRecord {
             schema: SCHEMA,
             at: now(),
             boot: boot(),
@@ -90,7 +90,7 @@ impl Record {
 
     /// The last one of this user, else root's.
     #[must_use]
-    pub fn last() -> Option<Record> {
+    pub fn last() -> Option<GradeRecord> {
         let folders = state_dir().into_iter().chain([PathBuf::from(OF_ROOT)]);
         folders.filter_map(|folder| read(&folder)).next()
     }
@@ -138,11 +138,11 @@ pub fn age(seconds: u64) -> String {
     }
 }
 
-fn read(folder: &Path) -> Option<Record> {
+fn read(folder: &Path) -> Option<GradeRecord> {
     let text = file::read_text(&folder.join(FILE), FILE_MAX).ok()?;
     serde_json::from_str(&text)
         .ok()
-        .filter(|record: &Record| record.schema == SCHEMA)
+        .filter(|record: &GradeRecord| record.schema == SCHEMA)
 }
 
 fn state_dir() -> Option<PathBuf> {
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn what_was_stored_is_read_again() -> io::Result<()> {
         let folder = std::env::temp_dir().join(format!("rcc-record-{}", std::process::id()));
-        let record = Record::of(&measured(21, 38));
+        let record = GradeRecord::of(&measured(21, 38));
         let path = record.store_in(&folder)?;
         let read = read(&folder);
         let others = fs::read_dir(&folder)?.count();
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn words_tell_grade_age_and_doubt() {
-        let mut record = Record::of(&measured(21, 38));
+        let mut record = GradeRecord::of(&measured(21, 38));
         (record.at, record.boot, record.kernel) = (1000, "x".to_owned(), "6.1".to_owned());
         assert_eq!(
             record.words_at(1400, "x", "6.1"),
@@ -219,7 +219,7 @@ mod tests {
     fn the_form_of_the_file_is_stable() -> Result<(), serde_json::Error> {
         let text = r#"{"schema":1,"at":5,"boot":"b","kernel":"6.1","grade":"C","priority":null,"core":null,
                        "period_ns":1000000,"cycles":5000,"p999_ns":1,"max_ns":2}"#;
-        let record: Record = serde_json::from_str(text)?;
+        let record: GradeRecord = serde_json::from_str(text)?;
         assert_eq!((record.grade, record.priority), (Grade::C, None));
         Ok(())
     }

@@ -3,10 +3,10 @@
 
 use serde::Serialize;
 
-use super::facts::Facts;
+use super::facts::MachineFacts;
 use super::grade::Grade;
-use super::measure::Measured;
-use super::{Finding, Level, checks, worst};
+use super::measure::WakeUpMeasurement;
+use super::{HealthFinding, FindingLevel, checks, worst};
 use crate::table::time;
 
 /// Form of the JSON.
@@ -16,28 +16,28 @@ const MARGIN: &str = "       ";
 
 /// What `doctor --output json` says; keys are only ever added.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct DoctorReport {
     /// Form of this report, 1.
     pub schema: u32,
     /// Where the wishes come from.
-    pub asked: Asked,
+    pub asked: RequirementsView,
     /// The worst of the findings.
-    pub worst: Level,
+    pub worst: FindingLevel,
     /// The grade, if it was measured.
     pub grade: Option<Grade>,
     /// Shortest `stale_after` that this grade allows, ns.
     pub stale_after_min_ns: Option<u64>,
     /// The wake-ups.
-    pub measured: Option<Measured>,
+    pub measured: Option<WakeUpMeasurement>,
     /// All findings.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<HealthFinding>,
     /// Where the grade was kept, for `status`.
     pub kept_in: Option<String>,
 }
 
 /// What is asked of the machine.
 #[derive(Clone, Debug, Serialize)]
-pub struct Asked {
+pub struct RequirementsView {
     /// Where it is written.
     pub source: String,
     /// SCHED_FIFO priority.
@@ -50,20 +50,20 @@ pub struct Asked {
     pub stale_after_ns: Option<u64>,
 }
 
-impl Report {
+impl DoctorReport {
     /// All checks on these facts.
     #[must_use]
-    pub fn of(facts: &Facts) -> Report {
+    pub fn of(facts: &MachineFacts) -> DoctorReport {
         let findings = checks::all(facts);
         let grade = facts.measured.as_ref().map(Grade::of);
-        Report {
+        DoctorReport {
             schema: SCHEMA,
-            asked: Asked {
-                source: facts.wish.source.clone(),
-                priority: facts.wish.priority,
-                core: facts.wish.core,
-                period_ns: facts.wish.period_ns,
-                stale_after_ns: facts.wish.stale_after_ns,
+            asked: RequirementsView {
+                source: facts.requirements.source.clone(),
+                priority: facts.requirements.priority,
+                core: facts.requirements.core,
+                period_ns: facts.requirements.period_ns,
+                stale_after_ns: facts.requirements.stale_after_ns,
             },
             worst: worst(&findings),
             grade,
@@ -109,7 +109,7 @@ impl Report {
             ),
             _ => "not graded: wake-ups were not measured".to_owned(),
         };
-        let rest = match (count(Level::Fail), count(Level::Warn)) {
+        let rest = match (count(FindingLevel::Fail), count(FindingLevel::Warn)) {
             (0, 0) => "nothing to improve".to_owned(),
             (0, warnings) => format!("a cell runs here; {warnings} things to improve"),
             (fails, warnings) => format!("{fails} things prevent a cell; {warnings} to improve"),
@@ -120,7 +120,7 @@ impl Report {
 
 /// A finding in one to three lines.
 #[must_use]
-pub fn lines(finding: &Finding) -> String {
+pub fn lines(finding: &HealthFinding) -> String {
     let mut text = format!(" {:<5} {}\n", finding.level.word(), finding.what);
     if let Some(cause) = &finding.cause {
         text.push_str(&format!("{MARGIN}cause  {cause}\n"));
@@ -138,11 +138,11 @@ mod tests {
 
     #[test]
     fn the_keys_of_the_json_are_stable() -> Result<(), serde_json::Error> {
-        let facts = Facts {
+        let facts = MachineFacts {
             measured: Some(measured(21, 38)),
-            ..Facts::default()
+            ..MachineFacts::default()
         };
-        let value = serde_json::to_value(Report::of(&facts))?;
+        let value = serde_json::to_value(DoctorReport::of(&facts))?;
         let keys = |value: &serde_json::Value| -> Vec<String> {
             value
                 .as_object()
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn people_read_level_cause_and_remedy() {
-        let finding = Finding::warn("it limps", "carry it").cause("a stone");
+        let finding = HealthFinding::warn("it limps", "carry it").cause("a stone");
         assert_eq!(
             lines(&finding),
             " WARN  it limps\n       cause  a stone\n       fix    carry it\n"
@@ -206,8 +206,8 @@ mod tests {
     #[test]
     fn what_prevents_is_counted_in_the_verdict() {
         // Without facts /dev/shm is not writable.
-        let report = Report::of(&Facts::default());
-        assert_eq!(report.worst, Level::Fail);
+        let report = DoctorReport::of(&MachineFacts::default());
+        assert_eq!(report.worst, FindingLevel::Fail);
         assert!(
             report.human().contains("prevent a cell"),
             "{}",

@@ -10,7 +10,7 @@ use super::Reading;
 
 /// Which values of a file are the wrench and the rotation; `None`: the only one of its length.
 #[derive(Clone, Debug, Default)]
-pub struct Wanted {
+pub struct ReadingSelection {
     /// A name that ends like this, of six numbers.
     pub wrench: Option<String>,
     /// A name that ends like this, of seven numbers (a pose) or four (a rotation).
@@ -48,7 +48,7 @@ pub enum ReadingsError {
 }
 
 /// Values by name, a row for each moment; `None` was not due or is null.
-struct Table {
+struct ReadingTable {
     names: Vec<(String, usize)>,
     /// By place in `names`.
     rows: Vec<Vec<Option<Vec<f64>>>>,
@@ -58,7 +58,7 @@ struct Table {
 ///
 /// # Errors
 /// A file of another form, or without exactly one wrench and one pose.
-pub fn read(text: &str, wanted: &Wanted) -> Result<Vec<Reading>, ReadingsError> {
+pub fn read(text: &str, wanted: &ReadingSelection) -> Result<Vec<Reading>, ReadingsError> {
     let table = match text.trim_start().starts_with('{') {
         true => lines(text)?,
         false => table(text)?,
@@ -88,7 +88,7 @@ pub fn read(text: &str, wanted: &Wanted) -> Result<Vec<Reading>, ReadingsError> 
 }
 
 fn choose(
-    table: &Table,
+    table: &ReadingTable,
     role: &'static str,
     what: &'static str,
     widths: &[usize],
@@ -114,7 +114,7 @@ fn choose(
 }
 
 /// `time [s],net/ft.wrench[0],…`: columns `name[0]` to `name[n - 1]` are one value.
-fn table(text: &str) -> Result<Table, ReadingsError> {
+fn table(text: &str) -> Result<ReadingTable, ReadingsError> {
     let mut lines = text
         .lines()
         .enumerate()
@@ -171,11 +171,11 @@ fn table(text: &str) -> Result<Table, ReadingsError> {
         }
         rows.push(row);
     }
-    Ok(Table { names, rows })
+    Ok(ReadingTable { names, rows })
 }
 
 /// `{"name": "net/ft.wrench", "cycle": 12, "value": [0.1, …], …}` a line; what is of one cycle belongs together.
-fn lines(text: &str) -> Result<Table, ReadingsError> {
+fn lines(text: &str) -> Result<ReadingTable, ReadingsError> {
     let mut names: Vec<(String, usize)> = Vec::new();
     let mut cycles: BTreeMap<u64, Vec<(usize, Vec<f64>)>> = BTreeMap::new();
     for (number, line) in text.lines().enumerate() {
@@ -213,7 +213,7 @@ fn lines(text: &str) -> Result<Table, ReadingsError> {
         }
         row
     });
-    Ok(Table {
+    Ok(ReadingTable {
         rows: rows.collect(),
         names,
     })

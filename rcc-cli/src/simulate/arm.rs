@@ -3,11 +3,11 @@
 
 use rcc_core::guard::{Guard, SLOW};
 use rcc_core::message::{CommandImage, DeviceState, Joints, SetPoint};
-use rcc_motion::{Rest, RestLimits};
+use rcc_motion::{StopTrajectory, StopLimits};
 
 /// Where playing is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
+enum FollowPhase {
     /// At rest.
     Holding,
     /// At rest; the set-points from `first` on are played when the delay is over.
@@ -20,13 +20,13 @@ enum Phase {
 
 /// The arm.
 #[derive(Debug)]
-pub struct Arm {
-    limits: RestLimits,
+pub struct FollowingArm {
+    limits: StopLimits,
     guard: Guard,
     delay: u64,
     dt_s: f64,
-    phase: Phase,
-    rest: Option<Rest>,
+    phase: FollowPhase,
+    rest: Option<StopTrajectory>,
     /// Who commands now is not followed, 0 = everybody is.
     refused: u64,
     /// Newest cycle that was looked at for somebody who begins.
@@ -37,16 +37,16 @@ pub struct Arm {
     outputs: SetPoint,
 }
 
-impl Arm {
+impl FollowingArm {
     /// An arm at rest at `position` (rad) whose driver waits `delay` cycles of `dt_s` (s).
     #[must_use]
-    pub fn new(limits: RestLimits, guard: Guard, position: Joints, delay: u64, dt_s: f64) -> Arm {
-        Arm {
+    pub fn new(limits: StopLimits, guard: Guard, position: Joints, delay: u64, dt_s: f64) -> FollowingArm {
+        FollowingArm {
             limits,
             guard,
             delay: delay.max(1),
             dt_s,
-            phase: Phase::Holding,
+            phase: FollowPhase::Holding,
             rest: None,
             refused: 0,
             cursor: 0,
@@ -64,15 +64,15 @@ impl Arm {
             .unwrap_or(SetPoint::NONE);
         let before = self.positions[0];
         match self.phase {
-            Phase::Following { entry } => self.follow(image, entry + 1),
-            Phase::Stopping => self.go_to_rest(),
-            Phase::Holding | Phase::Waiting { .. } => {}
+            FollowPhase::Following { entry } => self.follow(image, entry + 1),
+            FollowPhase::Stopping => self.go_to_rest(),
+            FollowPhase::Holding | FollowPhase::Waiting { .. } => {}
         }
-        if self.positions[0] == before && !matches!(self.phase, Phase::Following { .. }) {
+        if self.positions[0] == before && !matches!(self.phase, FollowPhase::Following { .. }) {
             self.positions = [before; 3];
         }
-        self.look_for_a_beginning(image);
-        if !matches!(self.phase, Phase::Following { .. } | Phase::Waiting { .. }) {
+        self.detect_start(image);
+        if !matches!(self.phase, FollowPhase::Following { .. } | FollowPhase::Waiting { .. }) {
             self.outputs = self.newest;
         }
     }
@@ -93,10 +93,10 @@ impl Arm {
     #[must_use]
     pub fn state(&self) -> DeviceState {
         match self.phase {
-            Phase::Stopping => DeviceState::Stopping,
-            Phase::Waiting { .. } | Phase::Following { .. } => DeviceState::Commanded,
-            Phase::Holding if commands(&self.newest) => DeviceState::Online,
-            Phase::Holding => DeviceState::Ready,
+            FollowPhase::Stopping => DeviceState::Stopping,
+            FollowPhase::Waiting { .. } | FollowPhase::Following { .. } => DeviceState::Commanded,
+            FollowPhase::Holding if commands(&self.newest) => DeviceState::Online,
+            FollowPhase::Holding => DeviceState::Ready,
         }
     }
 
@@ -104,7 +104,7 @@ impl Arm {
     #[must_use]
     pub fn settled_ns(&self) -> u64 {
         match self.phase {
-            Phase::Holding if !commands(&self.newest) => self.newest.logical_ns,
+            FollowPhase::Holding if !commands(&self.newest) => self.newest.logical_ns,
             _ => 0,
         }
     }
@@ -113,7 +113,7 @@ impl Arm {
     #[must_use]
     pub fn played_ns(&self) -> u64 {
         match self.phase {
-            Phase::Following { .. } => self.outputs.logical_ns,
+            FollowPhase::Following { .. } => self.outputs.logical_ns,
             _ => 0,
         }
     }
@@ -124,7 +124,7 @@ impl Arm {
         match allowed {
             Some(point) => {
                 self.move_to(point.position);
-                (self.phase, self.outputs) = (Phase::Following { entry }, point);
+                (self.phase, self.outputs) = (FollowPhase::Following { entry }, point);
             }
             // The end of the set-points: what comes later may be followed. A broken limit: its owner is not any more.
             None => {
@@ -155,31 +155,31 @@ impl Arm {
             .take(self.limits.joints)
             .all(|(v, (v_max, a_max))| v.abs() <= (SLOW * v_max).min(a_max * self.dt_s));
         if slow {
-            self.phase = Phase::Holding;
+            self.phase = FollowPhase::Holding;
             return;
         }
         // Whoever commands while the arm is being stopped is not followed.
         if commands(&self.newest) {
             self.refused = self.newest.owner;
         }
-        let rest = Rest::new(self.limits, self.dt_s).ok();
+        let rest = StopTrajectory::new(self.limits, self.dt_s).ok();
         self.rest = rest.and_then(|mut rest| {
             let begun = rest.begin(&self.positions[0], &velocity, &acceleration);
             begun.ok().map(|()| rest)
         });
-        self.phase = Phase::Stopping;
+        self.phase = FollowPhase::Stopping;
         self.go_to_rest();
     }
 
     fn go_to_rest(&mut self) {
         let Some(rest) = &mut self.rest else {
-            self.phase = Phase::Holding;
+            self.phase = FollowPhase::Holding;
             return;
         };
         let (position, resting) = rest.step();
         self.move_to(position);
         if resting {
-            (self.rest, self.phase) = (None, Phase::Holding);
+            (self.rest, self.phase) = (None, FollowPhase::Holding);
         }
     }
 
@@ -188,22 +188,22 @@ impl Arm {
         self.positions = [position, now, last];
     }
 
-    fn look_for_a_beginning(&mut self, image: &CommandImage) {
+    fn detect_start(&mut self, image: &CommandImage) {
         while self.cursor < image.head.sequence
-            && matches!(self.phase, Phase::Holding | Phase::Stopping)
+            && matches!(self.phase, FollowPhase::Holding | FollowPhase::Stopping)
         {
             self.cursor += 1;
             let Some(point) = image.at(self.cursor).filter(|point| commands(point)) else {
                 continue;
             };
             match self.phase {
-                Phase::Holding if point.owner != self.refused => {
-                    self.phase = Phase::Waiting { first: self.cursor };
+                FollowPhase::Holding if point.owner != self.refused => {
+                    self.phase = FollowPhase::Waiting { first: self.cursor };
                 }
                 _ => self.refused = point.owner,
             }
         }
-        let Phase::Waiting { first } = self.phase else {
+        let FollowPhase::Waiting { first } = self.phase else {
             return;
         };
         if image.head.sequence - first < self.delay {
@@ -215,11 +215,11 @@ impl Arm {
         match begun {
             Some(point) => {
                 self.move_to(point.position);
-                (self.phase, self.outputs) = (Phase::Following { entry: first }, point);
+                (self.phase, self.outputs) = (FollowPhase::Following { entry: first }, point);
             }
             None => {
                 self.refused = point.map_or(0, |point| point.owner);
-                (self.phase, self.cursor) = (Phase::Holding, image.head.sequence);
+                (self.phase, self.cursor) = (FollowPhase::Holding, image.head.sequence);
             }
         }
     }
@@ -238,14 +238,14 @@ mod tests {
 
     const DELAY: u64 = 5;
 
-    struct Bench {
-        arm: Arm,
+    struct ArmFixture {
+        arm: FollowingArm,
         image: CommandImage,
         played: Vec<f64>,
     }
 
-    impl Bench {
-        fn new() -> Bench {
+    impl ArmFixture {
+        fn new() -> ArmFixture {
             let joints = JointLimits {
                 lower: [-2.0; 8],
                 upper: [2.0; 8],
@@ -254,15 +254,15 @@ mod tests {
                 jerk_max: [2000.0; 8],
                 joints: 7,
             };
-            let limits = RestLimits {
+            let limits = StopLimits {
                 velocity_max: joints.velocity_max,
                 acceleration_max: joints.acceleration_max,
                 jerk_max: [2000.0; 8],
                 joints: 7,
             };
             let image = CommandImage::new(1, 1_000_000);
-            let arm = Arm::new(limits, Guard::new(joints, 1e-3), [0.0; 8], DELAY, 1e-3);
-            Bench {
+            let arm = FollowingArm::new(limits, Guard::new(joints, 1e-3), [0.0; 8], DELAY, 1e-3);
+            ArmFixture {
                 arm,
                 image,
                 played: Vec::new(),
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn every_set_point_is_played_after_the_delay_and_the_arm_settles() {
-        let mut bench = Bench::new();
+        let mut bench = ArmFixture::new();
         for joint in motion() {
             bench.cycle(1, Some(joint));
             assert_eq!(bench.arm.state(), DeviceState::Commanded);
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn set_points_that_end_in_motion_bring_it_to_rest_within_its_limits() {
-        let mut bench = Bench::new();
+        let mut bench = ArmFixture::new();
         motion()[..150]
             .iter()
             .for_each(|joint| bench.cycle(1, Some(*joint)));
@@ -334,7 +334,7 @@ mod tests {
 
     #[test]
     fn a_first_set_point_elsewhere_is_not_followed() {
-        let mut bench = Bench::new();
+        let mut bench = ArmFixture::new();
         (0..30).for_each(|_| bench.cycle(1, Some(0.5)));
         assert_eq!(bench.arm.state(), DeviceState::Online);
         assert_eq!(bench.arm.position()[0], 0.0);
@@ -344,7 +344,7 @@ mod tests {
 
     #[test]
     fn a_net_that_follows_another_one_after_a_gap_at_rest_is_followed() {
-        let mut bench = Bench::new();
+        let mut bench = ArmFixture::new();
         motion()
             .iter()
             .for_each(|joint| bench.cycle(1, Some(*joint)));

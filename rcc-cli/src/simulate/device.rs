@@ -4,19 +4,19 @@
 use bytemuck::Zeroable;
 use rcc_config::{DeviceConfig, OnRelease, RobotConfig, SimulatorConfig};
 use rcc_core::guard::Guard;
-use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
+use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlStrategy};
 use rcc_core::kinematics::Arm as Kinematics;
 use rcc_core::message::{CommandImage, DeviceState, Joints, MAGIC, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
 use rcc_core::vector::{self, Vector};
-use rcc_motion::RestLimits;
+use rcc_motion::StopLimits;
 
-use super::arm::Arm;
-use super::wall::Wall;
+use super::arm::FollowingArm;
+use super::wall::ElasticWall;
 
 /// An output that the device's surroundings feed back into an input; indices among the channels of their kinds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wire {
+pub struct OutputWire {
     digital: bool,
     from: usize,
     to: usize,
@@ -29,30 +29,30 @@ pub struct Wire {
 pub(super) const IDEAL_ARM: &str = "ideal-arm";
 
 /// What an output does when nobody commands it: `None` keeps its value.
-type Release = Option<f64>;
+type ReleaseValue = Option<f64>;
 
 /// A device in virtual time.
 #[derive(Debug)]
-pub struct Device {
-    arm: Option<Arm>,
+pub struct SimulatedDevice {
+    arm: Option<FollowingArm>,
     kinematics: Option<Kinematics>,
-    wall: Option<Wall>,
+    wall: Option<ElasticWall>,
     limits: Option<ImpedanceLimits>,
     /// How softly the arm is held now.
     impedance: Impedance,
     measurement: Measurement,
-    wires: Vec<Wire>,
+    wires: Vec<OutputWire>,
     digital: u64,
     analog: Vec<f64>,
-    digital_release: Vec<Release>,
-    analog_release: Vec<Release>,
+    digital_release: Vec<ReleaseValue>,
+    analog_release: Vec<ReleaseValue>,
 }
 
-impl Device {
+impl SimulatedDevice {
     /// A device at rest, as the configuration and the simulators in it describe it. Digital inputs are false, analog ones
     /// are what raw 0 means.
     #[must_use]
-    pub fn new(config: &DeviceConfig, simulators: &[SimulatorConfig], period_ns: u64) -> Device {
+    pub fn new(config: &DeviceConfig, simulators: &[SimulatorConfig], period_ns: u64) -> SimulatedDevice {
         let arguments = arguments_of(config, simulators);
         let mut measurement = Measurement::zeroed();
         measurement.magic = MAGIC;
@@ -75,13 +75,13 @@ impl Device {
                 Some(OnRelease::Safe(value)) => Some(value),
                 Some(OnRelease::Hold) | None => None,
             });
-            released.collect::<Vec<Release>>()
+            released.collect::<Vec<ReleaseValue>>()
         };
         let analog_release = release(ChannelKind::AnalogOutput);
-        Device {
+        SimulatedDevice {
             arm: arm(config, &arguments, period_ns),
             kinematics: config.model().arm,
-            wall: Wall::of(&arguments),
+            wall: ElasticWall::of(&arguments),
             limits: config.model().impedance,
             impedance: Impedance::NONE,
             measurement,
@@ -129,7 +129,7 @@ impl Device {
             let flange = arm.forward(&m.position);
             let [fx, fy, fz] = match springs(arm, &m.position, &self.impedance, wall.normal()) {
                 None => wall.force(flange.position, m.period_ns as f64 / 1e9),
-                Some(Yielding { compliance, shift }) => {
+                Some(FlangeCompliance { compliance, shift }) => {
                     let unpressed = vector::add(flange.position, shift);
                     wall.force_of_springs(unpressed, compliance)
                 }
@@ -147,11 +147,11 @@ impl Device {
             return;
         }
         if let (Some(known), Some(limits), true) = (
-            Strategy::from_number(strategy),
+            ControlStrategy::from_number(strategy),
             self.limits,
             self.impedance.strategy != strategy,
         ) {
-            self.impedance = limits.held(known, self.measurement.joints as usize);
+            self.impedance = limits.default_hold(known, self.measurement.joints as usize);
         }
         self.impedance.added = Impedance::NONE.added;
     }
@@ -216,7 +216,7 @@ impl Device {
 }
 
 /// How a flange on springs gives way.
-struct Yielding {
+struct FlangeCompliance {
     /// Along a direction, m/N.
     compliance: f64,
     /// By what is pressed with on top, m, base axes.
@@ -229,18 +229,18 @@ fn springs(
     joints: &Joints,
     impedance: &Impedance,
     normal: Vector,
-) -> Option<Yielding> {
+) -> Option<FlangeCompliance> {
     // How the flange moves with each spring.
-    let columns: Vec<Vector> = match Strategy::from_number(impedance.strategy)? {
-        Strategy::Position => return None,
-        Strategy::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        Strategy::JointImpedance => {
+    let columns: Vec<Vector> = match ControlStrategy::from_number(impedance.strategy)? {
+        ControlStrategy::Position => return None,
+        ControlStrategy::CartesianImpedance => vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        ControlStrategy::JointImpedance => {
             let jacobian = arm.jacobian(joints);
             let column = |joint: usize| [0, 1, 2].map(|row| jacobian[row][joint]);
             (0..arm.joints()).map(column).collect()
         }
     };
-    let mut yielding = Yielding {
+    let mut yielding = FlangeCompliance {
         compliance: 0.0,
         shift: [0.0; 3],
     };
@@ -274,17 +274,17 @@ pub(super) fn value_of<'a>(arguments: &[&'a str], option: &str) -> Option<&'a st
 }
 
 /// Control strategies as `--strategy=` names them.
-pub(super) const STRATEGIES: [(&str, Strategy); 3] = [
-    ("position", Strategy::Position),
-    ("cartesian-impedance", Strategy::CartesianImpedance),
-    ("joint-impedance", Strategy::JointImpedance),
+pub(super) const STRATEGIES: [(&str, ControlStrategy); 3] = [
+    ("position", ControlStrategy::Position),
+    ("cartesian-impedance", ControlStrategy::CartesianImpedance),
+    ("joint-impedance", ControlStrategy::JointImpedance),
 ];
 
 /// The control strategy that a simulator's arguments choose.
-fn strategy(arguments: &[&str]) -> Strategy {
+fn strategy(arguments: &[&str]) -> ControlStrategy {
     let chosen = value_of(arguments, "--strategy=");
     let row = STRATEGIES.iter().find(|(word, _)| Some(*word) == chosen);
-    row.map_or(Strategy::Position, |(_, strategy)| *strategy)
+    row.map_or(ControlStrategy::Position, |(_, strategy)| *strategy)
 }
 
 /// The lowest bits, so many of them.
@@ -321,7 +321,7 @@ fn start(config: &DeviceConfig, robot: &RobotConfig, arguments: &[&str]) -> Join
 }
 
 /// The arm of a device.
-fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm> {
+fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<FollowingArm> {
     let robot = config.robot.as_ref()?;
     let limits = robot.limits();
     let position = start(config, robot, arguments);
@@ -329,7 +329,7 @@ fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm>
     for (place, joint) in jerk_max.iter_mut().zip(&robot.joints) {
         *place = joint.jerk_rad_s3;
     }
-    let rest = RestLimits {
+    let rest = StopLimits {
         velocity_max: limits.velocity_max,
         acceleration_max: limits.acceleration_max,
         jerk_max,
@@ -337,7 +337,7 @@ fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm>
     };
     let guard = Guard::new(limits, config.first_tolerance_rad);
     let delay = config.delay_ns.div_ceil(period_ns.max(1));
-    Some(Arm::new(
+    Some(FollowingArm::new(
         rest,
         guard,
         position,
@@ -348,7 +348,7 @@ fn arm(config: &DeviceConfig, arguments: &[&str], period_ns: u64) -> Option<Arm>
 
 /// The wires among a simulator's arguments that are simple: from one output of the device to one input of it.
 /// `--wire-bool=1=2` and `--wire-real=1=2` name addresses, `--wire=coil:0=discrete:0` kinds and addresses.
-fn wires(config: &DeviceConfig, arguments: &[&str]) -> Vec<Wire> {
+fn wires(config: &DeviceConfig, arguments: &[&str]) -> Vec<OutputWire> {
     let plain = |address: &serde_json::Value| match address {
         serde_json::Value::String(text) => text.replace(' ', ":"),
         other => other.to_string(),
@@ -376,7 +376,7 @@ fn wires(config: &DeviceConfig, arguments: &[&str]) -> Vec<Wire> {
             let (output, input) = (of(output, from)?, of(input, to)?);
             // Both are the same raw number.
             let scale = input.scale / output.scale;
-            Some(Wire {
+            Some(OutputWire {
                 digital,
                 from: output.index as usize,
                 to: input.index as usize,

@@ -6,11 +6,11 @@ use rcc_config::{CellConfig, quantity};
 use rcc_core::primitive::ChannelKind;
 use thiserror::Error;
 
-use super::device::Device;
+use super::device::SimulatedDevice;
 
 /// One input that is set once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct ScriptStep {
     /// From this logical time on, ns.
     pub at_ns: u64,
     device: usize,
@@ -35,7 +35,7 @@ pub enum ScriptError {
     },
     /// There is no such device.
     #[error("`{text}`: there is no device `{device}`; there are {known}")]
-    Device {
+    SimulatedDevice {
         /// As given.
         text: String,
         /// What it names.
@@ -65,12 +65,12 @@ pub enum ScriptError {
     },
 }
 
-impl Step {
+impl ScriptStep {
     /// Reads one, for the devices of a cell. Without `@time` it holds from the beginning.
     ///
     /// # Errors
     /// Form, device, channel, value or time.
-    pub fn parse(text: &str, config: &CellConfig) -> Result<Step, ScriptError> {
+    pub fn parse(text: &str, config: &CellConfig) -> Result<ScriptStep, ScriptError> {
         let form = || ScriptError::Form {
             text: text.to_owned(),
         };
@@ -82,7 +82,7 @@ impl Step {
         let (device_name, channel_name) = name.trim().split_once('.').ok_or_else(form)?;
         let (device, found) = config.device(device_name).ok_or_else(|| {
             let known: Vec<&str> = config.devices.iter().map(|row| row.name.as_str()).collect();
-            ScriptError::Device {
+            ScriptError::SimulatedDevice {
                 text: text.to_owned(),
                 device: device_name.to_owned(),
                 known: known.join(", "),
@@ -122,7 +122,7 @@ impl Step {
                 InputValue::Analog(quantity.value)
             }
         };
-        Ok(Step {
+        Ok(ScriptStep {
             at_ns: at.as_nanos().try_into().unwrap_or(u64::MAX),
             device,
             index: channel.index as usize,
@@ -131,7 +131,7 @@ impl Step {
     }
 
     /// Sets the input.
-    pub fn apply(&self, devices: &mut [Device]) {
+    pub fn apply(&self, devices: &mut [SimulatedDevice]) {
         let Some(device) = devices.get_mut(self.device) else {
             return;
         };

@@ -4,14 +4,14 @@
 use rcc_config::{CellConfig, DeviceConfig, RobotConfig};
 
 use super::device::{IDEAL_ARM, STRATEGIES, arguments_of, value_of};
-use super::wall::Wall;
+use super::wall::ElasticWall;
 
 /// Settings of `ideal-arm`.
 const KNOWN: [&str; 2] = ["period", "start"];
 
 /// The first setting that its program would not take, with what is wrong.
 #[must_use]
-pub fn misunderstood(config: &CellConfig) -> Option<String> {
+pub fn first_invalid_setting(config: &CellConfig) -> Option<String> {
     config.devices.iter().find_map(|device| {
         let robot = device.robot.as_ref()?;
         let wrong = match device.driver == IDEAL_ARM {
@@ -62,7 +62,7 @@ fn of_simulator(arguments: &[&str], robot: &RobotConfig) -> Option<String> {
             ));
         }
     }
-    if let Some(wall) = value_of(arguments, "--wall=").filter(|_| Wall::of(arguments).is_none()) {
+    if let Some(wall) = value_of(arguments, "--wall=").filter(|_| ElasticWall::of(arguments).is_none()) {
         return Some(format!(
             "`--wall={wall}` must be PX,PY,PZ,NX,NY,NZ,K,D: a point (m), a direction to the free side, N/m and N·s/m, 0 or more"
         ));
@@ -95,7 +95,7 @@ mod tests {
     fn told(argument: &str) -> String {
         let mut cell = cell("table.yaml");
         cell.simulators[0].arguments.insert(0, argument.to_owned());
-        misunderstood(&cell).unwrap_or_else(|| panic!("{argument} is taken"))
+        first_invalid_setting(&cell).unwrap_or_else(|| panic!("{argument} is taken"))
     }
 
     #[test]
@@ -107,7 +107,7 @@ mod tests {
             "impedance.yaml",
             "lwr.yaml",
         ] {
-            assert_eq!(misunderstood(&cell(name)), None, "{name}");
+            assert_eq!(first_invalid_setting(&cell(name)), None, "{name}");
         }
         let degrees = "--start=0,-30,0,90,0,-60,0";
         for start in [
@@ -140,7 +140,7 @@ mod tests {
             let device = &mut cell.devices[0];
             device.driver = IDEAL_ARM.to_owned();
             device.settings = serde_json::from_str(&format!("{{\"{name}\": {value}}}")).unwrap();
-            let told = misunderstood(&cell).unwrap_or_else(|| panic!("{name}: {value} is taken"));
+            let told = first_invalid_setting(&cell).unwrap_or_else(|| panic!("{name}: {value} is taken"));
             assert!(told.contains("`lwr`") && told.contains(name), "{told}");
         }
     }

@@ -7,14 +7,14 @@ use rcc_core::message::{MONITOR_WIDTH_MAX, MonitorRecord};
 use rcc_core::types::Store;
 use rcc_language::names::{MonitorNames, Names};
 
-use crate::picture::{Curve, Panel};
+use crate::plot::{PlotCurve, PlotPanel};
 
 /// Buckets of a series before two neighbours are merged; at least two for each point of a plot.
 const BUCKETS_MAX: usize = 4096;
 
 /// One column: an element of a monitored value.
 #[derive(Clone, Debug)]
-pub struct Column {
+pub struct MonitorColumn {
     /// `net/primitive.port`, with `[index]` for elements.
     pub name: String,
     /// Its unit; empty if it has none.
@@ -27,13 +27,13 @@ pub struct Column {
     /// It has been shown.
     pub seen: bool,
     /// What to plot.
-    pub series: Series,
+    pub series: BucketedSeries,
 }
 
-/// Values over time, kept as smallest and largest of equal stretches.
+/// Values over time, kept as smallest and largest of equal segments.
 #[derive(Clone, Debug, Default)]
-pub struct Series {
-    buckets: Vec<Bucket>,
+pub struct BucketedSeries {
+    buckets: Vec<SeriesBucket>,
     /// Values that a bucket takes.
     each: u32,
     filled: u32,
@@ -41,14 +41,14 @@ pub struct Series {
 
 /// One stretch of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bucket {
+pub struct SeriesBucket {
     /// Its first time, s.
     pub time_s: f64,
     /// Smallest and largest value; `None`: some value was null.
     pub range: Option<[f64; 2]>,
 }
 
-impl Series {
+impl BucketedSeries {
     fn push(&mut self, time_s: f64, value: Option<f64>) {
         let range = value.map(|value| [value, value]);
         match self.buckets.last_mut() {
@@ -61,14 +61,14 @@ impl Series {
                     self.halve();
                 }
                 self.each = self.each.max(1);
-                self.buckets.push(Bucket { time_s, range });
+                self.buckets.push(SeriesBucket { time_s, range });
                 self.filled = 1;
             }
         }
     }
 
     fn halve(&mut self) {
-        let pairs = self.buckets.chunks(2).map(|pair| Bucket {
+        let pairs = self.buckets.chunks(2).map(|pair| SeriesBucket {
             range: pair
                 .iter()
                 .skip(1)
@@ -79,9 +79,9 @@ impl Series {
         self.each = self.each.saturating_mul(2);
     }
 
-    /// The stretches in order of time.
+    /// The segments in order of time.
     #[must_use]
-    pub fn buckets(&self) -> &[Bucket] {
+    pub fn buckets(&self) -> &[SeriesBucket] {
         &self.buckets
     }
 }
@@ -94,21 +94,21 @@ fn merged(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> Option<[f64; 2]> {
 
 /// All columns of a net.
 #[derive(Debug)]
-pub struct Trace {
-    columns: Vec<Column>,
+pub struct MonitorTrace {
+    columns: Vec<MonitorColumn>,
 }
 
-impl Trace {
+impl MonitorTrace {
     /// No values yet. What one monitor shows twice has one column.
     #[must_use]
-    pub fn new(names: &Names) -> Trace {
-        let mut columns: Vec<Column> = Vec::new();
+    pub fn new(names: &Names) -> MonitorTrace {
+        let mut columns: Vec<MonitorColumn> = Vec::new();
         for (monitor, row) in names.monitors.iter().enumerate() {
             let width = (row.width as usize).min(MONITOR_WIDTH_MAX);
             for element in 0..width {
                 let name = column_name(&names.net, row, element);
                 if columns.iter().all(|column| column.name != name) {
-                    columns.push(Column {
+                    columns.push(MonitorColumn {
                         name,
                         unit: row.unit.clone().unwrap_or_default(),
                         monitor,
@@ -116,17 +116,17 @@ impl Trace {
                         store: row.store,
                         last: None,
                         seen: false,
-                        series: Series::default(),
+                        series: BucketedSeries::default(),
                     });
                 }
             }
         }
-        Trace { columns }
+        MonitorTrace { columns }
     }
 
     /// The columns in the order of the net's monitors.
     #[must_use]
-    pub fn columns(&self) -> &[Column] {
+    pub fn columns(&self) -> &[MonitorColumn] {
         &self.columns
     }
 
@@ -152,7 +152,7 @@ impl Trace {
     /// The writer's.
     pub fn write_head(&self, out: &mut dyn Write) -> io::Result<()> {
         write!(out, "time [s]")?;
-        for Column { name, unit, .. } in &self.columns {
+        for MonitorColumn { name, unit, .. } in &self.columns {
             match unit.as_str() {
                 "" => write!(out, ",{name}")?,
                 unit => write!(out, ",{name} [{unit}]")?,
@@ -188,8 +188,8 @@ impl Trace {
 
 /// A panel for each unit, with a line for each column that was shown: through smallest and largest of each stretch.
 #[must_use]
-pub fn panels(columns: &[Column]) -> Vec<Panel> {
-    let mut panels: Vec<Panel> = Vec::new();
+pub fn panels(columns: &[MonitorColumn]) -> Vec<PlotPanel> {
+    let mut panels: Vec<PlotPanel> = Vec::new();
     for column in columns.iter().filter(|column| column.seen) {
         let unit = if column.unit.is_empty() {
             "1"
@@ -200,23 +200,23 @@ pub fn panels(columns: &[Column]) -> Vec<Panel> {
         let place = match panels.iter().position(|panel| panel.title == title) {
             Some(place) => place,
             None => {
-                panels.push(Panel::over_time(title, Vec::new()));
+                panels.push(PlotPanel::over_time(title, Vec::new()));
                 panels.len() - 1
             }
         };
         let curves = &mut panels[place].curves;
-        curves.push(Curve {
+        curves.push(PlotCurve {
             name: column.name.clone(),
-            stretches: stretches(column.series.buckets()),
+            segments: segments(column.series.buckets()),
             colour: curves.len(),
         });
     }
     panels
 }
 
-fn stretches(buckets: &[Bucket]) -> Vec<Vec<(f64, f64)>> {
+fn segments(buckets: &[SeriesBucket]) -> Vec<Vec<(f64, f64)>> {
     let known = buckets.split(|bucket| bucket.range.is_none());
-    let stretch = |buckets: &[Bucket]| {
+    let stretch = |buckets: &[SeriesBucket]| {
         let pairs = buckets
             .iter()
             .filter_map(|bucket| Some((bucket.time_s, bucket.range?)));
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_long_series_keeps_its_extremes_in_bounded_memory() {
-        let mut series = Series::default();
+        let mut series = BucketedSeries::default();
         for step in 0..1_000_000_u32 {
             let spike = if step == 777_777 { 5.0 } else { 0.0 };
             series.push(f64::from(step), Some(spike));
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_null_is_a_gap() {
-        let mut series = Series::default();
+        let mut series = BucketedSeries::default();
         series.push(0.0, Some(1.0));
         series.push(1.0, None);
         assert_eq!(series.buckets()[1].range, None);

@@ -6,24 +6,24 @@ use rcc_core::frame::DeviceModel;
 use rcc_core::message::Joints;
 use rcc_engine::engine::Engine;
 
-use crate::picture::{Curve, Panel};
+use crate::plot::{PlotCurve, PlotPanel};
 
 /// One arm's set-points.
 #[derive(Clone, Debug)]
-struct Track {
+struct ArmTrack {
     device: usize,
     name: String,
     joints: Vec<String>,
     model: DeviceModel,
     /// Stretches of cycles in which it is commanded: time (s) and set-point (rad).
-    stretches: Vec<Vec<(f64, Joints)>>,
+    segments: Vec<Vec<(f64, Joints)>>,
     commanded: bool,
 }
 
 /// All arms of a cell.
 #[derive(Clone, Debug)]
-pub struct Tracks {
-    tracks: Vec<Track>,
+pub struct ArmTracks {
+    tracks: Vec<ArmTrack>,
     dt_s: f64,
 }
 
@@ -32,14 +32,14 @@ const SHOWN: f64 = 40.0;
 /// Quantities of joints in the order of their panels.
 const RATES: [(&str, usize); 3] = [("velocity", 1), ("acceleration", 2), ("jerk", 3)];
 
-impl Tracks {
+impl ArmTracks {
     /// Nothing was told yet.
     #[must_use]
-    pub fn new(config: &CellConfig) -> Tracks {
+    pub fn new(config: &CellConfig) -> ArmTracks {
         let arms = config.devices.iter().enumerate();
         let tracks = arms.filter_map(|(device, row)| {
             let robot = row.robot.as_ref()?;
-            Some(Track {
+            Some(ArmTrack {
                 device,
                 name: row.name.clone(),
                 joints: robot
@@ -48,11 +48,11 @@ impl Tracks {
                     .map(|joint| joint.name.clone())
                     .collect(),
                 model: row.model(),
-                stretches: Vec::new(),
+                segments: Vec::new(),
                 commanded: false,
             })
         });
-        Tracks {
+        ArmTracks {
             tracks: tracks.collect(),
             dt_s: config.period_ns as f64 / 1e9,
         }
@@ -66,9 +66,9 @@ impl Tracks {
             let point = point.filter(|point| point.has_position == 1);
             if let Some(point) = point {
                 if !track.commanded {
-                    track.stretches.push(Vec::new());
+                    track.segments.push(Vec::new());
                 }
-                if let Some(stretch) = track.stretches.last_mut() {
+                if let Some(stretch) = track.segments.last_mut() {
                     stretch.push((time_s, point.position));
                 }
             }
@@ -78,11 +78,11 @@ impl Tracks {
 
     /// The panels of every arm that was commanded; `marks`: times at which something happens, s.
     #[must_use]
-    pub fn panels(&self, marks: &[f64]) -> Vec<Panel> {
+    pub fn panels(&self, marks: &[f64]) -> Vec<PlotPanel> {
         let told = self
             .tracks
             .iter()
-            .filter(|track| !track.stretches.is_empty());
+            .filter(|track| !track.segments.is_empty());
         let of_several = told.clone().count() > 1;
         told.flat_map(|track| {
             let prefix = if of_several {
@@ -93,7 +93,7 @@ impl Tracks {
             let mut panels = track.panels(self.dt_s);
             for panel in &mut panels {
                 panel.title = format!("{prefix}{}", panel.title);
-                if !panel.place {
+                if !panel.is_spatial {
                     panel.marks = marks.to_vec();
                 }
             }
@@ -103,8 +103,8 @@ impl Tracks {
     }
 }
 
-impl Track {
-    fn panels(&self, dt_s: f64) -> Vec<Panel> {
+impl ArmTrack {
+    fn panels(&self, dt_s: f64) -> Vec<PlotPanel> {
         let mut panels = self.places(dt_s);
         panels.push(self.positions());
         panels.extend(RATES.map(|(name, order)| self.rates(name, order, dt_s)));
@@ -112,7 +112,7 @@ impl Track {
     }
 
     /// Where the flange is, and its speed.
-    fn places(&self, dt_s: f64) -> Vec<Panel> {
+    fn places(&self, dt_s: f64) -> Vec<PlotPanel> {
         let Some(arm) = self.model.arm else {
             return Vec::new();
         };
@@ -121,19 +121,19 @@ impl Track {
             let places = stretch.iter().map(|(time_s, joints)| (*time_s, at(joints)));
             places.collect::<Vec<_>>()
         };
-        let path: Vec<Vec<(f64, [f64; 3])>> = self.stretches.iter().map(place).collect();
+        let path: Vec<Vec<(f64, [f64; 3])>> = self.segments.iter().map(place).collect();
         let axes = ["x", "y", "z"];
         let projection = |across: usize, up: usize| {
             let stretch = |places: &Vec<(f64, [f64; 3])>| {
                 let points = places.iter().map(|(_, place)| (place[across], place[up]));
                 points.collect()
             };
-            let curve = Curve {
-                stretches: path.iter().map(stretch).collect(),
-                ..Curve::default()
+            let curve = PlotCurve {
+                segments: path.iter().map(stretch).collect(),
+                ..PlotCurve::default()
             };
-            Panel {
-                place: true,
+            PlotPanel {
+                is_spatial: true,
                 across: format!("{} [m]", axes[across]),
                 frame: self.model.workspace.map(|space| {
                     [
@@ -143,7 +143,7 @@ impl Track {
                         space.upper[up],
                     ]
                 }),
-                ..Panel::over_time(format!("{} [m], flange", axes[up]), vec![curve])
+                ..PlotPanel::over_time(format!("{} [m], flange", axes[up]), vec![curve])
             }
         };
         let speed = |places: &Vec<(f64, [f64; 3])>| {
@@ -154,19 +154,19 @@ impl Track {
             });
             pairs.collect()
         };
-        let speed = Curve {
-            stretches: path.iter().map(speed).collect(),
-            ..Curve::default()
+        let speed = PlotCurve {
+            segments: path.iter().map(speed).collect(),
+            ..PlotCurve::default()
         };
-        let speed = Panel {
+        let speed = PlotPanel {
             shows: Some([0.0, 0.0]),
-            ..Panel::over_time("speed of the flange [m/s]".to_owned(), vec![speed])
+            ..PlotPanel::over_time("speed of the flange [m/s]".to_owned(), vec![speed])
         };
         vec![projection(0, 1), projection(0, 2), projection(1, 2), speed]
     }
 
     /// Where each joint is between its limits.
-    fn positions(&self) -> Panel {
+    fn positions(&self) -> PlotPanel {
         let limits = self.model.limits;
         let share = |joint: usize, value: f64| {
             let (lower, upper) = (limits.lower[joint], limits.upper[joint]);
@@ -179,13 +179,13 @@ impl Track {
                     .map(|(time_s, row)| (*time_s, share(joint, row[joint])));
                 points.collect()
             };
-            self.stretches.iter().map(stretch).collect()
+            self.segments.iter().map(stretch).collect()
         };
         self.joints_panel("position [% of the range from its middle]", curve)
     }
 
     /// A difference of the set-points in parts of its limit.
-    fn rates(&self, name: &str, order: usize, dt_s: f64) -> Panel {
+    fn rates(&self, name: &str, order: usize, dt_s: f64) -> PlotPanel {
         let limits = self.model.limits;
         let limit = [
             limits.velocity_max,
@@ -212,13 +212,13 @@ impl Track {
                     .map(|(time_s, value)| (time_s, 100.0 * value / per / limit[joint]))
                     .collect()
             };
-            self.stretches.iter().map(stretch).collect()
+            self.segments.iter().map(stretch).collect()
         };
         let mut panel = self.joints_panel(&format!("{name} [% of the limit]"), curve);
         let values = panel
             .curves
             .iter()
-            .flat_map(|curve| curve.stretches.iter().flatten());
+            .flat_map(|curve| curve.segments.iter().flatten());
         let most = values.fold(0.0, |most: f64, (_, value)| most.max(value.abs()));
         if most < SHOWN {
             // Far from the limits: as large as can be seen.
@@ -227,15 +227,15 @@ impl Track {
         panel
     }
 
-    fn joints_panel(&self, title: &str, curve: impl Fn(usize) -> Vec<Vec<(f64, f64)>>) -> Panel {
-        let curves = self.joints.iter().enumerate().map(|(joint, name)| Curve {
+    fn joints_panel(&self, title: &str, curve: impl Fn(usize) -> Vec<Vec<(f64, f64)>>) -> PlotPanel {
+        let curves = self.joints.iter().enumerate().map(|(joint, name)| PlotCurve {
             name: name.clone(),
-            stretches: curve(joint),
+            segments: curve(joint),
             colour: joint,
         });
-        Panel {
+        PlotPanel {
             limits: vec![-100.0, 100.0],
-            ..Panel::over_time(title.to_owned(), curves.collect())
+            ..PlotPanel::over_time(title.to_owned(), curves.collect())
         }
     }
 }

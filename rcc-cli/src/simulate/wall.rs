@@ -7,7 +7,7 @@ use super::device::value_of;
 
 /// A plane that pushes back and never pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wall {
+pub struct ElasticWall {
     /// A point of it, base frame, m.
     point: Vector,
     /// To the free side, length 1.
@@ -20,16 +20,16 @@ pub struct Wall {
     last: Option<Vector>,
 }
 
-impl Wall {
+impl ElasticWall {
     /// Reads `--wall=PX,PY,PZ,NX,NY,NZ,K,D` among a simulator's arguments; `None` without one that its program would take.
     #[must_use]
-    pub fn of(arguments: &[&str]) -> Option<Wall> {
+    pub fn of(arguments: &[&str]) -> Option<ElasticWall> {
         let given = value_of(arguments, "--wall=")?;
         let numbers: Result<Vec<f64>, _> =
             given.split(',').map(|part| part.trim().parse()).collect();
         let [px, py, pz, nx, ny, nz, stiffness, damping] = numbers.ok()?.try_into().ok()?;
         let sound = |value: f64| value.is_finite() && value >= 0.0;
-        (sound(stiffness) && sound(damping)).then_some(Wall {
+        (sound(stiffness) && sound(damping)).then_some(ElasticWall {
             point: [px, py, pz],
             normal: vector::normalized([nx, ny, nz])?,
             stiffness,
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn it_pushes_to_its_free_side_with_the_depth_and_against_the_speed() {
-        let mut wall = Wall::of(&["--start=0", "--wall=0,0,0.3,0,0,2,1000,50"]).expect("a wall");
+        let mut wall = ElasticWall::of(&["--start=0", "--wall=0,0,0.3,0,0,2,1000,50"]).expect("a wall");
         assert_eq!(wall.force([0.1, 0.0, 0.31], 1e-3), [0.0; 3]);
         let [x, y, z] = wall.force([0.1, 0.0, 0.29], 0.1);
         assert!((z - 20.0).abs() < 1e-9 && x == 0.0 && y == 0.0, "{z}");
@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn springs_share_the_way_into_it() {
-        let wall = Wall::of(&["--wall=0,0,0.3,0,0,1,1500,50"]).expect("a wall");
+        let wall = ElasticWall::of(&["--wall=0,0,0.3,0,0,1,1500,50"]).expect("a wall");
         // 500 N/m and 1500 N/m one behind the other: 375 N/m.
         let [_, _, z] = wall.force_of_springs([0.1, 0.0, 0.28], 1.0 / 500.0);
         assert!((z - 7.5).abs() < 1e-12, "{z}");
@@ -99,7 +99,7 @@ mod tests {
             "--wall=0,0,0,0,0,1,-1,0",
             "--wal=0",
         ] {
-            assert_eq!(Wall::of(&[text]), None, "{text}");
+            assert_eq!(ElasticWall::of(&[text]), None, "{text}");
         }
     }
 }

@@ -13,11 +13,11 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_config::cell::SupervisionConfig;
 use rcc_process::signals::PARENT;
-use rcc_process::{ending, memory};
+use rcc_process::{exit, oom};
 
-use super::launch::{LOADER_ENVIRONMENT, Ready, Spec, Stage};
-use super::notices::Notices;
-use super::policy::Restarts;
+use super::processes::{LOADER_ENVIRONMENT, ReadySignal, ProcessSpec, ProcessKind};
+use super::notify::NotifySocket;
+use super::policy::RestartPolicy;
 
 /// A log longer than this is emptied.
 const LOG_MAX: u64 = 8 << 20;
@@ -26,7 +26,7 @@ const LINES_SHOWN: usize = 6;
 
 /// Where a process is in its life.
 #[derive(Debug)]
-pub enum Life {
+pub enum ProcessState {
     /// Not started, or started again at that time since the supervisor's start.
     Down(Duration),
     /// Runs, not yet ready.
@@ -41,33 +41,33 @@ pub enum Life {
 #[derive(Debug)]
 pub struct Child {
     /// What it is.
-    pub spec: Spec,
+    pub spec: ProcessSpec,
     /// Where it is in its life.
-    pub life: Life,
+    pub state: ProcessState,
     /// Its deaths.
-    pub restarts: Restarts,
+    pub restarts: RestartPolicy,
     /// What it tells; `None` while it does not run, and for programs that tell nothing.
-    pub notices: Option<Notices>,
+    pub notices: Option<NotifySocket>,
     /// It hung for so long and has been asked to abort; when.
     pub hung: Option<(Duration, Instant)>,
     watchdog: Duration,
     log: PathBuf,
     output: PathBuf,
-    ear: PathBuf,
+    notify_path: PathBuf,
 }
 
 impl Child {
     /// A process that is not started yet; its output goes to files in `logs`.
     #[must_use]
-    pub fn new(spec: Spec, number: usize, supervision: &SupervisionConfig, logs: &Path) -> Child {
+    pub fn new(spec: ProcessSpec, number: usize, supervision: &SupervisionConfig, logs: &Path) -> Child {
         let file = spec.name.replace('/', "-");
         Child {
             log: logs.join(format!("{file}.log")),
             output: logs.join(format!("{file}.out")),
             // Shorter than the cell's own socket, whose length has been checked.
-            ear: logs.join(format!("n{number}")),
-            life: Life::Down(Duration::ZERO),
-            restarts: Restarts::new(supervision),
+            notify_path: logs.join(format!("n{number}")),
+            state: ProcessState::Down(Duration::ZERO),
+            restarts: RestartPolicy::new(supervision),
             notices: None,
             hung: None,
             watchdog: Duration::from_nanos(supervision.watchdog_ns),
@@ -96,16 +96,16 @@ impl Child {
         for name in ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"] {
             command.env_remove(name);
         }
-        if self.spec.stage == Stage::Loader {
+        if self.spec.kind == ProcessKind::Loader {
             command.envs(LOADER_ENVIRONMENT);
         }
         // One that starts while we die must not outlive us.
         command.env(PARENT, std::process::id().to_string());
         self.hung = None;
-        if self.spec.ready == Ready::Notified {
-            let notices = Notices::listen(&self.ear).map_err(|error| named(&self.ear, error))?;
+        if self.spec.ready == ReadySignal::Notified {
+            let notices = NotifySocket::listen(&self.notify_path).map_err(|error| named(&self.notify_path, error))?;
             self.notices = Some(notices);
-            command.env("NOTIFY_SOCKET", &self.ear);
+            command.env("NOTIFY_SOCKET", &self.notify_path);
             command.env("WATCHDOG_USEC", self.watchdog.as_micros().to_string());
         }
         let process = command
@@ -117,25 +117,25 @@ impl Child {
             .spawn()
             .map_err(|error| named(&self.spec.program, error))?;
         // An ordinary user may only raise it: then the loader and the simulators go first, which is what counts.
-        let _ = memory::set(process.id(), self.spec.stage.oom_score());
-        self.life = Life::Starting(process);
+        let _ = oom::set(process.id(), self.spec.kind.oom_score());
+        self.state = ProcessState::Starting(process);
         Ok(())
     }
 
     /// Its process id while it runs.
     #[must_use]
     pub fn pid(&self) -> Option<u32> {
-        match &self.life {
-            Life::Starting(process) | Life::Up(process) => Some(process.id()),
-            Life::Down(_) | Life::Failed => None,
+        match &self.state {
+            ProcessState::Starting(process) | ProcessState::Up(process) => Some(process.id()),
+            ProcessState::Down(_) | ProcessState::Failed => None,
         }
     }
 
     /// How it ended, if it just did.
     pub fn ended(&mut self) -> Option<ExitStatus> {
-        match &mut self.life {
-            Life::Starting(process) | Life::Up(process) => process.try_wait().ok().flatten(),
-            Life::Down(_) | Life::Failed => None,
+        match &mut self.state {
+            ProcessState::Starting(process) | ProcessState::Up(process) => process.try_wait().ok().flatten(),
+            ProcessState::Down(_) | ProcessState::Failed => None,
         }
     }
 
@@ -143,8 +143,8 @@ impl Child {
     #[must_use]
     pub fn is_ready(&self) -> bool {
         match &self.spec.ready {
-            Ready::Notified => self.notices.as_ref().is_some_and(Notices::is_ready),
-            Ready::Line => tail(&self.output).contains('\n'),
+            ReadySignal::Notified => self.notices.as_ref().is_some_and(NotifySocket::is_ready),
+            ReadySignal::Line => tail(&self.output).contains('\n'),
         }
     }
 
@@ -178,7 +178,7 @@ impl Child {
 
     /// The last lines that it wrote to stderr.
     #[must_use]
-    pub fn last_words(&self) -> Vec<String> {
+    pub fn last_log_lines(&self) -> Vec<String> {
         let text = tail(&self.log);
         let lines: Vec<&str> = text.lines().filter(|line| !line.is_empty()).collect();
         let skipped = lines.len().saturating_sub(LINES_SHOWN);
@@ -208,20 +208,20 @@ pub fn is_final(status: ExitStatus) -> bool {
 /// What to do about a process that ended for good.
 #[must_use]
 pub fn remedy(status: ExitStatus) -> Option<&'static str> {
-    of_code(status).map(|(_, _, remedy)| *remedy)
+    final_ending(status).map(|(_, _, remedy)| *remedy)
 }
 
-fn of_code(status: ExitStatus) -> Option<&'static (u8, &'static str, &'static str)> {
+fn final_ending(status: ExitStatus) -> Option<&'static (u8, &'static str, &'static str)> {
     let code = status.code()?;
-    ending::FINAL
+    exit::FINAL
         .iter()
         .find(|(row, ..)| i32::from(*row) == code)
 }
 
 /// How a process ended, in words.
 #[must_use]
-pub fn words(status: ExitStatus) -> String {
-    if let Some((code, meaning, _)) = of_code(status) {
+pub fn describe(status: ExitStatus) -> String {
+    if let Some((code, meaning, _)) = final_ending(status) {
         return format!("{meaning} (exit {code})");
     }
     match (status.code(), status.signal()) {

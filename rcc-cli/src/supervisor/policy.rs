@@ -13,7 +13,7 @@ const PAUSE_MAX: Duration = Duration::from_secs(5);
 
 /// The deaths of one process.
 #[derive(Clone, Debug)]
-pub struct Restarts {
+pub struct RestartPolicy {
     most: usize,
     window: Duration,
     deaths: VecDeque<Duration>,
@@ -21,7 +21,7 @@ pub struct Restarts {
 
 /// What follows a death.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum RestartDecision {
     /// Start it again at this time; it is the `nth` time within the window.
     Again {
         /// When, on the supervisor's clock.
@@ -33,12 +33,12 @@ pub enum Verdict {
     Failed,
 }
 
-impl Restarts {
+impl RestartPolicy {
     /// As the configuration of its cell has it: so many starts again within this time; one more death and the process
     /// has failed for good.
     #[must_use]
-    pub fn new(supervision: &SupervisionConfig) -> Restarts {
-        Restarts {
+    pub fn new(supervision: &SupervisionConfig) -> RestartPolicy {
+        RestartPolicy {
             // A u32 fits.
             most: supervision.restarts as usize,
             window: Duration::from_nanos(supervision.within_ns),
@@ -47,7 +47,7 @@ impl Restarts {
     }
 
     /// It died at `now` (time since the supervisor's start).
-    pub fn died(&mut self, now: Duration) -> Verdict {
+    pub fn died(&mut self, now: Duration) -> RestartDecision {
         while self
             .deaths
             .front()
@@ -56,11 +56,11 @@ impl Restarts {
             self.deaths.pop_front();
         }
         if self.deaths.len() >= self.most {
-            return Verdict::Failed;
+            return RestartDecision::Failed;
         }
         let pause = (PAUSE_FIRST * (1 << self.deaths.len().min(10))).min(PAUSE_MAX);
         self.deaths.push_back(now);
-        Verdict::Again {
+        RestartDecision::Again {
             at: now + pause,
             nth: self.deaths.len(),
         }
@@ -71,17 +71,17 @@ impl Restarts {
 mod tests {
     use super::*;
 
-    fn usual() -> Restarts {
-        Restarts::new(&SupervisionConfig::default())
+    fn usual() -> RestartPolicy {
+        RestartPolicy::new(&SupervisionConfig::default())
     }
 
     #[test]
     fn the_configuration_sets_the_limit() {
-        let mut restarts = Restarts::new(&SupervisionConfig {
+        let mut restarts = RestartPolicy::new(&SupervisionConfig {
             restarts: 0,
             ..SupervisionConfig::default()
         });
-        assert_eq!(restarts.died(Duration::ZERO), Verdict::Failed);
+        assert_eq!(restarts.died(Duration::ZERO), RestartDecision::Failed);
     }
 
     #[test]
@@ -89,9 +89,9 @@ mod tests {
         let mut restarts = usual();
         for second in 0..5 {
             let verdict = restarts.died(Duration::from_secs(second));
-            assert!(matches!(verdict, Verdict::Again { nth, .. } if nth == second as usize + 1));
+            assert!(matches!(verdict, RestartDecision::Again { nth, .. } if nth == second as usize + 1));
         }
-        assert_eq!(restarts.died(Duration::from_secs(6)), Verdict::Failed);
+        assert_eq!(restarts.died(Duration::from_secs(6)), RestartDecision::Failed);
     }
 
     #[test]
@@ -99,7 +99,7 @@ mod tests {
         let mut restarts = usual();
         for second in [0, 10, 20, 25, 29, 31, 45] {
             let verdict = restarts.died(Duration::from_secs(second));
-            assert_ne!(verdict, Verdict::Failed, "{second}");
+            assert_ne!(verdict, RestartDecision::Failed, "{second}");
         }
     }
 
@@ -108,8 +108,8 @@ mod tests {
         let mut restarts = usual();
         let pauses: Vec<Duration> = (0..5)
             .filter_map(|_| match restarts.died(Duration::ZERO) {
-                Verdict::Again { at, .. } => Some(at),
-                Verdict::Failed => None,
+                RestartDecision::Again { at, .. } => Some(at),
+                RestartDecision::Failed => None,
             })
             .collect();
         assert_eq!(pauses.len(), 5);

@@ -13,7 +13,7 @@ use rcc_loader::server::codes;
 use rcc_os::file;
 use serde::{Deserialize, Serialize};
 
-use super::launch::Prepared;
+use super::processes::PreparedCell;
 use crate::failure::Failure;
 
 /// Longest file that is read, bytes: a path and some ports.
@@ -32,7 +32,7 @@ pub struct Running {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(cell: &Cell, prepared: &Prepared) -> Result<(), Failure> {
+pub fn write(cell: &Cell, prepared: &PreparedCell) -> Result<(), Failure> {
     let running = Running {
         config: prepared.path.clone(),
         ports: prepared.ports.clone(),

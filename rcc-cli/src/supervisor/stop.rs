@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 
 use nix::sys::signal::Signal;
 use rcc_ipc::clean::WipeError;
-use rcc_ipc::events::Kind;
-use rcc_ipc::take;
+use rcc_ipc::events::EventKind;
+use rcc_ipc::ownership;
 use rcc_loader::server::api::{CommandView, DeviceView, StatusView};
 
-use super::child::{self, Life};
-use super::launch::Stage;
-use super::{LOOK_EVERY, Supervisor};
+use super::child::{self, ProcessState};
+use super::processes::ProcessKind;
+use super::{POLL_INTERVAL, Supervisor};
 use crate::follow;
 use crate::interrupt::Interrupts;
 
@@ -26,18 +26,18 @@ impl Supervisor {
     /// Ends the cell: cancel, wait for rest, stop executor, loader, drivers, simulators; remove all files. A second
     /// Ctrl-C does not wait. True when nothing was left behind and no process had to be killed.
     pub fn stop(mut self, interrupts: &Interrupts) -> bool {
-        self.record(Kind::CellStopping {
+        self.record(EventKind::CellStopping {
             why: "asked to (Ctrl-C, SIGTERM, or the end of its task)".to_owned(),
         });
         let asked = interrupts.count();
-        let hurried = || interrupts.count() > asked;
+        let is_impatient = || interrupts.count() > asked;
         // Whatever runs on another executor is not this supervisor's to end.
         if self.has_own_executor() {
-            self.end_commands(&hurried);
-            self.wait_for_rest(&hurried);
+            self.end_commands(&is_impatient);
+            self.wait_for_rest(&is_impatient);
         }
         let mut clean_end = true;
-        for stage in Stage::ALL {
+        for stage in ProcessKind::ALL {
             clean_end &= self.end_stage(stage);
         }
         clean_end & self.remove_files()
@@ -50,7 +50,7 @@ impl Supervisor {
         own.is_some() && served.is_none_or(|status| Some(status.executor.pid) == own)
     }
 
-    fn end_commands(&mut self, hurried: &dyn Fn() -> bool) {
+    fn end_commands(&mut self, is_impatient: &dyn Fn() -> bool) {
         let begun = Instant::now();
         let mut canceled = Vec::new();
         loop {
@@ -64,7 +64,7 @@ impl Supervisor {
             if active.is_empty() {
                 return;
             }
-            let late = hurried() || begun.elapsed() > CANCEL_LIMIT;
+            let late = is_impatient() || begun.elapsed() > CANCEL_LIMIT;
             for command in active {
                 let gently = command.can_cancel && !late;
                 if gently && canceled.contains(&command.id) {
@@ -72,20 +72,20 @@ impl Supervisor {
                 }
                 canceled.push(command.id);
                 let what = if gently { "cancel" } else { "abort" };
-                self.say(&follow::title(command), what);
+                self.report(&follow::title(command), what);
                 // It may have ended meanwhile; the next look tells.
                 let _ = follow::operate(&self.client, &command.id.to_string(), what);
             }
             if begun.elapsed() > CANCEL_LIMIT * 2 {
                 return;
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    fn wait_for_rest(&mut self, hurried: &dyn Fn() -> bool) {
+    fn wait_for_rest(&mut self, is_impatient: &dyn Fn() -> bool) {
         let begun = Instant::now();
-        while begun.elapsed() < REST_LIMIT && !hurried() {
+        while begun.elapsed() < REST_LIMIT && !is_impatient() {
             let Ok(devices) = self.client.get::<Vec<DeviceView>>("/devices") else {
                 return;
             };
@@ -94,13 +94,13 @@ impl Supervisor {
             if !devices.iter().any(moving) {
                 return;
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
     /// SIGTERM to all of a stage, then SIGKILL to those that stay.
-    fn end_stage(&mut self, stage: Stage) -> bool {
-        let of_stage = |child: &&mut child::Child| child.spec.stage == stage;
+    fn end_stage(&mut self, stage: ProcessKind) -> bool {
+        let of_stage = |child: &&mut child::Child| child.spec.kind == stage;
         for child in self.children.iter_mut().filter(of_stage) {
             child.signal(Signal::SIGTERM);
         }
@@ -113,17 +113,17 @@ impl Supervisor {
                     killed.push(child.spec.name.clone());
                     break;
                 }
-                std::thread::sleep(LOOK_EVERY / 4);
+                std::thread::sleep(POLL_INTERVAL / 4);
             }
-            if let Life::Starting(mut process) | Life::Up(mut process) =
-                std::mem::replace(&mut child.life, Life::Failed)
+            if let ProcessState::Starting(mut process) | ProcessState::Up(mut process) =
+                std::mem::replace(&mut child.state, ProcessState::Failed)
             {
                 // Ended or killed: this returns at once and leaves no zombie.
                 let _ = process.wait();
             }
         }
         for name in &killed {
-            self.say(name, "did not end and was killed");
+            self.report(name, "did not end and was killed");
         }
         killed.is_empty()
     }
@@ -133,17 +133,17 @@ impl Supervisor {
         let _ = std::fs::remove_dir_all(&self.logs);
         let limit = Instant::now() + LEAVE_LIMIT;
         // Announced until all is gone: nobody takes the cell in between, and has his files removed.
-        let mut removed = take::give_back(&self.cell, &self.presence);
+        let mut removed = ownership::release(&self.cell, &self.presence);
         // A monitor leaves the cell a moment after the executor did.
         while matches!(removed, Err(WipeError::InUse { .. })) && Instant::now() < limit {
-            std::thread::sleep(LOOK_EVERY);
-            removed = take::give_back(&self.cell, &self.presence);
+            std::thread::sleep(POLL_INTERVAL);
+            removed = ownership::release(&self.cell, &self.presence);
         }
         // Given back, it may have its next life already, and what is found there is not ours.
         let Err(error) = &removed else { return true };
-        self.say("cell", &error.to_string());
+        self.report("cell", &error.to_string());
         for path in self.cell.leftovers().unwrap_or_default() {
-            self.say("cell", &format!("left behind: {}", path.display()));
+            self.report("cell", &format!("left behind: {}", path.display()));
         }
         false
     }

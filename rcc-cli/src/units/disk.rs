@@ -16,7 +16,7 @@ const UNIT_MAX: u64 = 1 << 20;
 /// What became of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Done {
+pub enum FileChange {
     /// It was not there.
     Written,
     /// It said something else.
@@ -33,31 +33,31 @@ pub enum Done {
 ///
 /// # Errors
 /// A file of somebody else's is in the place of ours, or the system refuses.
-pub fn write(root: &Path, files: &[UnitFile], dry: bool) -> Result<Vec<(Done, PathBuf)>, Failure> {
+pub fn write(root: &Path, files: &[UnitFile], dry: bool) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
     let plan: Result<Vec<_>, Failure> = files
         .iter()
         .map(|file| Ok((judge(root, file)?, file)))
         .collect();
     let plan = plan?;
     for (done, file) in &plan {
-        if !dry && matches!(done, Done::Written | Done::Replaced) {
+        if !dry && matches!(done, FileChange::Written | FileChange::Replaced) {
             store(&root.join(&file.path), &file.text)?;
         }
     }
-    let told = |(done, file): &(Done, &UnitFile)| (*done, root.join(&file.path));
+    let told = |(done, file): &(FileChange, &UnitFile)| (*done, root.join(&file.path));
     Ok(plan.iter().map(told).collect())
 }
 
-fn judge(root: &Path, file: &UnitFile) -> Result<Done, Failure> {
+fn judge(root: &Path, file: &UnitFile) -> Result<FileChange, Failure> {
     let path = root.join(&file.path);
     let packaged = file.path.strip_prefix(UNITS).ok();
     if packaged.is_some_and(|unit| root.join(PACKAGED).join(unit).exists()) {
-        return Ok(Done::Packaged);
+        return Ok(FileChange::Packaged);
     }
     match read(&path)? {
-        None => Ok(Done::Written),
-        Some(text) if text == file.text => Ok(Done::Unchanged),
-        Some(text) if text.starts_with(MARK) => Ok(Done::Replaced),
+        None => Ok(FileChange::Written),
+        Some(text) if text == file.text => Ok(FileChange::Unchanged),
+        Some(text) if text.starts_with(MARK) => Ok(FileChange::Replaced),
         Some(_) => Err(Failure::new(
             codes::CELL_LIVES,
             format!(
@@ -73,7 +73,7 @@ fn judge(root: &Path, file: &UnitFile) -> Result<Done, Failure> {
 ///
 /// # Errors
 /// The system refuses.
-pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(Done, PathBuf)>, Failure> {
+pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
     let (own, others) = drop_ins(root, cell)?;
     let mut paths = own;
     if others == 0 {
@@ -91,7 +91,7 @@ pub fn remove(root: &Path, cell: &str, dry: bool) -> Result<Vec<(Done, PathBuf)>
                 let _ = fs::remove_dir(folder);
             }
         }
-        removed.push((Done::Removed, path));
+        removed.push((FileChange::Removed, path));
     }
     Ok(removed)
 }
@@ -172,7 +172,7 @@ pub fn remove_stale(
     cell: &str,
     files: &[UnitFile],
     dry: bool,
-) -> Result<Vec<(Done, PathBuf)>, Failure> {
+) -> Result<Vec<(FileChange, PathBuf)>, Failure> {
     let (own, _) = drop_ins(root, cell)?;
     let known: Vec<PathBuf> = files.iter().map(|file| root.join(&file.path)).collect();
     let mut removed = Vec::new();
@@ -187,7 +187,7 @@ pub fn remove_stale(
                 let _ = fs::remove_dir(folder);
             }
         }
-        removed.push((Done::Removed, path));
+        removed.push((FileChange::Removed, path));
     }
     Ok(removed)
 }

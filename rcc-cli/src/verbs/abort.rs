@@ -2,7 +2,7 @@
 
 use rcc_loader::server::api::Done;
 
-use super::Named;
+use super::NetName;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow;
@@ -12,7 +12,7 @@ use crate::table::grouped;
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
-    named: Named,
+    named: NetName,
 }
 
 /// Does it.

@@ -8,7 +8,7 @@ use rcc_config::{CellConfig, auto_ports};
 use rcc_ipc::control::PlanData;
 use rcc_language::compile_with;
 use rcc_language::devices::DeviceTable;
-use rcc_language::library::Files;
+use rcc_language::library::FileLibraries;
 use rcc_language::names::Names;
 use rcc_loader::server::api::{Finding, RehearsalView};
 use rcc_loader::server::codes::{self, exit};
@@ -19,10 +19,10 @@ use super::simulate::with_namer;
 use crate::context::{Context, Format};
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
-use crate::output::{remark_drawing, say};
+use crate::output::{print_diagnostics, print_line};
 use crate::simulate::rehearse_at_start;
-use crate::simulate::settings::misunderstood;
-use crate::supervisor::places;
+use crate::simulate::settings::first_invalid_setting;
+use crate::supervisor::paths;
 use crate::table::grouped;
 
 /// What to check.
@@ -53,7 +53,7 @@ enum Deny {
 }
 
 #[derive(Serialize)]
-struct Verdict {
+struct NetVerdict {
     file: String,
     valid: bool,
     net: String,
@@ -65,7 +65,7 @@ struct Verdict {
 
 /// What is known of all files together.
 #[derive(Debug, Default)]
-struct Summary {
+struct CheckSummary {
     valid: u64,
     invalid: u64,
     errors: u64,
@@ -84,11 +84,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let begun = Instant::now();
     let config = match &arguments.config {
         Some(path) => path.clone(),
-        None => places::config("cells/demo.yaml")?,
+        None => paths::config("cells/demo.yaml")?,
     };
     let config = load_config(&config)?;
     if arguments.rehearse {
-        require_understood(&config)?;
+        require_valid_settings(&config)?;
     }
     let cell = DeviceTable::from(&config);
     let stage = arguments.rehearse.then_some(&config);
@@ -102,7 +102,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     };
     let is_many =
         arguments.files.len() > 1 || arguments.files.iter().any(|file| Path::new(file).is_dir());
-    let mut summary = Summary::default();
+    let mut summary = CheckSummary::default();
     for named in &arguments.files {
         let is_folder = Path::new(named).is_dir();
         let files = if is_folder {
@@ -127,7 +127,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         }
     }
     if is_many && context.format == Format::Human {
-        say(&summary.words(begun.elapsed().as_secs_f64()));
+        print_line(&summary.words(begun.elapsed().as_secs_f64()));
     }
     let folders_only = arguments.files.iter().all(|file| Path::new(file).is_dir());
     if folders_only && summary.valid + summary.invalid == 0 && summary.unreadable.is_none() {
@@ -136,11 +136,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         return Err(Failure::new(codes::BAD_REQUEST, message, help));
     }
     match summary {
-        Summary {
+        CheckSummary {
             unreadable: Some(code),
             ..
         } => Err(Failure::said(code)),
-        Summary { invalid: 1.., .. } => Err(Failure::said(exit::INVALID)),
+        CheckSummary { invalid: 1.., .. } => Err(Failure::said(exit::INVALID)),
         _ => Ok(()),
     }
 }
@@ -150,9 +150,9 @@ fn verdict(
     cell: &DeviceTable,
     deny_warnings: bool,
     stage: Option<&CellConfig>,
-) -> Verdict {
+) -> NetVerdict {
     let (name, text) = source;
-    match compile_with(text, name, cell, &Files) {
+    match compile_with(text, name, cell, &FileLibraries) {
         Ok(compiled) => {
             let checked = compiled.plan.plan().check(&cell.models(), cell.fingerprint);
             let mut diagnostics = findings(&compiled.warnings);
@@ -167,7 +167,7 @@ fn verdict(
                 Some(Ok(rehearsal)) => rehearsal,
                 None => None,
             };
-            Verdict {
+            NetVerdict {
                 file: name.clone(),
                 valid: !is_refused && (!deny_warnings || diagnostics.is_empty()),
                 net: compiled.net,
@@ -177,7 +177,7 @@ fn verdict(
                 diagnostics,
             }
         }
-        Err(faults) => Verdict {
+        Err(faults) => NetVerdict {
             file: name.clone(),
             valid: false,
             net: String::new(),
@@ -201,27 +201,27 @@ fn rehearsed(
     })
 }
 
-fn tell(context: &Context, source: &(String, String), verdict: &Verdict, is_many: bool) {
+fn tell(context: &Context, source: &(String, String), verdict: &NetVerdict, is_many: bool) {
     if context.format == Format::Json {
         return context.print(verdict, |_| String::new());
     }
-    remark_drawing(&draw(&verdict.diagnostics, Some(source), Context::colour()));
+    print_diagnostics(&draw(&verdict.diagnostics, Some(source), Context::colour()));
     if verdict.valid && !is_many {
-        let Verdict {
+        let NetVerdict {
             file,
             net,
             primitives,
             ..
         } = verdict;
-        say(&format!("{file}: {net} is valid, {primitives} primitives"));
+        print_line(&format!("{file}: {net} is valid, {primitives} primitives"));
         if let Some(rehearsal) = &verdict.rehearsal {
-            say(&rehearsal.words);
+            print_line(&rehearsal.words);
         }
     }
 }
 
-impl Summary {
-    fn count(&mut self, verdict: &Verdict) {
+impl CheckSummary {
+    fn count(&mut self, verdict: &NetVerdict) {
         let errors = verdict
             .diagnostics
             .iter()
@@ -316,8 +316,8 @@ pub(super) fn load_config(path: &Path) -> Result<CellConfig, Failure> {
 }
 
 /// Nothing that a simulation takes of a cell is passed over.
-pub(super) fn require_understood(config: &CellConfig) -> Result<(), Failure> {
-    let Some(wrong) = misunderstood(config) else {
+pub(super) fn require_valid_settings(config: &CellConfig) -> Result<(), Failure> {
+    let Some(wrong) = first_invalid_setting(config) else {
         return Ok(());
     };
     let mut failure = Failure::new(
@@ -342,7 +342,7 @@ mod tests {
 
     #[test]
     fn a_summary_tells_how_many_are_valid_and_what_was_found() {
-        let verdict = |valid: bool, severities: &[&str]| Verdict {
+        let verdict = |valid: bool, severities: &[&str]| NetVerdict {
             file: String::new(),
             valid,
             net: String::new(),
@@ -350,7 +350,7 @@ mod tests {
             rehearsal: None,
             diagnostics: severities.iter().map(|it| finding(it)).collect(),
         };
-        let mut summary = Summary::default();
+        let mut summary = CheckSummary::default();
         summary.count(&verdict(true, &[]));
         assert_eq!(summary.words(0.5), "1 net: all valid; 0.50 s");
         summary.count(&verdict(true, &["warning"]));

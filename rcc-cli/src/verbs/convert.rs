@@ -10,8 +10,8 @@ use super::check::load_config;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow::read_text;
-use crate::output::{remark_drawing, say_file};
-use crate::supervisor::places;
+use crate::output::{print_diagnostics, print_file};
+use crate::supervisor::paths;
 
 /// What to convert.
 #[derive(clap::Args, Debug)]
@@ -20,7 +20,7 @@ pub struct Arguments {
     file: String,
     /// The form that comes out.
     #[arg(long, value_enum, default_value = "yaml")]
-    to: Form,
+    to: NetFormat,
     /// Write to this file instead of the standard output.
     #[arg(short = 'o', long, value_name = "FILE")]
     into: Option<PathBuf>,
@@ -40,7 +40,7 @@ pub struct Arguments {
 
 /// A form of nets.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum Form {
+enum NetFormat {
     /// Ours, by hand.
     Yaml,
     /// Ours, by machine.
@@ -56,7 +56,7 @@ enum Form {
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let config = match &arguments.config {
         Some(path) => path.clone(),
-        None => places::config("cells/demo.yaml")?,
+        None => paths::config("cells/demo.yaml")?,
     };
     let cell = DeviceTable::from(&load_config(&config)?);
     let (name, text) = read_text(&arguments.file)?;
@@ -66,18 +66,18 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let mut faults = Vec::new();
     let net = compile::read(&text, &name, &cell, &mut faults);
     let converted = net.and_then(|net| match arguments.to {
-        Form::Yaml => Some(write::yaml(&net)),
-        Form::Json => Some(write::json(&net)),
-        Form::Directionet => directionet::write::text(&net, &compiled.names, &cell, &mut faults),
+        NetFormat::Yaml => Some(write::yaml(&net)),
+        NetFormat::Json => Some(write::json(&net)),
+        NetFormat::Directionet => directionet::write::text(&net, &compiled.names, &cell, &mut faults),
     });
     // What compiles can be read, so only writing can have failed.
     let Some(converted) = converted else {
         return Err(invalid(&Faults::new(name, text, faults)));
     };
     let warnings = compile_server::findings(&compiled.warnings);
-    remark_drawing(&draw(&warnings, Some(&(name, text)), Context::colour()));
+    print_diagnostics(&draw(&warnings, Some(&(name, text)), Context::colour()));
     match arguments.into {
-        None => say_file(&converted),
+        None => print_file(&converted),
         Some(path) => std::fs::write(&path, converted).map_err(|error| {
             Failure::new(
                 codes::BAD_REQUEST,

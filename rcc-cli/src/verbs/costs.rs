@@ -1,7 +1,7 @@
 //! `costs`: what one primitive of each kind costs on this machine; what nets are admitted by.
 
 use rcc_engine::costs::Costs;
-use rcc_engine::costs::cache::{self, Origin};
+use rcc_engine::costs::cache::{self, CostsSource};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -17,13 +17,13 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct CostsReport {
     origin: String,
-    primitives: Vec<Row>,
+    primitives: Vec<CostRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct CostRow {
     #[serde(rename = "type")]
     ty: String,
     each_ns: f64,
@@ -35,8 +35,8 @@ struct Row {
 /// None.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let (costs, origin) = cache::costs(arguments.refresh);
-    let report = Report {
-        origin: words(&origin),
+    let report = CostsReport {
+        origin: origin_text(&origin),
         primitives: rows(&costs),
     };
     context.print(&report, |report| {
@@ -49,16 +49,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn rows(costs: &Costs) -> Vec<Row> {
+fn rows(costs: &Costs) -> Vec<CostRow> {
     let rows = costs.kernels();
-    rows.map(|(ty, each_ns)| Row { ty, each_ns }).collect()
+    rows.map(|(ty, each_ns)| CostRow { ty, each_ns }).collect()
 }
 
 /// Where costs come from, as a sentence.
-pub(super) fn words(origin: &Origin) -> String {
+pub(super) fn origin_text(origin: &CostsSource) -> String {
     match origin {
-        Origin::Read(path) => format!("measured before, kept in {}", path.display()),
-        Origin::Measured(path) => format!("measured now, kept in {}", path.display()),
-        Origin::NotKept(why) => format!("measured now and not kept: {why}"),
+        CostsSource::Read(path) => format!("measured before, kept in {}", path.display()),
+        CostsSource::Measured(path) => format!("measured now, kept in {}", path.display()),
+        CostsSource::NotKept(why) => format!("measured now and not kept: {why}"),
     }
 }

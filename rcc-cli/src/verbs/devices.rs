@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use rcc_ipc::events::{Kind, Reader};
+use rcc_ipc::events::{EventKind, EventReader};
 use rcc_ipc::{Cell, monotonic_ns};
 use rcc_loader::server::api::DeviceView;
 use serde::Serialize;
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::doctor::link::percent;
 use crate::doctor::record::age;
-use crate::doctor::told::{self, History, Told};
+use crate::doctor::driver_status::{self, LinkHistory, DriverStatus};
 use crate::failure::Failure;
 use crate::table::{self, grouped};
 
@@ -24,18 +24,18 @@ pub struct Arguments {
 
 /// A device as the executor sees it, and its connection as its driver does.
 #[derive(Serialize)]
-struct Row {
+struct DeviceRow {
     #[serde(flatten)]
     device: DeviceView,
     /// None without a living driver.
-    history: Option<History>,
+    history: Option<LinkHistory>,
     /// When the executor lost it last, as far as the event log goes back.
-    last_lost: Option<Lost>,
+    last_lost: Option<LastLoss>,
 }
 
 /// A loss, as the executor saw it.
 #[derive(Clone, Debug, Serialize)]
-struct Lost {
+struct LastLoss {
     /// Executor cycle from which the device's ports were null.
     cycle: Option<u64>,
     /// Wall clock.
@@ -54,11 +54,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let devices: Vec<DeviceView> = context.client()?.get("/devices")?;
     // A cell on another machine has no folder here, and no history.
     let cell = Cell::find(context.cell_name()).ok().flatten();
-    let history = |name: &str| Some(Told::of(cell.as_ref()?, name)?.history());
+    let history = |name: &str| Some(DriverStatus::of(cell.as_ref()?, name)?.history());
     let losses = cell.as_ref().map(losses).unwrap_or_default();
-    let rows: Vec<Row> = devices
+    let rows: Vec<DeviceRow> = devices
         .into_iter()
-        .map(|device| Row {
+        .map(|device| DeviceRow {
             history: history(&device.name),
             last_lost: losses.get(&device.name).cloned(),
             device,
@@ -69,12 +69,12 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// The last loss of each device in the event log.
-fn losses(cell: &Cell) -> BTreeMap<String, Lost> {
+fn losses(cell: &Cell) -> BTreeMap<String, LastLoss> {
     let mut last = BTreeMap::new();
     // A log that cannot be read is one without losses: this verb shows more than that.
-    for event in Reader::open(cell).poll().unwrap_or_default() {
-        if let Kind::DeviceLost { device, reason, .. } = event.what {
-            let lost = Lost {
+    for event in EventReader::open(cell).poll().unwrap_or_default() {
+        if let EventKind::DeviceLost { device, reason, .. } = event.what {
+            let lost = LastLoss {
                 cycle: event.cycle,
                 time: event.time,
                 monotonic_ns: event.monotonic_ns,
@@ -86,7 +86,7 @@ fn losses(cell: &Cell) -> BTreeMap<String, Lost> {
     last
 }
 
-fn list(rows: &[Row], channels: bool) -> String {
+fn list(rows: &[DeviceRow], channels: bool) -> String {
     let mut parts = vec![devices(rows)];
     if rows.iter().any(|row| row.history.is_some()) {
         parts.push(connections(rows));
@@ -97,12 +97,12 @@ fn list(rows: &[Row], channels: bool) -> String {
     parts.join("\n\n")
 }
 
-fn devices(rows: &[Row]) -> String {
+fn devices(rows: &[DeviceRow]) -> String {
     let heads = [
         "DEVICE", "DRIVER", "STATE", "QUALITY", "LOSSES", "HELD BY", "REASON",
     ];
     let mut table = table::table(&heads);
-    for Row { device, .. } in rows {
+    for DeviceRow { device, .. } in rows {
         table.add_row([
             device.name.clone(),
             device.driver.clone(),
@@ -116,7 +116,7 @@ fn devices(rows: &[Row]) -> String {
     table::text(&table)
 }
 
-fn connections(rows: &[Row]) -> String {
+fn connections(rows: &[DeviceRow]) -> String {
     let heads = [
         "DEVICE",
         "LAST MINUTE",
@@ -128,7 +128,7 @@ fn connections(rows: &[Row]) -> String {
     ];
     let mut table = table::table(&heads);
     for row in rows {
-        let Row {
+        let DeviceRow {
             device,
             history,
             last_lost: lost,
@@ -140,7 +140,7 @@ fn connections(rows: &[Row]) -> String {
             percent(history.quality_mean_permille),
             percent(history.quality_min_permille),
             format!("{} ({})", history.late, history.late_total),
-            last_lost(history, lost.as_ref(), [told::now(), monotonic_ns()]),
+            last_lost(history, lost.as_ref(), [driver_status::now(), monotonic_ns()]),
             history.peer.clone().unwrap_or_else(|| "–".to_owned()),
         ]);
     }
@@ -149,12 +149,12 @@ fn connections(rows: &[Row]) -> String {
 
 /// When, or since when not. The executor's word comes first: it names the cycle. `now` is wall clock in seconds and
 /// CLOCK_MONOTONIC in nanoseconds.
-fn last_lost(history: &History, lost: Option<&Lost>, now: [u64; 2]) -> String {
+fn last_lost(history: &LinkHistory, lost: Option<&LastLoss>, now: [u64; 2]) -> String {
     let [now, now_ns] = now;
     if history.stale {
         return "its driver tells nothing any more".to_owned();
     }
-    if let Some(Lost {
+    if let Some(LastLoss {
         cycle: Some(cycle),
         monotonic_ns,
         ..
@@ -169,9 +169,9 @@ fn last_lost(history: &History, lost: Option<&Lost>, now: [u64; 2]) -> String {
     }
 }
 
-fn channels_of(rows: &[Row]) -> String {
+fn channels_of(rows: &[DeviceRow]) -> String {
     let mut table = table::table(&["CHANNEL", "KIND", "UNIT", "ON RELEASE"]);
-    for Row { device, .. } in rows {
+    for DeviceRow { device, .. } in rows {
         for channel in &device.channels {
             table.add_row([
                 format!("{}.{}", device.name, channel.name),
@@ -188,8 +188,8 @@ fn channels_of(rows: &[Row]) -> String {
 mod tests {
     use super::*;
 
-    fn row(history: Option<History>) -> Row {
-        Row {
+    fn row(history: Option<LinkHistory>) -> DeviceRow {
+        DeviceRow {
             device: DeviceView {
                 name: "lwr".to_owned(),
                 driver: "fri-lwr".to_owned(),
@@ -213,18 +213,18 @@ mod tests {
 
     #[test]
     fn the_history_says_how_long_nothing_was_lost_or_when() {
-        let mut history = History {
+        let mut history = LinkHistory {
             sparkline: "█▇".to_owned(),
             since: 1000,
             late: 1,
             late_total: 12,
-            ..History::default()
+            ..LinkHistory::default()
         };
         let now = [1090, 95_000_000_000];
         assert_eq!(last_lost(&history, None, now), "not in 90 s");
         history.lost_at = Some(1030);
         assert_eq!(last_lost(&history, None, now), "60 s ago");
-        let lost = Lost {
+        let lost = LastLoss {
             cycle: Some(81_422),
             time: String::new(),
             monotonic_ns: 35_000_000_000,

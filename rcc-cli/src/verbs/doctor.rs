@@ -7,19 +7,19 @@ use rcc_ipc::cell::base_dir;
 use rcc_loader::server::codes::{self, exit};
 
 use crate::context::{Context, Format};
-use crate::doctor::Level;
+use crate::doctor::FindingLevel;
 use crate::doctor::clean::clean;
-use crate::doctor::facts::{self, Facts, cpu, system::System};
+use crate::doctor::facts::{self, MachineFacts, cpu, system::SystemRoot};
 use crate::doctor::link::{LinkReport, gather::gather};
-use crate::doctor::measure::{Plan, measure};
-use crate::doctor::record::Record;
-use crate::doctor::report::Report;
+use crate::doctor::measure::{MeasurementPlan, measure};
+use crate::doctor::record::GradeRecord;
+use crate::doctor::report::DoctorReport;
 use crate::doctor::trial::try_all;
-use crate::doctor::wish::{self, Chosen, Wish};
+use crate::doctor::requirements::{self, SelectedCell, MachineRequirements};
 use crate::failure::Failure;
-use crate::output::{remark, say};
+use crate::output::{print_note, print_line};
 
-/// What to look at. `--cell` is a cell's name or its file.
+/// DoctorCommand to collect_facts at. `--cell` is a cell's name or its file.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     /// How long wake-ups are measured; 0 leaves it out.
@@ -32,12 +32,12 @@ pub struct Arguments {
     #[arg(long, requires = "clean")]
     strays: bool,
     #[command(subcommand)]
-    what: Option<What>,
+    what: Option<DoctorCommand>,
 }
 
 /// One device instead of the machine.
 #[derive(clap::Subcommand, Debug)]
-pub enum What {
+pub enum DoctorCommand {
     /// Why a device is not connected, stage after stage.
     #[command(visible_aliases = ["fri", "modbus"])]
     Device {
@@ -59,32 +59,32 @@ fn length(text: &str) -> Result<Duration, String> {
 /// Exit code 1 when a finding prevents a cell from running; 3 for a configuration that is not valid.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     if arguments.clean {
-        return remove(context, arguments.strays);
+        return remove_leftovers(context, arguments.strays);
     }
-    let chosen = wish::choose(context)?;
-    if let Some(What::Device { name }) = &arguments.what {
-        return device(context, chosen, name);
+    let selected = requirements::select(context)?;
+    if let Some(DoctorCommand::Device { name }) = &arguments.what {
+        return device(context, selected, name);
     }
-    let wish = chosen
+    let requirements = selected
         .as_ref()
-        .map_or_else(Wish::default, |chosen| Wish::of(&chosen.config));
-    let facts = look(context, wish, arguments.measure);
-    let mut report = Report::of(&facts);
+        .map_or_else(MachineRequirements::default, |selected| MachineRequirements::of(&selected.config));
+    let facts = collect_facts(context, requirements, arguments.measure);
+    let mut report = DoctorReport::of(&facts);
     if let Some(measured) = &facts.measured {
-        match Record::of(measured).store() {
+        match GradeRecord::of(measured).store() {
             Ok(path) => report.kept_in = Some(path.display().to_string()),
-            Err(error) => remark(&format!("the grade is not kept for `status`: {error}")),
+            Err(error) => print_note(&format!("the grade is not kept for `status`: {error}")),
         }
     }
-    context.print(&report, Report::human);
-    if report.worst == Level::Fail {
+    context.print(&report, DoctorReport::human);
+    if report.worst == FindingLevel::Fail {
         return Err(Failure::said(exit::FAILED));
     }
     Ok(())
 }
 
-fn device(context: &Context, chosen: Option<Chosen>, name: &str) -> Result<(), Failure> {
-    let chosen = chosen.ok_or_else(|| {
+fn device(context: &Context, selected: Option<SelectedCell>, name: &str) -> Result<(), Failure> {
+    let selected = selected.ok_or_else(|| {
         let what = format!("no process of a cell '{}' runs", context.cell_name());
         Failure::new(
             codes::NO_LOADER,
@@ -92,7 +92,7 @@ fn device(context: &Context, chosen: Option<Chosen>, name: &str) -> Result<(), F
             "start it (rcc-cli up FILE), or name its file: --cell FILE.yaml",
         )
     })?;
-    let config = &chosen.config;
+    let config = &selected.config;
     let (_, device) = config.device(name).ok_or_else(|| {
         let names: Vec<&str> = config
             .devices
@@ -106,7 +106,7 @@ fn device(context: &Context, chosen: Option<Chosen>, name: &str) -> Result<(), F
             format!("it has: {}", names.join(", ")),
         )
     })?;
-    let report = LinkReport::of(&gather(&chosen, device));
+    let report = LinkReport::of(&gather(&selected, device));
     context.print(&report, LinkReport::human);
     match report.failed {
         Some(_) => Err(Failure::said(exit::FAILED)),
@@ -114,10 +114,10 @@ fn device(context: &Context, chosen: Option<Chosen>, name: &str) -> Result<(), F
     }
 }
 
-fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
-    let system = System::at(Path::new("/"));
-    let trial = try_all(wish.priority);
-    let mut facts = facts::read(&system, wish);
+fn collect_facts(context: &Context, requirements: MachineRequirements, length: Duration) -> MachineFacts {
+    let system = SystemRoot::at(Path::new("/"));
+    let trial = try_all(requirements.priority);
+    let mut facts = facts::read(&system, requirements);
     facts.trial = trial;
     if length.is_zero() {
         return facts;
@@ -127,17 +127,17 @@ fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
         .iter()
         .filter(|cell| cell.executor.is_some())
         .count();
-    let wish = &facts.wish;
+    let requirements = &facts.requirements;
     // A running executor comes first, also before this measurement.
-    let priority = wish.priority.saturating_sub(u8::from(executors > 0)).max(1);
-    let plan = Plan {
+    let priority = requirements.priority.saturating_sub(u8::from(executors > 0)).max(1);
+    let plan = MeasurementPlan {
         priority: facts.trial.fifo.is_ok().then_some(priority),
-        core: wish.core,
-        period_ns: wish.period_ns,
+        core: requirements.core,
+        period_ns: requirements.period_ns,
         length,
     };
     if context.format == Format::Human {
-        remark(&format!(
+        print_note(&format!(
             "measuring wake-ups for {} s …",
             length.as_secs_f64()
         ));
@@ -147,23 +147,23 @@ fn look(context: &Context, wish: Wish, length: Duration) -> Facts {
         Ok(measured) => facts.measured = Some(measured),
         Err(error) => facts.not_measured = Some(error.to_string()),
     }
-    facts.during = cpu::between(&before, &cpu::counters(&system, plan.core));
+    facts.activity = cpu::between(&before, &cpu::counters(&system, plan.core));
     facts
 }
 
-fn remove(context: &Context, strays: bool) -> Result<(), Failure> {
+fn remove_leftovers(context: &Context, strays: bool) -> Result<(), Failure> {
     let cleaned = clean(&base_dir(), strays.then_some(Path::new("/dev/shm")));
     if context.format == Format::Json {
         context.print(&cleaned, |_| String::new());
     } else {
         for line in &cleaned.removed {
-            say(&format!("removed  {line}"));
+            print_line(&format!("removed  {line}"));
         }
         for line in &cleaned.refused {
-            say(&format!("left     {line}"));
+            print_line(&format!("left     {line}"));
         }
         if cleaned.removed.is_empty() && cleaned.refused.is_empty() {
-            say("nothing is left of dead cells");
+            print_line("nothing is left of dead cells");
         }
     }
     if cleaned.refused.is_empty() {

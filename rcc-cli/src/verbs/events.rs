@@ -5,17 +5,17 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use rcc_ipc::Cell;
-use rcc_ipc::events::{Event, Kind, Origin, Reader, Severity, wall_time_before};
+use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader, EventSeverity, wall_time_before};
 use rcc_loader::server::codes;
 
 use crate::context::{Context, Format, of_cell};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
-use crate::output::{remark, say};
+use crate::output::{print_note, print_line};
 use crate::table::grouped;
 
 /// How often a followed log is looked at.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Which events.
 #[derive(clap::Args, Debug, Default)]
@@ -49,8 +49,8 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         )
     })?;
     let interrupts = Interrupts::listen()?;
-    let mut view = View::new(context.format, &arguments)?;
-    let mut reader = Reader::open(&cell);
+    let mut view = EventView::new(context.format, &arguments)?;
+    let mut reader = EventReader::open(&cell);
     let unreadable = |error| Failure::unreadable(&cell.events_file().display().to_string(), &error);
     let mut batch = reader.poll().map_err(unreadable)?;
     // Of one life of the machine, this is the order in which it happened.
@@ -65,14 +65,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             return Err(Failure::interrupted());
         }
         if !cell.runtime_dir().is_dir() {
-            say("the cell has ended, and its log with it");
+            print_line("the cell has ended, and its log with it");
             break;
         }
-        std::thread::sleep(LOOK_EVERY);
+        std::thread::sleep(POLL_INTERVAL);
         batch = reader.poll().map_err(unreadable)?;
     }
     if reader.unreadable() > 0 {
-        remark(&format!(
+        print_note(&format!(
             "{} lines of the log are torn or no events",
             reader.unreadable()
         ));
@@ -89,7 +89,7 @@ enum Since {
 }
 
 /// What is shown, and how.
-struct View {
+struct EventView {
     format: Format,
     since: Since,
     net: Option<String>,
@@ -99,9 +99,9 @@ struct View {
     headed: bool,
 }
 
-impl View {
-    fn new(format: Format, arguments: &Arguments) -> Result<View, Failure> {
-        Ok(View {
+impl EventView {
+    fn new(format: Format, arguments: &Arguments) -> Result<EventView, Failure> {
+        Ok(EventView {
             format,
             since: since(arguments.since.as_deref())?,
             net: arguments.net.clone(),
@@ -118,7 +118,7 @@ impl View {
             return;
         };
         // Cycles count anew in each life of the executor: the newest one is meant.
-        let ours = |event: &&Event| event.source.role == Origin::Executor && event.cycle.is_some();
+        let ours = |event: &&Event| event.source.role == EventOrigin::Executor && event.cycle.is_some();
         let newest = events
             .iter()
             .rfind(ours)
@@ -133,13 +133,13 @@ impl View {
     }
 
     fn learn(&mut self, event: &Event) {
-        if let Kind::Loaded {
+        if let EventKind::Loaded {
             command,
             executor,
             net,
             ..
         }
-        | Kind::Rejected {
+        | EventKind::Rejected {
             command,
             executor,
             net,
@@ -178,7 +178,7 @@ impl View {
         let Some(wanted) = &self.device else {
             return true;
         };
-        let of_driver = event.source.role == Origin::Driver && event.source.label == *wanted;
+        let of_driver = event.source.role == EventOrigin::Driver && event.source.label == *wanted;
         let process = wanted.strip_prefix("driver/").unwrap_or(wanted);
         of_driver || event.what.device() == Some(process)
     }
@@ -190,22 +190,22 @@ impl View {
         }
         let words = event.sentence(&|executor, id| self.net(executor, id));
         match self.format {
-            Format::Json => say(&json(event, &words, self)),
+            Format::Json => print_line(&json(event, &words, self)),
             Format::Human => {
                 if !self.headed {
-                    say(&row("TIME (UTC)", "CYCLE", "WHO", " ", "WHAT"));
+                    print_line(&row("TIME (UTC)", "CYCLE", "WHO", " ", "WHAT"));
                     self.headed = true;
                 }
                 let cycle = event.cycle.map_or_else(String::new, grouped);
                 let mark = match event.severity {
-                    Severity::Info => " ",
-                    Severity::Warning => "!",
-                    Severity::Error => "‼",
+                    EventSeverity::Info => " ",
+                    EventSeverity::Warning => "!",
+                    EventSeverity::Error => "‼",
                 };
                 let time = event.time.get(11..23).unwrap_or(&event.time);
                 // The log is text of other processes: nothing of it may steer a terminal.
                 let clean = |text: &str| text.replace(char::is_control, " ");
-                say(&row(
+                print_line(&row(
                     &clean(time),
                     &cycle,
                     &clean(&event.who()),
@@ -222,7 +222,7 @@ fn row(time: &str, cycle: &str, who: &str, mark: &str, what: &str) -> String {
 }
 
 /// The line of the log, with its sentence and the net's name.
-fn json(event: &Event, words: &str, view: &View) -> String {
+fn json(event: &Event, words: &str, view: &EventView) -> String {
     let mut value = serde_json::to_value(event).unwrap_or_default();
     if let Some(object) = value.as_object_mut() {
         object.insert("words".to_owned(), words.into());
@@ -253,26 +253,26 @@ fn since(text: Option<&str>) -> Result<Since, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcc_ipc::events::{Fault, Source};
+    use rcc_ipc::events::{CommandFault, EventSource};
 
-    fn event(role: Origin, label: &str, cycle: Option<u64>, what: Kind) -> Event {
-        Event::now(Source::this(role, label), cycle, what)
+    fn event(role: EventOrigin, label: &str, cycle: Option<u64>, what: EventKind) -> Event {
+        Event::now(EventSource::this(role, label), cycle, what)
     }
 
     fn loaded() -> Event {
-        let executor = Source::this(Origin::Executor, "exec").incarnation;
-        let what = Kind::Loaded {
+        let executor = EventSource::this(EventOrigin::Executor, "exec").incarnation;
+        let what = EventKind::Loaded {
             command: 3,
             executor,
             net: "line".into(),
             primitives: 9,
             uses: vec!["lwr".into()],
         };
-        event(Origin::Loader, "loader", None, what)
+        event(EventOrigin::Loader, "loader", None, what)
     }
 
     fn lost() -> Event {
-        let fault = Fault {
+        let fault = CommandFault {
             code: "device lost".into(),
             device: Some("lwr".into()),
             joint: None,
@@ -281,17 +281,17 @@ mod tests {
             limit: None,
             unit: None,
         };
-        let what = Kind::Command {
+        let what = EventKind::Command {
             command: 3,
             state: "terminated".into(),
             reason: Some("fault".into()),
             fault: Some(fault),
         };
-        event(Origin::Executor, "exec", Some(70), what)
+        event(EventOrigin::Executor, "exec", Some(70), what)
     }
 
-    fn view(arguments: &Arguments) -> View {
-        let mut view = View::new(Format::Human, arguments).unwrap();
+    fn view(arguments: &Arguments) -> EventView {
+        let mut view = EventView::new(Format::Human, arguments).unwrap();
         view.begin(&[loaded(), lost()]);
         view
     }
@@ -329,17 +329,17 @@ mod tests {
             device: Some("lwr".into()),
             ..Arguments::default()
         });
-        let stopping = || Kind::Stopping { why: "x".into() };
-        let died = Kind::ProcessDied {
+        let stopping = || EventKind::Stopping { why: "x".into() };
+        let died = EventKind::ProcessDied {
             process: "driver/lwr".into(),
             pid: 1,
             how: "SIGKILL".into(),
             last_words: String::new(),
         };
         assert!(view.wanted(&lost()));
-        assert!(view.wanted(&event(Origin::Driver, "lwr", None, stopping())));
-        assert!(view.wanted(&event(Origin::Supervisor, "up", None, died)));
-        assert!(!view.wanted(&event(Origin::Driver, "io", None, stopping())));
+        assert!(view.wanted(&event(EventOrigin::Driver, "lwr", None, stopping())));
+        assert!(view.wanted(&event(EventOrigin::Supervisor, "up", None, died)));
+        assert!(!view.wanted(&event(EventOrigin::Driver, "io", None, stopping())));
     }
 
     #[test]

@@ -2,14 +2,14 @@
 //! whether the cell has room for it. A file is compiled here, without a cell; a loaded net is asked for by name.
 
 mod report;
-mod words;
+mod text;
 
 use std::path::PathBuf;
 
 use rcc_engine::costs::cache;
 use rcc_loader::server::api::{CommandView, StatusView};
 
-use self::report::{Explanation, Room};
+use self::report::{Explanation, CellCapacity};
 use super::{costs, source};
 use crate::client::Client;
 use crate::context::Context;
@@ -25,12 +25,12 @@ pub struct Arguments {
     #[arg(long)]
     config: Option<PathBuf>,
     #[command(flatten)]
-    shown: Shown,
+    shown: TableSelection,
 }
 
 /// Which tables are printed; without any of it as many as a small net needs.
 #[derive(clap::Args, Clone, Copy, Debug, Default)]
-pub struct Shown {
+pub struct TableSelection {
     /// Every primitive in the order of evaluation: run, time, outputs, what can be null.
     #[arg(long)]
     order: bool,
@@ -53,15 +53,15 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let found = source::find(context, &arguments.net, arguments.config)?;
     let room = found.client.as_ref().and_then(|client| room(client).ok());
     let (costs, origin) = cache::costs(false);
-    let explanation = Explanation::of(&found, &costs, costs::words(&origin), room);
+    let explanation = Explanation::of(&found, &costs, costs::origin_text(&origin), room);
     context.print(&explanation, |explanation| {
-        words::human(explanation, arguments.shown)
+        text::human(explanation, arguments.shown)
     });
     Ok(())
 }
 
 /// What the running cell has left.
-fn room(client: &Client) -> Result<Room, Failure> {
+fn room(client: &Client) -> Result<CellCapacity, Failure> {
     let status: StatusView = client.get("/status")?;
     let commands: Vec<CommandView> = client.get("/commands")?;
     let active = |command: &&CommandView| matches!(command.state.as_str(), "running" | "canceling");
@@ -70,7 +70,7 @@ fn room(client: &Client) -> Result<Room, Failure> {
         .filter(active)
         .max_by_key(|command| command.expected_ns);
     let executor = &status.executor;
-    Ok(Room {
+    Ok(CellCapacity {
         cell: status.cell,
         budget_ns: executor.budget_ns,
         committed_ns: executor.committed_ns,

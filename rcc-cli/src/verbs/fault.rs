@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rcc_config::CellConfig;
-use rcc_ipc::events::{self, Kind, Origin};
+use rcc_ipc::events::{self, EventKind, EventOrigin};
 use rcc_ipc::{Cell, Liveness, Role};
 use rcc_loader::server::codes;
 use rcc_loader::server::executor::EXECUTOR_LABEL;
@@ -18,7 +18,7 @@ use crate::context::{Context, of_cell};
 use crate::demo::simulator::Simulator;
 use crate::failure::Failure;
 use crate::supervisor::running;
-use effect::{Act, Effect, act};
+use effect::{FaultAction, FaultEffect, action};
 
 mod effect;
 
@@ -34,7 +34,7 @@ pub struct Arguments {
     target: Option<String>,
     /// What happens to it.
     #[command(subcommand)]
-    effect: Effect,
+    effect: FaultEffect,
 }
 
 /// Does it.
@@ -47,23 +47,23 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let cell = Cell::find(name).map_err(|error| of_cell(&error))?;
     let cell = cell.ok_or_else(|| no_loader(name, ": there is no such cell"))?;
     let config = running::read(&cell)?;
-    let (act, words) = act(&effect);
-    match act {
-        Act::Signal(signal) => send(&cell, &config, &target, signal, &words)?,
-        Act::Command(command) => command_simulator(&cell, &config, &target, &command, &words)?,
+    let (action, words) = action(&effect);
+    match action {
+        FaultAction::Signal(signal) => send(&cell, &config, &target, signal, &words)?,
+        FaultAction::Command(command) => command_simulator(&cell, &config, &target, &command, &words)?,
     }
     let done = json!({"target": target, "what": words});
     context.print(&done, |_| match effect {
-        Effect::Clear { .. } | Effect::Ack => format!("{target}: faults ended"),
+        FaultEffect::Clear { .. } | FaultEffect::Ack => format!("{target}: faults ended"),
         _ => format!("{target}: done; `rcc-cli events` tells what follows"),
     });
     Ok(())
 }
 
 /// `fault clear lwr` means `fault lwr clear`.
-fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, Effect), Failure> {
+fn in_order(Arguments { target, effect }: Arguments) -> Result<(String, FaultEffect), Failure> {
     let after = match &effect {
-        Effect::Clear { device } => device.clone(),
+        FaultEffect::Clear { device } => device.clone(),
         _ => None,
     };
     match (target, after) {
@@ -96,12 +96,12 @@ fn not_simulated(what: &str) -> Failure {
     )
 }
 
-fn told(cell: &Cell, target: &str, words: &str) {
-    let what = Kind::FaultInjected {
+fn log_fault(cell: &Cell, target: &str, words: &str) {
+    let what = EventKind::FaultInjected {
         target: target.to_owned(),
         what: words.to_owned(),
     };
-    events::tell(cell, Origin::Cli, "fault", what);
+    events::tell(cell, EventOrigin::Cli, "fault", what);
 }
 
 fn command_simulator(
@@ -123,7 +123,7 @@ fn command_simulator(
         )
     };
     let mut simulator = Simulator::connect(&path).map_err(failed)?;
-    told(cell, device, words);
+    log_fault(cell, device, words);
     let begun = Instant::now();
     loop {
         match simulator.ask(command) {
@@ -190,7 +190,7 @@ fn send(
             )
         })?;
     let pid = i32::try_from(announced.pid).map_err(|_| unknown(config, target))?;
-    told(cell, target, words);
+    log_fault(cell, target, words);
     kill(Pid::from_raw(pid), signal).map_err(|error| {
         Failure::new(
             codes::NOT_PERMITTED,
@@ -223,15 +223,15 @@ mod tests {
     use clap::Parser;
 
     #[derive(clap::Parser)]
-    struct Line {
+    struct FaultCommandLine {
         #[command(flatten)]
         arguments: Arguments,
     }
 
-    fn parsed(line: &str) -> (String, Act) {
+    fn parsed(line: &str) -> (String, FaultAction) {
         let words = std::iter::once("fault").chain(line.split(' '));
-        let (target, effect) = in_order(Line::parse_from(words).arguments).unwrap();
-        (target, act(&effect).0)
+        let (target, effect) = in_order(FaultCommandLine::parse_from(words).arguments).unwrap();
+        (target, action(&effect).0)
     }
 
     #[test]
@@ -258,7 +258,7 @@ mod tests {
             let target = if line.starts_with("io") { "io" } else { "lwr" };
             assert_eq!(
                 parsed(line),
-                (target.to_owned(), Act::Command(command)),
+                (target.to_owned(), FaultAction::Command(command)),
                 "{line}"
             );
         }
@@ -268,11 +268,11 @@ mod tests {
     fn a_process_gets_a_signal() {
         assert_eq!(
             parsed("driver/lwr kill"),
-            ("driver/lwr".into(), Act::Signal(Signal::SIGKILL))
+            ("driver/lwr".into(), FaultAction::Signal(Signal::SIGKILL))
         );
         assert_eq!(
             parsed("executor exit"),
-            ("executor".into(), Act::Signal(Signal::SIGTERM))
+            ("executor".into(), FaultAction::Signal(Signal::SIGTERM))
         );
     }
 
@@ -280,7 +280,7 @@ mod tests {
     fn what_is_no_part_of_all_is_refused() {
         for part in ["", "x", "101%", "nan"] {
             assert!(
-                Line::try_parse_from(["fault", "lwr", "loss", part]).is_err(),
+                FaultCommandLine::try_parse_from(["fault", "lwr", "loss", part]).is_err(),
                 "{part}"
             );
         }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::follow::read_text;
-use crate::output::{say, say_file};
+use crate::output::{print_line, print_file};
 
 /// What to lay out.
 #[derive(clap::Args, Debug)]
@@ -25,7 +25,7 @@ pub struct Arguments {
 
 /// What became of one file.
 #[derive(Serialize)]
-struct Outcome {
+struct FormatOutcome {
     file: String,
     /// It is laid out otherwise, or was.
     changed: bool,
@@ -62,7 +62,7 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
     let changed = written != text;
     let prints = arguments.stdout || file == "-";
     if prints && !arguments.check {
-        say_file(&written);
+        print_file(&written);
         return Ok(false);
     }
     if changed && !arguments.check {
@@ -70,12 +70,12 @@ fn one(context: &Context, arguments: &Arguments, file: &str) -> Result<bool, Fai
     }
     if context.format == Format::Human {
         match (changed, arguments.check) {
-            (true, true) => say(&format!("{name}: `rcc-cli fmt` lays it out otherwise")),
-            (true, false) => say(&format!("{name}: laid out")),
+            (true, true) => print_line(&format!("{name}: `rcc-cli fmt` lays it out otherwise")),
+            (true, false) => print_line(&format!("{name}: laid out")),
             (false, _) => {}
         }
     } else {
-        let outcome = Outcome {
+        let outcome = FormatOutcome {
             file: name,
             changed,
         };

@@ -5,16 +5,16 @@ use std::path::PathBuf;
 use rcc_graph::Values;
 use rcc_graph::scene::{BOXES_MAX, scene};
 use rcc_graph::{dot::dot, mermaid::mermaid, svg::svg};
-use rcc_language::anatomy::short;
-use rcc_language::syntax::literal::{Literal, Shape};
+use rcc_language::structure::literal_label;
+use rcc_language::syntax::literal::{Literal, LiteralShape};
 use rcc_loader::server::api::ValueView;
 use rcc_loader::server::codes;
 use serde_json::Value;
 
-use super::source::{self, Found};
+use super::source::{self, ResolvedNet};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say_file;
+use crate::output::print_file;
 
 /// Of what, and as what.
 #[derive(clap::Args, Debug)]
@@ -23,7 +23,7 @@ pub struct Arguments {
     net: String,
     /// As what.
     #[arg(long, value_enum, default_value = "svg")]
-    format: Kind,
+    format: GraphFormat,
     /// Write to this file instead of the standard output.
     #[arg(short = 'o', long, value_name = "FILE")]
     file: Option<PathBuf>,
@@ -37,7 +37,7 @@ pub struct Arguments {
 
 /// Forms of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Kind {
+pub enum GraphFormat {
     /// A picture for browsers and documents.
     Svg,
     /// For Graphviz.
@@ -51,26 +51,26 @@ pub enum Kind {
 /// # Errors
 /// The file is not there or not valid, there is no such net, it is too large for a picture, or nothing can be written.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let Found { anatomy, .. } = source::find(context, &arguments.net, arguments.config)?;
+    let ResolvedNet { structure, .. } = source::find(context, &arguments.net, arguments.config)?;
     let values = match arguments.values {
         true => Some(values(context, &arguments.net)?),
         false => None,
     };
     let values = values.as_ref();
     let picture = match arguments.format {
-        Kind::Dot => dot(&anatomy, values),
-        Kind::Mermaid => mermaid(&anatomy, values),
-        Kind::Svg => {
-            let scene = scene(&anatomy, values).map_err(|many| {
+        GraphFormat::Dot => dot(&structure, values),
+        GraphFormat::Mermaid => mermaid(&structure, values),
+        GraphFormat::Svg => {
+            let scene = scene(&structure, values).map_err(|many| {
                 let message = format!("the net would be {} boxes, {BOXES_MAX} are a picture", many.boxes);
                 let help = "use `--format dot`, which Graphviz draws at any size (`sfdp`), or `rcc-cli explain`";
                 Failure::new(codes::BAD_REQUEST, message, help)
             })?;
-            svg(&anatomy, &scene)
+            svg(&structure, &scene)
         }
     };
     match arguments.file {
-        None => say_file(&picture),
+        None => print_file(&picture),
         Some(path) => std::fs::write(&path, picture).map_err(|error| {
             Failure::new(
                 codes::NOT_STORED,
@@ -114,7 +114,7 @@ fn one(value: &Value) -> String {
         return infinite.clone();
     }
     match value.as_f64().filter(|_| !value.is_i64()) {
-        Some(number) => short(&Literal::new(Shape::Real(number, None), Default::default())),
+        Some(number) => literal_label(&Literal::new(LiteralShape::Real(number, None), Default::default())),
         None => value.to_string(),
     }
 }

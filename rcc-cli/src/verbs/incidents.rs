@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rcc_engine::incident::{EXTENSION, Head, IncidentError, read_head};
+use rcc_engine::incident::{EXTENSION, IncidentHead, IncidentError, read_head};
 use rcc_ipc::Cell;
 use rcc_loader::server::api::Frozen;
 use rcc_loader::server::codes;
@@ -12,12 +12,12 @@ use serde::Serialize;
 
 use crate::context::{Context, of_cell};
 use crate::failure::Failure;
-use crate::incident::Named;
-use crate::output::remark;
+use crate::incident::IncidentNet;
+use crate::output::print_note;
 use crate::table;
 
 /// How often the folder is looked at for the file that was asked for.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// The recording goes on for a fifth of a second, and a disk may be slow.
 const WRITTEN_WITHIN: Duration = Duration::from_secs(20);
 
@@ -28,24 +28,24 @@ pub struct Arguments {
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
     #[command(subcommand)]
-    what: Option<What>,
+    what: Option<IncidentsCommand>,
 }
 
 #[derive(clap::Subcommand, Debug)]
-enum What {
+enum IncidentsCommand {
     /// Write the last seconds to a file now, although nothing failed.
     Record,
 }
 
 /// A row of the list.
 #[derive(Clone, Debug, Serialize)]
-struct Row {
+struct IncidentRow {
     file: PathBuf,
     /// The net that is the reason, `line#3`; its id is in the head.
     name: Option<String>,
     span_s: f64,
     #[serde(flatten)]
-    head: Head,
+    head: IncidentHead,
 }
 
 /// Does it.
@@ -63,7 +63,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
             context.print(&rows, |rows| list(rows));
             Ok(())
         }
-        Some(What::Record) => record(context),
+        Some(IncidentsCommand::Record) => record(context),
     }
 }
 
@@ -83,8 +83,8 @@ fn of(context: &Context) -> Result<PathBuf, Failure> {
     Ok(cell.incidents_dir())
 }
 
-/// The incidents of a folder, the oldest first. What is none is left out, what cannot be read is told.
-fn rows(folder: &Path) -> Result<Vec<Row>, Failure> {
+/// The incidents of a folder, the oldest first. IncidentsCommand is none is left out, what cannot be read is told.
+fn rows(folder: &Path) -> Result<Vec<IncidentRow>, Failure> {
     let entries = match std::fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -99,17 +99,17 @@ fn rows(folder: &Path) -> Result<Vec<Row>, Failure> {
             Ok((head, command)) => rows.push(row(path, head, command.as_deref())),
             // One of the oldest that has just been removed.
             Err(IncidentError::Read(error)) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => remark(&format!("{}: {error}", path.display())),
+            Err(error) => print_note(&format!("{}: {error}", path.display())),
         }
     }
     rows.sort_by(|a, b| a.head.time.cmp(&b.head.time));
     Ok(rows)
 }
 
-fn row(file: PathBuf, head: Head, command: Option<&[u8]>) -> Row {
-    let name = head.net.map(|id| Named::of(id, command).title());
+fn row(file: PathBuf, head: IncidentHead, command: Option<&[u8]>) -> IncidentRow {
+    let name = head.net.map(|id| IncidentNet::of(id, command).title());
     let cycles = (head.last_cycle + 1).saturating_sub(head.first_cycle);
-    Row {
+    IncidentRow {
         file,
         name,
         span_s: cycles as f64 * head.period_ns as f64 * 1e-9,
@@ -117,7 +117,7 @@ fn row(file: PathBuf, head: Head, command: Option<&[u8]>) -> Row {
     }
 }
 
-fn list(rows: &[Row]) -> String {
+fn list(rows: &[IncidentRow]) -> String {
     if rows.is_empty() {
         return "no incidents".to_owned();
     }
@@ -148,7 +148,7 @@ fn list(rows: &[Row]) -> String {
 }
 
 /// Why a recording was frozen, in words.
-pub(super) fn reason(head: &Head) -> String {
+pub(super) fn reason(head: &IncidentHead) -> String {
     let mut words = head.reason.clone();
     if let Some(fault) = &head.fault {
         words = format!("{words}: {fault}");
@@ -183,7 +183,7 @@ fn record(context: &Context) -> Result<(), Failure> {
             });
             return Ok(());
         }
-        std::thread::sleep(LOOK_EVERY);
+        std::thread::sleep(POLL_INTERVAL);
     }
     Err(Failure::new(
         codes::EXECUTOR_SILENT,

@@ -10,10 +10,10 @@ use rcc_loader::server::codes;
 
 use crate::context::{Context, Format};
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::print_line;
 use crate::units::cores::Cores;
-use crate::units::disk::{self, Done};
-use crate::units::{self, Order};
+use crate::units::disk::{self, FileChange};
+use crate::units::{self, CellUnits};
 
 /// What to write, and where.
 #[derive(clap::Args, Debug)]
@@ -80,7 +80,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     visible(&path, "the configuration", elsewhere)?;
     real(&config, &arguments)?;
     let cores = cores(&config, arguments.cpus)?;
-    let order = Order {
+    let order = CellUnits {
         cell: &cell,
         config: &config,
         path: &path,
@@ -210,24 +210,24 @@ fn cores(config: &CellConfig, given: Option<Cores>) -> Result<Option<Cores>, Fai
     Ok(given.or_else(|| Cores::all_but(count, &BTreeSet::from([core]))))
 }
 
-fn tell(context: &Context, done: &[(Done, PathBuf)]) {
+fn tell(context: &Context, done: &[(FileChange, PathBuf)]) {
     if context.format == Format::Json {
         let rows: Vec<_> = done
             .iter()
             .map(|(done, path)| serde_json::json!({"path": path, "done": done}))
             .collect();
-        say(&serde_json::Value::from(rows).to_string());
+        print_line(&serde_json::Value::from(rows).to_string());
         return;
     }
     for (done, path) in done {
         let word = match done {
-            Done::Written => "written",
-            Done::Replaced => "replaced",
-            Done::Unchanged => "unchanged",
-            Done::Packaged => "packaged",
-            Done::Removed => "removed",
+            FileChange::Written => "written",
+            FileChange::Replaced => "replaced",
+            FileChange::Unchanged => "unchanged",
+            FileChange::Packaged => "packaged",
+            FileChange::Removed => "removed",
         };
-        say(&format!("{word:<10} {}", path.display()));
+        print_line(&format!("{word:<10} {}", path.display()));
     }
 }
 
@@ -236,10 +236,10 @@ fn after_install(context: &Context, cell: &str, dry: bool) {
         return;
     }
     if dry {
-        say("nothing was written (--dry-run)");
+        print_line("nothing was written (--dry-run)");
         return;
     }
-    say(&format!(
+    print_line(&format!(
         "next:
   sudo systemd-sysusers && sudo systemd-tmpfiles --create && sudo systemctl daemon-reload
   sudo systemctl enable --now rcc@{cell}.target rcc.target
@@ -249,7 +249,7 @@ fn after_install(context: &Context, cell: &str, dry: bool) {
 
 fn after_uninstall(context: &Context, cell: &str) {
     if context.format == Format::Human {
-        say(&format!(
+        print_line(&format!(
             "next: sudo systemctl stop rcc@{cell}.target; sudo systemctl daemon-reload"
         ));
     }

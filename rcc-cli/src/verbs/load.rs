@@ -4,8 +4,8 @@ use rcc_loader::server::api::CommandView;
 
 use crate::context::Context;
 use crate::failure::{Failure, draw};
-use crate::follow::{self, Rejected};
-use crate::output::remark_drawing;
+use crate::follow::{self, OnRejection};
+use crate::output::print_diagnostics;
 use crate::table::time;
 
 /// What to load.
@@ -22,8 +22,8 @@ pub struct Arguments {
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let source = follow::read_net(&arguments.file)?;
     let client = context.client()?;
-    let loaded = follow::load(&client, &source.0, &source.1, Rejected::Stays)?;
-    remark_drawing(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
+    let loaded = follow::load(&client, &source.0, &source.1, OnRejection::Keep)?;
+    print_diagnostics(&draw(&loaded.diagnostics, Some(&source), Context::colour()));
     context.print(&loaded, |command| match &command.rehearsal {
         Some(rehearsal) => format!("{}\n{}", line(command), rehearsal.words),
         None => line(command),

@@ -10,25 +10,25 @@ use rcc_loader::server::codes;
 use rcc_loader::server::codes::exit;
 use serde::Serialize;
 
-use super::simulate::{Prepared, Scenario, create, failure, not_written, with_namer};
+use super::simulate::{PreparedScenario, SimulationScenario, create, failure, not_written, with_namer};
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::picture::{Picture, PictureError};
-use crate::simulate::tracks::Tracks;
-use crate::simulate::{self, Options};
+use crate::plot::{Plot, PlotError};
+use crate::simulate::tracks::ArmTracks;
+use crate::simulate::{self, SimulationOptions};
 
 /// What to plot.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
-    scenario: Scenario,
+    scenario: SimulationScenario,
     /// Where the picture goes; .svg or .png (default: the net's name with .svg).
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
-struct Report {
+struct PlotReport {
     net: String,
     file: String,
     time_s: f64,
@@ -42,7 +42,7 @@ struct Report {
 /// The net is not valid or refused, commands no arm, or the picture cannot be written; one that breaks a limit or ends with
 /// a fault is drawn, and is an error.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let Prepared {
+    let PreparedScenario {
         config,
         plan,
         names,
@@ -51,11 +51,11 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let out = arguments
         .out
         .unwrap_or_else(|| PathBuf::from(format!("{}.svg", names.net)));
-    let options = Options {
-        whatever: true,
+    let options = SimulationOptions {
+        despite_refusal: true,
         ..options
     };
-    let mut tracks = Tracks::new(&config);
+    let mut tracks = ArmTracks::new(&config);
     let mut watch = |time_s: f64, engine: &rcc_engine::engine::Engine| tracks.take(time_s, engine);
     let simulated = simulate::run(&config, plan, &names, &options, None, &mut watch)
         .map_err(|error| failure(&error, &names, &config, None))?;
@@ -70,19 +70,19 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         Some(cancel_s) => format!("{}, CANCEL after {cancel_s} s", names.net),
         None => names.net.clone(),
     };
-    write(&out, &Picture { title, panels })?;
+    write(&out, &Plot { title, panels })?;
     let words = |refusal: Refusal| with_namer(&names, &config, |namer| namer.refusal(1, refusal));
     let fault = with_namer(&names, &config, |namer| {
         namer.fault(&simulated.command.fault)
     });
     let breaks = simulated.foreseen.map(|refusal| words(refusal).message);
-    let report = Report {
+    let report = PlotReport {
         net: names.net.clone(),
         file: out.display().to_string(),
         time_s: simulated.cycles as f64 * simulated.period_ns as f64 / 1e9,
         breaks: breaks.or_else(|| fault.map(|fault| fault.words)),
     };
-    context.print(&report, |report: &Report| {
+    context.print(&report, |report: &PlotReport| {
         let mut lines = format!("{}: {} s of {}", report.file, report.time_s, report.net);
         if let Some(breaks) = &report.breaks {
             lines = format!("{lines}\n{breaks}");
@@ -98,9 +98,9 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Writes a picture; what it is is said by the file's name.
-pub(super) fn write(path: &Path, picture: &Picture) -> Result<(), Failure> {
+pub(super) fn write(path: &Path, picture: &Plot) -> Result<(), Failure> {
     let name = path.extension().and_then(|extension| extension.to_str());
-    let failed = |error: PictureError| {
+    let failed = |error: PlotError| {
         let message = format!("{}: {error}", path.display());
         Failure::new(
             codes::PROCESS_FAILED,

@@ -8,7 +8,7 @@ use rcc_loader::server::manual;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::print_line;
 use crate::table;
 
 /// Which.
@@ -36,7 +36,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         (Some(name), _) => match all.iter().find(|view| view.name.eq_ignore_ascii_case(name)) {
             Some(view) => {
                 if arguments.markdown {
-                    say(manual::page(view).trim_end());
+                    print_line(manual::page(view).trim_end());
                 } else {
                     context.print(view, one);
                 }
@@ -46,7 +46,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         },
     };
     if arguments.markdown {
-        say(manual::document(&found).trim_end());
+        print_line(manual::document(&found).trim_end());
     } else {
         context.print(&found, |found| list(found));
     }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rcc_engine::incident::{Incident, IncidentError};
 use rcc_engine::net::Evaluation;
-use rcc_engine::replay::{Different, Mismatch, Replayed, Source, Step, replay};
+use rcc_engine::replay::{MismatchKind, Mismatch, NetReplayResult, ReplaySource, ReplayStep, replay};
 use rcc_ipc::pattern::Pattern;
 use rcc_loader::server::codes;
 use serde::Serialize;
@@ -17,8 +17,8 @@ use serde_json::{Map, Value, json};
 use super::incidents::reason;
 use crate::context::{Context, Format};
 use crate::failure::Failure;
-use crate::incident::{Named, Shown, text, value_of};
-use crate::output::say;
+use crate::incident::{IncidentNet, ShownSlots, text, value_of};
+use crate::output::print_line;
 use crate::table::{self, grouped};
 
 /// What is replayed and shown.
@@ -29,10 +29,10 @@ pub struct Arguments {
     /// Stop after this cycle of the executor.
     #[arg(long, value_name = "CYCLE")]
     until: Option<u64>,
-    /// Show values from this cycle of the executor on.
+    /// ValuePrinter values from this cycle of the executor on.
     #[arg(long, value_name = "CYCLE", requires = "show")]
     from: Option<u64>,
-    /// Show these values in each cycle: net/primitive.port, with * and ? for any characters.
+    /// ValuePrinter these values in each cycle: net/primitive.port, with * and ? for any characters.
     #[arg(long, value_name = "PATTERN")]
     show: Vec<Pattern>,
     /// Write the values to this file as a table (comma-separated) instead.
@@ -42,7 +42,7 @@ pub struct Arguments {
 
 /// What came of a net, with names.
 #[derive(Clone, Debug, Serialize)]
-struct NetResult {
+struct ReplayResult {
     net: String,
     recorded: u64,
     compared: u64,
@@ -61,18 +61,18 @@ struct NetResult {
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let path = arguments.file.display().to_string();
     let incident = Incident::read(&arguments.file).map_err(|error| unusable(&path, error))?;
-    let named: BTreeMap<u64, Named> = incident
+    let named: BTreeMap<u64, IncidentNet> = incident
         .nets
         .keys()
         .map(|id| {
             (
                 *id,
-                Named::of(*id, incident.files.get(id).map(Vec::as_slice)),
+                IncidentNet::of(*id, incident.files.get(id).map(Vec::as_slice)),
             )
         })
         .collect();
-    let mut show = Show::new(context.format, &arguments, &named)?;
-    let source = Source {
+    let mut show = ValuePrinter::new(context.format, &arguments, &named)?;
+    let source = ReplaySource {
         models: &incident.models,
         configuration: incident.configuration,
         nets: &incident.nets,
@@ -119,11 +119,11 @@ fn unusable(path: &str, error: IncidentError) -> Failure {
 fn tell(
     context: &Context,
     incident: &Incident,
-    results: &[Replayed],
-    named: &BTreeMap<u64, Named>,
+    results: &[NetReplayResult],
+    named: &BTreeMap<u64, IncidentNet>,
 ) -> Result<(), Failure> {
-    let unnamed = Named::default();
-    let rows: Vec<NetResult> = results
+    let unnamed = IncidentNet::default();
+    let rows: Vec<ReplayResult> = results
         .iter()
         .map(|result| result_of(result, named.get(&result.id).unwrap_or(&unnamed)))
         .collect();
@@ -177,7 +177,7 @@ fn tell(
     }
 }
 
-fn result_of(result: &Replayed, named: &Named) -> NetResult {
+fn result_of(result: &NetReplayResult, named: &IncidentNet) -> ReplayResult {
     let net = match named.id {
         0 => format!("#{}", result.id),
         _ => named.title(),
@@ -195,7 +195,7 @@ fn result_of(result: &Replayed, named: &Named) -> NetResult {
         (None, 0) => "not compared: neither its beginning nor a snapshot is recorded".to_owned(),
         (None, _) => "identical".to_owned(),
     };
-    NetResult {
+    ReplayResult {
         net,
         recorded: result.recorded,
         compared: result.compared,
@@ -211,13 +211,13 @@ fn result_of(result: &Replayed, named: &Named) -> NetResult {
     }
 }
 
-fn mismatch_words(mismatch: &Mismatch, result: &Replayed, named: &Named) -> String {
+fn mismatch_words(mismatch: &Mismatch, result: &NetReplayResult, named: &IncidentNet) -> String {
     let what = match mismatch.what {
-        Different::Slots => String::new(),
-        Different::Evaluation { recorded, replayed } => {
+        MismatchKind::Slots => String::new(),
+        MismatchKind::Evaluation { recorded, replayed } => {
             format!(", it {} then and {} now", ended(recorded), ended(replayed))
         }
-        Different::Cycles { recorded, replayed } => {
+        MismatchKind::Cycles { recorded, replayed } => {
             format!(", its cycle {recorded} is cycle {replayed} of the replay: records are missing")
         }
     };
@@ -248,7 +248,7 @@ fn ended(evaluation: Evaluation) -> String {
     }
 }
 
-fn mismatch_json(mismatch: &Mismatch, named: &Named) -> Value {
+fn mismatch_json(mismatch: &Mismatch, named: &IncidentNet) -> Value {
     let slot = mismatch.slot.as_ref().map(|slot| {
         json!({
             "cycle": slot.cycle, "name": named.slot(slot), "recorded": value_of(slot.store, slot.recorded),
@@ -259,10 +259,10 @@ fn mismatch_json(mismatch: &Mismatch, named: &Named) -> Value {
 }
 
 /// Values by name, cycle by cycle.
-struct Show {
+struct ValuePrinter {
     format: Format,
     /// By net what is shown of it, and the first of its columns.
-    nets: BTreeMap<u64, (Vec<Shown>, usize)>,
+    nets: BTreeMap<u64, (Vec<ShownSlots>, usize)>,
     columns: usize,
     csv: Option<BufWriter<File>>,
     first_ns: Option<u64>,
@@ -270,13 +270,13 @@ struct Show {
     row: Option<(u64, f64, Vec<String>)>,
 }
 
-impl Show {
+impl ValuePrinter {
     fn new(
         format: Format,
         arguments: &Arguments,
-        named: &BTreeMap<u64, Named>,
-    ) -> Result<Show, Failure> {
-        let mut show = Show {
+        named: &BTreeMap<u64, IncidentNet>,
+    ) -> Result<ValuePrinter, Failure> {
+        let mut show = ValuePrinter {
             format,
             nets: BTreeMap::new(),
             columns: 0,
@@ -288,7 +288,7 @@ impl Show {
         for (id, named) in named {
             let shown = named.shown(&arguments.show);
             let first = show.columns;
-            let columns: Vec<String> = shown.iter().flat_map(Shown::columns).collect();
+            let columns: Vec<String> = shown.iter().flat_map(ShownSlots::columns).collect();
             show.columns += columns.len();
             heads.extend(columns);
             show.nets.insert(*id, (shown, first));
@@ -320,7 +320,7 @@ impl Show {
         Ok(show)
     }
 
-    fn step(&mut self, step: &Step<'_>) -> std::io::Result<()> {
+    fn step(&mut self, step: &ReplayStep<'_>) -> std::io::Result<()> {
         let Some((shown, first)) = self.nets.get(&step.id) else {
             return Ok(());
         };
@@ -357,7 +357,7 @@ impl Show {
                     let values: Vec<String> = values.iter().map(|value| text(value, "–")).collect();
                     let mark = if step.same { ' ' } else { '≠' };
                     let (cycle, name) = (grouped(step.cycle), &one.name);
-                    say(&format!(
+                    print_line(&format!(
                         "{cycle:>10} {mark} {name:<24} {}",
                         values.join(" ")
                     ));
@@ -376,7 +376,7 @@ impl Show {
                 let line = json!({
                     "cycle": step.cycle, "time_s": seconds, "command": step.id, "same": step.same, "values": values,
                 });
-                say(&line.to_string());
+                print_line(&line.to_string());
             }
         }
         Ok(())

@@ -6,23 +6,23 @@ use rcc_loader::server::codes;
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say_file;
+use crate::output::print_file;
 
-/// What to do with robots.
+/// RobotCommand to do with robots.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(subcommand)]
-    what: What,
+    what: RobotCommand,
 }
 
 #[derive(clap::Subcommand, Debug)]
-enum What {
+enum RobotCommand {
     /// Make a robot file from a URDF: finds out which kind of arm it is, and proves it, before anything is written.
-    Import(Import),
+    Import(ImportArguments),
 }
 
 #[derive(clap::Args, Debug)]
-struct Import {
+struct ImportArguments {
     /// The URDF (without xacro: run `xacro` first).
     file: PathBuf,
     /// The link that stands (default: the root).
@@ -41,7 +41,7 @@ struct Import {
 /// # Errors
 /// The file is no URDF, or its chain is no arm that the core knows; which joint does not fit is said.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let What::Import(import) = arguments.what;
+    let RobotCommand::Import(import) = arguments.what;
     let shown = import.file.display().to_string();
     let text = rcc_os::file::read_given(&import.file, rcc_robot::BYTES_MAX as u64)
         .map_err(|error| Failure::unreadable(&shown, &error))?;
@@ -54,7 +54,7 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let name = name.map_or(shown.clone(), |name| name.to_string_lossy().into_owned());
     let yaml = rcc_robot::yaml(&imported, &name);
     match import.into {
-        None => say_file(&yaml),
+        None => print_file(&yaml),
         Some(path) => std::fs::write(&path, yaml).map_err(|error| {
             let message = format!("{}: {error}", path.display());
             Failure::new(

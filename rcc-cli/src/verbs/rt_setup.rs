@@ -7,11 +7,11 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use rcc_loader::server::codes;
-use rcc_process::{Helpers, Notifier, Pulse, Stop};
+use rcc_process::{Helpers, Notifier, HealthReport, Stop};
 
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::print_line;
 use crate::units::cores::Cores;
 
 /// What to set.
@@ -31,7 +31,7 @@ pub struct Arguments {
 /// Does it.
 ///
 /// # Errors
-/// Signals cannot be awaited, or the supervisor cannot be told. What the machine does not have or refuses is only told.
+/// Signals cannot be awaited, or the supervisor cannot be outcome. What the machine does not have or refuses is only outcome.
 pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
     let failed =
         |error: &dyn std::error::Error| Failure::new(codes::PROCESS_FAILED, error.to_string(), "");
@@ -46,16 +46,16 @@ pub fn run(_: &Context, arguments: Arguments) -> Result<(), Failure> {
         false => (None, "sleep states: not touched without --hold".to_owned()),
     };
     lines.push(line);
-    lines.iter().for_each(|line| say(line));
+    lines.iter().for_each(|line| print_line(line));
     if arguments.hold {
         let status = lines.join("; ");
-        let look = move || Pulse {
+        let look = move || HealthReport {
             progress: 0,
             status: status.clone(),
         };
         let helpers = Helpers::default();
         let supervisor = Notifier::start(&helpers, look).map_err(|error| failed(&error))?;
-        helpers.go();
+        helpers.start();
         stop.wait();
         supervisor.stopping();
     }
@@ -100,7 +100,7 @@ fn write_all(files: &[PathBuf], text: &str) -> (usize, Option<(PathBuf, io::Erro
     (taken, refusal)
 }
 
-fn told(
+fn outcome(
     what: &str,
     done: &str,
     files: usize,
@@ -122,7 +122,7 @@ fn governor(root: &Path) -> String {
         "cpu",
         "cpufreq/scaling_governor",
     );
-    told(
+    outcome(
         "frequency governor",
         "performance",
         files.len(),
@@ -144,7 +144,7 @@ fn interrupts(root: &Path, cores: &BTreeSet<usize>) -> String {
     let files = numbered(&root.join("proc/irq"), "", "smp_affinity_list");
     // Those of a single core cannot be moved: they refuse.
     let done = format!("moved to cores {rest}");
-    told(
+    outcome(
         what,
         &done,
         files.len(),
@@ -170,10 +170,10 @@ mod tests {
     use super::*;
 
     /// A system in a folder, removed at the end.
-    struct System(PathBuf);
+    struct RootFixture(PathBuf);
 
-    impl System {
-        fn new(name: &str) -> System {
+    impl RootFixture {
+        fn new(name: &str) -> RootFixture {
             let root =
                 std::env::temp_dir().join(format!("rcc-rt-setup-{name}-{}", std::process::id()));
             for file in [
@@ -186,7 +186,7 @@ mod tests {
                 fs::create_dir_all(path.parent().unwrap()).unwrap();
                 fs::write(path, "").unwrap();
             }
-            System(root)
+            RootFixture(root)
         }
 
         fn text(&self, file: &str) -> String {
@@ -194,7 +194,7 @@ mod tests {
         }
     }
 
-    impl Drop for System {
+    impl Drop for RootFixture {
         fn drop(&mut self) {
             let _ = fs::remove_dir_all(&self.0);
         }
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn everything_is_set_and_told() {
-        let system = System::new("all");
+        let system = RootFixture::new("all");
         assert_eq!(
             governor(&system.0),
             "frequency governor: performance for 2 of 2"

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::check::load_config;
 use crate::context::Context;
 use crate::failure::Failure;
-use crate::output::say;
+use crate::output::print_line;
 
 /// Whose devices it names.
 #[derive(clap::Args, Debug)]
@@ -29,7 +29,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
         None => running(context).unwrap_or_else(|| schema(None)),
     };
     let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
-    say(&text);
+    print_line(&text);
     Ok(())
 }
 

@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use rcc_config::CellConfig;
-use rcc_language::anatomy::Anatomy;
-use rcc_language::library::{Files, Libraries, NoFiles};
-use rcc_language::{Compiled, dissect};
+use rcc_language::structure::NetStructure;
+use rcc_language::library::{FileLibraries, LibrarySource, NoLibraries};
+use rcc_language::{Compiled, compile_with_structure};
 use rcc_loader::server::api::StatusView;
 use rcc_loader::server::codes::exit;
 use rcc_loader::server::compile::findings;
@@ -16,15 +16,15 @@ use crate::client::Client;
 use crate::context::Context;
 use crate::failure::{Failure, draw};
 use crate::follow;
-use crate::output::remark_drawing;
-use crate::supervisor::places;
+use crate::output::print_diagnostics;
+use crate::supervisor::paths;
 
 /// A net that compiled.
-pub struct Found {
+pub struct ResolvedNet {
     /// It and its plan.
     pub compiled: Compiled,
     /// What it consists of.
-    pub anatomy: Anatomy,
+    pub structure: NetStructure,
     /// The configuration that it was compiled for.
     pub config: CellConfig,
     /// The running cell, if there is one.
@@ -35,7 +35,7 @@ pub struct Found {
 ///
 /// # Errors
 /// The file is not there or not valid, or there is no such net.
-pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Found, Failure> {
+pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<ResolvedNet, Failure> {
     let is_file = net == "-" || Path::new(net).is_file();
     // Without a cell a file can be looked at all the same.
     let client = context.client();
@@ -54,21 +54,21 @@ pub fn find(context: &Context, net: &str, config: Option<PathBuf>) -> Result<Fou
                 .and_then(|client| client.get::<StatusView>("/status").ok());
             match status {
                 Some(status) => PathBuf::from(status.config),
-                None => places::config("cells/demo.yaml")?,
+                None => paths::config("cells/demo.yaml")?,
             }
         }
     };
     let config = load_config(&config)?;
     // A loaded net came as a text; its libraries are not here.
-    let libraries: &dyn Libraries = if is_file { &Files } else { &NoFiles };
-    let (compiled, anatomy) =
-        dissect(&source.1, &source.0, &config, libraries).map_err(|faults| {
-            remark_drawing(&draw(&findings(&faults), Some(&source), Context::colour()));
+    let libraries: &dyn LibrarySource = if is_file { &FileLibraries } else { &NoLibraries };
+    let (compiled, structure) =
+        compile_with_structure(&source.1, &source.0, &config, libraries).map_err(|faults| {
+            print_diagnostics(&draw(&findings(&faults), Some(&source), Context::colour()));
             Failure::said(exit::INVALID)
         })?;
-    Ok(Found {
+    Ok(ResolvedNet {
         compiled,
-        anatomy,
+        structure,
         config,
         client,
     })

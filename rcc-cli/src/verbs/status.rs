@@ -7,7 +7,7 @@ use rcc_loader::server::api::{
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::doctor::record::Record;
+use crate::doctor::record::GradeRecord;
 use crate::failure::Failure;
 use crate::table::{self, grouped, time};
 
@@ -38,7 +38,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     }
     let status = Status {
         cell: client.get("/status")?,
-        measured: Record::last(),
+        measured: GradeRecord::last(),
     };
     context.print(&status, |status| {
         human(&status.cell, status.measured.as_ref())
@@ -51,10 +51,10 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 struct Status {
     #[serde(flatten)]
     cell: StatusView,
-    measured: Option<Record>,
+    measured: Option<GradeRecord>,
 }
 
-fn human(status: &StatusView, measured: Option<&Record>) -> String {
+fn human(status: &StatusView, measured: Option<&GradeRecord>) -> String {
     let executor = &status.executor;
     let head = format!(
         "cell {}  {}\n{}executor  cycle {}  period {}  {}\n{}          execution last {}, longest {}; worst wake-up {} \
@@ -75,7 +75,7 @@ fn human(status: &StatusView, measured: Option<&Record>) -> String {
         executor.grade,
         measured.map_or_else(
             || "not graded yet: rcc-cli doctor".to_owned(),
-            Record::words
+            GradeRecord::words
         )
     );
     let mut rows = table::table(&["PROCESS", "PID", "INCARNATION", "STATE"]);

@@ -7,7 +7,7 @@ use rcc_loader::server::codes;
 
 use crate::context::{Context, Format};
 use crate::failure::Failure;
-use crate::supervisor::places;
+use crate::supervisor::paths;
 
 /// What to show.
 #[derive(clap::Args, Debug)]
@@ -27,7 +27,7 @@ pub struct Arguments {
 /// # Errors
 /// The monitor is not there.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let program = places::program("rcc-monitor")?;
+    let program = paths::program("rcc-monitor")?;
     let mut command = Command::new(&program);
     command.arg("--cell").arg(context.cell_name()).arg("tail");
     let format = match context.format {

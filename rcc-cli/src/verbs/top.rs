@@ -18,11 +18,11 @@ use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 
-mod picture;
-mod words;
+mod screen;
+mod text;
 
 /// Keys are looked at so often.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// How to show it.
 #[derive(clap::Args, Debug)]
@@ -37,15 +37,15 @@ pub struct Arguments {
 
 /// Everything that is shown.
 #[derive(Clone, Debug, Default, Serialize)]
-struct Shot {
+struct TopSnapshot {
     status: StatusView,
     nets: Vec<CommandView>,
     timing: TimingView,
 }
 
-impl Shot {
-    fn take(client: &Client) -> Result<Shot, Failure> {
-        Ok(Shot {
+impl TopSnapshot {
+    fn take(client: &Client) -> Result<TopSnapshot, Failure> {
+        Ok(TopSnapshot {
             status: client.get("/status")?,
             nets: client.get("/commands")?,
             timing: client.get("/timing")?,
@@ -61,16 +61,16 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let every = duration(&arguments.every)
         .map_err(|message| Failure::new(codes::BAD_REQUEST, message, ""))?;
     let client = context.client()?;
-    let shot = Shot::take(&client)?;
+    let snapshot = TopSnapshot::take(&client)?;
     let terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
     if arguments.once || !terminal || context.format == Format::Json {
-        context.print(&shot, words::text);
+        context.print(&snapshot, text::text);
         return Ok(());
     }
     let interrupts = Interrupts::listen()?;
     // It also restores the terminal when the program panics.
     let terminal = ratatui::try_init();
-    let shown = terminal.and_then(|terminal| live(terminal, &client, shot, every, &interrupts));
+    let shown = terminal.and_then(|terminal| live(terminal, &client, snapshot, every, &interrupts));
     // However it ended; a terminal that is gone needs nothing any more.
     let _ = ratatui::try_restore();
     shown.map_err(|error| {
@@ -87,7 +87,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
 fn live(
     mut terminal: DefaultTerminal,
     client: &Client,
-    mut shot: Shot,
+    mut snapshot: TopSnapshot,
     every: Duration,
     interrupts: &Interrupts,
 ) -> io::Result<()> {
@@ -95,7 +95,7 @@ fn live(
     let mut taken = Instant::now();
     loop {
         terminal.draw(|frame| {
-            picture::draw(frame, &shot, &told);
+            screen::draw(frame, &snapshot, &told);
             make_printable(frame.buffer_mut());
         })?;
         let mut changed = false;
@@ -103,19 +103,19 @@ fn live(
             if interrupts.asked() {
                 return Ok(());
             }
-            if event::poll(LOOK_EVERY)? {
-                match wish(&event::read()?) {
-                    Wish::End => return Ok(()),
-                    Wish::Acknowledge => told = acknowledge(client),
-                    Wish::Draw => {}
-                    Wish::Nothing => continue,
+            if event::poll(POLL_INTERVAL)? {
+                match key_action(&event::read()?) {
+                    KeyAction::End => return Ok(()),
+                    KeyAction::Acknowledge => told = acknowledge(client),
+                    KeyAction::Draw => {}
+                    KeyAction::Nothing => continue,
                 }
                 changed = true;
             }
             if taken.elapsed() >= every {
                 taken = Instant::now();
-                match Shot::take(client) {
-                    Ok(new) => shot = new,
+                match TopSnapshot::take(client) {
+                    Ok(new) => snapshot = new,
                     Err(failure) => told = failure.human(false).replace('\n', " "),
                 }
                 changed = true;
@@ -146,25 +146,25 @@ fn acknowledge(client: &Client) -> String {
 
 /// What a key or a change of the terminal asks for.
 #[derive(Debug, PartialEq, Eq)]
-enum Wish {
+enum KeyAction {
     End,
     Acknowledge,
     Draw,
     Nothing,
 }
 
-fn wish(event: &Event) -> Wish {
+fn key_action(event: &Event) -> KeyAction {
     match event {
-        Event::Resize(..) => Wish::Draw,
+        Event::Resize(..) => KeyAction::Draw,
         Event::Key(KeyEvent {
             code, modifiers, ..
         }) => match code {
-            KeyCode::Char('c') if modifiers.contains(KeyModifiers::CONTROL) => Wish::End,
-            KeyCode::Char('q') | KeyCode::Esc => Wish::End,
-            KeyCode::Char('a') => Wish::Acknowledge,
-            _ => Wish::Nothing,
+            KeyCode::Char('c') if modifiers.contains(KeyModifiers::CONTROL) => KeyAction::End,
+            KeyCode::Char('q') | KeyCode::Esc => KeyAction::End,
+            KeyCode::Char('a') => KeyAction::Acknowledge,
+            _ => KeyAction::Nothing,
         },
-        _ => Wish::Nothing,
+        _ => KeyAction::Nothing,
     }
 }
 
@@ -185,14 +185,14 @@ mod tests {
             uses: vec![hostile.into()],
             ..CommandView::default()
         };
-        let mut shot = Shot {
+        let mut snapshot = TopSnapshot {
             nets: vec![net],
-            ..Shot::default()
+            ..TopSnapshot::default()
         };
-        shot.status.cell = hostile.into();
-        shot.status.executor.grade = hostile.into();
+        snapshot.status.cell = hostile.into();
+        snapshot.status.executor.grade = hostile.into();
         let draw = |frame: &mut Frame<'_>, clean: bool| {
-            picture::draw(frame, &shot, hostile);
+            screen::draw(frame, &snapshot, hostile);
             if clean {
                 make_printable(frame.buffer_mut());
             }
@@ -210,15 +210,15 @@ mod tests {
 
     #[test]
     fn q_escape_and_control_c_end_it() {
-        let key = |code, modifiers| wish(&Event::Key(KeyEvent::new(code, modifiers)));
-        assert_eq!(key(KeyCode::Char('q'), KeyModifiers::NONE), Wish::End);
-        assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), Wish::End);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Wish::End);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), Wish::Nothing);
+        let key = |code, modifiers| key_action(&Event::Key(KeyEvent::new(code, modifiers)));
+        assert_eq!(key(KeyCode::Char('q'), KeyModifiers::NONE), KeyAction::End);
+        assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), KeyAction::End);
+        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), KeyAction::End);
+        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), KeyAction::Nothing);
         assert_eq!(
             key(KeyCode::Char('a'), KeyModifiers::NONE),
-            Wish::Acknowledge
+            KeyAction::Acknowledge
         );
-        assert_eq!(wish(&Event::Resize(80, 25)), Wish::Draw);
+        assert_eq!(key_action(&Event::Resize(80, 25)), KeyAction::Draw);
     }
 }

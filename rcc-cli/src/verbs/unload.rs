@@ -2,7 +2,7 @@
 
 use rcc_loader::server::api::Done;
 
-use super::Named;
+use super::NetName;
 use crate::client::segment;
 use crate::context::Context;
 use crate::failure::Failure;
@@ -11,7 +11,7 @@ use crate::failure::Failure;
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(flatten)]
-    named: Named,
+    named: NetName,
 }
 
 /// Does it.

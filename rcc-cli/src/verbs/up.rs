@@ -9,7 +9,7 @@ use crate::context::{Context, Format};
 use crate::failure::Failure;
 use crate::interrupt::Interrupts;
 use crate::output::Printer;
-use crate::supervisor::{LOOK_EVERY, Line, Supervisor, launch};
+use crate::supervisor::{POLL_INTERVAL, SupervisorEvent, Supervisor, processes};
 
 /// What to start.
 #[derive(clap::Args, Debug)]
@@ -24,7 +24,7 @@ pub struct Arguments {
 /// The configuration is not valid, the cell lives already, or a process failed.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let interrupts = Interrupts::listen()?;
-    let prepared = launch::prepare(&arguments.file)?;
+    let prepared = processes::prepare(&arguments.file)?;
     let name = context.cell.clone().unwrap_or(prepared.config.name.clone());
     let json = context.format == Format::Json;
     let printer = Printer::start();
@@ -36,15 +36,15 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     )?;
     let up = supervisor.wait_until_up(&interrupts);
     if up.is_ok() {
-        let ready = Line {
+        let ready = SupervisorEvent {
             at: std::time::Duration::ZERO,
             who: format!("cell {name}"),
             what: "ready  (Ctrl-C ends it; next: rcc-cli devices, rcc-cli run FILE)".to_owned(),
         };
         tell(&printer, &ready, json);
         while !interrupts.asked() && !supervisor.is_over() {
-            supervisor.look();
-            std::thread::sleep(LOOK_EVERY);
+            supervisor.poll();
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
     let failed = supervisor.has_failed();
@@ -57,14 +57,14 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn tell(printer: &Printer, line: &Line, json: bool) {
-    let Line { at, who, what } = line;
+fn tell(printer: &Printer, line: &SupervisorEvent, json: bool) {
+    let SupervisorEvent { at, who, what } = line;
     if json {
         let value = serde_json::json!({"at_s": at.as_secs_f64(), "who": who, "what": what});
-        printer.say(&value.to_string());
+        printer.print_line(&value.to_string());
     } else if at.is_zero() {
-        printer.say(&format!("{who}  {what}"));
+        printer.print_line(&format!("{who}  {what}"));
     } else {
-        printer.say(&format!("{:9.3} s  {who:<20} {what}", at.as_secs_f64()));
+        printer.print_line(&format!("{:9.3} s  {who:<20} {what}", at.as_secs_f64()));
     }
 }

@@ -9,28 +9,28 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::failure::Failure;
 use crate::follow::given;
-use crate::identify::readings::{self, Wanted};
+use crate::identify::readings::{self, ReadingSelection};
 use crate::identify::{GRAVITY, Identified, identify};
 
 /// Longest file of readings, bytes.
 const READINGS_MAX: u64 = 64 << 20;
 
-/// What to do with wrenches.
+/// WrenchCommand to do with wrenches.
 #[derive(clap::Args, Debug)]
 pub struct Arguments {
     #[command(subcommand)]
-    what: What,
+    what: WrenchCommand,
 }
 
 #[derive(clap::Subcommand, Debug)]
-enum What {
+enum WrenchCommand {
     /// Mass, centre and offsets for WrenchCompensation, from readings at rest in at least six orientations.
-    Identify(Identify),
+    Identify(IdentifyArguments),
 }
 
 /// Where the readings are.
 #[derive(clap::Args, Debug)]
-struct Identify {
+struct IdentifyArguments {
     /// A table of `simulate --csv`, or lines of `tail --output json`, with a wrench and a pose or rotation of the sensor in
     /// the base; - is the standard input.
     file: String,
@@ -46,7 +46,7 @@ struct Identify {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct WrenchReport {
     #[serde(flatten)]
     found: Identified,
     gravity: Option<[f64; 3]>,
@@ -66,9 +66,9 @@ fn three(text: &str) -> Result<[f64; 3], String> {
 /// # Errors
 /// The file cannot be read, has no readings, or too few or too similar ones.
 pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
-    let What::Identify(asked) = arguments.what;
+    let WrenchCommand::Identify(asked) = arguments.what;
     let text = content(&asked.file)?;
-    let wanted = Wanted {
+    let wanted = ReadingSelection {
         wrench: asked.wrench,
         pose: asked.pose,
     };
@@ -84,7 +84,7 @@ pub fn run(context: &Context, arguments: Arguments) -> Result<(), Failure> {
     let gravity = asked.gravity.unwrap_or([0.0, 0.0, -GRAVITY]);
     let found = identify(&readings, gravity)
         .map_err(|error| refused(error.to_string(), "see docs/force.md"))?;
-    let report = Report {
+    let report = WrenchReport {
         found,
         gravity: asked.gravity,
     };
@@ -97,8 +97,8 @@ fn content(file: &str) -> Result<String, Failure> {
 }
 
 /// A primitive to paste; what it is worth stands in comments.
-fn human(report: &Report) -> String {
-    let Report { found, gravity } = report;
+fn human(report: &WrenchReport) -> String {
+    let WrenchReport { found, gravity } = report;
     let list = |values: &[f64; 3]| format!("[{}]", values.map(rounded).join(", "));
     let [force, torque] = found.residual;
     let [force_max, torque_max] = found.residual_max;

@@ -2,13 +2,13 @@
 //! to and fro; within a column the nearest heights in the sense of least squares, by pooling adjacent violators (M. Ayer et
 //! al., "An empirical distribution function for sampling with incomplete information", 1955). Pure.
 
-use super::{Layered, Shape};
+use super::{LayeredGraph, NodeShape};
 
 /// Distance of two boxes.
 const BOXES_APART: f64 = 26.0;
 /// Distance of two links that pass.
 const LINKS_APART: f64 = 13.0;
-/// Distance of a box and a link that passes.
+/// Distance of a box and a link that is_dummy.
 const APART: f64 = 18.0;
 /// How often all columns are gone through.
 const ROUNDS: usize = 16;
@@ -23,7 +23,7 @@ struct Neighbour {
 }
 
 /// The heights of the tops of all vertices; the least is 0.
-pub fn tops(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
+pub fn tops(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
     let (before, after) = neighbours(layered);
     let mut tops = stacked(layered, shapes);
     let count = layered.layers.len();
@@ -37,7 +37,7 @@ pub fn tops(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
                 (false, true) => &[&before],
                 (false, false) => &[&after],
             };
-            settle(layered, shapes, layer, sides, &mut tops);
+            place_layer(layered, shapes, layer, sides, &mut tops);
         }
     }
     let least = tops.iter().copied().fold(f64::INFINITY, f64::min);
@@ -45,12 +45,12 @@ pub fn tops(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
     tops
 }
 
-fn neighbours(layered: &Layered) -> (Vec<Vec<Neighbour>>, Vec<Vec<Neighbour>>) {
+fn neighbours(layered: &LayeredGraph) -> (Vec<Vec<Neighbour>>, Vec<Vec<Neighbour>>) {
     let none = || -> Vec<Vec<Neighbour>> { layered.vertices.iter().map(|_| Vec::new()).collect() };
     let (mut before, mut after) = (none(), none());
     for it in &layered.segments {
-        let passes = |vertex: usize| layered.vertices[vertex].shape.is_none();
-        let weight = if passes(it.from) && passes(it.to) {
+        let is_dummy = |vertex: usize| layered.vertices[vertex].shape.is_none();
+        let weight = if is_dummy(it.from) && is_dummy(it.to) {
             LONG
         } else {
             1.0
@@ -71,7 +71,7 @@ fn neighbours(layered: &Layered) -> (Vec<Vec<Neighbour>>, Vec<Vec<Neighbour>>) {
 }
 
 /// How far the top of the second vertex must be below that of the first.
-fn distance(layered: &Layered, shapes: &[Shape], upper: usize, lower: usize) -> f64 {
+fn distance(layered: &LayeredGraph, shapes: &[NodeShape], upper: usize, lower: usize) -> f64 {
     let [upper, lower] = [upper, lower].map(|vertex| &layered.vertices[vertex]);
     let border = |shape: Option<usize>| shape.is_some_and(|shape| shapes[shape].height == 0.0);
     let apart = match (upper.shape, lower.shape) {
@@ -83,7 +83,7 @@ fn distance(layered: &Layered, shapes: &[Shape], upper: usize, lower: usize) -> 
     upper.height + apart
 }
 
-fn stacked(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
+fn stacked(layered: &LayeredGraph, shapes: &[NodeShape]) -> Vec<f64> {
     let mut tops = vec![0.0; layered.vertices.len()];
     for layer in &layered.layers {
         for pair in layer.windows(2) {
@@ -93,17 +93,17 @@ fn stacked(layered: &Layered, shapes: &[Shape]) -> Vec<f64> {
     tops
 }
 
-/// A group of vertices that touch: sum of weighted wishes, of weights, and how many.
+/// A group of vertices that touch: sum of weighted desired_tops, of weights, and how many.
 struct Pool {
     sum: f64,
     weight: f64,
     count: usize,
 }
 
-/// Puts a column to the heights nearest to what its links wish.
-fn settle(
-    layered: &Layered,
-    shapes: &[Shape],
+/// Puts a column to the heights nearest to what its links desired.
+fn place_layer(
+    layered: &LayeredGraph,
+    shapes: &[NodeShape],
     layer: usize,
     sides: &[&Vec<Vec<Neighbour>>],
     tops: &mut [f64],
@@ -117,9 +117,9 @@ fn settle(
             shift += distance(layered, shapes, vertices[upper], *vertex);
         }
         shifts.push(shift);
-        let (wish, weight) = wish(*vertex, sides, tops);
+        let (desired, weight) = desired(*vertex, sides, tops);
         let mut pool = Pool {
-            sum: (wish - shift) * weight,
+            sum: (desired - shift) * weight,
             weight,
             count: 1,
         };
@@ -142,22 +142,22 @@ fn settle(
 }
 
 /// Where a vertex wants to be: at the weighted median of what makes its links level; and how much.
-fn wish(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64, f64) {
+fn desired(vertex: usize, sides: &[&Vec<Vec<Neighbour>>], tops: &[f64]) -> (f64, f64) {
     let all = sides.iter().flat_map(|side| &side[vertex]);
-    let mut wishes: Vec<(f64, f64)> = all
+    let mut desired_tops: Vec<(f64, f64)> = all
         .map(|it| (tops[it.vertex] + it.offset, it.weight))
         .collect();
-    wishes.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = wishes.iter().map(|(_, weight)| weight).sum();
+    desired_tops.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = desired_tops.iter().map(|(_, weight)| weight).sum();
     let mut below = 0.0;
-    for (place, (wish, weight)) in wishes.iter().enumerate() {
+    for (place, (desired, weight)) in desired_tops.iter().enumerate() {
         below += weight;
         if below * 2.0 > total {
-            return (*wish, total);
+            return (*desired, total);
         }
         if below * 2.0 == total {
-            let next = wishes.get(place + 1).map_or(*wish, |(next, _)| *next);
-            return ((wish + next) / 2.0, total);
+            let next = desired_tops.get(place + 1).map_or(*desired, |(next, _)| *next);
+            return ((desired + next) / 2.0, total);
         }
     }
     // Without a link it stays, if nobody else needs the place.

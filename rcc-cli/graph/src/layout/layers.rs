@@ -1,19 +1,19 @@
 //! Which box is in which column: as far left as what it reads allows, sources next to their readers. Links over several
-//! columns pass between the boxes of those; one passes for all links of an output. Pure.
+//! columns pass between the boxes of those; one dummies for all links of an output. Pure.
 
 use std::collections::BTreeMap;
 
-use super::{Edge, Layered, Pin, Segment, Shape, Vertex};
+use super::{Edge, LayeredGraph, LayerConstraint, EdgeSegment, NodeShape, Vertex};
 
 /// Puts shapes into layers, and passing links between them.
-pub fn layered(shapes: &[Shape], edges: &[Edge]) -> Layered {
+pub fn layered_graph(shapes: &[NodeShape], edges: &[Edge]) -> LayeredGraph {
     let layer_of = layers(shapes, edges);
     let count = layer_of.iter().max().map_or(0, |last| last + 1);
-    let mut layered = Layered {
+    let mut layered = LayeredGraph {
         vertices: Vec::new(),
         segments: Vec::new(),
         layers: vec![Vec::new(); count],
-        passes: Vec::new(),
+        dummies: Vec::new(),
         layer_of,
     };
     for (shape, it) in shapes.iter().enumerate() {
@@ -22,13 +22,13 @@ pub fn layered(shapes: &[Shape], edges: &[Edge]) -> Layered {
     }
     let mut shared: BTreeMap<((usize, usize), bool, usize), usize> = BTreeMap::new();
     for edge in edges {
-        let passes = layered.lead(edge, shapes, &mut shared);
-        layered.passes.push(passes);
+        let dummies = layered.add_edge(edge, shapes, &mut shared);
+        layered.dummies.push(dummies);
     }
     layered
 }
 
-impl Layered {
+impl LayeredGraph {
     fn add(&mut self, layer: usize, height: f64, shape: Option<usize>) -> usize {
         let vertex = self.vertices.len();
         self.vertices.push(Vertex {
@@ -40,18 +40,18 @@ impl Layered {
         vertex
     }
 
-    /// The vertices through which an edge passes, made where no other edge of its output has made them.
-    fn lead(
+    /// The vertices through which an edge dummies, made where no other edge of its output has made them.
+    fn add_edge(
         &mut self,
         edge: &Edge,
-        shapes: &[Shape],
+        shapes: &[NodeShape],
         shared: &mut BTreeMap<((usize, usize), bool, usize), usize>,
     ) -> Option<Vec<usize>> {
         let (first, last) = (self.layer_of[edge.from.0], self.layer_of[edge.to.0]);
         if last <= first {
             return None;
         }
-        let mut passes = Vec::new();
+        let mut dummies = Vec::new();
         // Shapes are the first vertices, in their order.
         let (mut from, mut from_y) = (edge.from.0, shapes[edge.from.0].outputs[edge.from.1]);
         for layer in first + 1..last {
@@ -61,7 +61,7 @@ impl Layered {
                 None => {
                     let vertex = self.add(layer, 0.0, None);
                     shared.insert(key, vertex);
-                    self.segments.push(Segment {
+                    self.segments.push(EdgeSegment {
                         from,
                         from_y,
                         to: vertex,
@@ -70,24 +70,24 @@ impl Layered {
                     vertex
                 }
             };
-            passes.push(vertex);
+            dummies.push(vertex);
             (from, from_y) = (vertex, 0.0);
         }
-        self.segments.push(Segment {
+        self.segments.push(EdgeSegment {
             from,
             from_y,
             to: edge.to.0,
             to_y: shapes[edge.to.0].inputs[edge.to.1],
         });
-        Some(passes)
+        Some(dummies)
     }
 }
 
 /// By shape: its layer.
-fn layers(shapes: &[Shape], edges: &[Edge]) -> Vec<usize> {
-    let forward = without_circles(shapes.len(), edges);
-    let has_first = shapes.iter().any(|shape| shape.pin == Pin::First);
-    let least = |shape: &Shape| usize::from(has_first && shape.pin != Pin::First);
+fn layers(shapes: &[NodeShape], edges: &[Edge]) -> Vec<usize> {
+    let forward = without_cycles(shapes.len(), edges);
+    let has_first = shapes.iter().any(|shape| shape.constraint == LayerConstraint::First);
+    let least = |shape: &NodeShape| usize::from(has_first && shape.constraint != LayerConstraint::First);
     let mut layers: Vec<usize> = shapes.iter().map(least).collect();
     let order = topological(shapes.len(), &forward);
     let mut readers = vec![Vec::new(); shapes.len()];
@@ -104,16 +104,16 @@ fn layers(shapes: &[Shape], edges: &[Edge]) -> Vec<usize> {
     // What reads nothing stands next to the first of its readers.
     for (shape, readers) in readers.iter().enumerate() {
         let nearest = readers.iter().map(|reader| layers[*reader]).min();
-        if let (Some(nearest), false, Pin::Free) = (nearest, is_read_late[shape], shapes[shape].pin)
+        if let (Some(nearest), false, LayerConstraint::Free) = (nearest, is_read_late[shape], shapes[shape].constraint)
         {
             layers[shape] = nearest - 1;
         }
     }
     let free = shapes.iter().zip(&layers);
-    let free = free.filter(|(shape, _)| shape.pin != Pin::Last);
+    let free = free.filter(|(shape, _)| shape.constraint != LayerConstraint::Last);
     let last = free.map(|(_, layer)| layer + 1).max().unwrap_or(0);
     for (shape, layer) in shapes.iter().zip(&mut layers) {
-        if shape.pin == Pin::Last {
+        if shape.constraint == LayerConstraint::Last {
             *layer = last;
         }
     }
@@ -121,7 +121,7 @@ fn layers(shapes: &[Shape], edges: &[Edge]) -> Vec<usize> {
 }
 
 /// The edges that say what comes first, but for those that close a circle.
-fn without_circles(shapes: usize, edges: &[Edge]) -> Vec<Edge> {
+fn without_cycles(shapes: usize, edges: &[Edge]) -> Vec<Edge> {
     let mut out = vec![Vec::new(); shapes];
     for edge in edges
         .iter()

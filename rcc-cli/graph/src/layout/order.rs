@@ -1,7 +1,7 @@
 //! The order within the columns: sweeps that sort each column by where its neighbours are, and exchanges of two
 //! neighbours, while fewer links cross. A bounded number of times; the best order is kept. Pure.
 
-use super::{Layered, Segment, Shape};
+use super::{LayeredGraph, EdgeSegment, NodeShape};
 
 /// Sweeps in both directions.
 const SWEEPS: usize = 24;
@@ -11,7 +11,7 @@ const EXCHANGES: usize = 8;
 const EXCHANGED_MAX: usize = 60;
 
 /// Orders every layer.
-pub fn reduce_crossings(layered: &mut Layered, shapes: &[Shape]) {
+pub fn reduce_crossings(layered: &mut LayeredGraph, shapes: &[NodeShape]) {
     let between = by_layer(layered);
     let mut rank = Ranks::new(layered);
     let mut best = layered.layers.clone();
@@ -39,7 +39,7 @@ pub fn reduce_crossings(layered: &mut Layered, shapes: &[Shape]) {
 }
 
 /// By layer: the segments that begin in it.
-fn by_layer(layered: &Layered) -> Vec<Vec<Segment>> {
+fn by_layer(layered: &LayeredGraph) -> Vec<Vec<EdgeSegment>> {
     let mut between = vec![Vec::new(); layered.layers.len()];
     for segment in &layered.segments {
         between[layered.vertices[segment.from].layer].push(*segment);
@@ -51,13 +51,13 @@ fn by_layer(layered: &Layered) -> Vec<Vec<Segment>> {
 struct Ranks(Vec<usize>);
 
 impl Ranks {
-    fn new(layered: &Layered) -> Ranks {
+    fn new(layered: &LayeredGraph) -> Ranks {
         let mut ranks = Ranks(vec![0; layered.vertices.len()]);
         ranks.renew(layered);
         ranks
     }
 
-    fn renew(&mut self, layered: &Layered) {
+    fn renew(&mut self, layered: &LayeredGraph) {
         for layer in &layered.layers {
             for (rank, vertex) in layer.iter().enumerate() {
                 self.0[*vertex] = rank;
@@ -68,11 +68,11 @@ impl Ranks {
     /// Sorts a layer by the mean place of what its vertices are linked with in the fixed layer beside it.
     fn sort(
         &mut self,
-        layered: &mut Layered,
+        layered: &mut LayeredGraph,
         layer: usize,
-        segments: &[Segment],
+        segments: &[EdgeSegment],
         forward: bool,
-        shapes: &[Shape],
+        shapes: &[NodeShape],
     ) {
         let mut sums = vec![(0.0, 0_u32); layered.vertices.len()];
         for segment in segments {
@@ -104,7 +104,7 @@ impl Ranks {
 }
 
 /// Crossings of links, all layers.
-fn count(layered: &Layered, between: &[Vec<Segment>], rank: &Ranks) -> usize {
+fn count(layered: &LayeredGraph, between: &[Vec<EdgeSegment>], rank: &Ranks) -> usize {
     (0..layered.layers.len())
         .map(|layer| crossings(layered, &between[layer], rank, layer + 1))
         .sum()
@@ -112,7 +112,7 @@ fn count(layered: &Layered, between: &[Vec<Segment>], rank: &Ranks) -> usize {
 
 /// Crossings between a layer and the next one, of so many vertices: inversions, counted with a Fenwick tree (W. Barth, P.
 /// Mutzel, M. Jünger, "Simple and efficient bilayer cross counting", JGAA 8 (2004)).
-fn crossings(layered: &Layered, segments: &[Segment], rank: &Ranks, next: usize) -> usize {
+fn crossings(layered: &LayeredGraph, segments: &[EdgeSegment], rank: &Ranks, next: usize) -> usize {
     if next >= layered.layers.len() {
         return 0;
     }
@@ -147,8 +147,8 @@ fn crossings(layered: &Layered, segments: &[Segment], rank: &Ranks, next: usize)
 }
 
 /// Exchanges neighbours while that makes fewer crossings.
-fn exchange(layered: &mut Layered, between: &[Vec<Segment>], rank: &mut Ranks, mut fewest: usize) {
-    let around = |layered: &Layered, rank: &Ranks, layer: usize| {
+fn exchange(layered: &mut LayeredGraph, between: &[Vec<EdgeSegment>], rank: &mut Ranks, mut fewest: usize) {
+    let around = |layered: &LayeredGraph, rank: &Ranks, layer: usize| {
         let before = match layer.checked_sub(1) {
             Some(before) => crossings(layered, &between[before], rank, layer),
             None => 0,
@@ -179,7 +179,7 @@ fn exchange(layered: &mut Layered, between: &[Vec<Segment>], rank: &mut Ranks, m
     }
 }
 
-fn swap(layered: &mut Layered, rank: &mut Ranks, layer: usize, upper: usize) {
+fn swap(layered: &mut LayeredGraph, rank: &mut Ranks, layer: usize, upper: usize) {
     layered.layers[layer].swap(upper - 1, upper);
     for place in [upper - 1, upper] {
         rank.0[layered.layers[layer][place]] = place;

@@ -4,32 +4,32 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn shape(ports: usize) -> Shape {
+fn shape(ports: usize) -> NodeShape {
     let ys: Vec<f64> = (0..ports).map(|port| 20.0 * port as f64 + 10.0).collect();
-    Shape {
+    NodeShape {
         width: 60.0 + 10.0 * ports as f64,
         height: 20.0 * ports as f64 + 20.0,
         inputs: ys.clone(),
         outputs: ys,
-        pin: Pin::Free,
+        constraint: LayerConstraint::Free,
     }
 }
 
-fn overlap(a: (&Shape, Point), b: (&Shape, Point)) -> bool {
+fn overlap(a: (&NodeShape, PlanePoint), b: (&NodeShape, PlanePoint)) -> bool {
     let apart = |a0: f64, a1: f64, b0: f64, b1: f64| a1 <= b0 || b1 <= a0;
     !(apart(a.1.x, a.1.x + a.0.width, b.1.x, b.1.x + b.0.width)
         || apart(a.1.y, a.1.y + a.0.height, b.1.y, b.1.y + b.0.height))
 }
 
 /// True if a straight piece of a link is in a shape.
-fn is_in(shape: (&Shape, Point), from: Point, to: Point) -> bool {
+fn is_in(shape: (&NodeShape, PlanePoint), from: PlanePoint, to: PlanePoint) -> bool {
     let (it, at) = shape;
     let between =
         |a: f64, b: f64, low: f64, high: f64| a.min(b) < high - 0.01 && a.max(b) > low + 0.01;
     between(from.x, to.x, at.x, at.x + it.width) && between(from.y, to.y, at.y, at.y + it.height)
 }
 
-fn nets() -> impl Strategy<Value = (Vec<Shape>, Vec<Edge>)> {
+fn nets() -> impl Strategy<Value = (Vec<NodeShape>, Vec<Edge>)> {
     (1_usize..25).prop_flat_map(|count| {
         let ports = prop::collection::vec(1_usize..4, count);
         let edge = (
@@ -73,8 +73,8 @@ proptest! {
         for (edge, route) in edges.iter().zip(&laid.routes) {
             let (from, to) = (laid.places[edge.from.0], laid.places[edge.to.0]);
             let points = route.points();
-            let start = Point { x: from.x + shapes[edge.from.0].width, y: from.y + shapes[edge.from.0].outputs[edge.from.1] };
-            let end = Point { x: to.x, y: to.y + shapes[edge.to.0].inputs[edge.to.1] };
+            let start = PlanePoint { x: from.x + shapes[edge.from.0].width, y: from.y + shapes[edge.from.0].outputs[edge.from.1] };
+            let end = PlanePoint { x: to.x, y: to.y + shapes[edge.to.0].inputs[edge.to.1] };
             prop_assert_eq!(points.first(), Some(&start));
             prop_assert_eq!(points.last(), Some(&end));
             for pair in points.windows(2) {

@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use rcc_language::anatomy::PartRole;
+use rcc_language::structure::PrimitiveRole;
 
 use super::{MARGIN, ROLES, short, text};
-use crate::picture::PORT_SIZE;
+use crate::boxes::PORT_SIZE;
 use crate::scene::Scene;
 use crate::text::width;
 
@@ -15,7 +15,7 @@ pub struct Legend(Vec<(&'static str, &'static str)>);
 impl Legend {
     /// Of what a picture shows.
     pub fn of(scene: &Scene) -> Legend {
-        let has = |role: PartRole| scene.boxes.iter().any(|(it, _)| it.role == role);
+        let has = |role: PrimitiveRole| scene.boxes.iter().any(|(it, _)| it.role == role);
         let roles = ROLES.iter().filter(|(role, ..)| has(*role));
         let mut rows: Vec<_> = roles.map(|(_, name, words, _)| (*name, *words)).collect();
         if scene.links.iter().any(|piece| piece.signal.2) {

@@ -51,7 +51,7 @@ pub(super) fn check(text: &str) -> Result<(), UrdfError> {
     Ok(())
 }
 
-struct Tag {
+struct XmlTag {
     /// Bytes up to and with its `>`.
     length: usize,
     /// It is not closed by itself.
@@ -60,7 +60,7 @@ struct Tag {
 }
 
 /// The tag that a text begins with; nothing if it does not end.
-fn tag(text: &str) -> Option<Tag> {
+fn tag(text: &str) -> Option<XmlTag> {
     let (mut quote, mut attributes, mut before) = (None, 0, b'<');
     for (at, byte) in text.bytes().enumerate() {
         match (quote, byte) {
@@ -69,7 +69,7 @@ fn tag(text: &str) -> Option<Tag> {
             (None, b'"' | b'\'') => quote = Some(byte),
             (None, b'=') => attributes += 1,
             (None, b'>') => {
-                return Some(Tag {
+                return Some(XmlTag {
                     length: at + 1,
                     opens: before != b'/',
                     attributes,

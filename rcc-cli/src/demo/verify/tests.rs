@@ -1,7 +1,7 @@
 //! The verifier against synthetic motions: right ones hold, and each wrong one is found out.
 
 use super::*;
-use rcc_core::path::Drive;
+use rcc_core::path::SpeedOverride;
 use rcc_motion::{PathBounds, PathClock};
 
 const DT_S: f64 = 1e-3;
@@ -11,7 +11,7 @@ const LIMITS: PathLimits = PathLimits {
     acceleration: 0.5,
     jerk: 5.0,
 };
-const LINE: Line = Line {
+const LINE: LineSegment = LineSegment {
     start: [0.5, -0.1, 0.4],
     end: [0.5, 0.2, 0.4],
 };
@@ -25,9 +25,9 @@ fn motion(stop: Option<usize>) -> Vec<f64> {
     loop {
         let state = clock.step(
             &bounds,
-            Drive {
+            SpeedOverride {
                 stop: stop.is_some_and(|stop| step >= stop),
-                ..Drive::RUN
+                ..SpeedOverride::RUN
             },
         );
         distances.push(state.s);
@@ -39,8 +39,8 @@ fn motion(stop: Option<usize>) -> Vec<f64> {
     }
 }
 
-fn track(distances: &[f64]) -> Track<'_> {
-    Track {
+fn track(distances: &[f64]) -> DistanceTrack<'_> {
+    DistanceTrack {
         first_cycle: 1000,
         distances,
         limits: LIMITS,
@@ -48,7 +48,7 @@ fn track(distances: &[f64]) -> Track<'_> {
     }
 }
 
-fn holds(checks: &[Check]) -> Vec<bool> {
+fn holds(checks: &[MotionCheck]) -> Vec<bool> {
     checks.iter().map(|check| check.holds).collect()
 }
 
@@ -140,9 +140,9 @@ fn a_motion_that_goes_on_to_its_end_is_no_stop() {
     assert!(!checks[0].holds && !checks[2].holds, "{checks:?}");
 }
 
-fn sent(on: std::ops::Range<usize>) -> Vec<Sent> {
+fn sent(on: std::ops::Range<usize>) -> Vec<SentDatagram> {
     (0..100)
-        .map(|i| Sent {
+        .map(|i| SentDatagram {
             along: 1e-4 * i as f64,
             on: on.contains(&i),
         })

@@ -1,12 +1,12 @@
 //! Cells that run, and how they are.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 use crate::doctor::facts::cells::CellFacts;
 use crate::table::{grouped, time};
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let alive = facts
         .cells
         .iter()
@@ -14,11 +14,11 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     alive.flat_map(one).collect()
 }
 
-fn one(cell: &CellFacts) -> Vec<Finding> {
+fn one(cell: &CellFacts) -> Vec<HealthFinding> {
     let name = &cell.name;
     if let Some(words) = &cell.refused {
         let fix = format!("ask its owner, or look at {}", cell.folder.display());
-        return vec![Finding::warn(
+        return vec![HealthFinding::warn(
             format!("cell {name} cannot be looked at: {words}"),
             fix,
         )];
@@ -29,7 +29,7 @@ fn one(cell: &CellFacts) -> Vec<Finding> {
             "cell {name}: dead and not replaced: {}",
             cell.dead.join(", ")
         );
-        found.push(Finding::warn(
+        found.push(HealthFinding::warn(
             what,
             "look at `rcc-cli events`, and at what supervises it (`up`, systemctl status 'rcc*')",
         ));
@@ -40,7 +40,7 @@ fn one(cell: &CellFacts) -> Vec<Finding> {
                 "cell {name} runs ({} processes) but its loader or executor does not answer",
                 cell.living.len()
             );
-            found.push(Finding::warn(
+            found.push(HealthFinding::warn(
                 what,
                 format!("rcc-cli --cell {name} status; start what is missing"),
             ));
@@ -53,14 +53,14 @@ fn one(cell: &CellFacts) -> Vec<Finding> {
                 grouped(executor.last_late.as_ref().map_or(0, |late| late.cycle)),
                 time(executor.worst_wake_ns)
             );
-            found.push(Finding::note(what).cause(executor.grade.clone()));
+            found.push(HealthFinding::note(what).cause(executor.grade.clone()));
         }
         Some(executor) => {
             let what = format!(
                 "cell {name} runs: cycle {}, no late cycle",
                 grouped(executor.cycle)
             );
-            found.push(Finding::ok(what).cause(executor.grade.clone()));
+            found.push(HealthFinding::ok(what).cause(executor.grade.clone()));
         }
     }
     found
@@ -69,7 +69,7 @@ fn one(cell: &CellFacts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use rcc_loader::server::api::ExecutorView;
 
     #[test]
@@ -83,9 +83,9 @@ mod tests {
             }),
             ..CellFacts::default()
         };
-        let mut facts = Facts {
+        let mut facts = MachineFacts {
             cells: vec![cell],
-            ..Facts::default()
+            ..MachineFacts::default()
         };
         assert!(
             check(&facts)[0]
@@ -93,7 +93,7 @@ mod tests {
                 .contains("cycle 81 422, no late cycle")
         );
         facts.cells[0].executor = None;
-        assert_eq!(check(&facts)[0].level, Level::Warn);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
         facts.cells[0].dead = vec!["driver/lwr (pid 8)".to_owned()];
         assert!(check(&facts)[0].what.contains("driver/lwr"));
     }
@@ -105,9 +105,9 @@ mod tests {
             files: 3,
             ..CellFacts::default()
         };
-        let facts = Facts {
+        let facts = MachineFacts {
             cells: vec![cell],
-            ..Facts::default()
+            ..MachineFacts::default()
         };
         assert_eq!(check(&facts), []);
     }

@@ -1,8 +1,8 @@
 //! The clock that CLOCK_MONOTONIC is read from; steps of the wall clock do not matter here.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// Read within some ten nanoseconds, without asking a device or the host.
 const QUICK: [&str; 5] = [
@@ -13,15 +13,15 @@ const QUICK: [&str; 5] = [
     "timebase",
 ];
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let Some(name) = &facts.kernel.clock_source else {
         return Vec::new();
     };
     if QUICK.contains(&name.as_str()) {
-        return vec![Finding::ok(format!("clock source {name}"))];
+        return vec![HealthFinding::ok(format!("clock source {name}"))];
     }
     let fix = "look in `dmesg` why the tsc was found unstable (often the BIOS); kernel parameter tsc=reliable if it is not";
-    vec![Finding::warn(
+    vec![HealthFinding::warn(
         format!("clock source {name}: reading the time takes microseconds"),
         fix,
     )]
@@ -30,16 +30,16 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
 
     #[test]
     fn a_slow_clock_warns() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         for (name, level) in [
-            ("tsc", Level::Ok),
-            ("hpet", Level::Warn),
-            ("acpi_pm", Level::Warn),
+            ("tsc", FindingLevel::Ok),
+            ("hpet", FindingLevel::Warn),
+            ("acpi_pm", FindingLevel::Warn),
         ] {
             facts.kernel.clock_source = Some(name.to_owned());
             assert_eq!(check(&facts)[0].level, level, "{name}");

@@ -3,14 +3,14 @@
 
 use nix::errno::Errno;
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
-use crate::doctor::facts::limits::Granted;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
+use crate::doctor::facts::limits::LimitGrant;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
-    let priority = facts.wish.priority;
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let priority = facts.requirements.priority;
     match facts.trial.fifo {
-        Ok(()) => vec![Finding::ok(format!(
+        Ok(()) => vec![HealthFinding::ok(format!(
             "SCHED_FIFO {priority} obtained ({})",
             by_what(facts)
         ))],
@@ -18,15 +18,15 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             let (cause, fix) = cause_and_fix(facts, errno);
             let what = format!("SCHED_FIFO {priority} refused: {}", errno.desc());
             vec![
-                Finding::warn(what, fix)
-                    .required(facts.wish.required)
+                HealthFinding::warn(what, fix)
+                    .required(facts.requirements.required)
                     .cause(cause),
             ]
         }
     }
 }
 
-fn by_what(facts: &Facts) -> String {
+fn by_what(facts: &MachineFacts) -> String {
     if facts.user.may_nice {
         return "CAP_SYS_NICE".to_owned();
     }
@@ -36,8 +36,8 @@ fn by_what(facts: &Facts) -> String {
     }
 }
 
-fn cause_and_fix(facts: &Facts, errno: Errno) -> (String, String) {
-    let priority = u64::from(facts.wish.priority);
+fn cause_and_fix(facts: &MachineFacts, errno: Errno) -> (String, String) {
+    let priority = u64::from(facts.requirements.priority);
     if !(1..=99).contains(&priority) {
         return (
             "SCHED_FIFO has the priorities 1 to 99".to_owned(),
@@ -78,9 +78,9 @@ fn cause_and_fix(facts: &Facts, errno: Errno) -> (String, String) {
 }
 
 /// What the files of pam_limits say decides about the remedy.
-fn at_login(facts: &Facts, priority: u64) -> (String, String) {
+fn at_login(facts: &MachineFacts, priority: u64) -> (String, String) {
     let lines = || facts.granted.iter().filter(|line| line.item == "rtprio");
-    let enough = |line: &&Granted| line.value.is_none_or(|value| value >= priority);
+    let enough = |line: &&LimitGrant| line.value.is_none_or(|value| value >= priority);
     let name = &facts.user.name;
     // Of several lines for us the last counts.
     let ours = lines().rfind(|line| facts.user.is_meant_by(&line.whom));
@@ -133,7 +133,7 @@ fn at_login(facts: &Facts, priority: u64) -> (String, String) {
 }
 
 /// The right is there, and yet it was refused.
-fn in_spite_of_the_right(facts: &Facts, errno: Errno) -> (String, String) {
+fn in_spite_of_the_right(facts: &MachineFacts, errno: Errno) -> (String, String) {
     let kernel = &facts.kernel;
     let group = &facts.user.cgroup;
     if kernel.rt_runtime_us == Some(0) {
@@ -168,7 +168,7 @@ fn in_spite_of_the_right(facts: &Facts, errno: Errno) -> (String, String) {
     }
 }
 
-fn limit(facts: &Facts) -> String {
+fn limit(facts: &MachineFacts) -> String {
     words(facts.limits.rtprio.soft)
 }
 
@@ -179,13 +179,13 @@ fn words(value: Option<u64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::limits::Limit;
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::limits::ResourceLimit;
 
-    fn refused() -> Facts {
-        let mut facts = Facts::default();
+    fn refused() -> MachineFacts {
+        let mut facts = MachineFacts::default();
         facts.trial.fifo = Err(Errno::EPERM);
-        facts.limits.rtprio = Limit {
+        facts.limits.rtprio = ResourceLimit {
             soft: Some(0),
             hard: Some(0),
         };
@@ -195,8 +195,8 @@ mod tests {
         facts
     }
 
-    fn granted(whom: &str, value: u64) -> Granted {
-        Granted {
+    fn granted(whom: &str, value: u64) -> LimitGrant {
+        LimitGrant {
             place: "/etc/security/limits.d/rcc.conf:1".to_owned(),
             whom: whom.to_owned(),
             item: "rtprio".to_owned(),
@@ -204,11 +204,11 @@ mod tests {
         }
     }
 
-    fn only(facts: &Facts) -> (String, String) {
+    fn only(facts: &MachineFacts) -> (String, String) {
         let [finding] = &check(facts)[..] else {
             panic!("one finding")
         };
-        assert_eq!(finding.level, Level::Warn);
+        assert_eq!(finding.level, FindingLevel::Warn);
         (
             finding.cause.clone().unwrap_or_default(),
             finding.fix.clone().unwrap_or_default(),
@@ -217,17 +217,17 @@ mod tests {
 
     #[test]
     fn what_was_obtained_says_by_which_right() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.user.may_nice = true;
         assert_eq!(
             check(&facts),
-            [Finding::ok("SCHED_FIFO 80 obtained (CAP_SYS_NICE)")]
+            [HealthFinding::ok("SCHED_FIFO 80 obtained (CAP_SYS_NICE)")]
         );
         facts.user.may_nice = false;
         facts.limits.rtprio.soft = Some(90);
         assert_eq!(
             check(&facts),
-            [Finding::ok(
+            [HealthFinding::ok(
                 "SCHED_FIFO 80 obtained (the limit rtprio is 90)"
             )]
         );
@@ -267,8 +267,8 @@ mod tests {
     #[test]
     fn a_cell_that_requires_it_does_not_run_without() {
         let mut facts = refused();
-        facts.wish.required = true;
-        assert_eq!(check(&facts)[0].level, Level::Fail);
+        facts.requirements.required = true;
+        assert_eq!(check(&facts)[0].level, FindingLevel::Fail);
     }
 
     #[test]

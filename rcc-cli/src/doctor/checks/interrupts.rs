@@ -1,19 +1,19 @@
 //! Interrupts of devices that came to the configured core while we measured.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// How many are named.
 const NAMED: usize = 3;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
-    let (Some(core), Some(_)) = (facts.wish.core, &facts.measured) else {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let (Some(core), Some(_)) = (facts.requirements.core, &facts.measured) else {
         return Vec::new();
     };
-    let all = &facts.during.interrupts;
+    let all = &facts.activity.interrupts;
     if all.is_empty() {
-        return vec![Finding::ok(format!(
+        return vec![HealthFinding::ok(format!(
             "no device interrupted core {core} while we measured"
         ))];
     }
@@ -27,28 +27,28 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     let fix = format!(
         "send them elsewhere: echo 0 | sudo tee /proc/irq/{number}/smp_affinity_list; stop irqbalance, which undoes it"
     );
-    vec![Finding::warn(what, fix)]
+    vec![HealthFinding::warn(what, fix)]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use crate::doctor::grade::tests::measured;
 
     #[test]
     fn interrupts_on_the_core_are_named_with_how_to_move_them() {
-        let mut facts = Facts::default();
-        facts.wish.core = Some(1);
+        let mut facts = MachineFacts::default();
+        facts.requirements.core = Some(1);
         assert_eq!(check(&facts), []);
         facts.measured = Some(measured(20, 30));
-        assert_eq!(check(&facts)[0].level, Level::Ok);
-        facts.during.interrupts = vec![
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
+        facts.activity.interrupts = vec![
             ("36 virtio1-req.0".to_owned(), 1000),
             ("42 enp3s0".to_owned(), 7),
         ];
         let found = check(&facts);
-        assert_eq!(found[0].level, Level::Warn);
+        assert_eq!(found[0].level, FindingLevel::Warn);
         assert!(
             found[0]
                 .what

@@ -2,11 +2,11 @@
 //! Pure.
 
 use super::cores;
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
-    let Some(core) = facts.wish.core else {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let Some(core) = facts.requirements.core else {
         return Vec::new();
     };
     let cpu = &facts.cpu;
@@ -17,10 +17,10 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         } else {
             ""
         };
-        found.push(Finding::ok(format!("core {core} is isolated{tick}")));
+        found.push(HealthFinding::ok(format!("core {core} is isolated{tick}")));
     } else {
         found.push(
-            Finding::note(format!("core {core} is shared with everything else that runs here"))
+            HealthFinding::note(format!("core {core} is shared with everything else that runs here"))
                 .fix(format!(
                     "kernel parameters isolcpus={core} nohz_full={core} rcu_nocbs={core}; it matters when the grade is not A"
                 )),
@@ -28,7 +28,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     }
     if !cpu.siblings.is_empty() {
         found.push(
-            Finding::note(format!(
+            HealthFinding::note(format!(
                 "core {core} shares its hardware with {} (SMT)",
                 cores(&cpu.siblings)
             ))
@@ -44,16 +44,16 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
 
     #[test]
     fn an_isolated_core_is_fine_and_a_shared_one_is_a_note() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
-        facts.wish.core = Some(3);
-        assert_eq!(check(&facts)[0].level, Level::Note);
+        facts.requirements.core = Some(3);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
         facts.cpu.isolated = vec![3];
-        assert_eq!(check(&facts), [Finding::ok("core 3 is isolated")]);
+        assert_eq!(check(&facts), [HealthFinding::ok("core 3 is isolated")]);
         facts.cpu.siblings = vec![7];
         let found = check(&facts);
         assert!(

@@ -1,14 +1,14 @@
 //! The kind of kernel; the measured wake-ups count more, because names of kernels have deceived before.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 use crate::doctor::grade::Grade;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let kernel = &facts.kernel;
     if kernel.preempt_rt {
-        return vec![Finding::ok(format!(
+        return vec![HealthFinding::ok(format!(
             "kernel {} with PREEMPT_RT",
             kernel.release
         ))];
@@ -21,10 +21,10 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     };
     let what = format!("kernel {} without PREEMPT_RT ({kind})", kernel.release);
     match grade {
-        Some(Grade::A | Grade::B) => vec![Finding::note(format!(
+        Some(Grade::A | Grade::B) => vec![HealthFinding::note(format!(
             "{what}; what was measured counts more, and it is good under this load"
         ))],
-        _ => vec![Finding::note(what).fix(
+        _ => vec![HealthFinding::note(what).fix(
             "install a kernel with PREEMPT_RT (Debian: linux-image-rt-amd64; Ubuntu: pro enable realtime-kernel) \
              for a real robot",
         )],
@@ -34,14 +34,14 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use crate::doctor::grade::tests::measured;
 
     #[test]
     fn a_good_measurement_counts_more_than_the_name_of_the_kernel() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.kernel.preempt_rt = true;
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
         facts.kernel.preempt_rt = false;
         assert!(check(&facts)[0].fix.is_some());
         facts.measured = Some(measured(20, 30));

@@ -2,13 +2,13 @@
 //! Pure.
 
 use super::bytes;
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// The command that removes all of it.
 const FIX: &str = "rcc-cli doctor --clean   (or start the cell again: `up` cleans its own)";
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let mut found = Vec::new();
     for cell in &facts.cells {
         let gone = cell.living.is_empty() && cell.refused.is_none();
@@ -21,7 +21,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
                 cell.dead.len(),
                 cell.folder.display()
             );
-            found.push(Finding::warn(what, FIX));
+            found.push(HealthFinding::warn(what, FIX));
         }
     }
     for stray in &facts.strays {
@@ -32,19 +32,19 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             bytes(stray.bytes)
         );
         found.push(if stray.used {
-            Finding::note(format!("{what}, in use"))
+            HealthFinding::note(format!("{what}, in use"))
         } else if stray.owner != facts.user.uid && facts.user.uid != 0 {
-            Finding::note(format!("{what}, of user {}", stray.owner))
+            HealthFinding::note(format!("{what}, of user {}", stray.owner))
                 .fix("that user (or root) removes it: rcc-cli doctor --clean --strays")
         } else {
-            Finding::warn(
+            HealthFinding::warn(
                 format!("{what}, and nobody uses it"),
                 "rcc-cli doctor --clean --strays",
             )
         });
     }
     if found.is_empty() {
-        found.push(Finding::ok("nothing is left of dead cells"));
+        found.push(HealthFinding::ok("nothing is left of dead cells"));
     }
     found
 }
@@ -52,13 +52,13 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::cells::{CellFacts, Stray};
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::cells::{CellFacts, StrayMemory};
 
     #[test]
     fn what_the_dead_left_is_told_with_the_command_that_removes_it() {
-        let mut facts = Facts::default();
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        let mut facts = MachineFacts::default();
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
         facts.cells = vec![CellFacts {
             name: "demo".to_owned(),
             dead: vec!["executor/exec (pid 7)".to_owned()],
@@ -67,7 +67,7 @@ mod tests {
             ..CellFacts::default()
         }];
         let found = check(&facts);
-        assert_eq!(found[0].level, Level::Warn);
+        assert_eq!(found[0].level, FindingLevel::Warn);
         assert!(found[0].what.contains("12 files (3 MB)"), "{found:?}");
         assert!(
             found[0]
@@ -76,24 +76,24 @@ mod tests {
                 .is_some_and(|fix| fix.contains("doctor --clean"))
         );
         facts.cells[0].living = vec!["loader/x (pid 9)".to_owned()];
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
     }
 
     #[test]
     fn memory_in_use_or_of_others_is_only_told() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
-        let stray = Stray {
+        let stray = StrayMemory {
             prefix: "rcc_0123456789_".to_owned(),
             owner: 1000,
-            ..Stray::default()
+            ..StrayMemory::default()
         };
         for (used, owner, level) in [
-            (false, 1000, Level::Warn),
-            (true, 1000, Level::Note),
-            (false, 0, Level::Note),
+            (false, 1000, FindingLevel::Warn),
+            (true, 1000, FindingLevel::Note),
+            (false, 0, FindingLevel::Note),
         ] {
-            facts.strays = vec![Stray {
+            facts.strays = vec![StrayMemory {
                 used,
                 owner,
                 ..stray.clone()

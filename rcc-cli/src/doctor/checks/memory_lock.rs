@@ -2,21 +2,21 @@
 //! Pure.
 
 use super::bytes;
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let limit = facts.limits.memlock.soft;
     // As the executor: under a finite limit only root tries.
     let privileged = facts.user.uid == 0;
     match (facts.trial.lock, limit) {
-        (Ok(()), _) if privileged => vec![Finding::ok("memory can be locked (root)")],
-        (Ok(()), None) => vec![Finding::ok(
+        (Ok(()), _) if privileged => vec![HealthFinding::ok("memory can be locked (root)")],
+        (Ok(()), None) => vec![HealthFinding::ok(
             "memory can be locked (the limit memlock is unlimited)",
         )],
         (Ok(()), Some(limit)) => {
             let what = format!("memory is locked only up to {}", bytes(limit));
-            vec![Finding::warn(what, fix(facts)).required(facts.wish.required).cause(
+            vec![HealthFinding::warn(what, fix(facts)).required(facts.requirements.required).cause(
                 "the executor does not lock under a finite limit: later memory would be refused in the middle of its work",
             )]
         }
@@ -24,15 +24,15 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             let limit = limit.map_or_else(|| "unlimited".to_owned(), bytes);
             let what = format!("memory cannot be locked: {}", errno.desc());
             vec![
-                Finding::warn(what, fix(facts))
-                    .required(facts.wish.required)
+                HealthFinding::warn(what, fix(facts))
+                    .required(facts.requirements.required)
                     .cause(format!("the limit memlock is {limit}")),
             ]
         }
     }
 }
 
-fn fix(facts: &Facts) -> String {
+fn fix(facts: &MachineFacts) -> String {
     if facts.user.container.is_some() {
         return "start the container with --ulimit memlock=-1".to_owned();
     }
@@ -48,36 +48,36 @@ fn fix(facts: &Facts) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::limits::Limit;
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::limits::ResourceLimit;
     use nix::errno::Errno;
 
     #[test]
     fn root_and_unlimited_are_fine_and_a_finite_limit_is_not() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
-        assert_eq!(check(&facts)[0].level, Level::Ok);
-        facts.limits.memlock = Limit {
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
+        facts.limits.memlock = ResourceLimit {
             soft: Some(8 << 20),
             hard: Some(8 << 20),
         };
         let found = check(&facts);
-        assert_eq!(found[0].level, Level::Warn);
+        assert_eq!(found[0].level, FindingLevel::Warn);
         assert!(found[0].what.contains("8 MB"), "{found:?}");
         facts.user.uid = 0;
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
     }
 
     #[test]
     fn a_refusal_names_the_limit_and_the_remedy_that_suits_the_place() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
         facts.trial.lock = Err(Errno::ENOMEM);
-        facts.limits.memlock = Limit {
+        facts.limits.memlock = ResourceLimit {
             soft: Some(65_536),
             hard: None,
         };
-        let fix = |facts: &Facts| check(facts)[0].fix.clone().unwrap_or_default();
+        let fix = |facts: &MachineFacts| check(facts)[0].fix.clone().unwrap_or_default();
         assert!(fix(&facts).starts_with("ulimit -S -l"));
         facts.limits.memlock.hard = Some(65_536);
         assert!(fix(&facts).contains("limits.d/rcc.conf"));

@@ -1,13 +1,13 @@
 //! Open files: shared memory, sockets and clients take descriptors.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// A cell with 16 devices, 16 monitors and 64 connections to the loader has room here.
 const NEEDED: u64 = 1024;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.limits.nofile.soft {
         Some(limit) if limit < NEEDED => {
             let what = format!("only {limit} files may be open in a process");
@@ -17,27 +17,27 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
                 "LimitNOFILE=4096 in the unit, or `@rcc - nofile 4096` in /etc/security/limits.d/rcc.conf".to_owned()
             };
             vec![
-                Finding::warn(what, fix).cause(format!("{NEEDED} are enough for the largest cell")),
+                HealthFinding::warn(what, fix).cause(format!("{NEEDED} are enough for the largest cell")),
             ]
         }
-        Some(limit) => vec![Finding::ok(format!(
+        Some(limit) => vec![HealthFinding::ok(format!(
             "{limit} files may be open in a process"
         ))],
-        None => vec![Finding::ok("any number of files may be open in a process")],
+        None => vec![HealthFinding::ok("any number of files may be open in a process")],
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::limits::Limit;
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::limits::ResourceLimit;
 
     #[test]
     fn too_few_warn_with_the_remedy_that_the_hard_limit_allows() {
-        let mut facts = Facts::default();
-        assert_eq!(check(&facts)[0].level, Level::Ok);
-        facts.limits.nofile = Limit {
+        let mut facts = MachineFacts::default();
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
+        facts.limits.nofile = ResourceLimit {
             soft: Some(256),
             hard: Some(4096),
         };
@@ -55,6 +55,6 @@ mod tests {
                 .is_some_and(|fix| fix.starts_with("LimitNOFILE"))
         );
         facts.limits.nofile.soft = Some(1024);
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
     }
 }

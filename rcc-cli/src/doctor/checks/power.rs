@@ -1,10 +1,10 @@
 //! Power saving: a core that sleeps deeply or runs slowly wakes late.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let cpu = &facts.cpu;
     let whose = facts
         .wish
@@ -18,13 +18,13 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         .filter(|governor| *governor != "performance")
         .collect();
     if !slow.is_empty() {
-        found.push(Finding::warn(
+        found.push(HealthFinding::warn(
             format!("frequency governor of {whose}: {}", slow.join(", ")),
             "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor   \
              (or rcc-rt-setup.service, which does it at every start)",
         ));
     } else if !cpu.governors.is_empty() {
-        found.push(Finding::ok(format!(
+        found.push(HealthFinding::ok(format!(
             "frequency governor of {whose}: performance"
         )));
     }
@@ -43,11 +43,11 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         .min()
         .unwrap_or(0);
     if cpu.dma_latency_us.is_some_and(|asked| asked < shortest) {
-        found.push(Finding::ok(
+        found.push(HealthFinding::ok(
             "deep idle states are kept away by somebody who holds /dev/cpu_dma_latency",
         ));
     } else {
-        found.push(Finding::warn(
+        found.push(HealthFinding::warn(
             format!("idle states that take long to leave are in use: {}", states.join(", ")),
             "keep /dev/cpu_dma_latency open with 0 (rcc-rt-setup.service does), or the kernel parameter \
              processor.max_cstate=1 intel_idle.max_cstate=1",
@@ -59,19 +59,19 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
 
     #[test]
     fn governor_and_idle_states_warn_unless_they_are_kept_away() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.cpu.governors = vec!["powersave".to_owned()];
-        assert_eq!(check(&facts)[0].level, Level::Warn);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
         facts.cpu.governors = vec!["performance".to_owned()];
         facts.cpu.deep_idle = vec![("C6".to_owned(), 133)];
         let found = check(&facts);
-        assert_eq!((found[0].level, found[1].level), (Level::Ok, Level::Warn));
+        assert_eq!((found[0].level, found[1].level), (FindingLevel::Ok, FindingLevel::Warn));
         facts.cpu.dma_latency_us = Some(0);
-        assert_eq!(check(&facts)[1].level, Level::Ok);
+        assert_eq!(check(&facts)[1].level, FindingLevel::Ok);
     }
 }

@@ -1,16 +1,16 @@
 //! RLIMIT_RTTIME: the system kills a process whose real-time thread computes longer than this without sleeping.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// A second is what a healthy cell never needs, even when it loads a plan under a debugger.
 const ENOUGH_US: u64 = 1_000_000;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     match facts.limits.rttime.soft {
         None => Vec::new(),
-        Some(limit) if limit >= ENOUGH_US => vec![Finding::note(format!(
+        Some(limit) if limit >= ENOUGH_US => vec![HealthFinding::note(format!(
             "the limit rttime is {limit} µs: enough for the cycle"
         ))],
         Some(limit) => {
@@ -20,7 +20,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             };
             let what = format!("the limit rttime is {limit} µs");
             vec![
-                Finding::warn(what, fix)
+                HealthFinding::warn(what, fix)
                     .cause("the system kills the executor when one cycle takes longer"),
             ]
         }
@@ -30,15 +30,15 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
 
     #[test]
     fn unlimited_says_nothing_and_a_short_time_warns() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.limits.rttime.soft = Some(200_000);
-        assert_eq!(check(&facts)[0].level, Level::Warn);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
         facts.limits.rttime.soft = Some(2_000_000);
-        assert_eq!(check(&facts)[0].level, Level::Note);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
     }
 }

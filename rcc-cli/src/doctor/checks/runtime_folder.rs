@@ -1,27 +1,27 @@
 //! The runtime folder: ours, usable, and closed to others.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// Others may not write; a group may read, where the cell's file gives it access.
 const OTHERS_WRITE: u32 = 0o022;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let folder = &facts.base;
     let path = folder.path.display();
     let uid = facts.user.uid;
     match folder.owner {
         Some(owner) if owner != uid => {
             let what = format!("the runtime folder {path} belongs to user {owner}, you are {uid}");
-            vec![Finding::fail(
+            vec![HealthFinding::fail(
                 what,
                 "set RCC_RUNTIME_DIR to a folder of your own",
             )]
         }
         _ if !folder.usable => {
             let what = format!("the runtime folder {path} cannot be used");
-            vec![Finding::fail(
+            vec![HealthFinding::fail(
                 what,
                 "set RCC_RUNTIME_DIR to a folder that you may write to",
             )]
@@ -32,35 +32,35 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
                 folder.mode
             );
             vec![
-                Finding::warn(what, format!("chmod 0700 {path}"))
+                HealthFinding::warn(what, format!("chmod 0700 {path}"))
                     .cause("another user could put a socket or a name of his own there"),
             ]
         }
-        Some(_) => vec![Finding::ok(format!(
+        Some(_) => vec![HealthFinding::ok(format!(
             "runtime folder {path}, mode {:o}",
             folder.mode
         ))],
-        None => vec![Finding::ok(format!("runtime folder {path}, not made yet"))],
+        None => vec![HealthFinding::ok(format!("runtime folder {path}, not made yet"))],
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::files::Folder;
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::runtime_folder::FolderFacts;
 
     #[test]
     fn it_must_be_ours_usable_and_closed() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
         let cases = [
-            (Some(1000), 0o700, true, Level::Ok),
-            (Some(1000), 0o750, true, Level::Ok),
-            (None, 0, true, Level::Ok),
-            (Some(1000), 0o777, true, Level::Warn),
-            (Some(0), 0o700, false, Level::Fail),
-            (None, 0, false, Level::Fail),
+            (Some(1000), 0o700, true, FindingLevel::Ok),
+            (Some(1000), 0o750, true, FindingLevel::Ok),
+            (None, 0, true, FindingLevel::Ok),
+            (Some(1000), 0o777, true, FindingLevel::Warn),
+            (Some(0), 0o700, false, FindingLevel::Fail),
+            (None, 0, false, FindingLevel::Fail),
         ];
         for (owner, mode, usable, level) in cases {
             facts.base = Folder {

@@ -1,15 +1,15 @@
 //! logind's RemoveIPC: shared memory of a person is deleted when his last session ends, under a running cell too.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let name = &facts.user.name;
     match facts.remove_ipc {
         None => Vec::new(),
-        Some(false) => vec![Finding::ok("logind keeps shared memory (RemoveIPC=no)")],
-        Some(true) if facts.user.is_system => vec![Finding::ok(format!(
+        Some(false) => vec![HealthFinding::ok("logind keeps shared memory (RemoveIPC=no)")],
+        Some(true) if facts.user.is_system => vec![HealthFinding::ok(format!(
             "logind keeps shared memory of system users, and {name} is one"
         ))],
         Some(true) => {
@@ -21,7 +21,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
                  RemoveIPC=no in /etc/systemd/logind.conf.d/rcc.conf and systemctl restart systemd-logind"
             );
             vec![
-                Finding::warn(what, fix)
+                HealthFinding::warn(what, fix)
                     .cause("a cell that goes on after you log out loses its boards"),
             ]
         }
@@ -31,17 +31,17 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
 
     #[test]
     fn only_persons_are_warned() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.remove_ipc = Some(true);
-        assert_eq!(check(&facts)[0].level, Level::Warn);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
         facts.user.is_system = true;
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
         facts.remove_ipc = Some(false);
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
     }
 }

@@ -2,16 +2,16 @@
 //! Pure.
 
 use super::bytes;
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// A small cell needs about this; every client of the executor's requests needs 5 MB more.
 const NEEDED: u64 = 64 << 20;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let shared = &facts.shared;
     if !shared.writable {
-        return vec![Finding::fail(
+        return vec![HealthFinding::fail(
             "/dev/shm cannot be written",
             "sudo mount -o remount,mode=1777 /dev/shm",
         )];
@@ -20,14 +20,14 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     match shared.kind.as_deref() {
         Some("tmpfs" | "ramfs") => {}
         Some(other) => found.push(
-            Finding::warn(
+            HealthFinding::warn(
                 format!("/dev/shm is {other}, not memory"),
                 "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm, and in /etc/fstab",
             )
             .cause("every write of the cycle may wait for a disk"),
         ),
         None => found.push(
-            Finding::warn(
+            HealthFinding::warn(
                 "nothing is mounted at /dev/shm",
                 "sudo mount -t tmpfs -o mode=1777 tmpfs /dev/shm; in a container: --shm-size=256m",
             )
@@ -35,7 +35,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         ),
     }
     if shared.options.iter().any(|option| option == "ro") {
-        found.push(Finding::fail(
+        found.push(HealthFinding::fail(
             "/dev/shm is mounted read-only",
             "sudo mount -o remount,rw /dev/shm",
         ));
@@ -48,10 +48,10 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         );
         let fix = "rcc-cli doctor --clean removes what dead cells left; or enlarge it: \
                    sudo mount -o remount,size=512m /dev/shm (in a container: --shm-size=256m)";
-        found.push(Finding::fail(what, fix).cause(format!("a cell needs about {}", bytes(NEEDED))));
+        found.push(HealthFinding::fail(what, fix).cause(format!("a cell needs about {}", bytes(NEEDED))));
     }
     if found.is_empty() {
-        found.push(Finding::ok(format!(
+        found.push(HealthFinding::ok(format!(
             "/dev/shm is memory with {} free of {}",
             bytes(shared.free),
             bytes(shared.size)
@@ -63,8 +63,8 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::shared::Shared;
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::shared_memory::SharedMemoryMount;
 
     #[test]
     fn memory_with_room_is_fine_and_everything_else_is_not() {
@@ -76,47 +76,47 @@ mod tests {
             writable: true,
         };
         let level = |shared: Shared| {
-            let facts = Facts {
+            let facts = MachineFacts {
                 shared,
-                ..Facts::default()
+                ..MachineFacts::default()
             };
             check(&facts)[0].level
         };
-        assert_eq!(level(good.clone()), Level::Ok);
+        assert_eq!(level(good.clone()), FindingLevel::Ok);
         assert_eq!(
             level(Shared {
                 kind: Some("ext4".to_owned()),
                 ..good.clone()
             }),
-            Level::Warn
+            FindingLevel::Warn
         );
         assert_eq!(
             level(Shared {
                 kind: None,
                 ..good.clone()
             }),
-            Level::Warn
+            FindingLevel::Warn
         );
         assert_eq!(
             level(Shared {
                 options: vec!["ro".to_owned()],
                 ..good.clone()
             }),
-            Level::Fail
+            FindingLevel::Fail
         );
         assert_eq!(
             level(Shared {
                 free: 1 << 20,
                 ..good.clone()
             }),
-            Level::Fail
+            FindingLevel::Fail
         );
         assert_eq!(
             level(Shared {
                 writable: false,
                 ..good
             }),
-            Level::Fail
+            FindingLevel::Fail
         );
     }
 }

@@ -1,18 +1,18 @@
 //! `stale_after` of the cell's file against what was measured: too short loses devices by mere lateness.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 use crate::doctor::grade::{Grade, STALE_USUAL_NS};
 use crate::table::time;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
-    let (Some(stale_ns), Some(measured)) = (facts.wish.stale_after_ns, &facts.measured) else {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
+    let (Some(stale_ns), Some(measured)) = (facts.requirements.stale_after_ns, &facts.measured) else {
         return Vec::new();
     };
     let grade = Grade::of(measured);
     let least_ns = grade.stale_after_ns(measured.max_ns, measured.period_ns);
-    let source = &facts.wish.source;
+    let source = &facts.requirements.source;
     if stale_ns < least_ns {
         let what = format!(
             "stale_after is {}: too short for grade {grade}",
@@ -23,14 +23,14 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             least_ns.div_ceil(1_000_000)
         );
         return vec![
-            Finding::warn(what, fix).cause(
+            HealthFinding::warn(what, fix).cause(
                 "a device counts as lost, and its net ends, when this machine is merely late",
             ),
         ];
     }
     if grade <= Grade::B && stale_ns >= STALE_USUAL_NS {
         return vec![
-            Finding::note(format!(
+            HealthFinding::note(format!(
                 "stale_after is {}; this machine allows {}",
                 time(stale_ns),
                 time(least_ns)
@@ -41,7 +41,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             )),
         ];
     }
-    vec![Finding::ok(format!(
+    vec![HealthFinding::ok(format!(
         "stale_after is {}, at least {} is needed",
         time(stale_ns),
         time(least_ns)
@@ -51,19 +51,19 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use crate::doctor::grade::tests::measured;
 
     #[test]
     fn too_short_warns_and_needlessly_long_is_a_note() {
-        let mut facts = Facts {
+        let mut facts = MachineFacts {
             measured: Some(measured(700, 9_100)),
-            ..Facts::default()
+            ..MachineFacts::default()
         };
         assert_eq!(check(&facts), []);
-        facts.wish.stale_after_ns = Some(3_000_000);
+        facts.requirements.stale_after_ns = Some(3_000_000);
         let found = check(&facts);
-        assert_eq!(found[0].level, Level::Warn);
+        assert_eq!(found[0].level, FindingLevel::Warn);
         assert!(
             found[0]
                 .fix
@@ -71,11 +71,11 @@ mod tests {
                 .is_some_and(|fix| fix.starts_with("stale_after: 19 ms")),
             "{found:?}"
         );
-        facts.wish.stale_after_ns = Some(50_000_000);
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        facts.requirements.stale_after_ns = Some(50_000_000);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
         facts.measured = Some(measured(20, 30));
-        assert_eq!(check(&facts)[0].level, Level::Note);
-        facts.wish.stale_after_ns = Some(3_000_000);
-        assert_eq!(check(&facts)[0].level, Level::Ok);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
+        facts.requirements.stale_after_ns = Some(3_000_000);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Ok);
     }
 }

@@ -1,21 +1,21 @@
-//! Memory and swap: what is swapped out comes back in milliseconds.
+//! MemoryFacts and swap: what is swapped out comes back in milliseconds.
 //! Pure.
 
 use super::bytes;
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// Less than this, and the system begins to take memory away.
 const LITTLE: u64 = 256 << 20;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let memory = &facts.memory;
     let locked =
         facts.trial.lock.is_ok() && (facts.user.uid == 0 || facts.limits.memlock.soft.is_none());
     let mut found = Vec::new();
     if let Some(available) = memory.available.filter(|available| *available < LITTLE) {
         let what = format!("only {} of memory are left", bytes(available));
-        found.push(Finding::warn(
+        found.push(HealthFinding::warn(
             what,
             "close programs: the system may kill a process of the cell for want of memory",
         ));
@@ -25,13 +25,13 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             "{} are swapped out, and memory cannot be locked here",
             bytes(memory.swap_used)
         );
-        found.push(Finding::warn(
+        found.push(HealthFinding::warn(
             what,
             "sudo swapoff -a, or allow locked memory (above)",
         ));
     } else if memory.swap > 0 && !locked {
         found.push(
-            Finding::note(format!(
+            HealthFinding::note(format!(
                 "there are {} of swap, and memory cannot be locked here",
                 bytes(memory.swap)
             ))
@@ -40,7 +40,7 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
     }
     if memory.overcommit == Some(2) {
         found.push(
-            Finding::note("vm.overcommit_memory is 2: memory is refused when it is asked for, not when it is used")
+            HealthFinding::note("vm.overcommit_memory is 2: memory is refused when it is asked for, not when it is used")
                 .fix("nothing, unless a process of the cell does not start for want of memory"),
         );
     }
@@ -50,29 +50,29 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
-    use crate::doctor::facts::limits::Limit;
+    use crate::doctor::FindingLevel;
+    use crate::doctor::facts::limits::ResourceLimit;
 
     #[test]
     fn swap_matters_only_where_memory_is_not_locked() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.user.uid = 1000;
         facts.memory.swap = 1 << 30;
         facts.memory.swap_used = 1 << 20;
         assert_eq!(check(&facts), []);
-        facts.limits.memlock = Limit {
+        facts.limits.memlock = ResourceLimit {
             soft: Some(65_536),
             hard: Some(65_536),
         };
-        assert_eq!(check(&facts)[0].level, Level::Warn);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
         facts.memory.swap_used = 0;
-        assert_eq!(check(&facts)[0].level, Level::Note);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
     }
 
     #[test]
     fn little_memory_warns() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.memory.available = Some(100 << 20);
-        assert_eq!(check(&facts)[0].level, Level::Warn);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
     }
 }

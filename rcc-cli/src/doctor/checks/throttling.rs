@@ -1,18 +1,18 @@
 //! Throttling of real-time threads: the system's own brake for a thread that never sleeps.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 
 /// The share that Linux leaves to real-time threads by default, percent.
 const USUAL_PERCENT: i64 = 95;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let (Some(run), Some(period)) = (facts.kernel.rt_runtime_us, facts.kernel.rt_period_us) else {
         return Vec::new();
     };
     if run < 0 {
-        return vec![Finding::note(
+        return vec![HealthFinding::note(
             "throttling of real-time threads is off: a thread that never sleeps would stop the machine",
         )
         .fix("sudo sysctl -w kernel.sched_rt_runtime_us=950000 unless you know why it is off")];
@@ -23,11 +23,11 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
             "real-time threads may run only {percent} % of the time ({run} of {period} µs)"
         );
         return vec![
-            Finding::warn(what, "sudo sysctl -w kernel.sched_rt_runtime_us=950000")
+            HealthFinding::warn(what, "sudo sysctl -w kernel.sched_rt_runtime_us=950000")
                 .cause("the executor is stopped for the rest of each period"),
         ];
     }
-    vec![Finding::ok(format!(
+    vec![HealthFinding::ok(format!(
         "throttling of real-time threads is on at {percent} %: it saves the machine, and the cycle needs less"
     ))]
 }
@@ -35,18 +35,18 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
 
     #[test]
     fn the_usual_share_is_fine_none_is_a_note_and_less_warns() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.kernel.rt_period_us = Some(1_000_000);
         for (run, level) in [
-            (950_000, Level::Ok),
-            (-1, Level::Note),
-            (500_000, Level::Warn),
-            (0, Level::Warn),
+            (950_000, FindingLevel::Ok),
+            (-1, FindingLevel::Note),
+            (500_000, FindingLevel::Warn),
+            (0, FindingLevel::Warn),
         ] {
             facts.kernel.rt_runtime_us = Some(run);
             assert_eq!(check(&facts)[0].level, level, "{run}");

@@ -1,31 +1,31 @@
 //! What takes the processor away without the system's knowledge: a hypervisor, the firmware.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 use crate::doctor::grade::Grade;
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let mut found = Vec::new();
     let late = facts.measured.as_ref().map(Grade::of) >= Some(Grade::C);
-    let steal_ms = facts.during.steal_ms;
+    let steal_ms = facts.activity.steal_ms;
     if let Some(name) = &facts.kernel.virtual_machine {
         let what = format!("this is a virtual machine ({name})");
         let stolen = format!("its host took {steal_ms} ms of processor time while we measured");
         let fix = "no setting in here helps: use a real machine for a real robot, or give this one dedicated cores";
         found.push(match (late, steal_ms) {
-            (true, 0) => Finding::warn(what, fix)
+            (true, 0) => HealthFinding::warn(what, fix)
                 .cause("the host says nothing about time that it took; late wake-ups are probably its doing"),
-            (true, _) => Finding::warn(what, fix).cause(stolen),
-            (false, 0) => Finding::note(what),
-            (false, _) => Finding::note(what).cause(stolen),
+            (true, _) => HealthFinding::warn(what, fix).cause(stolen),
+            (false, 0) => HealthFinding::note(what),
+            (false, _) => HealthFinding::note(what).cause(stolen),
         });
     }
-    if let Some(smi @ 1..) = facts.during.smi {
+    if let Some(smi @ 1..) = facts.activity.smi {
         let what = format!(
             "the firmware interrupted the core {smi} times (SMI), which no system can prevent"
         );
-        found.push(Finding::warn(
+        found.push(HealthFinding::warn(
             what,
             "switch off USB legacy support, power management and error reporting in the BIOS",
         ));
@@ -36,18 +36,18 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use crate::doctor::grade::tests::measured;
 
     #[test]
     fn a_virtual_machine_is_blamed_only_when_wake_ups_were_late() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         assert_eq!(check(&facts), []);
         facts.kernel.virtual_machine = Some("QEMU".to_owned());
-        assert_eq!(check(&facts)[0].level, Level::Note);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
         facts.measured = Some(measured(700, 9_100));
-        assert_eq!(check(&facts)[0].level, Level::Warn);
-        facts.during.steal_ms = 120;
+        assert_eq!(check(&facts)[0].level, FindingLevel::Warn);
+        facts.activity.steal_ms = 120;
         assert!(
             check(&facts)[0]
                 .cause
@@ -58,10 +58,10 @@ mod tests {
 
     #[test]
     fn interrupts_of_the_firmware_are_told() {
-        let mut facts = Facts::default();
-        facts.during.smi = Some(0);
+        let mut facts = MachineFacts::default();
+        facts.activity.smi = Some(0);
         assert_eq!(check(&facts), []);
-        facts.during.smi = Some(4);
+        facts.activity.smi = Some(4);
         assert!(check(&facts)[0].what.contains("4 times"));
     }
 }

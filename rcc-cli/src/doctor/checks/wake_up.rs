@@ -1,25 +1,25 @@
 //! The grade: what was measured, and what it allows.
 //! Pure.
 
-use crate::doctor::Finding;
-use crate::doctor::facts::Facts;
+use crate::doctor::HealthFinding;
+use crate::doctor::facts::MachineFacts;
 use crate::doctor::grade::Grade;
-use crate::doctor::measure::Measured;
+use crate::doctor::measure::WakeUpMeasurement;
 use crate::table::{grouped, time};
 
-pub(super) fn check(facts: &Facts) -> Vec<Finding> {
+pub(super) fn check(facts: &MachineFacts) -> Vec<HealthFinding> {
     let measured = match (&facts.measured, &facts.not_measured) {
         (Some(measured), _) => measured,
         (None, Some(why)) => {
             let fix = "name a core of this machine in executor.core, or leave it out";
-            return vec![Finding::fail(
+            return vec![HealthFinding::fail(
                 format!("wake-ups cannot be measured: {why}"),
                 fix,
             )];
         }
         (None, None) => {
             return vec![
-                Finding::note("wake-ups were not measured").fix("rcc-cli doctor --measure 10s"),
+                HealthFinding::note("wake-ups were not measured").fix("rcc-cli doctor --measure 10s"),
             ];
         }
     };
@@ -30,13 +30,13 @@ pub(super) fn check(facts: &Facts) -> Vec<Finding> {
         time(measured.period_ns)
     );
     vec![match grade {
-        Grade::A | Grade::B => Finding::ok(what),
-        Grade::C | Grade::D => Finding::warn(what, remedy(facts, measured)),
+        Grade::A | Grade::B => HealthFinding::ok(what),
+        Grade::C | Grade::D => HealthFinding::warn(what, remedy(facts, measured)),
     }]
 }
 
 /// One line about a measurement.
-fn words(measured: &Measured) -> String {
+fn words(measured: &WakeUpMeasurement) -> String {
     let how = match measured.priority {
         Some(priority) => format!("SCHED_FIFO {priority}"),
         None => "without SCHED_FIFO".to_owned(),
@@ -59,7 +59,7 @@ fn words(measured: &Measured) -> String {
     )
 }
 
-fn remedy(facts: &Facts, measured: &Measured) -> String {
+fn remedy(facts: &MachineFacts, measured: &WakeUpMeasurement) -> String {
     let mut ways = Vec::new();
     if measured.priority.is_none() {
         ways.push("get SCHED_FIFO (above)");
@@ -85,17 +85,17 @@ fn remedy(facts: &Facts, measured: &Measured) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Level;
+    use crate::doctor::FindingLevel;
     use crate::doctor::grade::tests::measured;
 
     #[test]
     fn a_good_machine_is_graded_with_what_it_is_good_for() {
-        let facts = Facts {
+        let facts = MachineFacts {
             measured: Some(measured(21, 38)),
-            ..Facts::default()
+            ..MachineFacts::default()
         };
         let found = check(&facts);
-        assert_eq!(found[0].level, Level::Ok);
+        assert_eq!(found[0].level, FindingLevel::Ok);
         assert!(
             found[0].what.contains("max 38.0 µs → grade A for 1.0 ms"),
             "{found:?}"
@@ -104,15 +104,15 @@ mod tests {
 
     #[test]
     fn a_bad_one_is_told_what_would_help() {
-        let mut facts = Facts::default();
+        let mut facts = MachineFacts::default();
         facts.kernel.virtual_machine = Some("QEMU".to_owned());
-        facts.measured = Some(Measured {
+        facts.measured = Some(WakeUpMeasurement {
             priority: None,
             core: None,
             ..measured(700, 17_800)
         });
         let found = check(&facts);
-        assert_eq!(found[0].level, Level::Warn);
+        assert_eq!(found[0].level, FindingLevel::Warn);
         assert!(
             found[0].what.contains("without SCHED_FIFO") && found[0].what.contains("grade D"),
             "{found:?}"
@@ -130,9 +130,9 @@ mod tests {
 
     #[test]
     fn a_measurement_that_is_impossible_prevents() {
-        let mut facts = Facts::default();
-        assert_eq!(check(&facts)[0].level, Level::Note);
+        let mut facts = MachineFacts::default();
+        assert_eq!(check(&facts)[0].level, FindingLevel::Note);
         facts.not_measured = Some("Invalid argument".to_owned());
-        assert_eq!(check(&facts)[0].level, Level::Fail);
+        assert_eq!(check(&facts)[0].level, FindingLevel::Fail);
     }
 }

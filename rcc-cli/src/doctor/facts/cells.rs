@@ -45,7 +45,7 @@ pub struct CellFacts {
 
 /// Shared memory under a prefix that belongs to no cell in the usual base folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Stray {
+pub struct StrayMemory {
     /// What the names begin with.
     pub prefix: String,
     /// The files and folders.
@@ -117,9 +117,9 @@ fn cell(base: &Path, name: String) -> Option<CellFacts> {
 
 /// Shared memory in `shm` that belongs to no cell below `base`.
 #[must_use]
-pub fn strays(shm: &Path, base: &Path) -> Vec<Stray> {
+pub fn strays(shm: &Path, base: &Path) -> Vec<StrayMemory> {
     let known: BTreeSet<String> = known_prefixes(base);
-    let mut all: BTreeMap<String, Stray> = BTreeMap::new();
+    let mut all: BTreeMap<String, StrayMemory> = BTreeMap::new();
     for entry in fs::read_dir(shm).into_iter().flatten().flatten() {
         let Some(prefix) = entry
             .file_name()
@@ -135,9 +135,9 @@ pub fn strays(shm: &Path, base: &Path) -> Vec<Stray> {
         if known.contains(&prefix) {
             continue;
         }
-        let stray = all.entry(prefix.clone()).or_insert_with(|| Stray {
+        let stray = all.entry(prefix.clone()).or_insert_with(|| StrayMemory {
             prefix,
-            ..Stray::default()
+            ..StrayMemory::default()
         });
         stray.owner = found.uid();
         stray.bytes += size(&entry.path());
@@ -145,7 +145,7 @@ pub fn strays(shm: &Path, base: &Path) -> Vec<Stray> {
         stray.paths.push(entry.path());
     }
     if !all.is_empty() {
-        let used = in_use();
+        let used = prefixes_in_use();
         for stray in all.values_mut() {
             stray.used |= used.contains(&stray.prefix);
             stray.paths.sort();
@@ -181,7 +181,7 @@ fn is_young(found: &fs::Metadata) -> bool {
 }
 
 /// Prefixes that occur in the maps, open files or folders of processes that we may look into.
-fn in_use() -> BTreeSet<String> {
+fn prefixes_in_use() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for process in processes::all() {
         let maps = fs::read_to_string(process.join("maps")).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! The core on which the cycle runs: power saving, isolation, siblings, interrupts; and what it did while we measured.
 //! Run by the main thread, before and after the measurement.
 
-use super::system::{System, list};
+use super::system::{SystemRoot, list};
 
 /// An idle state that takes longer than this to leave shows in the wake-ups, µs.
 const LATENCY_SEEN_US: i64 = 10;
@@ -10,7 +10,7 @@ const TICK_MS: u64 = 10;
 
 /// What is known about the core, or about all cores if none is configured.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Cpu {
+pub struct CpuFacts {
     /// All that work.
     pub online: Vec<usize>,
     /// Those that this process may use.
@@ -31,7 +31,7 @@ pub struct Cpu {
 
 /// What the machine did while we measured.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct During {
+pub struct MachineActivity {
     /// Time that the host took from us, ms.
     pub steal_ms: u64,
     /// Interrupts of devices on the core, most frequent first.
@@ -40,9 +40,9 @@ pub struct During {
     pub smi: Option<u64>,
 }
 
-/// Counters at one moment; two of them make a [`During`].
+/// CpuCounters at one moment; two of them make a [`MachineActivity`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
+pub struct CpuCounters {
     steal_ticks: u64,
     interrupts: Vec<(String, u64)>,
     smi: Option<u64>,
@@ -50,7 +50,7 @@ pub struct Counters {
 
 /// Reads what does not change.
 #[must_use]
-pub fn read(system: &System, core: Option<usize>) -> Cpu {
+pub fn read(system: &SystemRoot, core: Option<usize>) -> CpuFacts {
     let folder = "sys/devices/system/cpu";
     let listed = |path: String| {
         system
@@ -71,7 +71,7 @@ pub fn read(system: &System, core: Option<usize>) -> Cpu {
         let all = listed(format!("{folder}/cpu{core}/topology/thread_siblings_list"));
         all.into_iter().filter(|other| *other != core).collect()
     });
-    Cpu {
+    CpuFacts {
         allowed: allowed.map(|text| list(&text)).unwrap_or_default(),
         isolated: listed(format!("{folder}/isolated")),
         nohz_full: listed(format!("{folder}/nohz_full")),
@@ -86,7 +86,7 @@ pub fn read(system: &System, core: Option<usize>) -> Cpu {
     }
 }
 
-fn deep_idle(system: &System, core: usize) -> Vec<(String, i64)> {
+fn deep_idle(system: &SystemRoot, core: usize) -> Vec<(String, i64)> {
     let folder = format!("sys/devices/system/cpu/cpu{core}/cpuidle");
     let states = system
         .names(&folder)
@@ -106,7 +106,7 @@ fn deep_idle(system: &System, core: usize) -> Vec<(String, i64)> {
 }
 
 /// The file holds one number of 32 bits as the machine writes it.
-fn dma_latency(system: &System) -> Option<i64> {
+fn dma_latency(system: &SystemRoot) -> Option<i64> {
     let bytes = std::fs::read(system.path("dev/cpu_dma_latency")).ok()?;
     let bytes: [u8; 4] = bytes.get(..4)?.try_into().ok()?;
     Some(i64::from(i32::from_ne_bytes(bytes)))
@@ -114,8 +114,8 @@ fn dma_latency(system: &System) -> Option<i64> {
 
 /// Reads what counts up.
 #[must_use]
-pub fn counters(system: &System, core: Option<usize>) -> Counters {
-    Counters {
+pub fn counters(system: &SystemRoot, core: Option<usize>) -> CpuCounters {
+    CpuCounters {
         steal_ticks: steal(&system.text("proc/stat").unwrap_or_default(), core),
         interrupts: interrupts(&system.text("proc/interrupts").unwrap_or_default(), core),
         smi: smi(system, core.unwrap_or(0)),
@@ -124,7 +124,7 @@ pub fn counters(system: &System, core: Option<usize>) -> Counters {
 
 /// What happened between two moments.
 #[must_use]
-pub fn between(before: &Counters, after: &Counters) -> During {
+pub fn between(before: &CpuCounters, after: &CpuCounters) -> MachineActivity {
     let mut interrupts: Vec<(String, u64)> = after
         .interrupts
         .iter()
@@ -138,7 +138,7 @@ pub fn between(before: &Counters, after: &Counters) -> During {
         .filter(|(_, count)| *count > 0)
         .collect();
     interrupts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    During {
+    MachineActivity {
         steal_ms: after.steal_ticks.saturating_sub(before.steal_ticks) * TICK_MS,
         interrupts,
         smi: after
@@ -182,7 +182,7 @@ fn interrupts(text: &str, core: Option<usize>) -> Vec<(String, u64)> {
 }
 
 /// MSR_SMI_COUNT of Intel processors.
-fn smi(system: &System, core: usize) -> Option<u64> {
+fn smi(system: &SystemRoot, core: usize) -> Option<u64> {
     use std::os::unix::fs::FileExt;
     let file = std::fs::File::open(system.path(&format!("dev/cpu/{core}/msr"))).ok()?;
     let mut bytes = [0; 8];
@@ -192,7 +192,7 @@ fn smi(system: &System, core: usize) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::system::tests::Recorded;
+    use super::super::system::tests::FixtureRoot;
     use super::*;
 
     #[test]
@@ -217,7 +217,7 @@ mod tests {
             .iter()
             .map(|(path, text)| (path.as_str(), *text))
             .collect();
-        let recorded = Recorded::new("cpu", &files);
+        let recorded = FixtureRoot::new("cpu", &files);
         let cpu = read(&recorded.system(), Some(3));
         assert_eq!(cpu.online, [0, 1, 2, 3]);
         assert_eq!((cpu.isolated, cpu.nohz_full), (vec![3], vec![]));
@@ -236,7 +236,7 @@ mod tests {
                 "      CPU0   CPU1\n 24:  7  {count}  PCI-MSIX 0-edge  enp3s0-rx\nLOC:  9  {count}  Local\n"
             )
         };
-        let at = |steal, count| Counters {
+        let at = |steal, count| CpuCounters {
             steal_ticks: super::steal(&stat(steal), Some(1)),
             interrupts: super::interrupts(&table(count), Some(1)),
             smi: None,

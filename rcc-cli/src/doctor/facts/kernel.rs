@@ -1,18 +1,18 @@
 //! The kernel: preemption, throttling of real-time threads, groups, clock; memory and swap.
 //! Run by the main thread.
 
-use super::system::{System, value_in};
+use super::system::{SystemRoot, value_in};
 
 /// The kernel as it runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Kernel {
+pub struct KernelFacts {
     /// `6.1.0-13-rt-amd64`.
     pub release: String,
     /// The whole kernel can be preempted.
     pub preempt_rt: bool,
     /// How else it is preempted: `PREEMPT_DYNAMIC`, `PREEMPT`, or nothing.
     pub preemption: String,
-    /// Microseconds that real-time threads may run in [`Kernel::rt_period_us`]; -1 = no limit.
+    /// Microseconds that real-time threads may run in [`KernelFacts::rt_period_us`]; -1 = no limit.
     pub rt_runtime_us: Option<i64>,
     /// Microseconds.
     pub rt_period_us: Option<i64>,
@@ -26,9 +26,9 @@ pub struct Kernel {
     pub virtual_machine: Option<String>,
 }
 
-/// Memory and swap.
+/// MemoryFacts and swap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Memory {
+pub struct MemoryFacts {
     /// Bytes that programs can still get.
     pub available: Option<u64>,
     /// Bytes of swap, used or not.
@@ -41,13 +41,13 @@ pub struct Memory {
 
 /// Reads the kernel's facts; `cgroup` is ours.
 #[must_use]
-pub fn read(system: &System, cgroup: &str) -> Kernel {
+pub fn read(system: &SystemRoot, cgroup: &str) -> KernelFacts {
     let version = system.text("proc/version").unwrap_or_default();
     let release = system.text("proc/sys/kernel/osrelease").unwrap_or_default();
     let words = version.split([' ', '_']).any(|word| word == "RT");
     let flagged = system.number("sys/kernel/realtime") == Some(1);
     let preemption = version.split(' ').find(|word| word.starts_with("PREEMPT"));
-    Kernel {
+    KernelFacts {
         preempt_rt: flagged || words,
         preemption: preemption.unwrap_or_default().to_owned(),
         rt_runtime_us: system.number("proc/sys/kernel/sched_rt_runtime_us"),
@@ -63,14 +63,14 @@ pub fn read(system: &System, cgroup: &str) -> Kernel {
 
 /// Reads `/proc/meminfo`.
 #[must_use]
-pub fn memory(system: &System) -> Memory {
+pub fn memory(system: &SystemRoot) -> MemoryFacts {
     let text = system.text("proc/meminfo").unwrap_or_default();
     let bytes = |key| {
         let words = value_in(&text, key)?.split_whitespace().next()?;
         words.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
     };
     let swap = bytes("SwapTotal").unwrap_or(0);
-    Memory {
+    MemoryFacts {
         available: bytes("MemAvailable"),
         swap,
         swap_used: swap.saturating_sub(bytes("SwapFree").unwrap_or(swap)),
@@ -78,14 +78,14 @@ pub fn memory(system: &System) -> Memory {
     }
 }
 
-fn configured(system: &System, release: &str, key: &str) -> Option<bool> {
+fn configured(system: &SystemRoot, release: &str, key: &str) -> Option<bool> {
     let text = system
         .text(&format!("boot/config-{release}"))
         .or_else(|| system.text(&format!("lib/modules/{release}/config")))?;
     Some(value_in(&text, key) == Some("y"))
 }
 
-fn group_runtime(system: &System, cgroup: &str) -> Option<i64> {
+fn group_runtime(system: &SystemRoot, cgroup: &str) -> Option<i64> {
     let folders = ["sys/fs/cgroup/cpu", "sys/fs/cgroup/cpu,cpuacct"];
     folders
         .iter()
@@ -93,7 +93,7 @@ fn group_runtime(system: &System, cgroup: &str) -> Option<i64> {
 }
 
 /// The processor says that there is a hypervisor; the machine's name says which, where it has one.
-fn virtual_machine(system: &System) -> Option<String> {
+fn virtual_machine(system: &SystemRoot) -> Option<String> {
     let processor = system.text("proc/cpuinfo")?;
     let flags = value_in(&processor, "flags")?;
     if !flags.split_whitespace().any(|flag| flag == "hypervisor") {
@@ -106,7 +106,7 @@ fn virtual_machine(system: &System) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::system::tests::Recorded;
+    use super::super::system::tests::FixtureRoot;
     use super::*;
 
     #[test]
@@ -115,19 +115,19 @@ mod tests {
             "proc/version",
             "Linux version 6.12.1 (x) #1 SMP PREEMPT_RT Debian",
         )];
-        let by_version = Recorded::new("kernel-1", &by_version);
+        let by_version = FixtureRoot::new("kernel-1", &by_version);
         assert!(read(&by_version.system(), "/").preempt_rt);
         let by_flag = [
             ("proc/version", "Linux version 5.10"),
             ("sys/kernel/realtime", "1\n"),
         ];
-        let by_flag = Recorded::new("kernel-2", &by_flag);
+        let by_flag = FixtureRoot::new("kernel-2", &by_flag);
         assert!(read(&by_flag.system(), "/").preempt_rt);
         let plain = [(
             "proc/version",
             "Linux version 6.18 (x) #1 SMP PREEMPT_DYNAMIC @0",
         )];
-        let plain = Recorded::new("kernel-3", &plain);
+        let plain = FixtureRoot::new("kernel-3", &plain);
         let kernel = read(&plain.system(), "/");
         assert!(!kernel.preempt_rt);
         assert_eq!(kernel.preemption, "PREEMPT_DYNAMIC");
@@ -140,7 +140,7 @@ mod tests {
             ("boot/config-6.1", "CONFIG_RT_GROUP_SCHED=y\nCONFIG_X=n\n"),
             ("sys/fs/cgroup/cpu/user.slice/cpu.rt_runtime_us", "0\n"),
         ];
-        let recorded = Recorded::new("kernel-4", &files);
+        let recorded = FixtureRoot::new("kernel-4", &files);
         let kernel = read(&recorded.system(), "/user.slice");
         assert_eq!(kernel.rt_group_sched, Some(true));
         assert_eq!(kernel.group_rt_runtime_us, Some(0));
@@ -159,7 +159,7 @@ mod tests {
                 "MemAvailable:  2048 kB\nSwapTotal: 100 kB\nSwapFree: 60 kB\n",
             ),
         ];
-        let recorded = Recorded::new("kernel-5", &files);
+        let recorded = FixtureRoot::new("kernel-5", &files);
         assert_eq!(
             read(&recorded.system(), "/").virtual_machine.as_deref(),
             Some("QEMU")

@@ -1,11 +1,11 @@
 //! The limits of this process, and what the files of pam_limits grant to users at login.
 //! Run by the main thread.
 
-use super::system::System;
+use super::system::SystemRoot;
 
 /// One limit; `None` is unlimited.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Limit {
+pub struct ResourceLimit {
     /// In force.
     pub soft: Option<u64>,
     /// To which the process may raise it.
@@ -14,20 +14,20 @@ pub struct Limit {
 
 /// The limits that matter here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Limits {
+pub struct ResourceLimits {
     /// Highest SCHED_FIFO priority.
-    pub rtprio: Limit,
+    pub rtprio: ResourceLimit,
     /// Bytes that may be locked.
-    pub memlock: Limit,
+    pub memlock: ResourceLimit,
     /// Microseconds that a real-time thread may run without sleeping.
-    pub rttime: Limit,
+    pub rttime: ResourceLimit,
     /// Open files.
-    pub nofile: Limit,
+    pub nofile: ResourceLimit,
 }
 
 /// A line of `/etc/security/limits.conf` or of a file in `limits.d`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Granted {
+pub struct LimitGrant {
     /// File and line.
     pub place: String,
     /// A user, `@group`, or `*`.
@@ -40,7 +40,7 @@ pub struct Granted {
 
 /// The limits in `/proc/self/limits`.
 #[must_use]
-pub fn read(system: &System) -> Limits {
+pub fn read(system: &SystemRoot) -> ResourceLimits {
     let text = system.text("proc/self/limits").unwrap_or_default();
     let of = |name: &str| {
         let line = text.lines().find_map(|line| line.strip_prefix(name));
@@ -48,12 +48,12 @@ pub fn read(system: &System) -> Limits {
             .unwrap_or_default()
             .split_whitespace()
             .map(|word| word.parse().ok());
-        Limit {
+        ResourceLimit {
             soft: words.next().flatten(),
             hard: words.next().flatten(),
         }
     };
-    Limits {
+    ResourceLimits {
         rtprio: of("Max realtime priority"),
         memlock: of("Max locked memory"),
         rttime: of("Max realtime timeout"),
@@ -63,7 +63,7 @@ pub fn read(system: &System) -> Limits {
 
 /// Every line that grants `rtprio` or `memlock`, in the order in which pam_limits reads them.
 #[must_use]
-pub fn granted(system: &System) -> Vec<Granted> {
+pub fn granted(system: &SystemRoot) -> Vec<LimitGrant> {
     let folder = "etc/security/limits.d";
     let files = system
         .names(folder)
@@ -80,7 +80,7 @@ pub fn granted(system: &System) -> Vec<Granted> {
     all
 }
 
-fn line_of(path: &str, number: usize, line: &str) -> Option<Granted> {
+fn line_of(path: &str, number: usize, line: &str) -> Option<LimitGrant> {
     let line = line.split('#').next()?;
     let mut words = line.split_whitespace();
     let (whom, _kind, item, value) = (words.next()?, words.next()?, words.next()?, words.next()?);
@@ -95,7 +95,7 @@ fn line_of(path: &str, number: usize, line: &str) -> Option<Granted> {
     } else {
         Some(value.parse::<u64>().ok()?.saturating_mul(unit))
     };
-    Some(Granted {
+    Some(LimitGrant {
         place: format!("/{path}:{number}"),
         whom: whom.to_owned(),
         item: item.to_owned(),
@@ -103,7 +103,7 @@ fn line_of(path: &str, number: usize, line: &str) -> Option<Granted> {
     })
 }
 
-impl Limit {
+impl ResourceLimit {
     /// True if this much is allowed now.
     #[must_use]
     pub fn allows(&self, amount: u64) -> bool {
@@ -119,28 +119,28 @@ impl Limit {
 
 #[cfg(test)]
 mod tests {
-    use super::super::system::tests::Recorded;
+    use super::super::system::tests::FixtureRoot;
     use super::*;
 
     #[test]
     fn limits_are_read_as_the_kernel_writes_them() {
-        let text = "Limit                     Soft Limit           Hard Limit           Units     \n\
+        let text = "ResourceLimit                     Soft ResourceLimit           Hard ResourceLimit           Units     \n\
                     Max open files            1024                 524288               files     \n\
                     Max locked memory         8388608              unlimited            bytes     \n\
                     Max realtime priority     0                    95                   \n\
                     Max realtime timeout      200000               unlimited            us        \n";
-        let recorded = Recorded::new("limits", &[("proc/self/limits", text)]);
+        let recorded = FixtureRoot::new("limits", &[("proc/self/limits", text)]);
         let limits = read(&recorded.system());
         assert_eq!(
             limits.nofile,
-            Limit {
+            ResourceLimit {
                 soft: Some(1024),
                 hard: Some(524_288)
             }
         );
         assert_eq!(
             limits.memlock,
-            Limit {
+            ResourceLimit {
                 soft: Some(8_388_608),
                 hard: None
             }
@@ -162,7 +162,7 @@ mod tests {
             ),
             ("etc/security/limits.d/old.txt", "@x - rtprio 1\n"),
         ];
-        let recorded = Recorded::new("granted", &files);
+        let recorded = FixtureRoot::new("granted", &files);
         let all = granted(&recorded.system());
         let places: Vec<&str> = all.iter().map(|granted| granted.place.as_str()).collect();
         assert_eq!(

@@ -1,15 +1,15 @@
 //! Who we are: user, groups, capabilities, control group, and what logind does when we leave.
 //! Run by the main thread.
 
-use super::system::{System, value_in};
+use super::system::{SystemRoot, value_in};
 
 /// linux/capability.h.
 const CAP_SYS_NICE: u32 = 23;
 
 /// Who we are.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct User {
-    /// User id.
+pub struct UserFacts {
+    /// UserFacts id.
     pub uid: u32,
     /// Name, or the number.
     pub name: String,
@@ -25,7 +25,7 @@ pub struct User {
     pub container: Option<String>,
 }
 
-impl User {
+impl UserFacts {
     /// The systemd service that we are in, if it is one of the system's and not a session's.
     #[must_use]
     pub fn service(&self) -> Option<&str> {
@@ -46,7 +46,7 @@ impl User {
 
 /// Reads `/proc/self` and the user tables.
 #[must_use]
-pub fn read(system: &System) -> User {
+pub fn read(system: &SystemRoot) -> UserFacts {
     let status = system.text("proc/self/status").unwrap_or_default();
     let field = |key| value_in(&status, key).unwrap_or_default().to_owned();
     let second = |text: &str| {
@@ -67,7 +67,7 @@ pub fn read(system: &System) -> User {
         .as_deref()
         .and_then(|text| word_after(text, "SYS_UID_MAX"))
         .unwrap_or(999);
-    User {
+    UserFacts {
         uid,
         name: name_of(system, "etc/passwd", uid).unwrap_or_else(|| uid.to_string()),
         groups: gids
@@ -84,7 +84,7 @@ pub fn read(system: &System) -> User {
 
 /// What logind does with shared memory of a user whose last session ends; none without systemd.
 #[must_use]
-pub fn remove_ipc(system: &System) -> Option<bool> {
+pub fn remove_ipc(system: &SystemRoot) -> Option<bool> {
     // Where sd_booted(3) looks.
     if !system.has("run/systemd/system") {
         return None;
@@ -115,7 +115,7 @@ fn word_after(text: &str, key: &str) -> Option<u32> {
 }
 
 /// Name of a number in a table such as `/etc/passwd`.
-fn name_of(system: &System, path: &str, id: u32) -> Option<String> {
+fn name_of(system: &SystemRoot, path: &str, id: u32) -> Option<String> {
     let text = system.text(path)?;
     text.lines().find_map(|line| {
         let mut fields = line.split(':');
@@ -125,7 +125,7 @@ fn name_of(system: &System, path: &str, id: u32) -> Option<String> {
 }
 
 /// Version 2, else the group of version 1 that schedules.
-fn cgroup(system: &System) -> String {
+fn cgroup(system: &SystemRoot) -> String {
     let text = system.text("proc/self/cgroup").unwrap_or_default();
     let of = |wanted: &dyn Fn(&str) -> bool| {
         text.lines().find_map(|line| {
@@ -139,7 +139,7 @@ fn cgroup(system: &System) -> String {
         .unwrap_or_default()
 }
 
-fn container(system: &System) -> Option<String> {
+fn container(system: &SystemRoot) -> Option<String> {
     if let Some(name) = system.text("run/systemd/container") {
         return Some(name);
     }
@@ -150,7 +150,7 @@ fn container(system: &System) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::system::tests::Recorded;
+    use super::super::system::tests::FixtureRoot;
     use super::*;
 
     const STATUS: &str = "Name:\tx\nUid:\t1000\t1000\t1000\t1000\nGid:\t1000\t1000\t1000\t1000\n\
@@ -170,7 +170,7 @@ mod tests {
             ),
             ("etc/group", "audio:x:29:anna\nanna:x:1000:\n"),
         ];
-        let recorded = Recorded::new("login", &files);
+        let recorded = FixtureRoot::new("login", &files);
         let user = read(&recorded.system());
         assert_eq!((user.uid, user.name.as_str()), (1000, "anna"));
         assert_eq!(user.groups, ["audio", "anna", "anna"]);
@@ -189,7 +189,7 @@ mod tests {
             ),
             (".dockerenv", ""),
         ];
-        let recorded = Recorded::new("service", &files);
+        let recorded = FixtureRoot::new("service", &files);
         let user = read(&recorded.system());
         assert_eq!(user.service(), Some("rcc-executor.service"));
         assert_eq!(user.container.as_deref(), Some("docker"));
@@ -197,13 +197,13 @@ mod tests {
 
     #[test]
     fn the_last_word_about_shared_memory_counts_and_the_default_is_yes() {
-        let without = Recorded::new("logind-0", &[("etc/systemd/logind.conf", "")]);
+        let without = FixtureRoot::new("logind-0", &[("etc/systemd/logind.conf", "")]);
         assert_eq!(remove_ipc(&without.system()), None);
         let default = [
             ("run/systemd/system/x", ""),
             ("etc/systemd/logind.conf", "#RemoveIPC=no\n"),
         ];
-        let default = Recorded::new("logind-1", &default);
+        let default = FixtureRoot::new("logind-1", &default);
         assert_eq!(remove_ipc(&default.system()), Some(true));
         let off = [
             ("run/systemd/system/x", ""),
@@ -213,7 +213,7 @@ mod tests {
                 "[Login]\nRemoveIPC=no\n",
             ),
         ];
-        let off = Recorded::new("logind-2", &off);
+        let off = FixtureRoot::new("logind-2", &off);
         assert_eq!(remove_ipc(&off.system()), Some(false));
     }
 }

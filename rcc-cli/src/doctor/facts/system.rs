@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 /// A file system; usually `/`.
 #[derive(Clone, Debug)]
-pub struct System {
+pub struct SystemRoot {
     root: PathBuf,
 }
 
-impl System {
+impl SystemRoot {
     /// With this folder as `/`.
     #[must_use]
-    pub fn at(root: &Path) -> System {
-        System {
+    pub fn at(root: &Path) -> SystemRoot {
+        SystemRoot {
             root: root.to_owned(),
         }
     }
@@ -97,10 +97,10 @@ pub(crate) mod tests {
     use super::*;
 
     /// A root folder with these files; removed at the end.
-    pub(crate) struct Recorded(pub PathBuf);
+    pub(crate) struct FixtureRoot(pub PathBuf);
 
-    impl Recorded {
-        pub(crate) fn new(name: &str, files: &[(&str, &str)]) -> Recorded {
+    impl FixtureRoot {
+        pub(crate) fn new(name: &str, files: &[(&str, &str)]) -> FixtureRoot {
             let root =
                 std::env::temp_dir().join(format!("rcc-doctor-{name}-{}", std::process::id()));
             for (path, text) in files {
@@ -109,15 +109,15 @@ pub(crate) mod tests {
                     .expect("a folder");
                 fs::write(path, text).expect("a file");
             }
-            Recorded(root)
+            FixtureRoot(root)
         }
 
-        pub(crate) fn system(&self) -> System {
-            System::at(&self.0)
+        pub(crate) fn system(&self) -> SystemRoot {
+            SystemRoot::at(&self.0)
         }
     }
 
-    impl Drop for Recorded {
+    impl Drop for FixtureRoot {
         fn drop(&mut self) {
             // Nothing else is there.
             let _ = fs::remove_dir_all(&self.0);
@@ -133,7 +133,7 @@ pub(crate) mod tests {
 
     #[test]
     fn values_are_found_by_their_key() {
-        let recorded = Recorded::new("values", &[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
+        let recorded = FixtureRoot::new("values", &[("proc/x", "Uid:\t1000\t1000\nCapEff:\t00ff\n")]);
         let system = recorded.system();
         assert_eq!(system.value("proc/x", "CapEff").as_deref(), Some("00ff"));
         assert_eq!(system.value("proc/x", "Gid"), None);

@@ -7,8 +7,8 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use serde_json::Value;
 
-use super::{LinkFacts, Stage, configuration, driver, percent, plain};
-use crate::doctor::{Finding, Level};
+use super::{LinkFacts, LinkStage, configuration, driver, percent, plain};
+use crate::doctor::{HealthFinding, FindingLevel};
 use crate::table::time;
 
 /// EADDRINUSE and EADDRNOTAVAIL.
@@ -21,7 +21,7 @@ const COMMAND: u64 = 0x1005;
 const SUNRISE: [u8; 5] = [0x08, 0xc2, 0xa2, 0x91, 0x01];
 
 /// In order; the first that fails ends the report.
-pub const STAGES: &[Stage] = &[
+pub const STAGES: &[LinkStage] = &[
     ("configuration", configuration),
     ("interface", interface),
     ("driver", driver),
@@ -42,10 +42,10 @@ fn listen(facts: &LinkFacts) -> Option<SocketAddr> {
     facts.settings["listen"].as_str()?.parse().ok()
 }
 
-fn interface(facts: &LinkFacts) -> Option<Finding> {
+fn interface(facts: &LinkFacts) -> Option<HealthFinding> {
     let Some(SocketAddr::V4(listen)) = listen(facts) else {
         let fix = "give settings.listen an IPv4 address with a port, such as 192.168.0.1:49938";
-        return Some(Finding::fail(
+        return Some(HealthFinding::fail(
             "settings.listen is no IPv4 address with a port",
             fix,
         ));
@@ -53,7 +53,7 @@ fn interface(facts: &LinkFacts) -> Option<Finding> {
     let ip = *listen.ip();
     if ip.is_unspecified() {
         return Some(
-            Finding::note("listens on every card of this machine").fix(
+            HealthFinding::note("listens on every card of this machine").fix(
                 "name the address of the card that leads to the controller in settings.listen",
             ),
         );
@@ -66,13 +66,13 @@ fn interface(facts: &LinkFacts) -> Option<Finding> {
         let have: Vec<String> = facts
             .interfaces
             .iter()
-            .map(super::sockets::Interface::words)
+            .map(super::sockets::NetworkInterface::words)
             .collect();
         let fix = format!(
             "give a card this address (ip addr add {ip}/24 dev CARD), or correct settings.listen"
         );
         return Some(
-            Finding::fail(format!("no card of this machine has the address {ip}"), fix)
+            HealthFinding::fail(format!("no card of this machine has the address {ip}"), fix)
                 .cause(format!("there are: {}", have.join(", "))),
         );
     };
@@ -81,14 +81,14 @@ fn interface(facts: &LinkFacts) -> Option<Finding> {
             "plug the cable in, switch the controller on; ip link set {} up",
             card.name
         );
-        return Some(Finding::fail(
+        return Some(HealthFinding::fail(
             format!("the card {} is down", card.words()),
             fix,
         ));
     }
     if let Some(peer) = peer(facts).filter(|peer| !card.is_near(*peer)) {
         let fix = "give both cards addresses of one subnet (the controller's card: VxWorks, KRC network settings)";
-        return Some(Finding::fail(
+        return Some(HealthFinding::fail(
             format!(
                 "the controller {peer} is not in the subnet of {}",
                 card.words()
@@ -97,12 +97,12 @@ fn interface(facts: &LinkFacts) -> Option<Finding> {
         ));
     }
     if ip.is_loopback() && !facts.simulated {
-        return Some(Finding::warn(
+        return Some(HealthFinding::warn(
             format!("listens on {ip}, which only this machine reaches"),
             "for a real controller: the address of the card that leads to it in settings.listen, and in FRIHOST",
         ));
     }
-    Some(Finding::ok(format!("card {} is up", card.words())))
+    Some(HealthFinding::ok(format!("card {} is up", card.words())))
 }
 
 fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
@@ -117,16 +117,16 @@ fn peer(facts: &LinkFacts) -> Option<Ipv4Addr> {
     }
 }
 
-fn port(facts: &LinkFacts) -> Option<Finding> {
+fn port(facts: &LinkFacts) -> Option<HealthFinding> {
     let listen = listen(facts)?;
     if facts.is_answered() {
-        return Some(Finding::ok(format!("UDP {listen} is open")));
+        return Some(HealthFinding::ok(format!("UDP {listen} is open")));
     }
     let Some(probe) = &facts.probe else {
         return plain::settings(facts);
     };
     let Some(words) = probe["error"].as_str() else {
-        return Some(Finding::note(format!(
+        return Some(HealthFinding::note(format!(
             "no driver runs; listened at UDP {listen} in its place, without answering"
         )));
     };
@@ -137,30 +137,30 @@ fn port(facts: &LinkFacts) -> Option<Finding> {
                 .clone()
                 .unwrap_or_else(|| "another process".to_owned());
             let fix = "end that process, or choose another port in the cell's file and in FRISOCK (dlrrc.ini)";
-            Some(Finding::fail(
+            Some(HealthFinding::fail(
                 format!("UDP {listen} is taken by {who}"),
                 fix,
             ))
         }
         Some(NOT_OURS) => {
             let fix = "correct settings.listen";
-            Some(Finding::fail(
+            Some(HealthFinding::fail(
                 format!("{} is no address of this machine", listen.ip()),
                 fix,
             ))
         }
-        _ => Some(Finding::fail(
+        _ => Some(HealthFinding::fail(
             words,
             "correct the device's part of the cell's file",
         )),
     }
 }
 
-fn datagrams(facts: &LinkFacts) -> Option<Finding> {
+fn datagrams(facts: &LinkFacts) -> Option<HealthFinding> {
     let listen = listen(facts)?;
     let came = facts.grown("datagrams");
     if came > 0 {
-        return Some(Finding::ok(format!(
+        return Some(HealthFinding::ok(format!(
             "datagrams arrive at {listen}: {came} while we looked"
         )));
     }
@@ -182,18 +182,18 @@ fn datagrams(facts: &LinkFacts) -> Option<Finding> {
         )
     };
     Some(
-        Finding::fail(what, fix)
+        HealthFinding::fail(what, fix)
             .cause("the controller sends first; without its datagrams nothing can be answered"),
     )
 }
 
-fn sender(facts: &LinkFacts) -> Option<Finding> {
+fn sender(facts: &LinkFacts) -> Option<HealthFinding> {
     let foreign = facts.grown("foreign");
     let text = |key: &str| facts.link()[key].as_str().unwrap_or("nobody").to_owned();
     if foreign == 0 {
         return facts.link()["controller"]
             .as_str()
-            .map(|from| Finding::ok(format!("they come from {from}")));
+            .map(|from| HealthFinding::ok(format!("they come from {from}")));
     }
     let others = format!("{foreign} datagrams came from {}", text("foreign_last"));
     let accepted = facts.grown("accepted");
@@ -206,23 +206,23 @@ fn sender(facts: &LinkFacts) -> Option<Finding> {
             "set settings.peer to {} if that is the controller, or leave it out",
             text("foreign_last")
         );
-        return Some(Finding::fail(others, fix).cause(expected));
+        return Some(HealthFinding::fail(others, fix).cause(expected));
     }
     let fix = "find out who that is: only one controller may send here";
-    Some(Finding::warn(format!("{others}; they are refused"), fix).cause(expected))
+    Some(HealthFinding::warn(format!("{others}; they are refused"), fix).cause(expected))
 }
 
-fn version(facts: &LinkFacts) -> Option<Finding> {
+fn version(facts: &LinkFacts) -> Option<HealthFinding> {
     let fails = |what: String, fix: &str| {
         // Garbage beside a good controller is no failure.
         let level = if facts.grown("accepted") > 0 {
-            Level::Warn
+            FindingLevel::Warn
         } else {
-            Level::Fail
+            FindingLevel::Fail
         };
-        Some(Finding {
+        Some(HealthFinding {
             level,
-            ..Finding::fail(what, fix)
+            ..HealthFinding::fail(what, fix)
         })
     };
     if facts.grown("wrong_size") > 0 {
@@ -266,7 +266,7 @@ fn version(facts: &LinkFacts) -> Option<Finding> {
             "another version of KUKA.FRI, or a device between that changes datagrams",
         );
     }
-    Some(Finding::ok("they are FRI 1.0: 916 bytes, identity 0x2006"))
+    Some(HealthFinding::ok("they are FRI 1.0: 916 bytes, identity 0x2006"))
 }
 
 /// SDK 1.x and 2.5 send the bare message, 2.7 its length before.
@@ -285,13 +285,13 @@ fn sunrise(head: &[u8]) -> Option<&'static str> {
     }
 }
 
-fn order(facts: &LinkFacts) -> Option<Finding> {
+fn order(facts: &LinkFacts) -> Option<HealthFinding> {
     let disordered = facts.grown("disordered");
     let lost = facts.grown("gaps_datagrams");
     if disordered > 0 && facts.grown("accepted") == 0 {
         let fix =
             "restart the controller's FRI (friClose, friOpen); is a recording being replayed here?";
-        return Some(Finding::fail(
+        return Some(HealthFinding::fail(
             "datagrams come again and again, or backwards, or hold no numbers",
             fix,
         ));
@@ -301,11 +301,11 @@ fn order(facts: &LinkFacts) -> Option<Finding> {
             "{lost} datagrams were lost on the way and {disordered} came twice, late or with a doubtful content, while we looked"
         );
         let fix = "a cable of its own between controller and this machine, no switch, no Wi-Fi";
-        return Some(Finding::warn(what, fix));
+        return Some(HealthFinding::warn(what, fix));
     }
     let (gaps, ever) = (facts.total("gaps"), facts.total("gaps_datagrams"));
     (gaps > 0).then(|| {
-        Finding::note(format!(
+        HealthFinding::note(format!(
             "{ever} datagrams were lost in {gaps} gaps since the driver began"
         ))
     })
@@ -316,7 +316,7 @@ fn wire(facts: &LinkFacts) -> Option<&Value> {
     wire.is_object().then_some(wire)
 }
 
-fn arrival(facts: &LinkFacts) -> Option<Finding> {
+fn arrival(facts: &LinkFacts) -> Option<HealthFinding> {
     let period_s = wire(facts)?["period_s"].as_f64()?;
     let period_ns = (period_s * 1e6).round() as u64 * 1000;
     let longest_ns = facts.total("interval_max_ns");
@@ -328,7 +328,7 @@ fn arrival(facts: &LinkFacts) -> Option<Finding> {
     );
     if longest_ns > 3 * period_ns {
         let fix = "look at `rcc-cli doctor` (this machine woke late), else at the network";
-        return Some(Finding::warn(what, fix));
+        return Some(HealthFinding::warn(what, fix));
     }
     if period_ns != facts.period_ns {
         let fix = format!(
@@ -336,18 +336,18 @@ fn arrival(facts: &LinkFacts) -> Option<Finding> {
             facts.period_ns.div_ceil(1_000_000)
         );
         let cause = format!("the cell's period is {}", time(facts.period_ns));
-        return Some(Finding::note(what).cause(cause).fix(fix));
+        return Some(HealthFinding::note(what).cause(cause).fix(fix));
     }
-    Some(Finding::ok(what))
+    Some(HealthFinding::ok(what))
 }
 
-fn drives(facts: &LinkFacts) -> Option<Finding> {
+fn drives(facts: &LinkFacts) -> Option<HealthFinding> {
     let wire = wire(facts)?;
     let bits = |key: &str| wire[key].as_u64().unwrap_or(0);
     let (power, error, warning) = (bits("power"), bits("error"), bits("warning"));
     if error != 0 {
         let fix = "read the message on the KCP, remove its cause, acknowledge";
-        return Some(Finding::fail(
+        return Some(HealthFinding::fail(
             format!("drives report an error: {}", joints(error)),
             fix,
         ));
@@ -355,18 +355,18 @@ fn drives(facts: &LinkFacts) -> Option<Finding> {
     if power == 0 {
         let fix = "release the E-stop, close the gate, acknowledge on the KCP; in T1 and T2 hold the enabling switch; a \
                    motion of the KRL program (a small PTP) releases the brakes";
-        return Some(Finding::fail("the drives have no power", fix).cause(
+        return Some(HealthFinding::fail("the drives have no power", fix).cause(
             "E-stop, safety gate, or no enabling switch in T1 and T2: FRI 1.0 does not tell which",
         ));
     }
     if warning != 0 {
         let fix = "read the message on the KCP";
-        return Some(Finding::warn(
+        return Some(HealthFinding::warn(
             format!("drives report a warning: {}", joints(warning)),
             fix,
         ));
     }
-    Some(Finding::ok("the drives have power, without error"))
+    Some(HealthFinding::ok("the drives have power, without error"))
 }
 
 /// `joint 1, joint 3`
@@ -376,24 +376,24 @@ fn joints(bits: u64) -> String {
     words.join(", ")
 }
 
-fn control(facts: &LinkFacts) -> Option<Finding> {
+fn control(facts: &LinkFacts) -> Option<HealthFinding> {
     match wire(facts)?["control"].as_str()? {
         known @ ("position" | "cartesian impedance" | "joint impedance") => {
-            Some(Finding::ok(format!("the controller is in {known} control")))
+            Some(HealthFinding::ok(format!("the controller is in {known} control")))
         }
-        other => Some(Finding::fail(
+        other => Some(HealthFinding::fail(
             format!("the controller is in another control strategy ({other})"),
             "set $STIFFNESS.STRATEGY = 10 (position), 20 or 30 (impedance) in the KRL program, before friStart",
         )),
     }
 }
 
-fn quality(facts: &LinkFacts) -> Option<Finding> {
+fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
     let wire = wire(facts)?;
     let word = wire["quality"].as_str()?;
-    let Some(told) = facts.told.as_ref() else {
+    let Some(told) = facts.driver_status.as_ref() else {
         return Some(
-            Finding::note(format!(
+            HealthFinding::note(format!(
                 "quality {word}: nobody answers, so it means nothing yet"
             ))
             .fix(format!("start the cell: rcc-cli up {}", facts.source)),
@@ -418,13 +418,13 @@ fn quality(facts: &LinkFacts) -> Option<Finding> {
     let wanted = facts.settings["quality_min"].as_str().unwrap_or("ok");
     if rank(word) < rank(wanted) {
         let (cause, fix) = culprit(facts, history.late);
-        return Some(Finding::fail(what, fix).cause(cause));
+        return Some(HealthFinding::fail(what, fix).cause(cause));
     }
     if history.late > 0 {
         let (cause, fix) = culprit(facts, history.late);
-        return Some(Finding::warn(what, fix).cause(cause));
+        return Some(HealthFinding::warn(what, fix).cause(cause));
     }
-    Some(Finding::ok(what))
+    Some(HealthFinding::ok(what))
 }
 
 /// Whether our answers are late or get lost on the way.
@@ -461,15 +461,15 @@ fn culprit(facts: &LinkFacts, late: u64) -> (String, String) {
     )
 }
 
-fn session(facts: &LinkFacts) -> Option<Finding> {
+fn session(facts: &LinkFacts) -> Option<HealthFinding> {
     let wire = wire(facts)?;
-    let told = facts.told.as_ref()?;
+    let told = facts.driver_status.as_ref()?;
     match wire["session"].as_str()? {
-        "command" if told.reason == 0 => Some(Finding::ok(format!(
+        "command" if told.reason == 0 => Some(HealthFinding::ok(format!(
             "session in command mode; the device is {}",
             told.state
         ))),
-        "command" => Some(Finding::warn(
+        "command" => Some(HealthFinding::warn(
             format!("session in command mode, but: {}", told.reason_words),
             "do what the words say",
         )),
@@ -482,7 +482,7 @@ fn session(facts: &LinkFacts) -> Option<Finding> {
                     "start the KRL program; it must call friStart(1.0) when $FRI_FRM_INT[1] becomes 10"
                 }
             };
-            Some(Finding::fail(
+            Some(HealthFinding::fail(
                 "the controller monitors: command mode has not begun",
                 fix,
             ))
@@ -490,8 +490,8 @@ fn session(facts: &LinkFacts) -> Option<Finding> {
     }
 }
 
-fn answers(facts: &LinkFacts) -> Option<Finding> {
-    let told = facts.told.as_ref()?;
+fn answers(facts: &LinkFacts) -> Option<HealthFinding> {
+    let told = facts.driver_status.as_ref()?;
     let mean_ns = facts.link()["answer_mean_ns"].as_u64()?;
     let longest_ns = facts.total("answer_max_ns");
     let what = format!(
@@ -502,9 +502,9 @@ fn answers(facts: &LinkFacts) -> Option<Finding> {
         told.starved
     );
     if longest_ns > facts.period_ns / 2 {
-        return Some(Finding::warn(what, "this machine is late: rcc-cli doctor"));
+        return Some(HealthFinding::warn(what, "this machine is late: rcc-cli doctor"));
     }
-    Some(Finding::ok(what))
+    Some(HealthFinding::ok(what))
 }
 
 #[cfg(test)]

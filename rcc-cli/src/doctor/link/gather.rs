@@ -10,9 +10,9 @@ use rcc_config::{DeviceConfig, auto_ports};
 use rcc_ipc::Role;
 
 use super::{LinkFacts, sockets};
-use crate::doctor::told::Told;
-use crate::doctor::wish::Chosen;
-use crate::supervisor::places;
+use crate::doctor::driver_status::DriverStatus;
+use crate::doctor::requirements::SelectedCell;
+use crate::supervisor::paths;
 
 /// How long is listened where no driver runs.
 const LISTEN: Duration = Duration::from_secs(2);
@@ -24,7 +24,7 @@ const CONNECT: Duration = Duration::from_secs(1);
 
 /// Everything about `device`.
 #[must_use]
-pub fn gather(chosen: &Chosen, device: &DeviceConfig) -> LinkFacts {
+pub fn gather(chosen: &SelectedCell, device: &DeviceConfig) -> LinkFacts {
     let config = &chosen.config;
     let announced = chosen
         .cell
@@ -52,8 +52,8 @@ pub fn gather(chosen: &Chosen, device: &DeviceConfig) -> LinkFacts {
     }
     match (&chosen.cell, facts.pid) {
         (Some(cell), Some(_)) => {
-            facts.before = Told::of(cell, &device.name);
-            facts.told = newer(|| Told::of(cell, &device.name), facts.before.as_ref());
+            facts.before = DriverStatus::of(cell, &device.name);
+            facts.driver_status = newer(|| DriverStatus::of(cell, &device.name), facts.before.as_ref());
         }
         _ => listen(chosen, device, &mut facts),
     }
@@ -64,8 +64,8 @@ pub fn gather(chosen: &Chosen, device: &DeviceConfig) -> LinkFacts {
     };
     facts.holder = address("listen").and_then(sockets::holder);
     // Some servers take one client only: where a driver exchanges, nothing is tried.
-    let exchanges = |told: &Option<Told>| told.as_ref().map_or(0, |told| told.exchanges);
-    let works = exchanges(&facts.told) > exchanges(&facts.before);
+    let exchanges = |told: &Option<DriverStatus>| told.as_ref().map_or(0, |told| told.exchanges);
+    let works = exchanges(&facts.driver_status) > exchanges(&facts.before);
     facts.connects = address("server").filter(|_| !works).map(|server| {
         TcpStream::connect_timeout(&server, CONNECT)
             .map(drop)
@@ -75,7 +75,7 @@ pub fn gather(chosen: &Chosen, device: &DeviceConfig) -> LinkFacts {
 }
 
 /// Waits for the driver's next word; without one the last counts.
-fn newer(read: impl Fn() -> Option<Told>, before: Option<&Told>) -> Option<Told> {
+fn newer(read: impl Fn() -> Option<DriverStatus>, before: Option<&DriverStatus>) -> Option<DriverStatus> {
     let begun = Instant::now();
     loop {
         let now = read();
@@ -88,15 +88,15 @@ fn newer(read: impl Fn() -> Option<Told>, before: Option<&Told>) -> Option<Told>
     }
 }
 
-fn listen(chosen: &Chosen, device: &DeviceConfig, facts: &mut LinkFacts) {
+fn listen(chosen: &SelectedCell, device: &DeviceConfig, facts: &mut LinkFacts) {
     match probe(chosen, device) {
         Ok(probe) => facts.probe = Some(probe),
         Err(words) => facts.no_probe = Some(words),
     }
 }
 
-fn probe(chosen: &Chosen, device: &DeviceConfig) -> Result<serde_json::Value, String> {
-    let program = places::program("rcc-probe").map_err(|failure| failure.body.message.clone())?;
+fn probe(chosen: &SelectedCell, device: &DeviceConfig) -> Result<serde_json::Value, String> {
+    let program = paths::program("rcc-probe").map_err(|failure| failure.body.message.clone())?;
     let mut command = Command::new(&program);
     command
         .args(["--cell", &chosen.config.name, "--device", &device.name])

@@ -1,11 +1,11 @@
 //! The stages of a device whose driver counts nothing of its own: driver, server, exchange, quality.
 //! Pure functions of the facts.
 
-use super::{LinkFacts, Stage, configuration, driver, percent};
-use crate::doctor::Finding;
+use super::{LinkFacts, LinkStage, configuration, driver, percent};
+use crate::doctor::HealthFinding;
 
 /// In order; the first that fails ends the report.
-pub const STAGES: &[Stage] = &[
+pub const STAGES: &[LinkStage] = &[
     ("configuration", configuration),
     ("driver", driver),
     ("settings", settings),
@@ -15,10 +15,10 @@ pub const STAGES: &[Stage] = &[
 ];
 
 /// Without a driver: its configuration is accepted.
-pub(super) fn settings(facts: &LinkFacts) -> Option<Finding> {
+pub(super) fn settings(facts: &LinkFacts) -> Option<HealthFinding> {
     if let Some(words) = &facts.no_probe {
         let fix = "correct the device's part of the cell's file";
-        return Some(Finding::fail(
+        return Some(HealthFinding::fail(
             format!("no driver runs, and none can: {words}"),
             fix,
         ));
@@ -26,20 +26,20 @@ pub(super) fn settings(facts: &LinkFacts) -> Option<Finding> {
     let probe = facts.probe.as_ref()?;
     match probe["error"].as_str() {
         // Its words name the key and what to give.
-        Some(words) => Some(Finding::fail(
+        Some(words) => Some(HealthFinding::fail(
             words,
             "correct the device's part of the cell's file",
         )),
-        None => Some(Finding::note(
+        None => Some(HealthFinding::note(
             "no driver runs; listened in its place, without answering",
         )),
     }
 }
 
-fn server(facts: &LinkFacts) -> Option<Finding> {
+fn server(facts: &LinkFacts) -> Option<HealthFinding> {
     let server = facts.settings["server"].as_str()?;
     match facts.connects.as_ref()? {
-        Ok(()) => Some(Finding::ok(format!(
+        Ok(()) => Some(HealthFinding::ok(format!(
             "the server {server} accepts connections"
         ))),
         Err(words) => {
@@ -48,7 +48,7 @@ fn server(facts: &LinkFacts) -> Option<Finding> {
                  Does it take one more client? Is a firewall between?",
                 server.rsplit_once(':').map_or(server, |(host, _)| host)
             );
-            Some(Finding::fail(
+            Some(HealthFinding::fail(
                 format!("the server {server} is not reached: {words}"),
                 fix,
             ))
@@ -57,8 +57,8 @@ fn server(facts: &LinkFacts) -> Option<Finding> {
 }
 
 /// Number, words and whether anything was exchanged.
-fn exchange(facts: &LinkFacts) -> Option<Finding> {
-    let (reason, words, exchanges) = match (&facts.told, &facts.probe) {
+fn exchange(facts: &LinkFacts) -> Option<HealthFinding> {
+    let (reason, words, exchanges) = match (&facts.driver_status, &facts.probe) {
         (Some(told), _) => {
             let before = facts.before.as_ref().map_or(0, |before| before.exchanges);
             (
@@ -83,19 +83,19 @@ fn exchange(facts: &LinkFacts) -> Option<Finding> {
     };
     if exchanges == 0 {
         let fix = "do what the words say; the driver's log names address and cause";
-        return Some(Finding::fail(format!("nothing is exchanged: {words}"), fix));
+        return Some(HealthFinding::fail(format!("nothing is exchanged: {words}"), fix));
     }
     match reason {
-        0 => Some(Finding::ok("the device answers and can be commanded")),
-        _ => Some(Finding::fail(
+        0 => Some(HealthFinding::ok("the device answers and can be commanded")),
+        _ => Some(HealthFinding::fail(
             format!("the device answers, but: {words}"),
             "do what the words say",
         )),
     }
 }
 
-pub(super) fn quality(facts: &LinkFacts) -> Option<Finding> {
-    let history = facts.told.as_ref()?.history();
+pub(super) fn quality(facts: &LinkFacts) -> Option<HealthFinding> {
+    let history = facts.driver_status.as_ref()?.history();
     let what = format!(
         "quality {} in the last {} s, {} late or lost answers",
         percent(history.quality_mean_permille),
@@ -103,39 +103,39 @@ pub(super) fn quality(facts: &LinkFacts) -> Option<Finding> {
         history.late
     );
     if history.late == 0 {
-        return Some(Finding::ok(what));
+        return Some(HealthFinding::ok(what));
     }
     let fix = "look at the network to the device, and at `rcc-cli doctor` for this machine";
-    Some(Finding::warn(what, fix))
+    Some(HealthFinding::warn(what, fix))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::LinkReport;
     use super::*;
-    use crate::doctor::told::{Told, now};
+    use crate::doctor::driver_status::{DriverStatus, now};
     use serde_json::json;
 
-    fn running(told: Told) -> LinkFacts {
+    fn running(told: DriverStatus) -> LinkFacts {
         LinkFacts {
             device: "io".to_owned(),
             driver: "modbus".to_owned(),
             settings: json!({"server": "127.0.0.1:502"}),
             pid: Some(7),
             connects: Some(Ok(())),
-            told: Some(Told {
+            driver_status: Some(DriverStatus {
                 at: now(),
                 since: now(),
                 ..told
             }),
-            before: Some(Told::default()),
+            before: Some(DriverStatus::default()),
             ..LinkFacts::default()
         }
     }
 
     #[test]
     fn a_server_that_is_not_reached_ends_the_report() {
-        let mut facts = running(Told::default());
+        let mut facts = running(DriverStatus::default());
         facts.connects = Some(Err("Connection refused".to_owned()));
         let report = LinkReport::of(&facts);
         assert_eq!(report.failed, Some("server"));
@@ -149,10 +149,10 @@ mod tests {
     #[test]
     fn exceptions_are_told_in_the_drivers_words() {
         let words = "the Modbus server refuses an address or a value".to_owned();
-        let facts = running(Told {
+        let facts = running(DriverStatus {
             reason: 102,
             reason_words: words,
-            ..Told::default()
+            ..DriverStatus::default()
         });
         let report = LinkReport::of(&facts);
         assert_eq!(report.failed, Some("exchange"));
@@ -161,18 +161,18 @@ mod tests {
 
     #[test]
     fn a_device_that_exchanges_works() {
-        let facts = running(Told {
+        let facts = running(DriverStatus {
             exchanges: 100,
             state: "ready".to_owned(),
-            ..Told::default()
+            ..DriverStatus::default()
         });
         assert_eq!(LinkReport::of(&facts).failed, None);
     }
 
     #[test]
     fn without_driver_the_probe_decides() {
-        let mut facts = running(Told::default());
-        (facts.told, facts.before, facts.pid) = (None, None, None);
+        let mut facts = running(DriverStatus::default());
+        (facts.driver_status, facts.before, facts.pid) = (None, None, None);
         facts.probe = Some(
             json!({"opened": true, "exchanges": 9, "last": {"reason": 0, "reason_words": ""}}),
         );

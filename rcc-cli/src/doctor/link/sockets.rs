@@ -11,7 +11,7 @@ use crate::doctor::processes;
 
 /// An address of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Interface {
+pub struct NetworkInterface {
     /// Name of the card.
     pub name: String,
     /// Its address.
@@ -22,7 +22,7 @@ pub struct Interface {
     pub up: bool,
 }
 
-impl Interface {
+impl NetworkInterface {
     /// True if `other` is reached without a router.
     #[must_use]
     pub fn is_near(&self, other: Ipv4Addr) -> bool {
@@ -44,7 +44,7 @@ impl Interface {
 
 /// All IPv4 addresses of this machine.
 #[must_use]
-pub fn interfaces() -> Vec<Interface> {
+pub fn interfaces() -> Vec<NetworkInterface> {
     let both = InterfaceFlags::IFF_UP | InterfaceFlags::IFF_RUNNING;
     getifaddrs()
         .into_iter()
@@ -52,7 +52,7 @@ pub fn interfaces() -> Vec<Interface> {
         .filter_map(|found| {
             let address = found.address?.as_sockaddr_in()?.ip();
             let mask = found.netmask?.as_sockaddr_in()?.ip();
-            Some(Interface {
+            Some(NetworkInterface {
                 name: found.interface_name,
                 address,
                 mask,

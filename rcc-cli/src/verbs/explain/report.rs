@@ -2,10 +2,10 @@
 
 use rcc_core::primitives;
 use rcc_engine::costs::Costs;
-use rcc_language::anatomy::{Anatomy, PartRole, Pin, Source};
+use rcc_language::structure::{NetStructure, PrimitiveRole, PortInfo, SourceInfo};
 use serde::Serialize;
 
-use crate::verbs::source::Found;
+use crate::verbs::source::ResolvedNet;
 
 /// What a net is and needs.
 #[derive(Clone, Debug, Serialize)]
@@ -23,28 +23,28 @@ pub struct Explanation {
     /// Where the costs come from.
     pub costs: String,
     /// By type, the dearest first.
-    pub types: Vec<Row>,
+    pub types: Vec<TypeShare>,
     /// Runs of equal kernels.
     pub runs: usize,
     /// What is evaluated only while a condition is true, outer ones first.
-    pub regions: Vec<Region>,
+    pub regions: Vec<ConditionalRegion>,
     /// What it needs of memory.
-    pub memory: Memory,
+    pub memory: NetMemory,
     /// Primitives in the order of evaluation.
-    pub order: Vec<Step>,
+    pub order: Vec<EvaluationStep>,
     /// The longest way from a source to a result, in time.
-    pub path: Path,
+    pub path: CriticalPath,
     /// Values that can be null, in the order of the file.
-    pub nulls: Vec<Null>,
+    pub nulls: Vec<NullSource>,
     /// Commands, ends and motions whose inputs can be null, and what follows.
     pub consequences: Vec<Consequence>,
     /// What the running cell has left.
-    pub cell: Option<Room>,
+    pub cell: Option<CellCapacity>,
 }
 
 /// All primitives of a type.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct TypeShare {
     /// The type.
     #[serde(rename = "type")]
     pub ty: &'static str,
@@ -56,7 +56,7 @@ pub struct Row {
 
 /// What is evaluated only while a condition is true.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Region {
+pub struct ConditionalRegion {
     /// The instance or primitive that has the condition.
     pub id: String,
     /// The condition.
@@ -69,7 +69,7 @@ pub struct Region {
 
 /// What a net needs of memory: elements, and bytes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Memory {
+pub struct NetMemory {
     /// `Real` slots, 8 bytes each.
     pub reals: usize,
     /// `Bool` slots, 1 byte each.
@@ -94,7 +94,7 @@ pub struct Memory {
 
 /// A primitive in its turn.
 #[derive(Clone, Debug, Serialize)]
-pub struct Step {
+pub struct EvaluationStep {
     /// Its place in the order, from 0.
     pub order: usize,
     /// Which run it is in, from 0.
@@ -109,14 +109,14 @@ pub struct Step {
     /// What it is expected to take.
     pub ns: f64,
     /// Its outputs.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<StepOutput>,
     /// Why these can be null; `None`: they never are.
     pub null: Option<String>,
 }
 
 /// An output.
 #[derive(Clone, Debug, Serialize)]
-pub struct Output {
+pub struct StepOutput {
     /// Its name.
     pub name: &'static str,
     /// Its type.
@@ -130,7 +130,7 @@ pub struct Output {
 
 /// A way through a net.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Path {
+pub struct CriticalPath {
     /// All on it together.
     pub ns: f64,
     /// Ids, the source first.
@@ -139,7 +139,7 @@ pub struct Path {
 
 /// What can be null.
 #[derive(Clone, Debug, Serialize)]
-pub struct Null {
+pub struct NullSource {
     /// The primitive.
     pub id: String,
     /// All its outputs.
@@ -161,7 +161,7 @@ pub struct Consequence {
 
 /// What the running cell has left.
 #[derive(Clone, Debug, Serialize)]
-pub struct Room {
+pub struct CellCapacity {
     /// Its name.
     pub cell: String,
     /// What nets may need of a cycle together.
@@ -178,17 +178,17 @@ pub struct Room {
 
 impl Explanation {
     /// All that is known of a net.
-    pub fn of(found: &Found, costs: &Costs, origin: String, cell: Option<Room>) -> Explanation {
-        let (anatomy, plan) = (&found.anatomy, found.compiled.plan.plan());
-        let types = costs.shares(&plan).into_iter().map(|share| Row {
+    pub fn of(found: &ResolvedNet, costs: &Costs, origin: String, cell: Option<CellCapacity>) -> Explanation {
+        let (structure, plan) = (&found.structure, found.compiled.plan.plan());
+        let types = costs.shares(&plan).into_iter().map(|share| TypeShare {
             ty: share.name,
             count: share.count,
             all_ns: share.ns,
         });
         let order = steps(found, costs);
         Explanation {
-            net: anatomy.net.clone(),
-            primitives: anatomy.order.len() as u32,
+            net: structure.net.clone(),
+            primitives: structure.order.len() as u32,
             expected_ns: costs.expected_ns(&plan),
             period_ns: found.config.period_ns,
             every: plan.rate.every,
@@ -196,19 +196,19 @@ impl Explanation {
             types: types.collect(),
             runs: plan.runs.len(),
             memory: memory(found),
-            regions: regions(anatomy, &order),
-            path: longest(anatomy, &order),
+            regions: regions(structure, &order),
+            path: longest(structure, &order),
             order,
-            nulls: nulls(anatomy),
-            consequences: consequences(anatomy),
+            nulls: nulls(structure),
+            consequences: consequences(structure),
             cell,
         }
     }
 }
 
-fn steps(found: &Found, costs: &Costs) -> Vec<Step> {
-    let (anatomy, plan) = (&found.anatomy, found.compiled.plan.plan());
-    let mut items = anatomy.order.iter().enumerate();
+fn steps(found: &ResolvedNet, costs: &Costs) -> Vec<EvaluationStep> {
+    let (structure, plan) = (&found.structure, found.compiled.plan.plan());
+    let mut items = structure.order.iter().enumerate();
     let mut steps = Vec::new();
     for (run, it) in plan.runs.iter().enumerate() {
         let kernel = primitives::kernel(it.kernel);
@@ -219,10 +219,10 @@ fn steps(found: &Found, costs: &Costs) -> Vec<Step> {
             let Some((order, part)) = items.next() else {
                 break;
             };
-            let Some(part) = anatomy.primitives.get(*part) else {
+            let Some(part) = structure.primitives.get(*part) else {
                 continue;
             };
-            steps.push(Step {
+            steps.push(EvaluationStep {
                 order,
                 run,
                 id: part.id.clone(),
@@ -237,14 +237,14 @@ fn steps(found: &Found, costs: &Costs) -> Vec<Step> {
     steps
 }
 
-fn regions(anatomy: &Anatomy, order: &[Step]) -> Vec<Region> {
-    let mut regions: Vec<Region> = Vec::new();
-    for (step, part) in order.iter().zip(&anatomy.order) {
-        let part = anatomy.primitives.get(*part);
+fn regions(structure: &NetStructure, order: &[EvaluationStep]) -> Vec<ConditionalRegion> {
+    let mut regions: Vec<ConditionalRegion> = Vec::new();
+    for (step, part) in order.iter().zip(&structure.order) {
+        let part = structure.primitives.get(*part);
         for activity in part.into_iter().flat_map(|part| &part.active) {
             let known = regions.iter().position(|region| region.id == activity.id);
             let place = known.unwrap_or_else(|| {
-                regions.push(Region {
+                regions.push(ConditionalRegion {
                     id: activity.id.clone(),
                     condition: activity.condition.clone(),
                     primitives: 0,
@@ -259,8 +259,8 @@ fn regions(anatomy: &Anatomy, order: &[Step]) -> Vec<Region> {
     regions
 }
 
-fn output(pin: &Pin) -> Output {
-    Output {
+fn output(pin: &PortInfo) -> StepOutput {
+    StepOutput {
         name: pin.name,
         ty: pin.type_name.clone(),
         unit: pin.unit.clone(),
@@ -275,12 +275,12 @@ const fn bytes(store: rcc_core::types::Store) -> usize {
     }
 }
 
-fn memory(found: &Found) -> Memory {
-    let (anatomy, plan) = (&found.anatomy, found.compiled.plan.plan());
-    let outputs = anatomy
+fn memory(found: &ResolvedNet) -> NetMemory {
+    let (structure, plan) = (&found.structure, found.compiled.plan.plan());
+    let outputs = structure
         .primitives
         .iter()
-        .filter(|part| part.role != PartRole::Constant);
+        .filter(|part| part.role != PrimitiveRole::Constant);
     let outputs = outputs.flat_map(|part| &part.outputs);
     let output_bytes = outputs
         .map(|pin| pin.width as usize * bytes(pin.store))
@@ -290,11 +290,11 @@ fn memory(found: &Found) -> Memory {
         .map(|delay| delay.width as usize * bytes(delay.store))
         .sum();
     let arena_bytes = 8 * (plan.reals.len() + plan.ints.len()) + plan.bools.len();
-    let is_constant = |pin: &&Pin| {
-        let constant = |source: &Source| !matches!(source, Source::Link(_));
+    let is_constant = |pin: &&PortInfo| {
+        let constant = |source: &SourceInfo| !matches!(source, SourceInfo::Link(_));
         !pin.sources.is_empty() && pin.sources.iter().all(constant)
     };
-    let inputs = anatomy.primitives.iter().flat_map(|part| &part.inputs);
+    let inputs = structure.primitives.iter().flat_map(|part| &part.inputs);
     let mut places: Vec<_> = inputs
         .filter(is_constant)
         .map(|pin| (bytes(pin.store), pin.store as u8, pin.slot))
@@ -302,7 +302,7 @@ fn memory(found: &Found) -> Memory {
     let constant_inputs = places.len();
     places.sort_unstable();
     places.dedup();
-    Memory {
+    NetMemory {
         reals: plan.reals.len(),
         bools: plan.bools.len(),
         ints: plan.ints.len(),
@@ -317,15 +317,15 @@ fn memory(found: &Found) -> Memory {
 }
 
 /// The longest way in time; what is delayed begins anew.
-fn longest(anatomy: &Anatomy, order: &[Step]) -> Path {
-    let mut best = vec![(0.0_f64, None::<usize>); anatomy.primitives.len()];
-    for (step, part) in order.iter().zip(&anatomy.order) {
-        let sources = anatomy.primitives[*part]
+fn longest(structure: &NetStructure, order: &[EvaluationStep]) -> CriticalPath {
+    let mut best = vec![(0.0_f64, None::<usize>); structure.primitives.len()];
+    for (step, part) in order.iter().zip(&structure.order) {
+        let sources = structure.primitives[*part]
             .inputs
             .iter()
             .flat_map(|pin| &pin.sources);
         let sources = sources.filter_map(|source| match source {
-            Source::Link(link) if !link.delayed => Some(link.primitive),
+            SourceInfo::Link(link) if !link.delayed => Some(link.primitive),
             _ => None,
         });
         let before = sources.max_by(|a, b| best[*a].0.total_cmp(&best[*b].0));
@@ -335,13 +335,13 @@ fn longest(anatomy: &Anatomy, order: &[Step]) -> Path {
     let last = (0..best.len())
         .rev()
         .max_by(|a, b| best[*a].0.total_cmp(&best[*b].0));
-    let mut path = Path {
+    let mut path = CriticalPath {
         ns: last.map_or(0.0, |last| best[last].0),
         ids: Vec::new(),
     };
     let mut at = last.filter(|_| path.ns > 0.0);
     while let Some(part) = at {
-        path.ids.push(anatomy.primitives[part].id.clone());
+        path.ids.push(structure.primitives[part].id.clone());
         // What is read comes earlier in the order, so the way has an end.
         at = best[part].1;
     }
@@ -349,11 +349,11 @@ fn longest(anatomy: &Anatomy, order: &[Step]) -> Path {
     path
 }
 
-fn nulls(anatomy: &Anatomy) -> Vec<Null> {
-    let parts = anatomy.primitives.iter();
+fn nulls(structure: &NetStructure) -> Vec<NullSource> {
+    let parts = structure.primitives.iter();
     parts
         .filter_map(|part| {
-            Some(Null {
+            Some(NullSource {
                 id: part.id.clone(),
                 outputs: part.outputs.iter().map(|pin| pin.name).collect(),
                 why: part.null.clone()?,
@@ -362,11 +362,11 @@ fn nulls(anatomy: &Anatomy) -> Vec<Null> {
         .collect()
 }
 
-fn consequences(anatomy: &Anatomy) -> Vec<Consequence> {
-    let parts = anatomy.primitives.iter().filter(|part| {
+fn consequences(structure: &NetStructure) -> Vec<Consequence> {
+    let parts = structure.primitives.iter().filter(|part| {
         matches!(
             part.role,
-            PartRole::Commands | PartRole::Moves | PartRole::Ends
+            PrimitiveRole::Commands | PrimitiveRole::Moves | PrimitiveRole::Ends
         )
     });
     parts

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 /// What happens.
 #[derive(clap::Subcommand, Clone, Debug, PartialEq)]
-pub enum Effect {
+pub enum FaultEffect {
     /// Puts an obstacle in the arm's way: a plane with a point on it and its outward normal.
     Wall {
         /// A point of the plane, base frame, m.
@@ -40,7 +40,7 @@ pub enum Effect {
         part: f64,
         /// Which datagrams.
         #[arg(long, value_enum, default_value = "both")]
-        direction: Direction,
+        direction: DatagramDirection,
     },
     /// Whatever a bad network does to datagrams; each a part of all, 10% or 10.
     Network {
@@ -64,7 +64,7 @@ pub enum Effect {
         corrupted: f64,
         /// Which datagrams.
         #[arg(long, value_enum, default_value = "both")]
-        direction: Direction,
+        direction: DatagramDirection,
     },
     /// Lets the device be silent for this time.
     Freeze {
@@ -80,7 +80,7 @@ pub enum Effect {
     Drives {
         /// On or off.
         #[arg(value_enum)]
-        to: Switch,
+        to: OnOff,
     },
     /// Lets an I/O station answer every request with this Modbus exception; 0 ends it.
     Exception {
@@ -117,7 +117,7 @@ pub enum Effect {
 
 /// Whose datagrams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Direction {
+pub enum DatagramDirection {
     /// Measurements and answers.
     Both,
     /// Measurements.
@@ -128,7 +128,7 @@ pub enum Direction {
 
 /// A switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Switch {
+pub enum OnOff {
     /// On.
     On,
     /// Off.
@@ -137,7 +137,7 @@ pub enum Switch {
 
 /// What is done to a target.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Act {
+pub enum FaultAction {
     /// A signal for a process.
     Signal(Signal),
     /// A command for a simulator.
@@ -145,25 +145,25 @@ pub enum Act {
 }
 
 /// What an effect does, and its words for the event log.
-pub fn act(effect: &Effect) -> (Act, String) {
-    let signal = |signal: Signal| (Act::Signal(signal), format!("gets {signal}"));
+pub fn action(effect: &FaultEffect) -> (FaultAction, String) {
+    let signal = |signal: Signal| (FaultAction::Signal(signal), format!("gets {signal}"));
     match effect {
-        Effect::Kill => signal(Signal::SIGKILL),
-        Effect::Segv => signal(Signal::SIGSEGV),
-        Effect::Stop => signal(Signal::SIGSTOP),
-        Effect::Continue => signal(Signal::SIGCONT),
-        Effect::Exit => signal(Signal::SIGTERM),
+        FaultEffect::Kill => signal(Signal::SIGKILL),
+        FaultEffect::Segv => signal(Signal::SIGSEGV),
+        FaultEffect::Stop => signal(Signal::SIGSTOP),
+        FaultEffect::Continue => signal(Signal::SIGCONT),
+        FaultEffect::Exit => signal(Signal::SIGTERM),
         device => {
             let (command, words) = command(device);
-            (Act::Command(command), words)
+            (FaultAction::Command(command), words)
         }
     }
 }
 
 /// What a simulator is told.
-fn command(effect: &Effect) -> (Value, String) {
+fn command(effect: &FaultEffect) -> (Value, String) {
     match effect {
-        Effect::Wall {
+        FaultEffect::Wall {
             point,
             normal,
             stiffness,
@@ -172,18 +172,18 @@ fn command(effect: &Effect) -> (Value, String) {
             json!({"wall": {"point": point, "normal": normal, "stiffness": stiffness, "damping": damping}}),
             format!("has a wall at {point:?}"),
         ),
-        Effect::Force { force, torque } => {
+        FaultEffect::Force { force, torque } => {
             let torque = torque.clone().unwrap_or_else(|| vec![0.0; 3]);
             (
                 json!({"wrench": {"force": force, "torque": torque}}),
                 format!("is pushed with {force:?} N, {torque:?} N m"),
             )
         }
-        Effect::Loss { part, direction } => (
+        FaultEffect::Loss { part, direction } => (
             network(json!({"lost": part}), *direction),
             format!("loses {:.0} % of its datagrams", part * 100.0),
         ),
-        Effect::Network {
+        FaultEffect::Network {
             lost,
             late,
             duplicated,
@@ -203,46 +203,46 @@ fn command(effect: &Effect) -> (Value, String) {
 }
 
 /// As [`command`], for the effects that need few words.
-fn short_command(effect: &Effect) -> (Value, String) {
+fn short_command(effect: &FaultEffect) -> (Value, String) {
     match effect {
-        Effect::Freeze { time } => (
+        FaultEffect::Freeze { time } => (
             json!({"freeze_ms": milliseconds(*time)}),
             format!("is silent for {time:?}"),
         ),
-        Effect::Estop => (json!("estop"), "has its emergency stop pressed".to_owned()),
-        Effect::Ack => (json!("ack"), "is acknowledged".to_owned()),
-        Effect::Drives { to } => {
-            let on = *to == Switch::On;
+        FaultEffect::Estop => (json!("estop"), "has its emergency stop pressed".to_owned()),
+        FaultEffect::Ack => (json!("ack"), "is acknowledged".to_owned()),
+        FaultEffect::Drives { to } => {
+            let on = *to == OnOff::On;
             let word = if on { "on" } else { "off" };
             (
                 json!({"drives": {"on": on}}),
                 format!("has its drives switched {word}"),
             )
         }
-        Effect::Exception { number } => (
+        FaultEffect::Exception { number } => (
             json!({"exception": number}),
             format!("answers with exception {number}"),
         ),
-        Effect::Delay { time } => (
+        FaultEffect::Delay { time } => (
             json!({"delay_ms": milliseconds(*time)}),
             format!("answers {time:?} later"),
         ),
-        Effect::Drop { count } => (
+        FaultEffect::Drop { count } => (
             json!({"drop": count}),
             format!("leaves {count} requests without an answer"),
         ),
-        Effect::Clear { .. } => (json!("clear"), "is freed of all faults".to_owned()),
+        FaultEffect::Clear { .. } => (json!("clear"), "is freed of all faults".to_owned()),
         // Signals never come here.
         _ => (Value::Null, String::new()),
     }
 }
 
-fn network(rates: Value, direction: Direction) -> Value {
+fn network(rates: Value, direction: DatagramDirection) -> Value {
     let none = json!({});
     let [to_pc, from_pc] = match direction {
-        Direction::Both => [rates.clone(), rates],
-        Direction::ToPc => [rates, none],
-        Direction::FromPc => [none, rates],
+        DatagramDirection::Both => [rates.clone(), rates],
+        DatagramDirection::ToPc => [rates, none],
+        DatagramDirection::FromPc => [none, rates],
     };
     json!({"network": {"to_pc": to_pc, "from_pc": from_pc}})
 }

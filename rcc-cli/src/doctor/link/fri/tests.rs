@@ -4,9 +4,9 @@
 use serde_json::{Value, json};
 
 use super::super::LinkReport;
-use super::super::sockets::Interface;
+use super::super::sockets::NetworkInterface;
 use super::*;
-use crate::doctor::told::{Second, Told, now};
+use crate::doctor::driver_status::{SecondStats, DriverStatus, now};
 
 fn link(change: Value) -> Value {
     let mut link = json!({
@@ -30,8 +30,8 @@ fn link(change: Value) -> Value {
     link
 }
 
-fn card() -> Interface {
-    Interface {
+fn card() -> NetworkInterface {
+    NetworkInterface {
         name: "enp3s0".to_owned(),
         address: [192, 168, 0, 1].into(),
         mask: [255, 255, 255, 0].into(),
@@ -41,11 +41,11 @@ fn card() -> Interface {
 
 /// A driver that runs, with a link that differs from a good one like this.
 fn running(change: Value) -> LinkFacts {
-    let second = Second {
+    let second = SecondStats {
         quality_min: 1000,
         quality_mean: 1000,
         exchanges: 1000,
-        ..Second::default()
+        ..SecondStats::default()
     };
     LinkFacts {
         device: "lwr".to_owned(),
@@ -54,14 +54,14 @@ fn running(change: Value) -> LinkFacts {
         settings: json!({"listen": "192.168.0.1:49938"}),
         period_ns: 1_000_000,
         pid: Some(7),
-        told: Some(Told {
+        driver_status: Some(DriverStatus {
             pid: 7,
             at: now(),
             since: now(),
             state: "ready".to_owned(),
             seconds: vec![second; 60],
             link: link(change),
-            ..Told::default()
+            ..DriverStatus::default()
         }),
         interfaces: vec![card()],
         ..LinkFacts::default()
@@ -72,7 +72,7 @@ fn running(change: Value) -> LinkFacts {
 fn heard(change: Value) -> LinkFacts {
     LinkFacts {
         pid: None,
-        told: None,
+        driver_status: None,
         probe: Some(json!({"opened": true, "link": link(change)})),
         ..running(json!({}))
     }
@@ -106,7 +106,7 @@ fn a_good_connection_passes_every_stage() {
     let bad: Vec<_> = report
         .findings
         .iter()
-        .filter(|finding| finding.level != Level::Ok)
+        .filter(|finding| finding.level != FindingLevel::Ok)
         .collect();
     assert!(bad.is_empty(), "{bad:?}");
     assert!(report.human().contains("lwr works"));
@@ -155,7 +155,7 @@ fn silence_names_what_to_look_at_on_the_controller() {
     );
     assert_fails(&heard(silent), "datagrams", &["friOpen"]);
     let mut stopped = running(json!({}));
-    stopped.before = stopped.told.clone();
+    stopped.before = stopped.driver_status.clone();
     assert_fails(&stopped, "datagrams", &["any more (5000 datagrams"]);
 }
 
@@ -274,8 +274,8 @@ fn another_control_strategy_names_the_variable() {
 fn bad_quality_names_the_culprit() {
     let late = |change: Value| {
         let mut facts = running(change);
-        if let Some(told) = &mut facts.told {
-            told.seconds.push(Second {
+        if let Some(told) = &mut facts.driver_status {
+            told.seconds.push(SecondStats {
                 late: 61,
                 quality_mean: 333,
                 quality_min: 0,

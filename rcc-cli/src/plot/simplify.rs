@@ -2,7 +2,7 @@
 
 /// The points that a line needs to stay within `x` across and `y` up of all others; ends and places without number stay.
 #[must_use]
-pub fn thinned(points: &[(f64, f64)], x: f64, y: f64) -> Vec<(f64, f64)> {
+pub fn simplified(points: &[(f64, f64)], x: f64, y: f64) -> Vec<(f64, f64)> {
     let mut stays = vec![false; points.len()];
     let mut open = vec![(0, points.len().saturating_sub(1))];
     if let (Some(first), Some(last)) = (stays.first().copied(), points.len().checked_sub(1)) {
@@ -50,7 +50,7 @@ mod tests {
         let wave: Vec<(f64, f64)> = (0..5000)
             .map(|i| (f64::from(i), (f64::from(i) * 0.005).sin()))
             .collect();
-        let thin = thinned(&wave, 1.0, 0.01);
+        let thin = simplified(&wave, 1.0, 0.01);
         assert!(thin.len() < 200, "{}", thin.len());
         assert_eq!((thin.first(), thin.last()), (wave.first(), wave.last()));
         for point in &wave {
@@ -63,9 +63,9 @@ mod tests {
 
     #[test]
     fn few_points_stay_as_they_are() {
-        assert!(thinned(&[], 1.0, 1.0).is_empty());
-        assert_eq!(thinned(&[(1.0, 2.0)], 1.0, 1.0), [(1.0, 2.0)]);
+        assert!(simplified(&[], 1.0, 1.0).is_empty());
+        assert_eq!(simplified(&[(1.0, 2.0)], 1.0, 1.0), [(1.0, 2.0)]);
         let same = [(1.0, 2.0); 3];
-        assert_eq!(thinned(&same, 1.0, 1.0), [(1.0, 2.0); 2]);
+        assert_eq!(simplified(&same, 1.0, 1.0), [(1.0, 2.0); 2]);
     }
 }

@@ -16,7 +16,7 @@ use crate::failure::Failure;
 
 /// What is asked of the machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Wish {
+pub struct MachineRequirements {
     /// SCHED_FIFO priority of the executor.
     pub priority: u8,
     /// Its core.
@@ -31,10 +31,10 @@ pub struct Wish {
     pub source: String,
 }
 
-impl Default for Wish {
+impl Default for MachineRequirements {
     fn default() -> Self {
         let ExecutorConfig { priority, core, .. } = ExecutorConfig::default();
-        Wish {
+        MachineRequirements {
             priority,
             core,
             period_ns: 1_000_000,
@@ -47,7 +47,7 @@ impl Default for Wish {
 
 /// A configuration, and the cell that runs with it, if one does.
 #[derive(Clone, Debug)]
-pub struct Chosen {
+pub struct SelectedCell {
     /// The configuration; ports that are chosen at start are 0 unless the cell runs.
     pub config: CellConfig,
     /// Its file.
@@ -58,11 +58,11 @@ pub struct Chosen {
     pub cell: Option<Cell>,
 }
 
-impl Wish {
+impl MachineRequirements {
     /// What this configuration asks for.
     #[must_use]
-    pub fn of(config: &CellConfig) -> Wish {
-        Wish {
+    pub fn of(config: &CellConfig) -> MachineRequirements {
+        MachineRequirements {
             priority: config.executor.priority,
             core: config.executor.core,
             period_ns: config.period_ns,
@@ -79,7 +79,7 @@ impl Wish {
 ///
 /// # Errors
 /// The file is not valid, or there is no such cell, not even a dead one.
-pub fn choose(context: &Context) -> Result<Option<Chosen>, Failure> {
+pub fn select(context: &Context) -> Result<Option<SelectedCell>, Failure> {
     match context.cell.as_deref() {
         Some(name) if is_file(name) => of_file(Path::new(name)).map(Some),
         Some(name) => match of_running(name)? {
@@ -106,13 +106,13 @@ fn is_file(name: &str) -> bool {
         || name.ends_with(".json")
 }
 
-fn of_file(path: &Path) -> Result<Chosen, Failure> {
+fn of_file(path: &Path) -> Result<SelectedCell, Failure> {
     let config = load(path, &BTreeMap::new())?;
     let running = of_running(&config.name).ok().flatten();
-    let same = |chosen: &Chosen| chosen.path.canonicalize().ok() == path.canonicalize().ok();
+    let same = |chosen: &SelectedCell| chosen.path.canonicalize().ok() == path.canonicalize().ok();
     Ok(match running.filter(same) {
         Some(running) => running,
-        None => Chosen {
+        None => SelectedCell {
             config,
             path: path.to_owned(),
             ports: BTreeMap::new(),
@@ -121,7 +121,7 @@ fn of_file(path: &Path) -> Result<Chosen, Failure> {
     })
 }
 
-fn of_running(name: &str) -> Result<Option<Chosen>, Failure> {
+fn of_running(name: &str) -> Result<Option<SelectedCell>, Failure> {
     let Some(cell) = Cell::find(name).map_err(|error| of_cell(&error))? else {
         return Ok(None);
     };
@@ -132,7 +132,7 @@ fn of_running(name: &str) -> Result<Option<Chosen>, Failure> {
     let Some((path, ports)) = living.filter_map(arguments_of).next() else {
         return Ok(None);
     };
-    Ok(Some(Chosen {
+    Ok(Some(SelectedCell {
         config: load(&path, &ports)?,
         path,
         ports,

@@ -10,7 +10,7 @@ use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 use thiserror::Error;
 
-mod thin;
+mod simplify;
 
 /// Colours that people with any colour vision tell apart (Okabe and Ito, 2008).
 const COLOURS: [RGBColor; 8] = [
@@ -34,28 +34,28 @@ const LEGEND: u32 = 230;
 const LEGEND_MAX: usize = 12;
 const FONT: &str = "sans-serif";
 
-/// A curve; where it has no value there is a gap between two stretches.
+/// A curve; where it has no value there is a gap between two segments.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Curve {
+pub struct PlotCurve {
     /// For the legend; empty: it is not in it.
     pub name: String,
-    /// Its stretches, points in order.
-    pub stretches: Vec<Vec<(f64, f64)>>,
+    /// Its segments, points in order.
+    pub segments: Vec<Vec<(f64, f64)>>,
     /// Place in the list of colours.
     pub colour: usize,
 }
 
 /// A rectangle of the picture with axes of its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
+pub struct PlotPanel {
     /// What is shown, with its unit.
     pub title: String,
     /// Name of the horizontal axis, with its unit.
     pub across: String,
     /// Three to a row, with the same scale in both directions: places. Otherwise it is as wide as the picture: time.
-    pub place: bool,
+    pub is_spatial: bool,
     /// Curves.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<PlotCurve>,
     /// Values that must not be exceeded.
     pub limits: Vec<f64>,
     /// Vertical lines: something happens.
@@ -66,14 +66,14 @@ pub struct Panel {
     pub frame: Option<[f64; 4]>,
 }
 
-impl Panel {
+impl PlotPanel {
     /// A panel of values over time, s.
     #[must_use]
-    pub fn over_time(title: String, curves: Vec<Curve>) -> Panel {
-        Panel {
+    pub fn over_time(title: String, curves: Vec<PlotCurve>) -> PlotPanel {
+        PlotPanel {
             title,
             across: "time [s]".to_owned(),
-            place: false,
+            is_spatial: false,
             curves,
             limits: Vec::new(),
             marks: Vec::new(),
@@ -85,22 +85,22 @@ impl Panel {
 
 /// Panels under a title.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
+pub struct Plot {
     /// Above all.
     pub title: String,
     /// From the top; those with places come in rows of three.
-    pub panels: Vec<Panel>,
+    pub panels: Vec<PlotPanel>,
 }
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("the picture cannot be drawn: {0}")]
-pub struct PictureError(String);
+pub struct PlotError(String);
 
 type Area<B> = DrawingArea<B, Shift>;
 
-fn failed(error: impl std::fmt::Display) -> PictureError {
-    PictureError(error.to_string())
+fn failed(error: impl std::fmt::Display) -> PlotError {
+    PlotError(error.to_string())
 }
 
 /// The one font of pictures, so that they are the same everywhere and need nothing from the system.
@@ -112,12 +112,12 @@ fn font() {
     });
 }
 
-impl Picture {
+impl Plot {
     /// As SVG.
     ///
     /// # Errors
     /// The drawing fails.
-    pub fn svg(&self) -> Result<String, PictureError> {
+    pub fn svg(&self) -> Result<String, PlotError> {
         let mut text = String::new();
         self.draw(SVGBackend::with_string(&mut text, (WIDTH, self.height())))?;
         Ok(text)
@@ -127,7 +127,7 @@ impl Picture {
     ///
     /// # Errors
     /// The drawing or the writing fails.
-    pub fn png(&self, out: impl Write) -> Result<(), PictureError> {
+    pub fn png(&self, out: impl Write) -> Result<(), PlotError> {
         let (width, height) = (WIDTH, self.height());
         let mut pixels = vec![0; width as usize * height as usize * 3];
         self.draw(BitMapBackend::with_buffer(&mut pixels, (width, height)))?;
@@ -139,9 +139,9 @@ impl Picture {
         writer.finish().map_err(failed)
     }
 
-    fn rows(&self) -> Vec<&[Panel]> {
+    fn rows(&self) -> Vec<&[PlotPanel]> {
         let mut rows = Vec::new();
-        for group in self.panels.chunk_by(|one, next| one.place && next.place) {
+        for group in self.panels.chunk_by(|one, next| one.is_spatial && next.is_spatial) {
             rows.extend(group.chunks(3));
         }
         rows
@@ -152,7 +152,7 @@ impl Picture {
         TITLE + heights.sum::<u32>()
     }
 
-    fn draw<B: DrawingBackend>(&self, backend: B) -> Result<(), PictureError>
+    fn draw<B: DrawingBackend>(&self, backend: B) -> Result<(), PlotError>
     where
         B::ErrorType: 'static,
     {
@@ -167,7 +167,7 @@ impl Picture {
         for row in self.rows() {
             let (area, below) = rest.split_vertically(height_of(row));
             rest = below;
-            let columns = if row.iter().any(|panel| panel.place) {
+            let columns = if row.iter().any(|panel| panel.is_spatial) {
                 3
             } else {
                 1
@@ -181,21 +181,21 @@ impl Picture {
     }
 }
 
-fn height_of(row: &[Panel]) -> u32 {
-    if row.iter().any(|panel| panel.place) {
+fn height_of(row: &[PlotPanel]) -> u32 {
+    if row.iter().any(|panel| panel.is_spatial) {
         SQUARE
     } else {
         HEIGHT
     }
 }
 
-impl Panel {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Result<(), PictureError>
+impl PlotPanel {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Result<(), PlotError>
     where
         B::ErrorType: 'static,
     {
         let (width, height) = area.dim_in_pixel();
-        let legend = if self.place { 10 } else { LEGEND };
+        let legend = if self.is_spatial { 10 } else { LEGEND };
         let (chart, side) = area.split_horizontally(width - legend);
         let [left, right, bottom, top] = self.bounds(width - legend, height);
         let mut chart = ChartBuilder::on(&chart)
@@ -209,7 +209,7 @@ impl Panel {
             .configure_mesh()
             .light_line_style(TRANSPARENT)
             .bold_line_style(RGBColor(221, 221, 221))
-            .x_labels(if self.place { 5 } else { 10 })
+            .x_labels(if self.is_spatial { 5 } else { 10 })
             .y_labels(6)
             .x_desc(&self.across)
             .label_style((FONT, 13))
@@ -241,8 +241,8 @@ impl Panel {
         );
         for curve in &self.curves {
             let colour = COLOURS[curve.colour % COLOURS.len()];
-            for stretch in &curve.stretches {
-                let points = thin::thinned(stretch, 0.4 * x, 0.4 * y);
+            for stretch in &curve.segments {
+                let points = simplify::simplified(stretch, 0.4 * x, 0.4 * y);
                 let line = LineSeries::new(points, colour.stroke_width(2));
                 chart.draw_series(line).map_err(failed)?;
             }
@@ -255,16 +255,16 @@ impl Panel {
     fn ends<B: DrawingBackend>(
         &self,
         chart: &mut ChartContext<'_, B, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
-    ) -> Result<(), PictureError>
+    ) -> Result<(), PlotError>
     where
         B::ErrorType: 'static,
     {
         let begins = self
             .curves
             .iter()
-            .filter(|_| self.place)
+            .filter(|_| self.is_spatial)
             .filter_map(|curve| {
-                let begin = curve.stretches.first()?.first()?;
+                let begin = curve.segments.first()?.first()?;
                 let colour = COLOURS[curve.colour % COLOURS.len()];
                 Some(Circle::new(*begin, 5, colour.filled()))
             });
@@ -272,11 +272,11 @@ impl Panel {
         Ok(())
     }
 
-    fn legend<B: DrawingBackend>(&self, area: &Area<B>) -> Result<(), PictureError>
+    fn legend<B: DrawingBackend>(&self, area: &Area<B>) -> Result<(), PlotError>
     where
         B::ErrorType: 'static,
     {
-        if self.place {
+        if self.is_spatial {
             return Ok(());
         }
         let style = (FONT, 13).into_font().color(&BLACK);
@@ -302,14 +302,14 @@ impl Panel {
         let points = || {
             self.curves
                 .iter()
-                .flat_map(|curve| curve.stretches.iter().flatten())
+                .flat_map(|curve| curve.segments.iter().flatten())
         };
         let across = points().map(|(x, _)| *x);
         let limits = self.limits.iter().copied();
         let shows = self.shows.into_iter().flatten();
         let up = points().map(|(_, y)| *y).chain(limits).chain(shows);
         let ([left, right], [bottom, top]) = (span(across), span(up));
-        if !self.place {
+        if !self.is_spatial {
             let room = 0.05 * (top - bottom);
             return [left, right, bottom - room, top + room];
         }
@@ -351,26 +351,26 @@ fn short(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn picture() -> Picture {
+    fn picture() -> Plot {
         let wave = (0..1000).map(|i| (f64::from(i) * 1e-3, (f64::from(i) * 0.01).sin()));
-        let curve = Curve {
+        let curve = PlotCurve {
             name: "a<b>&\"c\"".to_owned(),
-            stretches: vec![wave.collect()],
+            segments: vec![wave.collect()],
             colour: 0,
         };
-        let place = Panel {
-            place: true,
+        let place = PlotPanel {
+            is_spatial: true,
             across: "x [m]".to_owned(),
             frame: Some([-1.0, 2.0, -2.0, f64::INFINITY]),
-            ..Panel::over_time("y [m]".to_owned(), vec![curve.clone()])
+            ..PlotPanel::over_time("y [m]".to_owned(), vec![curve.clone()])
         };
-        let empty = Panel::over_time("nothing".to_owned(), vec![Curve::default()]);
-        let time = Panel {
+        let empty = PlotPanel::over_time("nothing".to_owned(), vec![PlotCurve::default()]);
+        let time = PlotPanel {
             limits: vec![1.0, -1.0],
             marks: vec![0.5],
-            ..Panel::over_time("wave [1]".to_owned(), vec![curve])
+            ..PlotPanel::over_time("wave [1]".to_owned(), vec![curve])
         };
-        Picture {
+        Plot {
             title: "a net".to_owned(),
             panels: vec![place.clone(), place, time, empty],
         }

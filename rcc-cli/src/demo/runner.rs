@@ -11,10 +11,10 @@ use super::recorder::Recorder;
 use super::simulator::{Exchange, Simulator};
 use crate::client::Client;
 use crate::failure::Failure;
-use crate::follow::{self, Rejected};
+use crate::follow::{self, OnRejection};
 use crate::interrupt::Interrupts;
 use crate::output::Printer;
-use crate::supervisor::{LOOK_EVERY, Supervisor};
+use crate::supervisor::{POLL_INTERVAL, Supervisor};
 
 /// How long a device that is not ready is waited for.
 const READY_LIMIT: Duration = Duration::from_secs(20);
@@ -24,7 +24,7 @@ const NET_LIMIT: Duration = Duration::from_secs(20);
 const RECORDS_LIMIT: Duration = Duration::from_secs(1);
 
 /// The cell and who acts on it.
-pub struct Stage<'a> {
+pub struct DemoRunner<'a> {
     /// When the cell was up.
     pub begun: Instant,
     /// Keeps the cell alive.
@@ -42,7 +42,7 @@ pub struct Stage<'a> {
 }
 
 /// A net that is over, with what was recorded of it.
-pub struct Run {
+pub struct NetRun {
     /// The command when it was over.
     pub command: CommandDetail,
     /// Its records.
@@ -53,7 +53,7 @@ pub struct Run {
     pub late: u64,
 }
 
-impl Stage<'_> {
+impl DemoRunner<'_> {
     /// Loads, starts and follows a net until it is over and the arm is at rest. `watch` is called while it runs and says
     /// when it shall be cancelled.
     ///
@@ -64,7 +64,7 @@ impl Stage<'_> {
         name: &str,
         text: &str,
         mut watch: impl FnMut(&Recorder, &CommandDetail) -> bool,
-    ) -> Result<Run, Failure> {
+    ) -> Result<NetRun, Failure> {
         let late = self.late()?;
         self.wait_until_ready()?;
         let path = self.supervisor.logs().join("trace.csv");
@@ -96,7 +96,7 @@ impl Stage<'_> {
         self.wait_for_records(&command)?;
         let (records, _) = self.recorder.take(id);
         follow::unload(self.client, id)?;
-        Ok(Run {
+        Ok(NetRun {
             command,
             records,
             exchanges,
@@ -108,7 +108,7 @@ impl Stage<'_> {
     fn load_and_start(&mut self, name: &str, text: &str) -> Result<CommandDetail, Failure> {
         let limit = Instant::now() + READY_LIMIT;
         loop {
-            let loaded = follow::load(self.client, name, text, Rejected::Goes)?;
+            let loaded = follow::load(self.client, name, text, OnRejection::Unload)?;
             let id = loaded.id;
             let refused = match follow::operate(self.client, &id.to_string(), "start") {
                 Ok(_) => return follow::state(self.client, &id.to_string()),
@@ -167,8 +167,8 @@ impl Stage<'_> {
     }
 
     fn pause(&mut self) -> Result<(), Failure> {
-        std::thread::sleep(LOOK_EVERY / 2);
-        self.supervisor.look();
+        std::thread::sleep(POLL_INTERVAL / 2);
+        self.supervisor.poll();
         if self.interrupts.asked() {
             return Err(Failure::interrupted());
         }

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use rcc_config::{CellConfig, auto_ports, free_port};
 use rcc_ipc::cell;
 use rcc_loader::server::codes;
-use rcc_process::memory;
+use rcc_process::oom;
 
-use super::places;
+use super::paths;
 use crate::context::of_cell;
 use crate::failure::Failure;
 
@@ -19,7 +19,7 @@ const BELOW_EXECUTOR: u8 = 10;
 
 /// What a process is in its cell. At the end they stop in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
+pub enum ProcessKind {
     /// The cycle.
     Executor,
     /// REST.
@@ -30,13 +30,13 @@ pub enum Stage {
     Simulator,
 }
 
-impl Stage {
+impl ProcessKind {
     /// All, in the order in which they stop.
-    pub const ALL: [Stage; 4] = [
-        Stage::Executor,
-        Stage::Loader,
-        Stage::Driver,
-        Stage::Simulator,
+    pub const ALL: [ProcessKind; 4] = [
+        ProcessKind::Executor,
+        ProcessKind::Loader,
+        ProcessKind::Driver,
+        ProcessKind::Simulator,
     ];
 }
 
@@ -47,21 +47,21 @@ pub const LOADER_ENVIRONMENT: [(&str, &str); 3] = [
     ("MALLOC_MMAP_THRESHOLD_", "131072"),
 ];
 
-impl Stage {
+impl ProcessKind {
     /// How gladly the kernel ends it when memory runs out.
     #[must_use]
     pub fn oom_score(self) -> i32 {
         match self {
-            Stage::Executor | Stage::Driver => memory::RUNS_THE_ROBOT,
-            Stage::Loader => memory::STARTED_AGAIN,
-            Stage::Simulator => memory::ONLY_LOOKS,
+            ProcessKind::Executor | ProcessKind::Driver => oom::SCORE_ROBOT,
+            ProcessKind::Loader => oom::SCORE_RESTARTABLE,
+            ProcessKind::Simulator => oom::SCORE_OBSERVER,
         }
     }
 }
 
 /// How one tells that a process is ready.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ready {
+pub enum ReadySignal {
     /// It says so to its supervisor, as to systemd.
     Notified,
     /// It wrote a line.
@@ -70,9 +70,9 @@ pub enum Ready {
 
 /// One process of a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Spec {
+pub struct ProcessSpec {
     /// What it is.
-    pub stage: Stage,
+    pub kind: ProcessKind,
     /// For people and for the name of its log: `executor`, `driver-lwr`.
     pub name: String,
     /// Its program.
@@ -80,12 +80,12 @@ pub struct Spec {
     /// Its arguments.
     pub arguments: Vec<OsString>,
     /// How one tells that it is ready.
-    pub ready: Ready,
+    pub ready: ReadySignal,
 }
 
 /// A configuration with the ports of this run.
 #[derive(Clone, Debug)]
-pub struct Prepared {
+pub struct PreparedCell {
     /// The configuration.
     pub config: CellConfig,
     /// Its file, absolute.
@@ -98,7 +98,7 @@ pub struct Prepared {
 ///
 /// # Errors
 /// Every fault of the configuration, or no free port.
-pub fn prepare(path: &Path) -> Result<Prepared, Failure> {
+pub fn prepare(path: &Path) -> Result<PreparedCell, Failure> {
     let name = path.display().to_string();
     let path = path
         .canonicalize()
@@ -116,7 +116,7 @@ pub fn prepare(path: &Path) -> Result<Prepared, Failure> {
         ports.insert(name, port);
     }
     let config = CellConfig::load(&path, &ports).map_err(invalid)?;
-    Ok(Prepared {
+    Ok(PreparedCell {
         config,
         path,
         ports,
@@ -134,7 +134,7 @@ pub fn driver_priority(executor: u8) -> u8 {
 ///
 /// # Errors
 /// A program is not there, or the path of a control port is too long.
-pub fn specs(name: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
+pub fn specs(name: &str, prepared: &PreparedCell) -> Result<Vec<ProcessSpec>, Failure> {
     let mut common: Vec<OsString> = vec!["--cell".into(), name.into(), "--config".into()];
     common.push(prepared.path.clone().into());
     for (port, number) in &prepared.ports {
@@ -151,39 +151,39 @@ pub fn specs(name: &str, prepared: &Prepared) -> Result<Vec<Spec>, Failure> {
             argument.push(socket);
             arguments.push(argument);
         }
-        all.push(Spec {
-            stage: Stage::Simulator,
+        all.push(ProcessSpec {
+            kind: ProcessKind::Simulator,
             name: format!("simulator/{}", simulator.name),
-            program: places::program(&simulator.program)?,
+            program: paths::program(&simulator.program)?,
             arguments,
-            ready: Ready::Line,
+            ready: ReadySignal::Line,
         });
     }
-    all.push(Spec {
-        stage: Stage::Executor,
+    all.push(ProcessSpec {
+        kind: ProcessKind::Executor,
         name: "executor".to_owned(),
-        program: places::program("rcc-exec")?,
+        program: paths::program("rcc-exec")?,
         arguments: common.clone(),
-        ready: Ready::Notified,
+        ready: ReadySignal::Notified,
     });
-    all.push(Spec {
-        stage: Stage::Loader,
+    all.push(ProcessSpec {
+        kind: ProcessKind::Loader,
         name: "loader".to_owned(),
-        program: places::program("rcc-loader")?,
+        program: paths::program("rcc-loader")?,
         arguments: common.clone(),
-        ready: Ready::Notified,
+        ready: ReadySignal::Notified,
     });
     for device in &prepared.config.devices {
         let mut arguments = common.clone();
         arguments.extend(["--device".into(), device.name.as_str().into()]);
         let priority = driver_priority(prepared.config.executor.priority);
         arguments.extend(["--priority".into(), priority.to_string().into()]);
-        all.push(Spec {
-            stage: Stage::Driver,
+        all.push(ProcessSpec {
+            kind: ProcessKind::Driver,
             name: format!("driver/{}", device.name),
-            program: places::program("rcc-driver")?,
+            program: paths::program("rcc-driver")?,
             arguments,
-            ready: Ready::Notified,
+            ready: ReadySignal::Notified,
         });
     }
     Ok(all)

@@ -17,7 +17,7 @@ const STALE_AFTER: u64 = 5;
 /// One second of a device's life.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Second {
+pub struct SecondStats {
     /// Smallest quality, thousandths.
     pub quality_min: u32,
     /// Mean quality, thousandths.
@@ -33,7 +33,7 @@ pub struct Second {
 /// The file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Told {
+pub struct DriverStatus {
     /// Name of the driver.
     pub driver: String,
     /// Its process.
@@ -63,14 +63,14 @@ pub struct Told {
     /// When it did last, seconds since the epoch.
     pub lost_at: Option<u64>,
     /// The last minute, oldest first.
-    pub seconds: Vec<Second>,
+    pub seconds: Vec<SecondStats>,
     /// What only this driver knows.
     pub link: serde_json::Value,
 }
 
 /// The history of a device, as `devices` shows it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct History {
+pub struct LinkHistory {
     /// Seconds that it covers: at most 60, less after a start of the driver.
     pub seconds: usize,
     /// Smallest quality in it, thousandths.
@@ -93,25 +93,25 @@ pub struct History {
     pub sparkline: String,
 }
 
-impl Told {
+impl DriverStatus {
     /// What the driver of `device` told last, if there is one that lives.
     #[must_use]
-    pub fn of(cell: &Cell, device: &str) -> Option<Told> {
+    pub fn of(cell: &Cell, device: &str) -> Option<DriverStatus> {
         let announced = cell.announced(Role::Driver, device).ok().flatten()?;
         let path = cell.drivers_dir().join(format!("{device}.json"));
-        let told: Told = serde_json::from_slice(&file::read(&path, FILE_MAX).ok()?).ok()?;
+        let told: DriverStatus = serde_json::from_slice(&file::read(&path, FILE_MAX).ok()?).ok()?;
         // The file of a predecessor is history of somebody else.
         (!announced.liveness().is_dead() && announced.pid == told.pid).then_some(told)
     }
 
     /// The last minute in figures.
     #[must_use]
-    pub fn history(&self) -> History {
+    pub fn history(&self) -> LinkHistory {
         self.history_at(now())
     }
 
-    fn history_at(&self, now: u64) -> History {
-        let with = |second: &&Second| second.exchanges > 0;
+    fn history_at(&self, now: u64) -> LinkHistory {
+        let with = |second: &&SecondStats| second.exchanges > 0;
         let count = self.seconds.iter().filter(with).count() as u64;
         let sum: u64 = self
             .seconds
@@ -129,7 +129,7 @@ impl Told {
             .map(|second| second.quality_min)
             .min();
         let text = |key: &str| self.link[key].as_str().map(str::to_owned);
-        History {
+        LinkHistory {
             seconds: self.seconds.len(),
             quality_min_permille: least.unwrap_or(0),
             quality_mean_permille: mean.unwrap_or(0),
@@ -146,8 +146,8 @@ impl Told {
 
 /// One sign a second: the mean quality, a dot where nothing was exchanged.
 #[must_use]
-pub fn sparkline(seconds: &[Second]) -> String {
-    let sign = |second: &Second| {
+pub fn sparkline(seconds: &[SecondStats]) -> String {
+    let sign = |second: &SecondStats| {
         if second.exchanges == 0 {
             return NOTHING;
         }
@@ -167,8 +167,8 @@ pub fn now() -> u64 {
 mod tests {
     use super::*;
 
-    fn second(quality: u32, exchanges: u64) -> Second {
-        Second {
+    fn second(quality: u32, exchanges: u64) -> SecondStats {
+        SecondStats {
             quality_min: quality / 2,
             quality_mean: quality,
             exchanges,
@@ -185,11 +185,11 @@ mod tests {
 
     #[test]
     fn silence_does_not_count_as_bad_quality_but_late_answers_add_up() {
-        let told = Told {
+        let told = DriverStatus {
             at: 100,
             seconds: vec![second(1000, 5), second(0, 0), second(600, 5)],
             link: serde_json::json!({"controller": "10.0.0.2:5"}),
-            ..Told::default()
+            ..DriverStatus::default()
         };
         let history = told.history_at(101);
         assert_eq!(
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn an_older_or_newer_file_is_read_as_far_as_it_goes() -> Result<(), serde_json::Error> {
-        let told: Told =
+        let told: DriverStatus =
             serde_json::from_str(r#"{"schema":9,"pid":7,"new":[1],"seconds":[{"late":2}]}"#)?;
         assert_eq!((told.pid, told.seconds[0].late), (7, 2));
         Ok(())

@@ -7,27 +7,27 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Longer words are cut.
-const WORDS_MAX: usize = 4096;
+const DATAGRAM_MAX: usize = 4096;
 /// So many words are read in one look; a process that talks more is listened to again in the next one.
-const WORDS_A_LOOK: usize = 64;
+const DATAGRAMS_PER_POLL: usize = 64;
 
 /// The ear for one life of one process.
 #[derive(Debug)]
-pub struct Notices {
+pub struct NotifySocket {
     socket: UnixDatagram,
     begun: Instant,
-    heard: Instant,
+    last_heartbeat: Instant,
     ready: bool,
     stopping: bool,
     status: String,
 }
 
-impl Notices {
+impl NotifySocket {
     /// Listens at `path`; what was told to it before, by an earlier life, is gone.
     ///
     /// # Errors
     /// The socket cannot be made.
-    pub fn listen(path: &Path) -> io::Result<Notices> {
+    pub fn listen(path: &Path) -> io::Result<NotifySocket> {
         match std::fs::remove_file(path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
@@ -35,10 +35,10 @@ impl Notices {
         let socket = UnixDatagram::bind(path)?;
         socket.set_nonblocking(true)?;
         let now = Instant::now();
-        Ok(Notices {
+        Ok(NotifySocket {
             socket,
             begun: now,
-            heard: now,
+            last_heartbeat: now,
             ready: false,
             stopping: false,
             status: String::new(),
@@ -47,25 +47,25 @@ impl Notices {
 
     /// Takes what has come.
     pub fn take(&mut self) {
-        let mut buffer = [0; WORDS_MAX];
-        for _ in 0..WORDS_A_LOOK {
+        let mut buffer = [0; DATAGRAM_MAX];
+        for _ in 0..DATAGRAMS_PER_POLL {
             let Ok(size) = self.socket.recv(&mut buffer) else {
                 return;
             };
             let words = String::from_utf8_lossy(buffer.get(..size).unwrap_or_default());
             for word in words.lines() {
-                self.hear(word);
+                self.handle_word(word);
             }
         }
     }
 
-    fn hear(&mut self, word: &str) {
+    fn handle_word(&mut self, word: &str) {
         match word.split_once('=') {
             Some(("READY", "1")) => {
                 self.ready = true;
-                self.heard = Instant::now();
+                self.last_heartbeat = Instant::now();
             }
-            Some(("WATCHDOG", "1")) => self.heard = Instant::now(),
+            Some(("WATCHDOG", "1")) => self.last_heartbeat = Instant::now(),
             Some(("STOPPING", "1")) => self.stopping = true,
             Some(("STATUS", status)) => status.clone_into(&mut self.status),
             _ => {}
@@ -88,7 +88,7 @@ impl Notices {
     #[must_use]
     pub fn hung_for(&self, start: Duration, watchdog: Duration) -> Option<Duration> {
         let (since, limit) = match self.ready {
-            true => (self.heard, watchdog),
+            true => (self.last_heartbeat, watchdog),
             false => (self.begun, start),
         };
         // Who stops has another limit, which whoever stopped it watches over.
@@ -96,8 +96,8 @@ impl Notices {
     }
 
     /// Nobody could listen for a while: that is nobody's silence.
-    pub fn excuse(&mut self) {
-        self.heard = Instant::now();
+    pub fn reset_watchdog(&mut self) {
+        self.last_heartbeat = Instant::now();
     }
 }
 
@@ -107,18 +107,18 @@ mod tests {
 
     const NEVER: Duration = Duration::from_secs(3600);
 
-    fn ear(name: &str) -> (Notices, UnixDatagram, std::path::PathBuf) {
+    fn connected(name: &str) -> (NotifySocket, UnixDatagram, std::path::PathBuf) {
         let path = std::env::temp_dir().join(format!("rcc-notices-{name}-{}", std::process::id()));
-        let notices = Notices::listen(&path).unwrap();
-        let mouth = UnixDatagram::unbound().unwrap();
-        mouth.connect(&path).unwrap();
-        (notices, mouth, path)
+        let notices = NotifySocket::listen(&path).unwrap();
+        let sender = UnixDatagram::unbound().unwrap();
+        sender.connect(&path).unwrap();
+        (notices, sender, path)
     }
 
     #[test]
     fn words_are_heard_in_any_combination() {
-        let (mut notices, mouth, path) = ear("words");
-        mouth
+        let (mut notices, sender, path) = connected("words");
+        sender
             .send(b"READY=1\nSTATUS=1000 Hz, a=b\nWATCHDOG=1\nMAINPID=7\n\xff")
             .unwrap();
         notices.take();
@@ -129,20 +129,20 @@ mod tests {
 
     #[test]
     fn silence_is_a_hang_only_beyond_the_limit_of_its_time() {
-        let (mut notices, mouth, path) = ear("silence");
+        let (mut notices, sender, path) = connected("silence");
         assert!(
             notices.hung_for(Duration::ZERO, NEVER).is_some(),
             "not ready in time"
         );
         assert!(notices.hung_for(NEVER, Duration::ZERO).is_none());
-        mouth.send(b"READY=1").unwrap();
+        sender.send(b"READY=1").unwrap();
         notices.take();
         assert!(notices.hung_for(Duration::ZERO, NEVER).is_none());
         assert!(
             notices.hung_for(NEVER, Duration::ZERO).is_some(),
             "no heartbeat"
         );
-        mouth.send(b"STOPPING=1").unwrap();
+        sender.send(b"STOPPING=1").unwrap();
         notices.take();
         assert!(
             notices.hung_for(NEVER, Duration::ZERO).is_none(),

@@ -8,14 +8,14 @@ use rcc_core::path::PathLimits;
 use rcc_core::pose::Pose;
 use rcc_loader::server::api::{CommandDetail, CommandView};
 
-use super::facts::Facts;
+use super::facts::MotionFacts;
 use super::simulator::Exchange;
-use super::verify::{self, ARM_TOLERANCE_M, Check, Line, SET_POINT_TOLERANCE_M, Sent, Track};
+use super::verify::{self, ARM_TOLERANCE_M, MotionCheck, LineSegment, SET_POINT_TOLERANCE_M, SentDatagram, DistanceTrack};
 use crate::follow;
 
 /// What happens to a motion of the demo, and so what is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
+pub enum MotionEvent {
     /// Nothing.
     None,
     /// It meets a floor.
@@ -27,11 +27,11 @@ pub enum Event {
 }
 
 /// Everything recorded of one motion.
-pub struct Recorded<'a> {
+pub struct RecordedMotion<'a> {
     /// The command when it was over.
     pub command: &'a CommandDetail,
     /// What its text says.
-    pub facts: Facts,
+    pub facts: MotionFacts,
     /// Its monitor records, in order.
     pub records: Vec<MonitorRecord>,
     /// What went over the wire.
@@ -47,7 +47,7 @@ pub struct Recorded<'a> {
 /// A monitor's values: cycle and elements.
 type Series<'a> = Vec<(u64, &'a [f64])>;
 
-impl Recorded<'_> {
+impl RecordedMotion<'_> {
     fn series(&self, source: &str) -> Series<'_> {
         let monitor = monitor_index(self.command, source);
         let records = self.records.iter();
@@ -103,14 +103,14 @@ pub fn monitor_index(command: &CommandDetail, source: &str) -> Option<u32> {
 
 /// All checks of a motion.
 #[must_use]
-pub fn judge(recorded: &Recorded<'_>, event: Event) -> Vec<Check> {
+pub fn checks(recorded: &RecordedMotion<'_>, event: MotionEvent) -> Vec<MotionCheck> {
     let set_points = recorded.points("move.pose");
     let joints = recorded.series("ik.joints");
     let from_joints: Vec<[f64; 3]> = joints
         .iter()
         .map(|(_, values)| recorded.flange(values))
         .collect();
-    let line = Line {
+    let line = LineSegment {
         start: set_points.first().copied().unwrap_or([f64::NAN; 3]),
         end: recorded.facts.goal,
     };
@@ -124,7 +124,7 @@ pub fn judge(recorded: &Recorded<'_>, event: Event) -> Vec<Check> {
         .map(|(_, values)| values.first().copied().unwrap_or(f64::NAN))
         .collect();
     let cycles: Vec<u64> = distance.iter().map(|(cycle, _)| *cycle).collect();
-    let track = Track {
+    let track = DistanceTrack {
         first_cycle: cycles.first().copied().unwrap_or(0),
         distances: &distances,
         limits,
@@ -150,29 +150,29 @@ pub fn judge(recorded: &Recorded<'_>, event: Event) -> Vec<Check> {
     checks
 }
 
-fn of_event(recorded: &Recorded<'_>, event: Event, track: &Track<'_>, line: &Line) -> Vec<Check> {
-    let sent: Vec<Sent> = recorded
+fn of_event(recorded: &RecordedMotion<'_>, event: MotionEvent, track: &DistanceTrack<'_>, line: &LineSegment) -> Vec<MotionCheck> {
+    let sent: Vec<SentDatagram> = recorded
         .exchanges
         .iter()
-        .map(|exchange| Sent {
+        .map(|exchange| SentDatagram {
             along: line.along(recorded.flange(&exchange.commanded)),
             on: exchange.booleans & recorded.torch_bit != 0,
         })
         .collect();
     match event {
-        Event::None => Vec::new(),
-        Event::Contact => {
+        MotionEvent::None => Vec::new(),
+        MotionEvent::Contact => {
             let asked = recorded.first_true("stop.out");
             let mut checks = vec![pushed(recorded)];
             checks.extend(verify::soft_stop("contact", track, asked));
             checks
         }
-        Event::Weld => weld(recorded, track, &sent),
-        Event::Cancel => cancel(recorded, track, &sent),
+        MotionEvent::Weld => weld(recorded, track, &sent),
+        MotionEvent::Cancel => cancel(recorded, track, &sent),
     }
 }
 
-fn weld(recorded: &Recorded<'_>, track: &Track<'_>, sent: &[Sent]) -> Vec<Check> {
+fn weld(recorded: &RecordedMotion<'_>, track: &DistanceTrack<'_>, sent: &[SentDatagram]) -> Vec<MotionCheck> {
     let (on, off) = (recorded.facts.torch_on, recorded.facts.torch_off);
     let switching = |(word, value, position): (&str, bool, Option<f64>)| {
         let switched = recorded.switched("burn.out", value);
@@ -192,12 +192,12 @@ fn weld(recorded: &Recorded<'_>, track: &Track<'_>, sent: &[Sent]) -> Vec<Check>
         .collect()
 }
 
-fn cancel(recorded: &Recorded<'_>, track: &Track<'_>, sent: &[Sent]) -> Vec<Check> {
+fn cancel(recorded: &RecordedMotion<'_>, track: &DistanceTrack<'_>, sent: &[SentDatagram]) -> Vec<MotionCheck> {
     let asked = recorded.first_true("cancel.requested");
     let off = recorded.switched("burn.out", false);
     let along = asked.and_then(|cycle| track.at(cycle)).unwrap_or(f64::NAN);
     let mut checks = verify::soft_stop("cancel", track, asked);
-    checks.push(Check::new(
+    checks.push(MotionCheck::new(
         "torch off in the cycle of the cancel",
         off.is_some() && off == asked,
         in_cycle(asked),
@@ -213,12 +213,12 @@ fn in_cycle(cycle: Option<u64>) -> String {
 }
 
 /// The floor was really there.
-fn pushed(recorded: &Recorded<'_>) -> Check {
+fn pushed(recorded: &RecordedMotion<'_>) -> MotionCheck {
     let force = recorded
         .exchanges
         .iter()
         .fold(0.0_f64, |most, exchange| most.max(exchange.force[2].abs()));
-    Check::new(
+    MotionCheck::new(
         "the simulated arm felt the floor",
         force > 0.0,
         "a force",
@@ -226,8 +226,8 @@ fn pushed(recorded: &Recorded<'_>) -> Check {
     )
 }
 
-fn ended(command: &CommandView, event: Event) -> Check {
-    let expected = if event == Event::Cancel {
+fn ended(command: &CommandView, event: MotionEvent) -> MotionCheck {
+    let expected = if event == MotionEvent::Cancel {
         "canceled"
     } else {
         "finished"
@@ -236,7 +236,7 @@ fn ended(command: &CommandView, event: Event) -> Check {
         .fault
         .as_ref()
         .map(|fault| format!(": {}", fault.words));
-    Check::new(
+    MotionCheck::new(
         "the net ended as it should",
         command.reason.as_deref() == Some(expected),
         format!("terminated ({expected})"),

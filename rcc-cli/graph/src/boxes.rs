@@ -1,8 +1,8 @@
 //! A primitive as a box: its lines of text, its ports and where they are. Pure.
 
-use rcc_language::anatomy::{Anatomy, Part, PartRole, Pin, Source};
+use rcc_language::structure::{NetStructure, PrimitiveInfo, PrimitiveRole, PortInfo, SourceInfo};
 
-use super::layout::{Pin as Border, Shape};
+use super::layout::{LayerConstraint, NodeShape};
 use super::text::{fit, lines, width};
 use super::{Values, constant, is_label, links, shown};
 
@@ -41,7 +41,7 @@ pub struct PortLabel {
 
 /// A primitive as a box.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Box {
+pub struct PrimitiveBox {
     /// Place of the primitive in the net.
     pub part: usize,
     /// What stands in its head.
@@ -49,7 +49,7 @@ pub struct Box {
     /// Its type, and its device.
     pub kind: String,
     /// Its colour.
-    pub role: PartRole,
+    pub role: PrimitiveRole,
     /// Lines below the head.
     pub parameters: Vec<String>,
     /// On the left.
@@ -64,7 +64,7 @@ pub struct Box {
     pub height: f64,
 }
 
-impl Box {
+impl PrimitiveBox {
     /// Height of the first of the lines below the head.
     #[must_use]
     pub const fn first_line() -> f64 {
@@ -82,13 +82,13 @@ impl Box {
 
     /// As the layout sees it.
     #[must_use]
-    pub fn shape(&self) -> Shape {
-        Shape {
+    pub fn shape(&self) -> NodeShape {
+        NodeShape {
             width: self.width,
             height: self.height,
             inputs: self.inputs.iter().map(|port| port.y).collect(),
             outputs: self.outputs.iter().map(|port| port.y).collect(),
-            pin: Border::Free,
+            constraint: LayerConstraint::Free,
         }
     }
 
@@ -101,7 +101,7 @@ impl Box {
 
 /// The boxes of a net: every primitive but for those that are labels of others.
 #[must_use]
-pub fn boxes(net: &Anatomy, values: Option<&Values>) -> Vec<Box> {
+pub fn boxes(net: &NetStructure, values: Option<&Values>) -> Vec<PrimitiveBox> {
     let mut read: Vec<Vec<bool>> = net
         .primitives
         .iter()
@@ -126,7 +126,7 @@ pub fn boxes(net: &Anatomy, values: Option<&Values>) -> Vec<Box> {
 }
 
 /// "watch_pose: pose, 100 Hz".
-fn watch(net: &Anatomy, part: &Part) -> String {
+fn watch(net: &NetStructure, part: &PrimitiveInfo) -> String {
     let link = shown(net, part);
     let output = link.and_then(|link| {
         let port = net
@@ -158,13 +158,13 @@ fn short_id(id: &str) -> &str {
 }
 
 fn boxed(
-    net: &Anatomy,
+    net: &NetStructure,
     number: usize,
-    part: &Part,
+    part: &PrimitiveInfo,
     read: &[bool],
     watched: &[(usize, String)],
     values: Option<&Values>,
-) -> Box {
+) -> PrimitiveBox {
     let value = |port: &str| values?.get(&format!("{}.{port}", part.id)).cloned();
     let inputs = part.inputs.iter().enumerate();
     let inputs = inputs.map(|(port, pin)| input(net, port, pin, value(pin.name)));
@@ -190,7 +190,7 @@ fn boxed(
             None => pin.name.to_owned(),
         })
         .collect();
-    let mut it = Box {
+    let mut it = PrimitiveBox {
         part: number,
         id: short_id(&part.id).to_owned(),
         kind: match &part.device {
@@ -215,18 +215,18 @@ fn boxed(
     it
 }
 
-fn input(net: &Anatomy, port: usize, pin: &Pin, value: Option<String>) -> PortLabel {
+fn input(net: &NetStructure, port: usize, pin: &PortInfo, value: Option<String>) -> PortLabel {
     let constants: Vec<String> = pin
         .sources
         .iter()
         .filter_map(|source| match source {
-            Source::Constant(value) | Source::Default(value) => Some(value.clone()),
-            Source::Link(link) => constant(net, link),
+            SourceInfo::Constant(value) | SourceInfo::Default(value) => Some(value.clone()),
+            SourceInfo::Link(link) => constant(net, link),
         })
         .collect();
     let linked = constants.len() < pin.sources.len();
     let first = pin.sources.iter().find_map(|source| match source {
-        Source::Link(link) if link.delayed => Some(link.initial.as_deref().unwrap_or("null")),
+        SourceInfo::Link(link) if link.delayed => Some(link.initial.as_deref().unwrap_or("null")),
         _ => None,
     });
     let kind = kind(pin);
@@ -248,7 +248,7 @@ fn input(net: &Anatomy, port: usize, pin: &Pin, value: Option<String>) -> PortLa
     }
 }
 
-fn kind(pin: &Pin) -> String {
+fn kind(pin: &PortInfo) -> String {
     match &pin.unit {
         Some(unit) => format!("{} {}", pin.type_name, raised(unit)),
         None => pin.type_name.clone(),
@@ -260,7 +260,7 @@ fn raised(words: &str) -> String {
     words.replace("^2", "²").replace("^3", "³")
 }
 
-fn parameters(net: &Anatomy, part: &Part) -> Vec<String> {
+fn parameters(net: &NetStructure, part: &PrimitiveInfo) -> Vec<String> {
     let all = part.parameters.iter();
     let mut shown: Vec<String> = all
         .take(PARAMETERS_MAX)
@@ -276,7 +276,7 @@ fn parameters(net: &Anatomy, part: &Part) -> Vec<String> {
 }
 
 /// Finds the size and where the ports are; texts that are too long for any box are cut.
-fn measure(it: &mut Box) {
+fn measure(it: &mut PrimitiveBox) {
     let cut = |text: &mut String, size: f64, most: f64| *text = fit(text, size, most);
     cut(&mut it.id, ID_SIZE, MOST - 2.0 * SIDE);
     cut(&mut it.kind, PORT_SIZE, MOST - 2.0 * SIDE);

@@ -1,7 +1,7 @@
 //! An explanation for people: a small net whole, a large one by its sums, and every table on demand. Pure.
 
-use super::Shown;
-use super::report::{Explanation, Memory, Output, Room};
+use super::TableSelection;
+use super::report::{Explanation, NetMemory, StepOutput, CellCapacity};
 use crate::table::{self, grouped, time};
 
 /// Nets up to this size are told whole.
@@ -12,7 +12,7 @@ const CONSEQUENCES_MAX: usize = 12;
 const ENDS: usize = 8;
 
 /// As people read it.
-pub fn human(it: &Explanation, shown: Shown) -> String {
+pub fn human(it: &Explanation, shown: TableSelection) -> String {
     let is_small = it.order.len() <= SMALL && !(shown.order || shown.nulls || shown.path);
     let mut parts = vec![head(it), types(it), regions(it)];
     if is_small || shown.order || shown.all {
@@ -67,7 +67,7 @@ fn head(it: &Explanation) -> String {
     )
 }
 
-fn memory(it: &Memory, runs: usize) -> String {
+fn memory(it: &NetMemory, runs: usize) -> String {
     let count = |count: usize| grouped(count as u64);
     let shared = match it.constant_inputs {
         0 => String::new(),
@@ -142,7 +142,7 @@ fn order(it: &Explanation) -> String {
     table::text(&rows)
 }
 
-fn output(it: &Output) -> String {
+fn output(it: &StepOutput) -> String {
     match &it.unit {
         Some(unit) => format!("{} {} {unit}", it.name, it.ty),
         None => format!("{} {}", it.name, it.ty),
@@ -171,7 +171,7 @@ fn path(it: &Explanation) -> String {
     }
 }
 
-fn nulls(it: &Explanation, shown: Shown, is_small: bool) -> String {
+fn nulls(it: &Explanation, shown: TableSelection, is_small: bool) -> String {
     let mut lines = Vec::new();
     let count = it.nulls.len();
     if shown.nulls || shown.all {
@@ -203,7 +203,7 @@ fn nulls(it: &Explanation, shown: Shown, is_small: bool) -> String {
     lines.join("\n")
 }
 
-fn left(room: &Room) -> String {
+fn left(room: &CellCapacity) -> String {
     let dearest = room.dearest.as_ref().map_or_else(
         || "no net runs".to_owned(),
         |net| format!("the dearest that runs is {net} ({})", time(room.dearest_ns)),
@@ -220,17 +220,17 @@ fn left(room: &Room) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verbs::explain::report::{Consequence, Null, Path, Row, Step};
+    use crate::verbs::explain::report::{Consequence, NullSource, CriticalPath, TypeShare, EvaluationStep};
 
     fn explanation(steps: usize) -> Explanation {
-        let step = |order: usize| Step {
+        let step = |order: usize| EvaluationStep {
             order,
             run: 0,
             id: format!("p{order}"),
             ty: "Add",
             kernel: Some("Real".into()),
             ns: 1.5,
-            outputs: vec![Output {
+            outputs: vec![StepOutput {
                 name: "out",
                 ty: "Real".into(),
                 unit: Some("m".into()),
@@ -245,20 +245,20 @@ mod tests {
             period_ns: 1_000_000,
             every: 1,
             costs: "measured now".into(),
-            types: vec![Row {
+            types: vec![TypeShare {
                 ty: "LinearMotion",
                 count: 2,
                 all_ns: 1_500.0,
             }],
             runs: 1,
             regions: Vec::new(),
-            memory: Memory::default(),
+            memory: NetMemory::default(),
             order: (0..steps).map(step).collect(),
-            path: Path {
+            path: CriticalPath {
                 ns: 3.0,
                 ids: (0..steps).map(|step| format!("p{step}")).collect(),
             },
-            nulls: vec![Null {
+            nulls: vec![NullSource {
                 id: "p1".into(),
                 outputs: vec!["out"],
                 why: "`lwr` is lost: ft".into(),
@@ -268,7 +268,7 @@ mod tests {
                 why: "`lwr` is lost: ft → p1".into(),
                 then: "no command".into(),
             }],
-            cell: Some(Room {
+            cell: Some(CellCapacity {
                 cell: "demo".into(),
                 budget_ns: 500_000,
                 committed_ns: 100_000,
@@ -282,13 +282,13 @@ mod tests {
     #[test]
     fn what_is_not_always_active_is_told_with_its_condition() {
         let mut explanation = explanation(3);
-        explanation.regions.push(super::super::report::Region {
+        explanation.regions.push(super::super::report::ConditionalRegion {
             id: "a".into(),
             condition: "button.out".into(),
             primitives: 500,
             ns: 1500.0,
         });
-        let text = human(&explanation, Shown::default());
+        let text = human(&explanation, TableSelection::default());
         let line =
             "`a` is evaluated only while `button.out` is true: 500 primitives, 1.5 µs when it is";
         assert!(text.contains(line), "{text}");
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     fn a_small_net_is_told_whole() {
-        let text = human(&explanation(3), Shown::default());
+        let text = human(&explanation(3), TableSelection::default());
         for part in [
             "line: 3 primitives, expected to need 2.0 µs every cycle, 0.2 % of the period of 1.0 ms",
             "LinearMotion  2      750.0 ns  1500.0 ns  75.0 %",
@@ -312,20 +312,20 @@ mod tests {
     #[test]
     fn a_large_net_is_told_by_its_sums_and_its_tables_on_demand() {
         let large = explanation(1_000);
-        let text = human(&large, Shown::default());
+        let text = human(&large, TableSelection::default());
         assert!(text.lines().count() < 20, "{text}");
         assert!(
             text.contains("1 primitives can give null") && text.contains("`--order`"),
             "{text}"
         );
-        let order = Shown {
+        let order = TableSelection {
             order: true,
-            ..Shown::default()
+            ..TableSelection::default()
         };
         assert!(human(&large, order).lines().count() > 1_000);
-        let path = Shown {
+        let path = TableSelection {
             path: true,
-            ..Shown::default()
+            ..TableSelection::default()
         };
         assert!(
             human(&large, path).contains("p7 → … 984 more … → p992"),

@@ -7,12 +7,12 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
 use ratatui::widgets::{Block, Paragraph, Row, Table};
 
-use super::{Shot, words};
+use super::{TopSnapshot, text};
 
 /// Draws everything; `told` is the last line.
-pub(super) fn draw(frame: &mut Frame<'_>, shot: &Shot, told: &str) {
-    let head = words::head(shot);
-    let nets = words::nets(shot);
+pub(super) fn draw(frame: &mut Frame<'_>, snapshot: &TopSnapshot, told: &str) {
+    let head = text::head(snapshot);
+    let nets = text::nets(snapshot);
     let rows = u16::try_from(nets.len()).unwrap_or(u16::MAX);
     let head_rows = u16::try_from(head.len()).unwrap_or(u16::MAX);
     let [top, middle, below, foot] = Layout::vertical([
@@ -24,7 +24,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, shot: &Shot, told: &str) {
     .areas(frame.area());
     let [left, right] =
         Layout::horizontal([Constraint::Percentage(60), Constraint::Percentage(40)]).areas(below);
-    let late = shot.status.executor.late > shot.status.executor.late_acknowledged;
+    let late = snapshot.status.executor.late > snapshot.status.executor.late_acknowledged;
     let lines = head
         .into_iter()
         .enumerate()
@@ -34,14 +34,14 @@ pub(super) fn draw(frame: &mut Frame<'_>, shot: &Shot, told: &str) {
             _ => Line::from(line),
         });
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), top);
-    table(frame, middle, "nets", words::NET_HEADS, nets);
-    histograms(frame, left, shot);
+    table(frame, middle, "nets", text::NET_HEADS, nets);
+    histograms(frame, left, snapshot);
     table(
         frame,
         right,
         "primitives (sampled)",
-        words::TYPE_HEADS,
-        words::types(shot),
+        text::TYPE_HEADS,
+        text::types(snapshot),
     );
     let keys = "q quit   a acknowledge late cycles   ";
     frame.render_widget(
@@ -50,8 +50,8 @@ pub(super) fn draw(frame: &mut Frame<'_>, shot: &Shot, told: &str) {
     );
 }
 
-fn histograms(frame: &mut Frame<'_>, area: Rect, shot: &Shot) {
-    let parts = words::histograms(shot);
+fn histograms(frame: &mut Frame<'_>, area: Rect, snapshot: &TopSnapshot) {
+    let parts = text::histograms(snapshot);
     let heights = parts.each_ref().map(|(_, drawing)| {
         let lines = u16::try_from(drawing.lines().count()).unwrap_or(u16::MAX);
         Constraint::Max(lines.max(1).saturating_add(2))
@@ -94,10 +94,10 @@ mod tests {
 
     use super::*;
 
-    fn shot() -> Shot {
-        let mut shot = Shot::default();
-        shot.status.cell = "demo".into();
-        let executor = &mut shot.status.executor;
+    fn snapshot() -> TopSnapshot {
+        let mut snapshot = TopSnapshot::default();
+        snapshot.status.cell = "demo".into();
+        let executor = &mut snapshot.status.executor;
         (executor.cycle, executor.period_ns) = (12_345, 1_000_000);
         executor.late = 3;
         executor.late_acknowledged = 1;
@@ -122,8 +122,8 @@ mod tests {
             state: "terminated".into(),
             ..net(9, "over", 1)
         };
-        shot.nets = vec![net(1, "cheap", 2_000), net(2, "dear", 100_000), over];
-        shot.timing.exec = HistogramView {
+        snapshot.nets = vec![net(1, "cheap", 2_000), net(2, "dear", 100_000), over];
+        snapshot.timing.exec = HistogramView {
             count: 5,
             mean_ns: 102_000,
             p99_ns: 200_000,
@@ -133,19 +133,19 @@ mod tests {
             }],
             ..HistogramView::default()
         };
-        shot.timing.primitives = vec![PrimitiveTimeView {
+        snapshot.timing.primitives = vec![PrimitiveTimeView {
             ty: "LinearMotion".into(),
             runs: 4,
             primitives: 8,
             sum_ns: 4_000,
             max_ns: 1_200,
         }];
-        shot
+        snapshot
     }
 
     fn drawn(width: u16, height: u16, told: &str) -> String {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
-        terminal.draw(|frame| draw(frame, &shot(), told)).unwrap();
+        terminal.draw(|frame| draw(frame, &snapshot(), told)).unwrap();
         let buffer = terminal.backend().buffer();
         let rows = buffer.content().chunks(usize::from(width));
         rows.map(|row| row.iter().map(|cell| cell.symbol()).collect::<String>() + "\n")
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn the_text_has_the_same() {
-        let text = words::text(&shot());
+        let text = text::text(&snapshot());
         for part in [
             "computed long",
             "LinearMotion",

@@ -1,7 +1,7 @@
 //! `/dev/shm`: what it is, how large, how it is mounted.
 //! Run by the main thread.
 
-use super::system::System;
+use super::system::SystemRoot;
 
 /// Where the processes of a cell share memory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub struct Shared {
 
 /// Reads the table of mounts and asks the file system.
 #[must_use]
-pub fn read(system: &System) -> Shared {
+pub fn read(system: &SystemRoot) -> Shared {
     let path = system.path("dev/shm");
     let mounts = system.text("proc/self/mountinfo").unwrap_or_default();
     let (kind, options) = mount(&mounts, "/dev/shm").unzip();

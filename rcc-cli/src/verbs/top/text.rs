@@ -3,7 +3,7 @@
 
 use rcc_loader::server::api::{CommandView, HistogramView};
 
-use super::Shot;
+use super::TopSnapshot;
 use crate::doctor::histogram::drawing;
 use crate::follow;
 use crate::table::{self, grouped, time};
@@ -20,13 +20,13 @@ fn percent(part: u64, whole: u64) -> String {
 }
 
 /// Which cell, how loaded its cycles are, and its late cycles.
-pub(super) fn head(shot: &Shot) -> Vec<String> {
-    let (executor, timing) = (&shot.status.executor, &shot.timing);
+pub(super) fn head(snapshot: &TopSnapshot) -> Vec<String> {
+    let (executor, timing) = (&snapshot.status.executor, &snapshot.timing);
     let period_ns = executor.period_ns;
     let mut lines = vec![
         format!(
             "cell {}  cycle {}  period {}  load {} (99 %: {})  budget {} of {}",
-            shot.status.cell,
+            snapshot.status.cell,
             grouped(executor.cycle),
             time(period_ns),
             percent(timing.exec.mean_ns, period_ns),
@@ -60,9 +60,9 @@ pub(super) fn head(shot: &Shot) -> Vec<String> {
 }
 
 /// The nets that are not over: those that run first, the dearest before the others.
-pub(super) fn nets(shot: &Shot) -> Vec<[String; 6]> {
-    let period_ns = shot.status.executor.period_ns;
-    let mut nets: Vec<&CommandView> = shot
+pub(super) fn nets(snapshot: &TopSnapshot) -> Vec<[String; 6]> {
+    let period_ns = snapshot.status.executor.period_ns;
+    let mut nets: Vec<&CommandView> = snapshot
         .nets
         .iter()
         .filter(|net| !follow::is_over(net))
@@ -84,8 +84,8 @@ pub(super) fn nets(shot: &Shot) -> Vec<[String; 6]> {
 }
 
 /// The types of primitives, the dearest first.
-pub(super) fn types(shot: &Shot) -> Vec<[String; 4]> {
-    let rows = &shot.timing.primitives;
+pub(super) fn types(snapshot: &TopSnapshot) -> Vec<[String; 4]> {
+    let rows = &snapshot.timing.primitives;
     let sum: u64 = rows
         .iter()
         .map(|row| row.sum_ns)
@@ -104,8 +104,8 @@ pub(super) fn types(shot: &Shot) -> Vec<[String; 4]> {
 }
 
 /// The histograms with their names.
-pub(super) fn histograms(shot: &Shot) -> [(String, String); 3] {
-    let timing = &shot.timing;
+pub(super) fn histograms(snapshot: &TopSnapshot) -> [(String, String); 3] {
+    let timing = &snapshot.timing;
     let of = |name: &str, histogram: &HistogramView| {
         let title = format!(
             "{name}: half {}, 99 % {}, 99.9 % {}, longest {}",
@@ -124,19 +124,19 @@ pub(super) fn histograms(shot: &Shot) -> [(String, String); 3] {
 }
 
 /// Everything as text.
-pub(super) fn text(shot: &Shot) -> String {
+pub(super) fn text(snapshot: &TopSnapshot) -> String {
     let mut nets_table = table::table(&NET_HEADS);
-    nets(shot).into_iter().for_each(|row| {
+    nets(snapshot).into_iter().for_each(|row| {
         nets_table.add_row(row);
     });
     let mut types_table = table::table(&TYPE_HEADS);
-    types(shot).into_iter().for_each(|row| {
+    types(snapshot).into_iter().for_each(|row| {
         types_table.add_row(row);
     });
-    let drawings = histograms(shot).map(|(title, drawing)| format!("{title}\n{drawing}"));
+    let drawings = histograms(snapshot).map(|(title, drawing)| format!("{title}\n{drawing}"));
     format!(
         "{}\n\n{}\n\n{}\n{}",
-        head(shot).join("\n"),
+        head(snapshot).join("\n"),
         table::text(&nets_table),
         drawings.join("\n"),
         table::text(&types_table)
