@@ -18,33 +18,33 @@ fn main() {
 }
 
 /// What stands for a type in Rust.
-enum Kind {
+enum RustType {
     /// A type of the language, as a path.
     Is(String),
     /// The open type of the primitive.
     Open,
     /// Known when the net is loaded.
-    Late,
+    Untyped,
 }
 
-fn kind(ty: PortType) -> Kind {
+fn kind(ty: PortType) -> RustType {
     if let PortType::Is(ty) = ty {
         let name = format!("{ty:?}");
         return match name.split_once('(') {
-            None => Kind::Is(format!("crate::{name}")),
+            None => RustType::Is(format!("crate::{name}")),
             Some(("Reals", length)) => {
-                Kind::Is(format!("crate::Reals<{}>", length.trim_end_matches(')')))
+                RustType::Is(format!("crate::Reals<{}>", length.trim_end_matches(')')))
             }
             Some(("Matrix", sizes)) => {
-                Kind::Is(format!("crate::Matrix<{}>", sizes.trim_end_matches(')')))
+                RustType::Is(format!("crate::Matrix<{}>", sizes.trim_end_matches(')')))
             }
-            Some(_) => Kind::Late,
+            Some(_) => RustType::Untyped,
         };
     }
     match format!("{ty:?}").as_str() {
-        "Any" | "Scalar" | "Number" | "Linear" => Kind::Open,
-        "Joints" => Kind::Is("crate::Joints".to_string()),
-        _ => Kind::Late,
+        "Any" | "Scalar" | "Number" | "Linear" => RustType::Open,
+        "Joints" => RustType::Is("crate::Joints".to_string()),
+        _ => RustType::Untyped,
     }
 }
 
@@ -72,17 +72,17 @@ fn bound_path(bound: &str) -> &'static str {
 
 fn input_type(port: &Port) -> String {
     match kind(port.ty) {
-        Kind::Is(ty) => format!("crate::In<'n, {ty}>"),
-        Kind::Open => "crate::In<'n, T>".to_string(),
-        Kind::Late => "crate::AnyIn<'n>".to_string(),
+        RustType::Is(ty) => format!("crate::In<'n, {ty}>"),
+        RustType::Open => "crate::In<'n, T>".to_string(),
+        RustType::Untyped => "crate::AnyIn<'n>".to_string(),
     }
 }
 
 fn output_type(port: &Port) -> String {
     match kind(port.ty) {
-        Kind::Is(ty) => ty,
-        Kind::Open => "T".to_string(),
-        Kind::Late => "crate::Late".to_string(),
+        RustType::Is(ty) => ty,
+        RustType::Open => "T".to_string(),
+        RustType::Untyped => "crate::Untyped".to_string(),
     }
 }
 
@@ -104,8 +104,8 @@ fn parameter_type(parameter: &Parameter) -> String {
         return "crate::Value<crate::Real>".to_string();
     }
     match parameter.kind.value().map(|(ty, _)| kind(ty)) {
-        Some(Kind::Is(ty)) => format!("crate::Value<{ty}>"),
-        Some(Kind::Open) => "crate::Value<T>".to_string(),
+        Some(RustType::Is(ty)) => format!("crate::Value<{ty}>"),
+        Some(RustType::Open) => "crate::Value<T>".to_string(),
         _ => "crate::AnyValue".to_string(),
     }
 }

@@ -70,8 +70,8 @@ fn make() -> Vec<u64> {
     let head = IncidentHead {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: events::digits(rcc_core::primitives::fingerprint()),
-        configuration: events::digits(cell.plans[0].configuration),
+        catalogue: events::hex_digits(rcc_core::primitives::fingerprint()),
+        configuration: events::hex_digits(cell.plans[0].configuration),
         ..IncidentHead::default()
     };
     let nets: Vec<_> = (1..).zip(&origins).collect();

@@ -7,12 +7,12 @@ use std::marker::PhantomData;
 
 use rcc_config::diagnostic::Faults;
 use rcc_config::yaml;
-use rcc_config::yaml::layout::{Block, Entry, Tree, render};
+use rcc_config::yaml::layout::{Tree, TreeBlock, TreeEntry, render};
 use rcc_language::syntax::{self, Net};
 use rcc_language::write;
 use thiserror::Error;
 
-use crate::value::{AnyValue, Late, Real, Type, Value};
+use crate::value::{AnyValue, Real, Type, Untyped, Value};
 
 /// Why there is no net.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -33,11 +33,11 @@ pub enum BuildError {
 /// Makes one net.
 #[derive(Debug)]
 pub struct NetBuilder {
-    pub(crate) state: RefCell<State>,
+    pub(crate) state: RefCell<NetState>,
 }
 
 #[derive(Debug, Default)]
-pub(crate) struct State {
+pub(crate) struct NetState {
     name: String,
     /// Keys of the net before its primitives.
     keys: Vec<(String, Tree)>,
@@ -48,7 +48,7 @@ pub(crate) struct State {
     /// Outputs that must be read or discarded.
     outputs: Vec<String>,
     /// How many ids have been made up.
-    made_up: usize,
+    generated_ids: usize,
 }
 
 #[derive(Debug)]
@@ -57,8 +57,8 @@ pub(crate) struct NodeState {
     pub(crate) kind: &'static str,
     pub(crate) type_name: String,
     parameters: Vec<(String, Tree)>,
-    inputs: Vec<(String, Source)>,
-    active: Option<Source>,
+    inputs: Vec<(String, InputSource)>,
+    active: Option<InputSource>,
 }
 
 #[derive(Debug)]
@@ -69,7 +69,7 @@ struct DelayedState {
 
 /// What feeds an input.
 #[derive(Clone, Debug)]
-pub(crate) enum Source {
+pub(crate) enum InputSource {
     Output(String),
     Constant(Tree),
     Delayed(usize),
@@ -86,13 +86,13 @@ pub struct Node<'n> {
 #[derive(Clone, Copy, Debug)]
 pub struct Out<'n, T> {
     pub(crate) net: &'n NetBuilder,
-    at: Place,
+    at: OutputLocation,
     ty: PhantomData<T>,
 }
 
 /// Where an output is.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum OutputLocation {
     /// Of a primitive, and perhaps an element of it.
     Port(usize, &'static str, Option<usize>),
     /// In the table of names that are no `&'static str`.
@@ -102,14 +102,14 @@ enum Place {
 /// What feeds an input: an output, a delayed link, or a constant.
 #[derive(Clone, Debug)]
 pub struct In<'n, T> {
-    source: Source,
+    source: InputSource,
     ty: PhantomData<(&'n (), T)>,
 }
 
 /// What feeds an input whose type is known when the net is loaded.
 #[derive(Clone, Debug)]
 pub struct AnyIn<'n> {
-    source: Source,
+    source: InputSource,
     net: PhantomData<&'n ()>,
 }
 
@@ -126,9 +126,9 @@ impl NetBuilder {
     #[must_use]
     pub fn new(name: &str) -> NetBuilder {
         NetBuilder {
-            state: RefCell::new(State {
+            state: RefCell::new(NetState {
                 name: name.to_string(),
-                ..State::default()
+                ..NetState::default()
             }),
         }
     }
@@ -221,8 +221,8 @@ impl NetBuilder {
     pub(crate) fn id(&self, word: &str) -> String {
         let mut state = self.state.borrow_mut();
         loop {
-            state.made_up += 1;
-            let id = format!("{word}_{}", state.made_up);
+            state.generated_ids += 1;
+            let id = format!("{word}_{}", state.generated_ids);
             if state.nodes.iter().all(|node| node.id != id) {
                 return id;
             }
@@ -256,7 +256,7 @@ impl NetBuilder {
     }
 }
 
-impl State {
+impl NetState {
     /// Outputs that something reads, or that are discarded.
     fn read(&self) -> HashSet<String> {
         let sources = self.nodes.iter().flat_map(|node| {
@@ -264,9 +264,9 @@ impl State {
             inputs.chain(&node.active)
         });
         let links = sources.filter_map(|source| match source {
-            Source::Output(name) => Some(name),
-            Source::Delayed(index) => self.delayed.get(*index)?.from.as_ref(),
-            Source::Constant(_) => None,
+            InputSource::Output(name) => Some(name),
+            InputSource::Delayed(index) => self.delayed.get(*index)?.from.as_ref(),
+            InputSource::Constant(_) => None,
         });
         let whole = |name: &String| name.split('[').next().unwrap_or_default().to_string();
         links.chain(&self.discard).map(whole).collect()
@@ -289,11 +289,11 @@ impl State {
     pub(crate) fn body(&self) -> Result<Vec<(String, Tree)>, BuildError> {
         let mut entries = Vec::new();
         for node in &self.nodes {
-            entries.push(Entry::new(node.id.as_str(), self.node_tree(node)?));
+            entries.push(TreeEntry::new(node.id.as_str(), self.node_tree(node)?));
         }
-        let primitives = Tree::Map(Block {
+        let primitives = Tree::Map(TreeBlock {
             open: true,
-            ..Block::new(entries)
+            ..TreeBlock::new(entries)
         });
         let mut body = vec![("primitives".to_string(), primitives)];
         if !self.discard.is_empty() {
@@ -331,12 +331,12 @@ impl State {
         &self,
         node: &NodeState,
         input: &str,
-        source: &Source,
+        source: &InputSource,
     ) -> Result<Tree, BuildError> {
         let index = match source {
-            Source::Output(name) => return Ok(Tree::Text(name.clone())),
-            Source::Constant(tree) => return Ok(tree.clone()),
-            Source::Delayed(index) => *index,
+            InputSource::Output(name) => return Ok(Tree::Text(name.clone())),
+            InputSource::Constant(tree) => return Ok(tree.clone()),
+            InputSource::Delayed(index) => *index,
         };
         let delayed = self.delayed.get(index);
         let Some((delayed, from)) =
@@ -378,18 +378,18 @@ impl<'n> Node<'n> {
         self.with(|node| put(&mut node.parameters, name, value));
     }
 
-    pub(crate) fn input(self, name: &str, source: Source) {
+    pub(crate) fn input(self, name: &str, source: InputSource) {
         self.with(|node| put(&mut node.inputs, name, source));
     }
 
-    pub(crate) fn active(self, source: Source) {
+    pub(crate) fn active(self, source: InputSource) {
         self.with(|node| node.active = Some(source));
     }
 
     pub(crate) fn output<T>(self, port: &'static str, diagnostic: bool) -> Out<'n, T> {
         let out = Out {
             net: self.net,
-            at: Place::Port(self.index, port, None),
+            at: OutputLocation::Port(self.index, port, None),
             ty: PhantomData,
         };
         if !diagnostic {
@@ -415,7 +415,7 @@ impl<'n> Node<'n> {
         });
         Out {
             net: self.net,
-            at: Place::Named(index, None),
+            at: OutputLocation::Named(index, None),
             ty: PhantomData,
         }
     }
@@ -425,11 +425,11 @@ impl<'n, T> Out<'n, T> {
     pub(crate) fn name(&self) -> String {
         let state = self.net.state.borrow();
         let (name, element) = match self.at {
-            Place::Port(node, port, element) => {
+            OutputLocation::Port(node, port, element) => {
                 let id = state.nodes.get(node).map_or("", |node| node.id.as_str());
                 (format!("{id}.{port}"), element)
             }
-            Place::Named(index, element) => (
+            OutputLocation::Named(index, element) => (
                 state.outputs.get(index).cloned().unwrap_or_default(),
                 element,
             ),
@@ -444,15 +444,17 @@ impl<'n, T> Out<'n, T> {
         Out {
             net: self.net,
             at: match self.at {
-                Place::Port(node, port, _) => Place::Port(node, port, Some(element)),
-                Place::Named(index, _) => Place::Named(index, Some(element)),
+                OutputLocation::Port(node, port, _) => {
+                    OutputLocation::Port(node, port, Some(element))
+                }
+                OutputLocation::Named(index, _) => OutputLocation::Named(index, Some(element)),
             },
             ty: PhantomData,
         }
     }
 }
 
-impl<'n> Out<'n, Late> {
+impl<'n> Out<'n, Untyped> {
     /// Says of which type it is; if that is wrong, the net is refused when it is loaded.
     #[must_use]
     pub fn assume<T: Type>(self) -> Out<'n, T> {
@@ -491,12 +493,12 @@ impl<'n, const R: usize, const C: usize> Out<'n, crate::Matrix<R, C>> {
 impl<T> In<'_, T> {
     pub(crate) fn constant(tree: Tree) -> Self {
         In {
-            source: Source::Constant(tree),
+            source: InputSource::Constant(tree),
             ty: PhantomData,
         }
     }
 
-    pub(crate) fn source(self) -> Source {
+    pub(crate) fn source(self) -> InputSource {
         self.source
     }
 }
@@ -504,12 +506,12 @@ impl<T> In<'_, T> {
 impl AnyIn<'_> {
     pub(crate) fn constant(tree: Tree) -> Self {
         AnyIn {
-            source: Source::Constant(tree),
+            source: InputSource::Constant(tree),
             net: PhantomData,
         }
     }
 
-    pub(crate) fn source(self) -> Source {
+    pub(crate) fn source(self) -> InputSource {
         self.source
     }
 }
@@ -517,7 +519,7 @@ impl AnyIn<'_> {
 impl<'n, T> From<Out<'n, T>> for In<'n, T> {
     fn from(output: Out<'n, T>) -> In<'n, T> {
         In {
-            source: Source::Output(output.name()),
+            source: InputSource::Output(output.name()),
             ty: PhantomData,
         }
     }
@@ -526,7 +528,7 @@ impl<'n, T> From<Out<'n, T>> for In<'n, T> {
 impl<'n, T> From<Delayed<'n, T>> for In<'n, T> {
     fn from(delayed: Delayed<'n, T>) -> In<'n, T> {
         In {
-            source: Source::Delayed(delayed.index),
+            source: InputSource::Delayed(delayed.index),
             ty: PhantomData,
         }
     }
@@ -541,7 +543,7 @@ impl<T> From<Value<T>> for In<'_, T> {
 impl<'n, T> From<Out<'n, T>> for AnyIn<'n> {
     fn from(output: Out<'n, T>) -> AnyIn<'n> {
         AnyIn {
-            source: Source::Output(output.name()),
+            source: InputSource::Output(output.name()),
             net: PhantomData,
         }
     }
@@ -550,7 +552,7 @@ impl<'n, T> From<Out<'n, T>> for AnyIn<'n> {
 impl<'n, T> From<Delayed<'n, T>> for AnyIn<'n> {
     fn from(delayed: Delayed<'n, T>) -> AnyIn<'n> {
         AnyIn {
-            source: Source::Delayed(delayed.index),
+            source: InputSource::Delayed(delayed.index),
             net: PhantomData,
         }
     }

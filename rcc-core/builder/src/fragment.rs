@@ -4,9 +4,9 @@
 use std::cell::RefCell;
 use std::ops::Deref;
 
-use rcc_config::yaml::layout::{Block, Entry, Tree};
+use rcc_config::yaml::layout::{Tree, TreeBlock, TreeEntry};
 
-use crate::builder::{AnyIn, BuildError, In, NetBuilder, Node, Out, Source};
+use crate::builder::{AnyIn, BuildError, In, InputSource, NetBuilder, Node, Out};
 use crate::value::{AnyValue, Bool, Type, Value};
 
 /// Makes a fragment: everything that a net has, and ports.
@@ -28,7 +28,7 @@ impl Deref for FragmentBuilder {
 
 impl FragmentBuilder {
     /// An input that its instances feed.
-    pub fn takes<T: Type>(&self, name: &str) -> In<'_, T> {
+    pub fn declare_input<T: Type>(&self, name: &str) -> In<'_, T> {
         let mut inputs = self.inputs.borrow_mut();
         if !inputs.iter().any(|known| known == name) {
             inputs.push(name.to_string());
@@ -37,7 +37,7 @@ impl FragmentBuilder {
     }
 
     /// A parameter that its instances set.
-    pub fn adjustable<T: Type>(&self, name: &str) -> Value<T> {
+    pub fn declare_parameter<T: Type>(&self, name: &str) -> Value<T> {
         let mut parameters = self.parameters.borrow_mut();
         if !parameters.iter().any(|known| known == name) {
             parameters.push(name.to_string());
@@ -46,7 +46,7 @@ impl FragmentBuilder {
     }
 
     /// An output that its instances offer.
-    pub fn gives<T: Type>(&self, name: &str, output: Out<'_, T>) {
+    pub fn declare_output<T: Type>(&self, name: &str, output: Out<'_, T>) {
         let name = name.to_string();
         self.outputs.borrow_mut().push((name, output.name()));
     }
@@ -68,8 +68,10 @@ impl FragmentBuilder {
         let ports = ports.into_iter().filter(|(_, entries)| !entries.is_empty());
         let ports = ports.map(|(key, entries)| (key.to_string(), Tree::map(entries)));
         let entries = ports.chain(self.body.state.borrow().body()?);
-        let entries = entries.map(|(key, tree)| Entry::new(key, tree)).collect();
-        Ok(Tree::Map(Block::new(entries)))
+        let entries = entries
+            .map(|(key, tree)| TreeEntry::new(key, tree))
+            .collect();
+        Ok(Tree::Map(TreeBlock::new(entries)))
     }
 }
 
@@ -127,7 +129,7 @@ impl<'n> Instance<'n> {
 
     /// While this is false or null it is not evaluated, and its outputs are null.
     pub fn active(self, source: impl Into<In<'n, Bool>>) -> Instance<'n> {
-        let source: Source = source.into().source();
+        let source: InputSource = source.into().source();
         self.node.active(source);
         self
     }

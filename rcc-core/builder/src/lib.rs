@@ -61,6 +61,6 @@ pub mod primitives {
 pub use builder::{AnyIn, BuildError, Delayed, In, NetBuilder, Node, Out};
 pub use fragment::{FragmentBuilder, Instance};
 pub use value::{
-    AnyValue, Bool, Int, Joints, Late, Linear, Matrix, Number, Pose, Real, Reals, Rotation, Scalar,
-    Text, Twist, Type, Value, Vector3, Wrench, literal, null, pose, rotation,
+    AnyValue, Bool, Int, Joints, Linear, Matrix, Number, Pose, Real, Reals, Rotation, Scalar, Text,
+    Twist, Type, Untyped, Value, Vector3, Wrench, literal, null, pose, rotation,
 };

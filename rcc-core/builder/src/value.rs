@@ -50,7 +50,7 @@ types! {
     /// A `Real` for each joint of the device.
     Joints: Linear;
     /// A type that is known when the net is loaded.
-    Late: ;
+    Untyped: ;
 }
 
 /// `Real[N]`.
@@ -206,7 +206,7 @@ any! {
     i64, value: Tree::Plain(value.to_string());
     i32, value: Tree::Plain(value.to_string());
     f64, value: number(value);
-    &str, value: literal::<Late>(value).tree();
+    &str, value: literal::<Untyped>(value).tree();
     &[f64], value: reals(value);
     Vec<f64>, value: reals(&value);
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::codes;
 use crate::diagnostic::Span;
 use crate::ports;
-use crate::reader::{Fields, Reader, error};
+use crate::reader::{ConfigReader, Fields, error};
 use crate::yaml::{Entry, Node};
 
 const KEYS: [&str; 2] = ["group", "tcp"];
@@ -34,7 +34,7 @@ pub struct TcpAccess {
 
 /// Reads the key `access` of a cell; `base` is the folder that paths begin at.
 pub(crate) fn read(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     cell: &Fields<'_>,
     base: &Path,
     ports: &BTreeMap<String, u16>,
@@ -55,7 +55,7 @@ pub(crate) fn read(
 }
 
 fn tcp(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     node: &Node,
     place: Span,
     base: &Path,
@@ -66,9 +66,9 @@ fn tcp(
         Some(node) => reader.bool(node, "allow_remote"),
         None => Some(false),
     };
-    let token_file = reader.need(&fields, "token_file");
+    let token_file = reader.require(&fields, "token_file");
     let token_file = token_file.and_then(|node| reader.text(node, "token_file"));
-    let listen = reader.need(&fields, "listen").and_then(|node| {
+    let listen = reader.require(&fields, "listen").and_then(|node| {
         let text = reader.text(node, "listen")?;
         let text = ports::substitute(reader, text, node.span, ports)?;
         address(reader, node, &text, remote?)
@@ -79,11 +79,11 @@ fn tcp(
     })
 }
 
-fn address(reader: &mut Reader, node: &Node, text: &str, remote: bool) -> Option<SocketAddr> {
+fn address(reader: &mut ConfigReader, node: &Node, text: &str, remote: bool) -> Option<SocketAddr> {
     let Ok(address) = text.parse::<SocketAddr>() else {
         let message = format!("`{text}` is no address with a port");
         let help = "write both as numbers: `127.0.0.1:7425`, `[::1]:7425`";
-        reader.keep(error(codes::BAD_ADDRESS, node.span, message).help(help));
+        reader.report(error(codes::BAD_ADDRESS, node.span, message).help(help));
         return None;
     };
     if remote || address.ip().is_loopback() {
@@ -92,6 +92,6 @@ fn address(reader: &mut Reader, node: &Node, text: &str, remote: bool) -> Option
     let message = format!("other machines can reach {}", address.ip());
     let help = "nothing is encrypted there: listen on 127.0.0.1 and come through ssh or a VPN, or write \
                 `allow_remote: true` when the network itself is safe";
-    reader.keep(error(codes::REMOTE_ADDRESS, node.span, message).help(help));
+    reader.report(error(codes::REMOTE_ADDRESS, node.span, message).help(help));
     None
 }

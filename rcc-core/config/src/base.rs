@@ -4,18 +4,18 @@
 use rcc_core::pose::Pose;
 use rcc_core::unit::Unit;
 
-use crate::reader::{Fields, Reader, Wanted};
+use crate::reader::{ConfigReader, Fields, QuantityRange};
 use crate::yaml::{Entry, Node};
 
 const KEYS: [&str; 2] = ["xyz", "rpy"];
 
 /// Reads the key `base` of a device; without it the base is the world, without `rpy` it is not turned.
-pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Pose> {
+pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Pose> {
     let Some(Entry { key, value }) = device.entry("base") else {
         return Some(Pose::IDENTITY);
     };
     let fields = reader.fields(value, key.span, "the base", &KEYS)?;
-    let xyz = reader.need(&fields, "xyz");
+    let xyz = reader.require(&fields, "xyz");
     let xyz = xyz.and_then(|node| three(reader, node, "xyz", Unit::METRE));
     let rpy = match fields.get("rpy") {
         Some(node) => three(reader, node, "rpy", Unit::RADIAN),
@@ -24,9 +24,9 @@ pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Pose> {
     Some(Pose::from_xyz_rpy(xyz?, rpy?))
 }
 
-fn three(reader: &mut Reader, node: &Node, what: &str, unit: Unit) -> Option<[f64; 3]> {
+fn three(reader: &mut ConfigReader, node: &Node, what: &str, unit: Unit) -> Option<[f64; 3]> {
     let [x, y, z] = reader.array(node, what)?;
-    let mut read = |node| reader.quantity(node, what, Wanted::any(unit));
+    let mut read = |node| reader.quantity(node, what, QuantityRange::any(unit));
     let (x, y, z) = (read(x), read(y), read(z));
     Some([x?, y?, z?])
 }

@@ -9,8 +9,8 @@ use rcc_core::frame::DeviceModel;
 use crate::access::AccessConfig;
 use crate::device::DeviceConfig;
 use crate::diagnostic::Faults;
-use crate::file::{self, Text};
-use crate::ports::Numbers;
+use crate::file::{self, SourceFile};
+use crate::ports::PortNumbers;
 use crate::recorder::RecorderConfig;
 
 mod clock;
@@ -135,7 +135,7 @@ impl CellConfig {
     /// # Errors
     /// All faults of all these files.
     pub fn load(path: &Path, ports: &BTreeMap<String, u16>) -> Result<CellConfig, Faults> {
-        CellConfig::read(path, Numbers::Chosen(ports))
+        CellConfig::read(path, PortNumbers::Chosen(ports))
     }
 
     /// As [`CellConfig::load`], for those who open no port and only check or compile: automatic ports are 0.
@@ -143,7 +143,7 @@ impl CellConfig {
     /// # Errors
     /// All faults of all these files.
     pub fn load_offline(path: &Path) -> Result<CellConfig, Faults> {
-        CellConfig::read(path, Numbers::Offline)
+        CellConfig::read(path, PortNumbers::Offline)
     }
 
     /// Reads a cell's text; `file` is its name for people, `base` the folder that paths in it begin at.
@@ -157,10 +157,10 @@ impl CellConfig {
         ports: &BTreeMap<String, u16>,
     ) -> Result<CellConfig, Faults> {
         let (name, text) = (file.to_owned(), text.to_owned());
-        read::cell(&Text { name, text }, base, Numbers::Chosen(ports))
+        read::cell(&SourceFile { name, text }, base, PortNumbers::Chosen(ports))
     }
 
-    fn read(path: &Path, numbers: Numbers<'_>) -> Result<CellConfig, Faults> {
+    fn read(path: &Path, numbers: PortNumbers<'_>) -> Result<CellConfig, Faults> {
         let file = file::read(path)?;
         let base = path.parent().unwrap_or(Path::new(""));
         read::cell(&file, base, numbers)

@@ -13,7 +13,7 @@ use crate::ports::auto_ports;
 
 /// What the files say now, compared with what is in force.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Change {
+pub enum ConfigChange {
     /// The same: text that means nothing else is no change.
     None,
     /// Something else; each sentence names what: `io: channels torch, gas`.
@@ -29,15 +29,15 @@ pub struct FileWatch {
     given: BTreeMap<String, u16>,
     files: Vec<PathBuf>,
     /// As the files were at the last look; empty before the first.
-    seen: Vec<Stamp>,
+    seen: Vec<FileStamp>,
     /// As they were when they were read last.
-    read: Vec<Stamp>,
-    change: Change,
+    read: Vec<FileStamp>,
+    change: ConfigChange,
     disk: Option<CellConfig>,
 }
 
 /// By what a changed file is noticed: inode, length, time of its last change. A file that is not there has none.
-type Stamp = Option<(u64, u64, i64, i64)>;
+type FileStamp = Option<(u64, u64, i64, i64)>;
 
 impl FileWatch {
     /// Watches the files of `running`; `given` are the ports that it was loaded with.
@@ -49,15 +49,15 @@ impl FileWatch {
             given,
             seen: Vec::new(),
             read: Vec::new(),
-            change: Change::None,
+            change: ConfigChange::None,
             disk: None,
         }
     }
 
     /// Looks at the files. They are read when they were touched and then left alone from one look to the next: who is
     /// still writing is waited for. Returns what they say if that is something else than before.
-    pub fn look(&mut self) -> Option<&Change> {
-        let stamps: Vec<Stamp> = self.files.iter().map(|file| stamp(file)).collect();
+    pub fn poll(&mut self) -> Option<&ConfigChange> {
+        let stamps: Vec<FileStamp> = self.files.iter().map(|file| stamp(file)).collect();
         if stamps == self.read {
             return None;
         }
@@ -70,10 +70,10 @@ impl FileWatch {
         let read = reload(&self.running.source, &self.given);
         let change = match &read {
             Ok(disk) => match self.running.differences(disk) {
-                none if none.is_empty() => Change::None,
-                differences => Change::Differs(differences),
+                none if none.is_empty() => ConfigChange::None,
+                differences => ConfigChange::Differs(differences),
             },
-            Err(faults) => Change::Invalid(first(faults)),
+            Err(faults) => ConfigChange::Invalid(first(faults)),
         };
         self.disk = read.ok();
         if let Some(disk) = &self.disk {
@@ -92,7 +92,7 @@ impl FileWatch {
 
     /// What the files said when they were read last.
     #[must_use]
-    pub fn change(&self) -> &Change {
+    pub fn change(&self) -> &ConfigChange {
         &self.change
     }
 
@@ -230,7 +230,7 @@ fn first(faults: &Faults) -> String {
     })
 }
 
-fn stamp(file: &Path) -> Stamp {
+fn stamp(file: &Path) -> FileStamp {
     let found = fs::metadata(file).ok()?;
     Some((found.ino(), found.len(), found.mtime(), found.mtime_nsec()))
 }

@@ -7,7 +7,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use drawing::Lines;
+use drawing::LineIndex;
 pub use drawing::render;
 
 /// Most faults that are drawn; the rest is counted.
@@ -60,12 +60,12 @@ pub struct Diagnostic {
     /// Index of the source that `place` refers to.
     pub file: u32,
     /// Where the text at `place` is used, if it is used in several places.
-    pub used_at: Option<Box<UsedAt>>,
+    pub used_at: Option<Box<UseSite>>,
 }
 
 /// Where a text is used that may be used in several places.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct UsedAt {
+pub struct UseSite {
     /// The place.
     pub place: Span,
     /// Index of its source.
@@ -133,7 +133,7 @@ impl Diagnostic {
 
 /// A text that faults refer to.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Source {
+pub struct SourceText {
     /// File name as the reader knows it.
     pub name: String,
     /// Its text.
@@ -144,14 +144,14 @@ pub struct Source {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Faults {
     /// The texts; the first one is the one that was given.
-    pub sources: Vec<Source>,
+    pub sources: Vec<SourceText>,
     /// The faults, in the order of their places.
     pub diagnostics: Vec<Diagnostic>,
 }
 
 /// A fault as a row for programs; the same codes and texts as the drawing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Row {
+pub struct DiagnosticRow {
     /// Stable code.
     pub code: String,
     /// How bad it is.
@@ -174,12 +174,12 @@ pub struct Row {
     pub help: Option<String>,
     /// Where the text with the fault is used, if it is used in several places.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub used_at: Option<RowPlace>,
+    pub used_at: Option<DiagnosticPosition>,
 }
 
 /// A second place of a row.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RowPlace {
+pub struct DiagnosticPosition {
     /// File name.
     pub file: String,
     /// Line, counted from 1.
@@ -199,7 +199,7 @@ impl Faults {
         text: impl Into<String>,
         mut diagnostics: Vec<Diagnostic>,
     ) -> Faults {
-        let source = Source {
+        let source = SourceText {
             name: name.into(),
             text: text.into(),
         };
@@ -243,11 +243,11 @@ impl Faults {
 
     /// The rows for programs.
     #[must_use]
-    pub fn rows(&self) -> Vec<Row> {
-        let lines: Vec<Lines<'_>> = self
+    pub fn rows(&self) -> Vec<DiagnosticRow> {
+        let lines: Vec<LineIndex<'_>> = self
             .sources
             .iter()
-            .map(|source| Lines::of(&source.text))
+            .map(|source| LineIndex::of(&source.text))
             .collect();
         let place_in = |file: u32, span: Option<Span>| {
             let place = span.zip(lines.get(file as usize));
@@ -260,7 +260,7 @@ impl Faults {
             let (file, place) = place_in(fault.file, fault.place);
             let used_at = fault.used_at.as_ref().map(|used_at| {
                 let (file, place) = place_in(used_at.file, Some(used_at.place));
-                RowPlace {
+                DiagnosticPosition {
                     file,
                     line: place.line,
                     column: place.column,
@@ -268,7 +268,7 @@ impl Faults {
                     label: used_at.label.clone(),
                 }
             });
-            Row {
+            DiagnosticRow {
                 code: fault.code.to_string(),
                 severity: fault.severity,
                 message: fault.message.clone(),
@@ -383,7 +383,7 @@ mod tests {
         let mut fault = Diagnostic::error("RCC1203", Span::new(at, at + 4), hostile)
             .label(format!("l{hostile}"))
             .help(format!("h{hostile}"));
-        fault.used_at = Some(Box::new(UsedAt {
+        fault.used_at = Some(Box::new(UseSite {
             place: Span::new(0, 3),
             file: 0,
             label: format!("u{hostile}"),
@@ -418,7 +418,7 @@ mod tests {
     fn rows_survive_json_and_draw_the_same() {
         let faults = faults("in: a.b\n", Span::new(4, 7));
         let text = serde_json::to_string(&faults.rows()).unwrap();
-        let rows: Vec<Row> = serde_json::from_str(&text).unwrap();
+        let rows: Vec<DiagnosticRow> = serde_json::from_str(&text).unwrap();
         assert_eq!(render(&rows, &faults.sources, false), faults.render(false));
     }
 

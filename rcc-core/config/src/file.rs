@@ -6,18 +6,18 @@ use std::path::Path;
 
 use crate::codes;
 use crate::diagnostic::{Diagnostic, Faults, Severity, Span};
-use crate::reader::Reader;
+use crate::reader::ConfigReader;
 use crate::yaml::{self, Node};
 
 /// A text with the name that people know it by.
-pub(crate) struct Text {
+pub(crate) struct SourceFile {
     pub name: String,
     pub text: String,
 }
 
-impl Text {
+impl SourceFile {
     /// Nothing if there are no faults.
-    pub fn faults(&self, reader: Reader) -> Result<(), Faults> {
+    pub fn faults(&self, reader: ConfigReader) -> Result<(), Faults> {
         let refused = reader
             .faults
             .iter()
@@ -31,18 +31,18 @@ impl Text {
 }
 
 /// The text of a file.
-pub(crate) fn read(path: &Path) -> Result<Text, Faults> {
+pub(crate) fn read(path: &Path) -> Result<SourceFile, Faults> {
     let name = path.display().to_string();
     match text(path) {
-        Ok(text) => Ok(Text { name, text }),
+        Ok(text) => Ok(SourceFile { name, text }),
         Err(cause) => Err(Faults::new(name, "", vec![unreadable(path, &cause)])),
     }
 }
 
 /// The tree of a text, and a reader that knows what the parser has found and could go on from (duplicate keys).
-pub(crate) fn tree(file: &Text) -> Result<(Node, Reader), Faults> {
+pub(crate) fn tree(file: &SourceFile) -> Result<(Node, ConfigReader), Faults> {
     match yaml::read(&file.text) {
-        (Some(root), faults) => Ok((root, Reader { faults })),
+        (Some(root), faults) => Ok((root, ConfigReader { faults })),
         (None, faults) => Err(Faults::new(&*file.name, &*file.text, faults)),
     }
 }

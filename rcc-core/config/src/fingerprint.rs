@@ -11,15 +11,15 @@ use crate::robot::RobotConfig;
 pub const PARTS: [&str; 5] = ["driver", "timing", "robot", "settings", "channels"];
 
 /// One fingerprint for each of [`PARTS`].
-pub type Parts = [u64; PARTS.len()];
+pub type PartFingerprints = [u64; PARTS.len()];
 
 /// What a process announces of its configuration: its file, [`CellConfig::fingerprint`], [`PARTS`] and
 /// [`CellConfig::device_fingerprints`].
-pub type Identity = (
+pub type CellIdentity = (
     String,
     u64,
     [&'static str; PARTS.len()],
-    Vec<(String, Parts)>,
+    Vec<(String, PartFingerprints)>,
 );
 
 impl CellConfig {
@@ -48,7 +48,7 @@ impl CellConfig {
     /// of settings do not count. Nor does a device's place in the cell: drivers are found by name, and who counts
     /// devices compares the order of this list.
     #[must_use]
-    pub fn device_fingerprints(&self) -> Vec<(String, Parts)> {
+    pub fn device_fingerprints(&self) -> Vec<(String, PartFingerprints)> {
         let devices = self.devices.iter().enumerate();
         devices
             .map(|(index, device)| (device.name.clone(), self.parts(index, device)))
@@ -57,12 +57,12 @@ impl CellConfig {
 
     /// By what other processes tell this configuration from another one.
     #[must_use]
-    pub fn identity(&self) -> Identity {
+    pub fn identity(&self) -> CellIdentity {
         let file = self.source.display().to_string();
         (file, self.fingerprint(), PARTS, self.device_fingerprints())
     }
 
-    fn parts(&self, index: usize, device: &DeviceConfig) -> Parts {
+    fn parts(&self, index: usize, device: &DeviceConfig) -> PartFingerprints {
         // `None`: the executor's clock does not follow this device.
         let leads = self.clock.filter(|clock| clock.device == index);
         let of = |part: &dyn Fn(&mut Fnv)| {

@@ -20,7 +20,7 @@ pub mod yaml;
 
 pub use access::{AccessConfig, TcpAccess};
 pub use cell::{CellConfig, ExecutorConfig, SimulatorConfig};
-pub use change::{Change, FileWatch};
+pub use change::{ConfigChange, FileWatch};
 pub use device::{ChannelConfig, DeviceConfig, OnRelease};
 pub use ports::{Protocol, auto_ports, free_port};
 pub use recorder::RecorderConfig;

@@ -9,7 +9,7 @@ use std::str::FromStr;
 
 use crate::codes;
 use crate::diagnostic::{Diagnostic, Faults, Span, closest};
-use crate::reader::{ID, Reader, error};
+use crate::reader::{ConfigReader, ID, error};
 use crate::yaml::{Node, Value};
 
 /// What a port is for.
@@ -70,14 +70,14 @@ impl FromStr for PortArgument {
 
 /// How a file declares a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Declared {
+enum PortDeclaration {
     Fixed(u16),
     Automatic(Protocol),
 }
 
 /// Where the numbers of automatic ports come from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Numbers<'a> {
+pub(crate) enum PortNumbers<'a> {
     /// From the program that started the cell.
     Chosen(&'a BTreeMap<String, u16>),
     /// Nothing will be opened: they are 0.
@@ -96,13 +96,16 @@ pub fn auto_ports(path: &Path) -> Result<Vec<(String, Protocol)>, Faults> {
     let automatic = declared
         .into_iter()
         .filter_map(|(name, _, port)| match port {
-            Declared::Automatic(protocol) => Some((name, protocol)),
-            Declared::Fixed(_) => None,
+            PortDeclaration::Automatic(protocol) => Some((name, protocol)),
+            PortDeclaration::Fixed(_) => None,
         });
     Ok(automatic.collect())
 }
 
-fn declared(reader: &mut Reader, node: Option<&Node>) -> Vec<(String, Span, Declared)> {
+fn declared(
+    reader: &mut ConfigReader,
+    node: Option<&Node>,
+) -> Vec<(String, Span, PortDeclaration)> {
     let node = node.filter(|node| node.value != Value::Null);
     let entries = node.and_then(|node| reader.entries(node, "ports"));
     let mut ports = Vec::new();
@@ -111,22 +114,22 @@ fn declared(reader: &mut Reader, node: Option<&Node>) -> Vec<(String, Span, Decl
         let port = declaration(reader, &entry.value);
         if let Some(name) = name {
             // A faulty one is still declared, so that its uses are no faults too.
-            let port = port.unwrap_or(Declared::Fixed(0));
+            let port = port.unwrap_or(PortDeclaration::Fixed(0));
             ports.push((name, entry.key.span, port));
         }
     }
     ports
 }
 
-fn declaration(reader: &mut Reader, node: &Node) -> Option<Declared> {
+fn declaration(reader: &mut ConfigReader, node: &Node) -> Option<PortDeclaration> {
     let found = match &node.value {
         Value::Int(number) => u16::try_from(*number)
             .ok()
             .filter(|number| *number > 0)
-            .map(Declared::Fixed),
+            .map(PortDeclaration::Fixed),
         Value::Text(text) => match text.as_str() {
-            "auto udp" => Some(Declared::Automatic(Protocol::Udp)),
-            "auto tcp" => Some(Declared::Automatic(Protocol::Tcp)),
+            "auto udp" => Some(PortDeclaration::Automatic(Protocol::Udp)),
+            "auto tcp" => Some(PortDeclaration::Automatic(Protocol::Tcp)),
             _ => None,
         },
         _ => None,
@@ -134,46 +137,46 @@ fn declaration(reader: &mut Reader, node: &Node) -> Option<Declared> {
     if found.is_none() {
         let message = "a port is a number from 1 to 65535, `auto udp` or `auto tcp`";
         let fault = error(codes::BAD_PORT, node.span, message);
-        reader.keep(fault.help("with `auto` a free one is chosen when the cell is started"));
+        reader.report(fault.help("with `auto` a free one is chosen when the cell is started"));
     }
     found
 }
 
 /// The numbers of all declared ports.
 pub(crate) fn numbers(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     node: Option<&Node>,
-    given: Numbers<'_>,
+    given: PortNumbers<'_>,
 ) -> BTreeMap<String, u16> {
     let declared = declared(reader, node);
     let mut numbers = BTreeMap::new();
     for (name, span, port) in declared {
         let chosen = match given {
-            Numbers::Chosen(chosen) => chosen.get(&name).copied(),
-            Numbers::Offline => None,
+            PortNumbers::Chosen(chosen) => chosen.get(&name).copied(),
+            PortNumbers::Offline => None,
         };
         let number = match (chosen, port, given) {
-            (Some(number), ..) | (None, Declared::Fixed(number), _) => number,
-            (None, Declared::Automatic(_), Numbers::Offline) => 0,
-            (None, Declared::Automatic(_), Numbers::Chosen(_)) => {
+            (Some(number), ..) | (None, PortDeclaration::Fixed(number), _) => number,
+            (None, PortDeclaration::Automatic(_), PortNumbers::Offline) => 0,
+            (None, PortDeclaration::Automatic(_), PortNumbers::Chosen(_)) => {
                 let message =
                     format!("the port `{name}` is automatic, and no number was given for it");
                 let help = format!(
                     "`rcc-cli up` chooses one and passes it on; by hand: `--port {name}=NUMBER`"
                 );
-                reader.keep(error(codes::PORT_NOT_CHOSEN, span, message).help(help));
+                reader.report(error(codes::PORT_NOT_CHOSEN, span, message).help(help));
                 0
             }
         };
         numbers.insert(name, number);
     }
-    if let Numbers::Chosen(chosen) = given {
+    if let PortNumbers::Chosen(chosen) = given {
         for name in chosen.keys().filter(|name| !numbers.contains_key(*name)) {
             let message = format!(
                 "a number was given for the port `{name}`, but the cell has none of this name"
             );
             let fault = error(codes::PORT_NOT_DECLARED, Span::default(), message).anywhere();
-            reader.keep(fault.help(known_ports(name, &numbers)));
+            reader.report(fault.help(known_ports(name, &numbers)));
         }
     }
     numbers
@@ -190,7 +193,7 @@ fn known_ports(name: &str, numbers: &BTreeMap<String, u16>) -> String {
 
 /// Replaces each `${name}` by the number of that port.
 pub(crate) fn substitute(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     text: &str,
     span: Span,
     numbers: &BTreeMap<String, u16>,
@@ -201,13 +204,13 @@ pub(crate) fn substitute(
         result.push_str(before);
         let Some((name, after)) = after.split_once('}') else {
             let fault = error(codes::BROKEN_PLACEHOLDER, span, "`${` is not closed");
-            reader.keep(fault.help("write `${name}` for the number of a port"));
+            reader.report(fault.help("write `${name}` for the number of a port"));
             return None;
         };
         match numbers.get(name) {
             Some(number) => result.push_str(&number.to_string()),
             None => {
-                reader.keep(unknown_port(name, span, numbers));
+                reader.report(unknown_port(name, span, numbers));
                 return None;
             }
         }

@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use rcc_core::unit::{NAMED, Unit};
+use rcc_core::unit::{UNIT_NAMES, Unit};
 use thiserror::Error;
 
 use crate::diagnostic::closest;
@@ -138,7 +138,7 @@ fn unknown_unit(unit: &str) -> QuantityError {
         .map(|part| part.split('^').next().unwrap_or(part).trim())
         .find(|part| !known(part));
     let name = part.unwrap_or(unit);
-    let near = closest(name, NAMED.iter().map(|named| named.name));
+    let near = closest(name, UNIT_NAMES.iter().map(|named| named.name));
     QuantityError::UnknownUnit {
         name: name.to_string(),
         suggestion: near.map(ToString::to_string),

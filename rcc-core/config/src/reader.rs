@@ -16,7 +16,7 @@ const NAME_LENGTH_MAX: usize = 32;
 
 /// Collects the faults of one file. Every method that returns `None` has kept a fault that says why.
 #[derive(Debug, Default)]
-pub(crate) struct Reader {
+pub(crate) struct ConfigReader {
     pub faults: Vec<Diagnostic>,
 }
 
@@ -50,16 +50,16 @@ impl<'n> Fields<'n> {
 
 /// A number with its unit and its bounds, both included.
 #[derive(Clone, Copy)]
-pub(crate) struct Wanted {
+pub(crate) struct QuantityRange {
     pub unit: Unit,
     pub least: f64,
     pub most: f64,
 }
 
-impl Wanted {
+impl QuantityRange {
     /// Any finite number of this unit.
-    pub const fn any(unit: Unit) -> Wanted {
-        Wanted {
+    pub const fn any(unit: Unit) -> QuantityRange {
+        QuantityRange {
             unit,
             least: f64::MIN,
             most: f64::MAX,
@@ -67,8 +67,8 @@ impl Wanted {
     }
 
     /// Greater than 0.
-    pub const fn positive(unit: Unit) -> Wanted {
-        Wanted {
+    pub const fn positive(unit: Unit) -> QuantityRange {
+        QuantityRange {
             unit,
             least: f64::MIN_POSITIVE,
             most: f64::MAX,
@@ -78,43 +78,43 @@ impl Wanted {
 
 /// The form of a name: may it begin with these, go on with those.
 #[derive(Clone, Copy)]
-pub(crate) struct NameForm {
+pub(crate) struct NameRule {
     pub first: fn(char) -> bool,
     pub further: fn(char) -> bool,
     pub words: &'static str,
 }
 
 /// Names of cells.
-pub(crate) const CELL_NAME: NameForm = NameForm {
+pub(crate) const CELL_NAME: NameRule = NameRule {
     first: |c| c.is_ascii_lowercase() || c.is_ascii_digit(),
     further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || c == '-',
     words: "1 to 32 of a-z 0-9 _ -, beginning with a letter or digit",
 };
 
 /// Names of devices, drivers and simulators.
-pub(crate) const DEVICE_NAME: NameForm = NameForm {
+pub(crate) const DEVICE_NAME: NameRule = NameRule {
     first: |c| c.is_ascii_lowercase(),
     words: "1 to 32 of a-z 0-9 _ -, beginning with a letter",
     ..CELL_NAME
 };
 
 /// Names of channels and ports.
-pub(crate) const ID: NameForm = NameForm {
+pub(crate) const ID: NameRule = NameRule {
     first: |c| c.is_ascii_lowercase(),
     further: |c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_',
     words: "1 to 32 of a-z 0-9 _, beginning with a letter",
 };
 
 /// Names of joints.
-pub(crate) const JOINT_NAME: NameForm = NameForm {
+pub(crate) const JOINT_NAME: NameRule = NameRule {
     first: |c| c.is_ascii_alphabetic(),
     further: |c| c.is_ascii_alphanumeric() || c == '_',
     words: "1 to 32 of A-Z a-z 0-9 _, beginning with a letter",
 };
 
-impl Reader {
+impl ConfigReader {
     /// Keeps a fault.
-    pub fn keep(&mut self, fault: Diagnostic) {
+    pub fn report(&mut self, fault: Diagnostic) {
         self.faults.push(fault);
     }
 
@@ -129,7 +129,7 @@ impl Reader {
         self.fields_or(node, place, what, keys, ("", ""))
     }
 
-    /// As [`Reader::fields`]; `gone` is a key that older files have, and what to do about it.
+    /// As [`ConfigReader::fields`]; `gone` is a key that older files have, and what to do about it.
     pub fn fields_or<'n>(
         &mut self,
         node: &'n Node,
@@ -146,7 +146,7 @@ impl Reader {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!("its keys are: {}", keys.join(", ")),
             };
-            self.keep(error(codes::UNKNOWN_KEY, key.span, message).help(help));
+            self.report(error(codes::UNKNOWN_KEY, key.span, message).help(help));
         }
         Some(Fields { node, place, what })
     }
@@ -155,17 +155,17 @@ impl Reader {
     pub fn entries<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n [Entry]> {
         let entries = node.map();
         if entries.is_none() {
-            self.shape(node, what, "a mapping (`key: value`)");
+            self.wrong_type(node, what, "a mapping (`key: value`)");
         }
         entries
     }
 
     /// A value that must be given.
-    pub fn need<'n>(&mut self, fields: &Fields<'n>, key: &str) -> Option<&'n Node> {
+    pub fn require<'n>(&mut self, fields: &Fields<'n>, key: &str) -> Option<&'n Node> {
         let node = fields.get(key);
         if node.is_none() {
             let message = format!("{} needs a key `{key}`", fields.what);
-            self.keep(
+            self.report(
                 error(codes::MISSING_KEY, fields.place, message)
                     .help(format!("add `{key}: …`; the files in configs/ show how")),
             );
@@ -177,7 +177,7 @@ impl Reader {
     pub fn text<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n str> {
         let text = node.text();
         if text.is_none() {
-            self.shape(node, what, "text");
+            self.wrong_type(node, what, "text");
         }
         text
     }
@@ -186,7 +186,7 @@ impl Reader {
     pub fn list<'n>(&mut self, node: &'n Node, what: &str) -> Option<&'n [Node]> {
         let list = node.list();
         if list.is_none() {
-            self.shape(node, what, "a list (`[a, b]`)");
+            self.wrong_type(node, what, "a list (`[a, b]`)");
         }
         list
     }
@@ -201,7 +201,7 @@ impl Reader {
         let array = list.try_into().ok();
         if array.is_none() {
             let message = format!("{what} has {} elements, {N} are expected", list.len());
-            self.keep(error(codes::WRONG_SHAPE, node.span, message));
+            self.report(error(codes::WRONG_SHAPE, node.span, message));
         }
         array
     }
@@ -211,31 +211,31 @@ impl Reader {
         if let Value::Bool(value) = node.value {
             return Some(value);
         }
-        self.shape(node, what, "`true` or `false`");
+        self.wrong_type(node, what, "`true` or `false`");
         None
     }
 
     /// A whole number without unit, bounds included.
-    pub fn whole(&mut self, node: &Node, what: &str, least: i64, most: i64) -> Option<i64> {
+    pub fn integer(&mut self, node: &Node, what: &str, least: i64, most: i64) -> Option<i64> {
         let Value::Int(value) = node.value else {
-            self.shape(node, what, "a whole number");
+            self.wrong_type(node, what, "a whole number");
             return None;
         };
         if (least..=most).contains(&value) {
             return Some(value);
         }
         let message = format!("{what} is {value}, it must be from {least} to {most}");
-        self.keep(error(codes::OUT_OF_RANGE, node.span, message));
+        self.report(error(codes::OUT_OF_RANGE, node.span, message));
         None
     }
 
     /// A number with its unit, in SI.
-    pub fn quantity(&mut self, node: &Node, what: &str, wanted: Wanted) -> Option<f64> {
+    pub fn quantity(&mut self, node: &Node, what: &str, wanted: QuantityRange) -> Option<f64> {
         let unit = wanted.unit;
         let quantity = match quantity::of(node) {
             Ok(quantity) => quantity,
             Err(QuantityError::NotANumber { .. }) => {
-                self.shape(node, what, format!("a number with a unit ({unit})"));
+                self.wrong_type(node, what, format!("a number with a unit ({unit})"));
                 return None;
             }
             Err(other) => {
@@ -243,7 +243,7 @@ impl Reader {
                     "write a number and its unit, for example `{}`",
                     sample(unit)
                 );
-                self.keep(error(codes::NOT_A_QUANTITY, node.span, other.to_string()).help(help));
+                self.report(error(codes::NOT_A_QUANTITY, node.span, other.to_string()).help(help));
                 return None;
             }
         };
@@ -255,13 +255,13 @@ impl Reader {
                     sample_of(quantity.value, unit)
                 );
                 let fault = error(codes::MISSING_UNIT, node.span, message);
-                self.keep(fault.label(format!("{unit}? {}?", scaled(unit))).help(help));
+                self.report(fault.label(format!("{unit}? {}?", scaled(unit))).help(help));
                 return None;
             }
             Some(have) if have != unit => {
                 let message = format!("{what} is measured in {unit}, not in {have}");
                 let help = format!("for example `{}`", sample(unit));
-                self.keep(error(codes::WRONG_UNIT, node.span, message).help(help));
+                self.report(error(codes::WRONG_UNIT, node.span, message).help(help));
                 return None;
             }
             _ => {}
@@ -274,27 +274,36 @@ impl Reader {
         None
     }
 
-    fn out_of_range(&mut self, node: &Node, what: &str, value: f64, wanted: Wanted) {
-        let Wanted { unit, least, most } = wanted;
+    fn out_of_range(&mut self, node: &Node, what: &str, value: f64, wanted: QuantityRange) {
+        let QuantityRange { unit, least, most } = wanted;
         let range = match (least, most) {
             (f64::MIN_POSITIVE, f64::MAX) => "greater than 0".to_owned(),
-            (f64::MIN_POSITIVE, _) => format!("greater than 0 and at most {}", shown(most, unit)),
-            (_, f64::MAX) => format!("at least {}", shown(least, unit)),
-            _ => format!("from {} to {}", shown(least, unit), shown(most, unit)),
+            (f64::MIN_POSITIVE, _) => {
+                format!("greater than 0 and at most {}", display_value(most, unit))
+            }
+            (_, f64::MAX) => format!("at least {}", display_value(least, unit)),
+            _ => format!(
+                "from {} to {}",
+                display_value(least, unit),
+                display_value(most, unit)
+            ),
         };
-        let message = format!("{what} is {}, it must be {range}", shown(value, unit));
-        self.keep(error(codes::OUT_OF_RANGE, node.span, message));
+        let message = format!(
+            "{what} is {}, it must be {range}",
+            display_value(value, unit)
+        );
+        self.report(error(codes::OUT_OF_RANGE, node.span, message));
     }
 
     /// A time in whole nanoseconds, bounds included.
     pub fn nanoseconds(&mut self, node: &Node, what: &str, least: u64, most: u64) -> Option<u64> {
-        let value = self.quantity(node, what, Wanted::any(Unit::SECOND))?;
+        let value = self.quantity(node, what, QuantityRange::any(Unit::SECOND))?;
         // Rounded before it is judged: 100 us is a little less than 1e-4 s. Beyond its range the cast saturates.
         let ns = (value * 1e9).round();
         if ns >= 0.0 && (least..=most).contains(&(ns as u64)) {
             return Some(ns as u64);
         }
-        let wanted = Wanted {
+        let wanted = QuantityRange {
             unit: Unit::SECOND,
             least: least as f64 * 1e-9,
             most: most as f64 * 1e-9,
@@ -306,8 +315,8 @@ impl Reader {
     /// A lower and an upper bound.
     pub fn bounds(&mut self, node: &Node, what: &str, unit: Unit) -> Option<[f64; 2]> {
         let [lower, upper] = self.array(node, what)?;
-        let lower = self.quantity(lower, what, Wanted::any(unit));
-        let upper = self.quantity(upper, what, Wanted::any(unit));
+        let lower = self.quantity(lower, what, QuantityRange::any(unit));
+        let upper = self.quantity(upper, what, QuantityRange::any(unit));
         let (lower, upper) = (lower?, upper?);
         if lower < upper {
             return Some([lower, upper]);
@@ -315,21 +324,21 @@ impl Reader {
         let message = format!("{what}: the lower bound must be less than the upper one");
         let label = format!(
             "{} is not less than {}",
-            shown(lower, unit),
-            shown(upper, unit)
+            display_value(lower, unit),
+            display_value(upper, unit)
         );
         let fault = error(codes::REVERSED, node.span, message).label(label);
-        self.keep(fault.help("write the lower bound first: `[lower, upper]`"));
+        self.report(fault.help("write the lower bound first: `[lower, upper]`"));
         None
     }
 
     /// A name that is a key.
-    pub fn key_name(&mut self, key: &Key, what: &str, form: NameForm) -> Option<String> {
+    pub fn key_name(&mut self, key: &Key, what: &str, form: NameRule) -> Option<String> {
         self.name(&key.name, key.span, what, form)
     }
 
     /// A name.
-    pub fn name(&mut self, name: &str, span: Span, what: &str, form: NameForm) -> Option<String> {
+    pub fn name(&mut self, name: &str, span: Span, what: &str, form: NameRule) -> Option<String> {
         let mut characters = name.chars();
         let fits = characters.next().is_some_and(form.first)
             && characters.all(form.further)
@@ -338,7 +347,7 @@ impl Reader {
             return Some(name.to_owned());
         }
         let message = format!("`{name}` cannot name {what}");
-        self.keep(error(codes::BAD_NAME, span, message).help(format!("use {}", form.words)));
+        self.report(error(codes::BAD_NAME, span, message).help(format!("use {}", form.words)));
         None
     }
 
@@ -346,12 +355,12 @@ impl Reader {
     pub fn at_most(&mut self, most: usize, what: &str, places: &[Span]) {
         if let Some(place) = places.get(most) {
             let message = format!("{} {what}, at most {most} are possible", places.len());
-            self.keep(error(codes::TOO_MANY, *place, message).label("the first one too many"));
+            self.report(error(codes::TOO_MANY, *place, message).label("the first one too many"));
         }
     }
 
     /// One of several words.
-    pub fn word<T: Copy>(&mut self, node: &Node, what: &str, words: &[(&str, T)]) -> Option<T> {
+    pub fn keyword<T: Copy>(&mut self, node: &Node, what: &str, words: &[(&str, T)]) -> Option<T> {
         let text = self.text(node, what)?;
         if let Some((_, value)) = words.iter().find(|(word, _)| *word == text) {
             return Some(*value);
@@ -362,14 +371,14 @@ impl Reader {
             None => format!("known are: {}", known.collect::<Vec<_>>().join(", ")),
         };
         let message = format!("`{text}` is no known {what}");
-        self.keep(error(codes::UNKNOWN_KIND, node.span, message).help(help));
+        self.report(error(codes::UNKNOWN_KIND, node.span, message).help(help));
         None
     }
 
     /// Keeps that a value is of another kind.
-    pub fn shape(&mut self, node: &Node, what: &str, expected: impl Display) {
+    pub fn wrong_type(&mut self, node: &Node, what: &str, expected: impl Display) {
         let message = format!("{what} must be {expected}, found {}", node.kind());
-        self.keep(error(codes::WRONG_SHAPE, node.span, message));
+        self.report(error(codes::WRONG_SHAPE, node.span, message));
     }
 }
 
@@ -379,7 +388,7 @@ pub(crate) fn error(code: Code, place: Span, message: impl Into<String>) -> Diag
 }
 
 /// A value as people like to read it, without the noise of the conversion to SI.
-pub(crate) fn shown(value: f64, unit: Unit) -> String {
+pub(crate) fn display_value(value: f64, unit: Unit) -> String {
     let (scale, name) = match unit {
         Unit::SECOND if value == 0.0 || value.abs() >= 0.9995 => (1.0, "s".to_owned()),
         Unit::SECOND => (1e3, "ms".to_owned()),

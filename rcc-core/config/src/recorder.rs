@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rcc_core::unit::Unit;
 
 use crate::codes;
-use crate::reader::{Fields, Reader, Wanted, error};
+use crate::reader::{ConfigReader, Fields, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 4] = ["seconds", "memory", "files", "folder"];
@@ -40,7 +40,11 @@ impl Default for RecorderConfig {
 }
 
 /// Reads the key `recorder` of a cell; `base` is the folder that paths begin at.
-pub(crate) fn read(reader: &mut Reader, cell: &Fields<'_>, base: &Path) -> Option<RecorderConfig> {
+pub(crate) fn read(
+    reader: &mut ConfigReader,
+    cell: &Fields<'_>,
+    base: &Path,
+) -> Option<RecorderConfig> {
     let mut recorder = RecorderConfig::default();
     let Some(Entry { key, value }) = cell.entry("recorder") else {
         return Some(recorder);
@@ -50,7 +54,7 @@ pub(crate) fn read(reader: &mut Reader, cell: &Fields<'_>, base: &Path) -> Optio
     let mut sound = true;
     if let Some(node) = fields.get("seconds") {
         let [least, most] = SECONDS;
-        let wanted = Wanted {
+        let wanted = QuantityRange {
             unit: Unit::ONE,
             least,
             most,
@@ -66,7 +70,7 @@ pub(crate) fn read(reader: &mut Reader, cell: &Fields<'_>, base: &Path) -> Optio
     }
     if let Some(node) = fields.get("files") {
         let [least, most] = FILES;
-        let files = reader.whole(node, "files", least, most);
+        let files = reader.integer(node, "files", least, most);
         sound &= files.is_some();
         recorder.files = files.map_or(0, |files| usize::try_from(files).unwrap_or(0));
     }
@@ -79,14 +83,14 @@ pub(crate) fn read(reader: &mut Reader, cell: &Fields<'_>, base: &Path) -> Optio
 }
 
 /// `64 MB`, or `0 MB`.
-fn memory(reader: &mut Reader, node: &Node) -> Option<usize> {
+fn memory(reader: &mut ConfigReader, node: &Node) -> Option<usize> {
     let number = match &node.value {
         Value::Text(text) => text.strip_suffix("MB").map(str::trim_end),
         Value::Int(0) => Some("0"),
         _ => None,
     };
     let Some(number) = number.and_then(|number| number.parse::<i64>().ok()) else {
-        reader.shape(node, "memory", "whole megabytes (`64 MB`)");
+        reader.wrong_type(node, "memory", "whole megabytes (`64 MB`)");
         return None;
     };
     let [least, most] = MEMORY_MB;
@@ -94,7 +98,7 @@ fn memory(reader: &mut Reader, node: &Node) -> Option<usize> {
         let message = format!(
             "memory is {number} MB, it must be from {least} MB to {most} MB, or 0 MB for none"
         );
-        reader.keep(error(codes::OUT_OF_RANGE, node.span, message));
+        reader.report(error(codes::OUT_OF_RANGE, node.span, message));
         return None;
     }
     Some(usize::try_from(number).ok()? * MB)

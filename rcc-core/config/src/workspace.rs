@@ -5,7 +5,7 @@ use rcc_core::unit::Unit;
 use rcc_core::workspace::Workspace;
 
 use crate::codes;
-use crate::reader::{Fields, Reader, Wanted, error};
+use crate::reader::{ConfigReader, Fields, QuantityRange, error};
 use crate::yaml::Entry;
 
 const KEYS: [&str; 3] = ["box", "point", "singularity"];
@@ -13,7 +13,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Reads the key `workspace` of a device; an axis that is left out has no bounds, and without `point` it is the flange
 /// that stays inside. Without a box there is no bound but the distance to singular positions.
-pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Option<Workspace>> {
+pub(crate) fn read(reader: &mut ConfigReader, device: &Fields<'_>) -> Option<Option<Workspace>> {
     let Some(Entry { key, value }) = device.entry("workspace") else {
         return Some(None);
     };
@@ -26,16 +26,16 @@ pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Option<Wo
         space.point = point.unwrap_or_default();
     }
     if let Some(node) = fields.get("singularity") {
-        let wanted = Wanted {
+        let wanted = QuantityRange {
             most: 1.0,
-            ..Wanted::positive(Unit::ONE)
+            ..QuantityRange::positive(Unit::ONE)
         };
         space.singularity_min = reader.quantity(node, "singularity", wanted)?;
         if fields.get("box").is_none() {
             return sound.then_some(Some(space));
         }
     }
-    let node = reader.need(&fields, "box")?;
+    let node = reader.require(&fields, "box")?;
     let place = fields.place_of("box");
     let axes = reader.fields(node, place, "the box", &AXES)?;
     let bounds = space.lower.iter_mut().zip(&mut space.upper);
@@ -49,15 +49,15 @@ pub(crate) fn read(reader: &mut Reader, device: &Fields<'_>) -> Option<Option<Wo
     }
     if !bounded {
         let fault = error(codes::MISSING_KEY, place, "a box without bounds");
-        reader.keep(fault.help("give the bounds of at least one axis: `box: {z: [50 mm, 1 m]}`"));
+        reader.report(fault.help("give the bounds of at least one axis: `box: {z: [50 mm, 1 m]}`"));
         return None;
     }
     sound.then_some(Some(space))
 }
 
-fn point(reader: &mut Reader, node: &crate::yaml::Node) -> Option<[f64; 3]> {
+fn point(reader: &mut ConfigReader, node: &crate::yaml::Node) -> Option<[f64; 3]> {
     let [x, y, z] = reader.array(node, "point")?;
-    let mut read = |node| reader.quantity(node, "point", Wanted::any(Unit::METRE));
+    let mut read = |node| reader.quantity(node, "point", QuantityRange::any(Unit::METRE));
     let (x, y, z) = (read(x), read(y), read(z));
     Some([x?, y?, z?])
 }

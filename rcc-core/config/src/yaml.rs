@@ -172,7 +172,7 @@ pub fn read(text: &str) -> (Option<Node>, Vec<Diagnostic>) {
         let fault = Diagnostic::error(TOO_LARGE, Span::default(), message).anywhere();
         return (None, vec![fault]);
     }
-    let mut builder = Builder::new(text);
+    let mut builder = TreeBuilder::new(text);
     for next in Parser::new_from_str(text) {
         let step = match next {
             Ok((event, span)) => builder.take(event, span),
@@ -219,7 +219,7 @@ fn broken(text: &str, at: usize, message: &str) -> Diagnostic {
 }
 
 /// What is being read.
-enum Open {
+enum OpenNode {
     List(Vec<Node>),
     Map {
         entries: Vec<Entry>,
@@ -229,17 +229,17 @@ enum Open {
     },
 }
 
-struct Builder<'a> {
+struct TreeBuilder<'a> {
     text: &'a str,
-    stack: Vec<(Open, Span)>,
+    stack: Vec<(OpenNode, Span)>,
     documents: usize,
     root: Option<Node>,
     faults: Vec<Diagnostic>,
 }
 
-impl<'a> Builder<'a> {
-    fn new(text: &'a str) -> Builder<'a> {
-        Builder {
+impl<'a> TreeBuilder<'a> {
+    fn new(text: &'a str) -> TreeBuilder<'a> {
+        TreeBuilder {
             text,
             stack: Vec::new(),
             documents: 0,
@@ -280,11 +280,11 @@ impl<'a> Builder<'a> {
                 "leave the tag out; text is quoted to stay text",
             ),
             Event::Scalar(text, style, ..) => self.scalar(text, style, place),
-            Event::SequenceStart(..) => self.open(Open::List(Vec::new()), place),
+            Event::SequenceStart(..) => self.open(OpenNode::List(Vec::new()), place),
             Event::MappingStart(..) => {
                 let (entries, keys) = (Vec::new(), HashSet::new());
                 self.open(
-                    Open::Map {
+                    OpenNode::Map {
                         entries,
                         keys,
                         key: None,
@@ -310,7 +310,7 @@ impl<'a> Builder<'a> {
         span: Span,
     ) -> Result<(), Box<Diagnostic>> {
         self.faults.extend(unprintable(&text, span));
-        if let Some((Open::Map { keys, key, .. }, _)) = self.stack.last_mut()
+        if let Some((OpenNode::Map { keys, key, .. }, _)) = self.stack.last_mut()
             && key.is_none()
         {
             let name = text.into_owned();
@@ -331,8 +331,8 @@ impl<'a> Builder<'a> {
         self.put(Node { value, span })
     }
 
-    fn open(&mut self, open: Open, span: Span) -> Result<(), Box<Diagnostic>> {
-        if let Some((Open::Map { key: None, .. }, _)) = self.stack.last() {
+    fn open(&mut self, open: OpenNode, span: Span) -> Result<(), Box<Diagnostic>> {
+        if let Some((OpenNode::Map { key: None, .. }, _)) = self.stack.last() {
             let fault =
                 Diagnostic::error(NOT_SUPPORTED, span, "a list or mapping is used as a key");
             return Err(Box::new(fault.help("a key is plain text")));
@@ -352,8 +352,8 @@ impl<'a> Builder<'a> {
         };
         // A block collection ends where the next thing begins; its text ends before that.
         let inside = match &open {
-            Open::List(nodes) => nodes.last().map_or(start.end, |node| node.span.end),
-            Open::Map { entries, .. } => entries
+            OpenNode::List(nodes) => nodes.last().map_or(start.end, |node| node.span.end),
+            OpenNode::Map { entries, .. } => entries
                 .last()
                 .map_or(start.end, |entry| entry.value.span.end),
         };
@@ -362,16 +362,16 @@ impl<'a> Builder<'a> {
             if end.end > end.start { end.end } else { inside },
         );
         let value = match open {
-            Open::List(nodes) => Value::List(nodes),
-            Open::Map { entries, .. } => Value::Map(entries),
+            OpenNode::List(nodes) => Value::List(nodes),
+            OpenNode::Map { entries, .. } => Value::Map(entries),
         };
         self.put(Node { value, span })
     }
 
     fn put(&mut self, node: Node) -> Result<(), Box<Diagnostic>> {
         match self.stack.last_mut() {
-            Some((Open::List(nodes), _)) => nodes.push(node),
-            Some((Open::Map { entries, key, .. }, _)) => match key.take() {
+            Some((OpenNode::List(nodes), _)) => nodes.push(node),
+            Some((OpenNode::Map { entries, key, .. }, _)) => match key.take() {
                 Some((key, true)) => entries.push(Entry { key, value: node }),
                 Some((_, false)) => {}
                 None => {

@@ -7,7 +7,7 @@ use std::path::Path;
 use rcc_config::cell::{ClockConfig, RealTime, SupervisionConfig};
 use rcc_config::diagnostic::Faults;
 use rcc_config::{
-    AccessConfig, CellConfig, Change, FileWatch, OnRelease, fingerprint, ports::PortArgument,
+    AccessConfig, CellConfig, ConfigChange, FileWatch, OnRelease, fingerprint, ports::PortArgument,
 };
 use rcc_core::kinematics::Arm;
 use rcc_core::primitive::ChannelKind;
@@ -613,12 +613,12 @@ fn a_change_of_the_files_is_told_once() {
     let mut watch = FileWatch::new(running, ports);
     // Touched, and left alone.
     let mut look = || {
-        let looks = [watch.look().cloned(), watch.look().cloned()];
+        let looks = [watch.poll().cloned(), watch.poll().cloned()];
         assert_eq!(looks[0], None);
         looks[1].clone()
     };
     assert_eq!(look(), None);
-    let differs = |words: &str| Change::Differs(vec![words.to_owned()]);
+    let differs = |words: &str| ConfigChange::Differs(vec![words.to_owned()]);
     write(&path, &text.replace("retries: 3", "retries: 4"));
     assert_eq!(look(), Some(differs("lwr: settings")));
     assert_eq!(look(), None);
@@ -633,13 +633,13 @@ fn a_change_of_the_files_is_told_once() {
     );
     assert_eq!(look(), Some(differs("ports")));
     write(&path, &text);
-    assert_eq!(look(), Some(Change::None));
+    assert_eq!(look(), Some(ConfigChange::None));
     write(&arm, &robot.replacen("deg/s", "rad/s", 1));
-    let both = Change::Differs(vec!["lwr: robot".to_owned(), "two: robot".to_owned()]);
+    let both = ConfigChange::Differs(vec!["lwr: robot".to_owned(), "two: robot".to_owned()]);
     assert_eq!(look(), Some(both));
     std::fs::remove_file(&arm).unwrap();
-    assert!(matches!(look(), Some(Change::Invalid(why)) if why.contains("cannot be read")));
+    assert!(matches!(look(), Some(ConfigChange::Invalid(why)) if why.contains("cannot be read")));
     write(&arm, &robot);
-    assert_eq!(look(), Some(Change::None));
+    assert_eq!(look(), Some(ConfigChange::None));
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -12,10 +12,10 @@ use crate::build::Build;
 use crate::cell::{Cell, CellError};
 use crate::clean::write_private;
 use crate::configuration::Configuration;
-use crate::life::{Life, Liveness};
 use crate::lock::{self, LockError};
+use crate::ownership;
+use crate::process_instance::{Liveness, ProcessInstance};
 use crate::session::{Role, Session};
-use crate::take;
 
 /// Longest announcement that is read, bytes.
 const BYTES_MAX: u64 = 1 << 20;
@@ -52,7 +52,7 @@ impl Announcement {
     /// The announcement of this process, still without services.
     #[must_use]
     pub fn of(session: &Session) -> Announcement {
-        let life = session.life();
+        let life = session.instance();
         Announcement {
             role: session.role(),
             label: session.label().to_owned(),
@@ -98,8 +98,8 @@ impl Announcement {
 
     /// The life of the process that announced this.
     #[must_use]
-    pub fn life(&self) -> Life {
-        Life {
+    pub fn instance(&self) -> ProcessInstance {
+        ProcessInstance {
             pid: self.pid,
             start_time_ticks: self.start_time_ticks,
         }
@@ -108,7 +108,7 @@ impl Announcement {
     /// Whether that very process runs (a zombie does not), as far as the system tells.
     #[must_use]
     pub fn liveness(&self) -> Liveness {
-        self.life().liveness()
+        self.instance().liveness()
     }
 }
 
@@ -192,7 +192,7 @@ impl Announced {
 impl Drop for Announced {
     fn drop(&mut self) {
         // Given back with the cell: what lies there now is somebody else's.
-        if !take::names(&self.lock_path, &self.lock) {
+        if !ownership::is_locked_file(&self.lock_path, &self.lock) {
             return;
         }
         // Nobody but the holder of the lock writes or removes these files; failing to is harmless, as the next

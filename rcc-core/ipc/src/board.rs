@@ -10,10 +10,10 @@ use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::prelude::{ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::blackboard::{BlackboardOpenError, Creator};
 
-use crate::life::Life;
-use crate::room::{self, NoRoom};
-use crate::session::{Cause, Membership, Session, owner_of};
+use crate::process_instance::ProcessInstance;
+use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
+use crate::shm_space::{self, OutOfSharedMemory};
 
 /// At most this many readers of one board, dead ones that were not cleaned up included.
 pub const READERS_MAX: usize = 32;
@@ -31,7 +31,7 @@ pub(crate) type Service = ipc_threadsafe::Service;
 pub enum BoardError {
     /// Too little shared memory.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// A name that is empty, too long or not printable.
     #[error("'{name}' cannot name a board: use up to 100 printable characters without spaces")]
     BadName {
@@ -62,7 +62,7 @@ pub enum BoardError {
         /// Full service name.
         service: String,
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -121,9 +121,9 @@ impl<T: Pod> BoardReader<T> {
         &self.service
     }
 
-    /// The life of the process that writes it. Ask it with [`Life::liveness`], not in a real-time thread.
+    /// The life of the process that writes it. Ask it with [`ProcessInstance::liveness`], not in a real-time thread.
     #[must_use]
-    pub fn writer(&self) -> Option<Life> {
+    pub fn writer(&self) -> Option<ProcessInstance> {
         owner_of(&self.service)
     }
 }
@@ -148,7 +148,7 @@ impl Session {
             .entry::<Shared<T>>(&KEY)
             .map_err(|error| BoardError::Failed {
                 service: service.clone(),
-                cause: Cause::of(error),
+                cause: IceoryxError::of(error),
             })?;
         Ok(BoardWriter {
             entry,
@@ -188,7 +188,7 @@ impl Session {
         fill: impl FnOnce(Creator<u32, Service>) -> Creator<u32, Service>,
     ) -> Result<(Writer<Service, u32>, String), BoardError> {
         // Each entry is there twice.
-        room::require(2 * bytes + BOARD_ROOM)?;
+        shm_space::require(2 * bytes + BOARD_ROOM)?;
         let service_name = self.service_name(name).ok_or_else(|| BoardError::BadName {
             name: name.to_owned(),
         })?;
@@ -205,11 +205,11 @@ impl Session {
             .max_nodes(NODES_MAX);
         let blackboard = fill(blackboard)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         let writer = blackboard
             .writer_builder()
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         Ok((writer, service))
     }
 
@@ -234,11 +234,11 @@ impl Session {
                 BlackboardOpenError::DoesNotExist => BoardError::DoesNotExist {
                     service: service.to_owned(),
                 },
-                other => failed(Cause::of(other)),
+                other => failed(IceoryxError::of(other)),
             })?;
         blackboard
             .reader_builder()
             .create()
-            .map_err(|error| failed(Cause::of(error)))
+            .map_err(|error| failed(IceoryxError::of(error)))
     }
 }

@@ -9,7 +9,7 @@ use rcc_core::message::{
     FaultRecord, JOINTS_MAX, MAGIC, MONITOR_WIDTH_MAX, Measurement, MonitorRecord, SET_POINTS,
     SetPoint, Tables,
 };
-use rcc_core::timing::{LateCycle, PrimitiveTime, Timing};
+use rcc_core::timing::{CycleTiming, LateCycle, PrimitiveTime};
 
 use crate::announce::Announcement;
 
@@ -40,10 +40,10 @@ impl Build {
     ///
     /// # Errors
     /// It has another layout, or announces none because it is of an older build.
-    pub fn require_layout(other: &Announcement) -> Result<(), OtherBuild> {
+    pub fn require_layout(other: &Announcement) -> Result<(), BuildMismatch> {
         match &other.build {
             Some(build) if build.layout == LAYOUT => Ok(()),
-            theirs => Err(OtherBuild {
+            theirs => Err(BuildMismatch {
                 who: other.who(),
                 theirs: words(theirs.as_ref()),
                 own: Build::own().to_string(),
@@ -70,7 +70,7 @@ pub(crate) fn words(build: Option<&Build>) -> String {
 /// What another process shares has another layout than here.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the {who} was built from another version ({theirs}) than this program ({own}); {REMEDY}")]
-pub struct OtherBuild {
+pub struct BuildMismatch {
     /// The other process: `executor`, `driver io`.
     pub who: String,
     /// Its build.
@@ -107,7 +107,7 @@ const LAYOUT: u64 = layout![
     DeviceEntry,
     FaultRecord,
     MonitorRecord,
-    Timing,
+    CycleTiming,
     PrimitiveTime,
     LateCycle,
     HelperTable,

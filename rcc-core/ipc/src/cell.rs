@@ -7,7 +7,7 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use crate::prefix;
-use crate::room::SHM;
+use crate::shm_space::SHM;
 
 /// Names have at most this many characters.
 const NAME_LENGTH_MAX: usize = 32;

@@ -13,16 +13,16 @@ use std::time::{Duration, Instant};
 use crate::announce::AnnounceError;
 use crate::cell::{Cell, CellError, is_simulator_socket};
 use crate::lock::LockError;
-use crate::room::SHM;
+use crate::ownership;
+use crate::ownership::ExclusiveAccess;
 use crate::session::{Role, SessionError};
-use crate::take;
-use crate::take::Alone;
+use crate::shm_space::SHM;
 
 mod half_created;
 mod janitor;
 
 pub use half_created::{HALF_CREATED_AFTER, remove_half_created};
-pub use janitor::be_the_janitor;
+pub use janitor::clean_as_janitor;
 
 /// How long a janitor may take, unless the caller says otherwise: 34 ms were the most ever seen.
 pub const JANITOR_TIMEOUT: Duration = Duration::from_secs(1);
@@ -191,14 +191,14 @@ impl Cell {
     ///
     /// # Errors
     /// `/dev/shm` cannot be read.
-    pub fn foreign(&self) -> io::Result<Vec<Foreign>> {
+    pub fn foreign(&self) -> io::Result<Vec<ForeignFile>> {
         Ok(below_prefix(self.prefix())?.1)
     }
 }
 
 /// A file in `/dev/shm` that another user has laid under a cell's prefix.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Foreign {
+pub struct ForeignFile {
     /// The file or folder.
     pub path: PathBuf,
     /// Its owner's user id.
@@ -206,7 +206,7 @@ pub struct Foreign {
 }
 
 /// What lies in `/dev/shm` under a prefix, in the order of the names: ours, and that of other users.
-pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<Foreign>)> {
+pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<ForeignFile>)> {
     let uid = nix::unistd::getuid().as_raw();
     let (mut ours, mut foreign) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(SHM)? {
@@ -223,7 +223,7 @@ pub(crate) fn below_prefix(prefix: &str) -> io::Result<(Vec<PathBuf>, Vec<Foreig
         if owner == uid {
             ours.push(path);
         } else {
-            foreign.push(Foreign { path, owner });
+            foreign.push(ForeignFile { path, owner });
         }
     }
     ours.sort();
@@ -304,8 +304,8 @@ pub fn run_janitor(cell: &Cell, timeout: Duration) -> Result<CleanReport, CleanE
 /// # Errors
 /// The cell is alive, or files cannot be removed.
 pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
-    let alone = take::alone(cell, None)?;
-    let report = wipe_alone(cell, &alone)?;
+    let alone = ownership::lock_exclusively(cell, None)?;
+    let report = wipe_locked(cell, &alone)?;
     cell.make_folders()?;
     Ok(report)
 }
@@ -316,14 +316,14 @@ pub fn wipe(cell: &Cell) -> Result<WipeReport, WipeError> {
 /// # Errors
 /// As [`wipe`].
 pub fn remove_cell(cell: &Cell) -> Result<WipeReport, WipeError> {
-    let alone = take::alone(cell, None)?;
-    let report = wipe_alone(cell, &alone)?;
+    let alone = ownership::lock_exclusively(cell, None)?;
+    let report = wipe_locked(cell, &alone)?;
     remove_rest(cell, &alone)?;
     Ok(report)
 }
 
-/// Removes what [`wipe_alone`] left, and the folder.
-pub(crate) fn remove_rest(cell: &Cell, _alone: &Alone) -> Result<(), WipeError> {
+/// Removes what [`wipe_locked`] left, and the folder.
+pub(crate) fn remove_rest(cell: &Cell, _alone: &ExclusiveAccess) -> Result<(), WipeError> {
     let ours = [
         cell.config_copy(),
         cell.janitor_lock_file(),
@@ -351,7 +351,7 @@ pub(crate) fn remove_rest(cell: &Cell, _alone: &Alone) -> Result<(), WipeError> 
 }
 
 /// Removes what a life of the cell left.
-pub(crate) fn wipe_alone(cell: &Cell, alone: &Alone) -> Result<WipeReport, WipeError> {
+pub(crate) fn wipe_locked(cell: &Cell, alone: &ExclusiveAccess) -> Result<WipeReport, WipeError> {
     let mut report = WipeReport {
         announcements: alone.announced.len(),
         shared_memory: 0,

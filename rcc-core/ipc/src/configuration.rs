@@ -6,7 +6,7 @@ use std::fmt;
 
 use crate::announce::Announcement;
 use crate::build;
-use crate::events::{self, Kind};
+use crate::events::{self, EventKind};
 
 /// A configuration as far as processes compare it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -17,12 +17,12 @@ pub struct Configuration {
     #[serde(with = "crate::announce::hexadecimal")]
     pub cell: u64,
     /// The devices that the process knows, in the order of the file; a driver's is its own only.
-    pub devices: Vec<DeviceParts>,
+    pub devices: Vec<DeviceFingerprints>,
 }
 
 /// Fingerprints of one device's configuration.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct DeviceParts {
+pub struct DeviceFingerprints {
     /// Its name.
     pub name: String,
     /// 16 hexadecimal digits, by the part of the configuration.
@@ -47,7 +47,7 @@ impl Configuration {
                 .map(|(name, value)| (name.to_owned(), format!("{value:016x}")))
                 .collect()
         };
-        let row = |(name, values)| DeviceParts {
+        let row = |(name, values)| DeviceFingerprints {
             name,
             parts: parts(values),
         };
@@ -122,7 +122,7 @@ impl Configuration {
 /// Two processes that do not work together, because they are of different builds or were started with different
 /// configurations.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Disagreement {
+pub enum ProcessMismatch {
     /// They were built from different versions: what they share need not mean the same to both.
     Build {
         /// Who the first one is, and its build.
@@ -139,7 +139,7 @@ pub enum Disagreement {
     },
 }
 
-impl Disagreement {
+impl ProcessMismatch {
     /// What keeps a driver and an executor from working together; none if they are of one build and their configurations
     /// of the driver's device are the same. It cannot change while both live: each announces what it was started with,
     /// before anybody can find it, and reads no file again.
@@ -148,28 +148,28 @@ impl Disagreement {
         driver: &Announcement,
         executor: &Announcement,
         device: &str,
-    ) -> Option<Disagreement> {
-        Disagreement::between(driver, executor, |one, other| {
+    ) -> Option<ProcessMismatch> {
+        ProcessMismatch::between(driver, executor, |one, other| {
             one.device_differences(other, device)
         })
     }
 
     /// What keeps two processes that know all devices from working together.
     #[must_use]
-    pub fn about_cell(one: &Announcement, other: &Announcement) -> Option<Disagreement> {
-        Disagreement::between(one, other, Configuration::differences)
+    pub fn about_cell(one: &Announcement, other: &Announcement) -> Option<ProcessMismatch> {
+        ProcessMismatch::between(one, other, Configuration::differences)
     }
 
     fn between(
         one: &Announcement,
         other: &Announcement,
         differences: impl FnOnce(&Configuration, &Configuration) -> Vec<String>,
-    ) -> Option<Disagreement> {
+    ) -> Option<ProcessMismatch> {
         // First: configurations of different builds may differ for that alone.
         if one.build != other.build {
             let named =
                 |process: &Announcement| (process.who(), build::words(process.build.as_ref()));
-            return Some(Disagreement::Build {
+            return Some(ProcessMismatch::Build {
                 one: named(one),
                 other: named(other),
             });
@@ -183,7 +183,7 @@ impl Disagreement {
             true => one,
             false => other,
         };
-        Some(Disagreement::Configuration {
+        Some(ProcessMismatch::Configuration {
             differs: differs.unwrap_or_default(),
             older: earlier.who(),
         })
@@ -191,31 +191,31 @@ impl Disagreement {
 
     /// What one of them has that the other has not, as the end of `it was …`: `started with another configuration`.
     #[must_use]
-    pub fn made(&self) -> &'static str {
+    pub fn description(&self) -> &'static str {
         match self {
-            Disagreement::Build { .. } => "built from another version",
-            Disagreement::Configuration { .. } => "started with another configuration",
+            ProcessMismatch::Build { .. } => "built from another version",
+            ProcessMismatch::Configuration { .. } => "started with another configuration",
         }
     }
 
     /// For the event log of a process that does not work with `other` because of this.
     #[must_use]
-    pub fn event(&self, other: &Announcement) -> Kind {
-        let (process, life) = (other.who(), events::digits(other.incarnation));
+    pub fn event(&self, other: &Announcement) -> EventKind {
+        let (process, life) = (other.who(), events::hex_digits(other.incarnation));
         let (differs, remedy) = (
-            events::text(&self.to_string()),
-            events::text(&self.remedy()),
+            events::event_text(&self.to_string()),
+            events::event_text(&self.remedy()),
         );
         let pid = other.pid;
         match self {
-            Disagreement::Build { .. } => Kind::OtherBuild {
+            ProcessMismatch::Build { .. } => EventKind::BuildMismatch {
                 process,
                 pid,
                 life,
                 differs,
                 remedy,
             },
-            Disagreement::Configuration { .. } => Kind::OtherConfiguration {
+            ProcessMismatch::Configuration { .. } => EventKind::ConfigurationMismatch {
                 process,
                 pid,
                 life,
@@ -229,11 +229,11 @@ impl Disagreement {
     #[must_use]
     pub fn remedy(&self) -> String {
         match self {
-            Disagreement::Configuration { differs, older } if !differs.is_empty() => format!(
+            ProcessMismatch::Configuration { differs, older } if !differs.is_empty() => format!(
                 "restart the cell, so that all its processes read the same file; {older} was started first and has read the \
                  older one"
             ),
-            Disagreement::Configuration { .. } | Disagreement::Build { .. } => {
+            ProcessMismatch::Configuration { .. } | ProcessMismatch::Build { .. } => {
                 build::REMEDY.to_owned()
             }
         }
@@ -241,16 +241,16 @@ impl Disagreement {
 }
 
 /// What differs.
-impl fmt::Display for Disagreement {
+impl fmt::Display for ProcessMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Disagreement::Build { one, other } => {
+            ProcessMismatch::Build { one, other } => {
                 write!(f, "{}: {}; {}: {}", one.0, one.1, other.0, other.1)
             }
-            Disagreement::Configuration { differs, .. } if differs.is_empty() => {
+            ProcessMismatch::Configuration { differs, .. } if differs.is_empty() => {
                 write!(f, "one of them announces no configuration")
             }
-            Disagreement::Configuration { differs, .. } => {
+            ProcessMismatch::Configuration { differs, .. } => {
                 write!(f, "different in: {}", differs.join("; "))
             }
         }
@@ -320,25 +320,25 @@ mod tests {
             ),
         ];
         for (driver, words) in &drivers {
-            let why = Disagreement::about_device(driver, &executor, "io").map(|why| {
-                assert_eq!(why.made(), "built from another version");
+            let why = ProcessMismatch::about_device(driver, &executor, "io").map(|why| {
+                assert_eq!(why.description(), "built from another version");
                 assert!(why.remedy().contains("from one build"), "{}", why.remedy());
                 assert!(matches!(
                     why.event(driver),
-                    Kind::OtherBuild { pid: 77, process, .. } if process == "driver io"
+                    EventKind::BuildMismatch { pid: 77, process, .. } if process == "driver io"
                 ));
                 why.to_string()
             });
             let expected = format!("{words}; executor: 0.1.0, layout 0000000000000010");
             assert_eq!(why, Some(expected));
         }
-        let why = Disagreement::about_cell(&executor, &older).map(|why| why.to_string());
+        let why = ProcessMismatch::about_cell(&executor, &older).map(|why| why.to_string());
         assert!(why.is_some_and(|words| {
             words.ends_with("executor: an older one that does not announce it")
         }));
-        assert_eq!(Disagreement::about_cell(&executor, &executor), None);
+        assert_eq!(ProcessMismatch::about_cell(&executor, &executor), None);
         assert_eq!(
-            Disagreement::about_device(&process(Role::Driver, "0.1.0", 0x10), &executor, "io"),
+            ProcessMismatch::about_device(&process(Role::Driver, "0.1.0", 0x10), &executor, "io"),
             None
         );
     }

@@ -3,12 +3,12 @@
 
 use rcc_core::frame::PrepareFault;
 use rcc_core::plan::{
-    Blank, Block, Delay, InputPoint, MonitorPoint, Plan, PlanError, PublishPoint, Rate, Region,
-    Resource, Run, ValuePoint,
+    Delay, InputPoint, KernelRun, MonitorPoint, NullRange, Plan, PlanError, PlanRegion,
+    PublishPoint, Rate, Resource, RunBlock, ValuePoint,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::rehearsal::{Foreseen, Rehearsed};
+use crate::rehearsal::{PredictedViolation, RehearsalReport};
 use crate::request::{REQUEST_MAX, RESPONSE_MAX};
 use crate::wire::{self, Message};
 
@@ -18,7 +18,7 @@ pub const CONTROL: &str = "control";
 pub const STATUS: &str = "status";
 /// Name of the board with [`rcc_core::message::Tables`].
 pub const TABLES: &str = "tables";
-/// Name of the board with [`rcc_core::timing::Timing`].
+/// Name of the board with [`rcc_core::timing::CycleTiming`].
 pub const TIMING: &str = "timing";
 /// Name of the board with [`rcc_core::helper::HelperTable`].
 pub const HELPERS: &str = "helpers";
@@ -60,15 +60,15 @@ pub struct PlanData {
     /// Initial arena of `Int`.
     pub ints: Vec<i64>,
     /// What to run, in order.
-    pub runs: Vec<Run>,
+    pub runs: Vec<KernelRun>,
     /// Operands of all runs.
     pub operands: Vec<u32>,
     /// How the runs are divided among regions.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<RunBlock>,
     /// What is evaluated only under a condition.
-    pub regions: Vec<Region>,
+    pub regions: Vec<PlanRegion>,
     /// What becomes null when a region ceases to be evaluated.
-    pub blanks: Vec<Blank>,
+    pub blanks: Vec<NullRange>,
     /// Delayed links.
     pub delays: Vec<Delay>,
     /// Monitors.
@@ -122,7 +122,7 @@ pub struct InputValue {
 
 /// Values of a net, all of one cycle.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Values {
+pub struct NetValues {
     /// Executor cycle in which the net was evaluated last; 0 = it was not yet evaluated, and these are its first values.
     pub cycle: u64,
     /// Its evaluations so far.
@@ -154,7 +154,7 @@ pub enum InputFault {
 
 /// How the bytes of a call begin, in the order of [`Call`].
 #[derive(Deserialize)]
-enum Beginning {
+enum CallHead {
     Reserve,
     Install { id: u64 },
 }
@@ -163,8 +163,8 @@ enum Beginning {
 #[must_use]
 pub fn installs(bytes: &[u8]) -> Option<u64> {
     match wire::decode_beginning(bytes) {
-        Ok(Beginning::Install { id }) => Some(id),
-        Ok(Beginning::Reserve) | Err(_) => None,
+        Ok(CallHead::Install { id }) => Some(id),
+        Ok(CallHead::Reserve) | Err(_) => None,
     }
 }
 
@@ -264,12 +264,12 @@ pub enum Answer {
         /// Executor cycle.
         cycle: u64,
         /// What the rehearsal came to.
-        rehearsed: Rehearsed,
+        rehearsed: RehearsalReport,
     },
     /// What became of a recording.
-    Recorded(Recorded),
+    Recorded(RecordingState),
     /// What was read.
-    Values(Values),
+    Values(NetValues),
     /// Refused; nothing changed, except that a refused plan makes its command `rejected`.
     Refused(Refusal),
     /// A hand-over is refused because of one of its commands; nothing changed.
@@ -283,7 +283,7 @@ pub enum Answer {
 
 /// What became of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Recorded {
+pub enum RecordingState {
     /// It is not over yet, or is being written.
     NotYet,
     /// It is in this file.
@@ -380,7 +380,7 @@ pub enum Refusal {
     /// The start values could not be computed.
     Prepare(PrepareFault),
     /// In its rehearsal the net breaks a limit of an arm.
-    Foreseen(Foreseen),
+    Foreseen(PredictedViolation),
     /// The nets would need more of a cycle than the cell's budget.
     Budget {
         /// What the net is expected to need, ns.

@@ -1,5 +1,5 @@
 //! The cell's event log: what happened in the cell, one JSON object a line, in a file that needs no living process.
-//! Written by threads that are not real-time (mostly by a [`Recorder`]'s own), read by anybody.
+//! Written by threads that are not real-time (mostly by a [`EventRecorder`]'s own), read by anybody.
 //!
 //! Several writers: a line is at most [`LINE_MAX`] bytes and written by one `write` to a file opened with `O_APPEND`,
 //! so that lines of different processes never mix (Linux holds the file's lock for the whole call). A process that is
@@ -18,20 +18,20 @@ use serde::{Deserialize, Serialize};
 use crate::cell::Cell;
 use crate::clean::CleanReport;
 use crate::clock::monotonic_ns;
-use crate::life::Life;
 use crate::lock;
+use crate::process_instance::ProcessInstance;
 use crate::session::Role;
 
 mod kinds;
-mod read;
+mod reader;
 mod recorder;
-mod stamp;
-mod words;
+mod sentences;
+mod wall_time;
 
-pub use kinds::{Fault, Former, KINDS, Kind, KindRow, Last};
-pub use read::Reader;
-pub use recorder::Recorder;
-pub use stamp::{wall_time, wall_time_before};
+pub use kinds::{CommandFault, EVENT_KINDS, EventKind, EventKindRow, LastEvent, Predecessor};
+pub use reader::EventReader;
+pub use recorder::EventRecorder;
+pub use wall_time::{wall_time, wall_time_before};
 
 /// Longest line, with its end; longer texts are cut.
 pub const LINE_MAX: usize = 4096;
@@ -43,7 +43,7 @@ const TEXT_MAX: usize = 480;
 /// What a process is that writes events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Origin {
+pub enum EventOrigin {
     /// The cycle.
     Executor,
     /// Text to plans; the REST server.
@@ -60,39 +60,39 @@ pub enum Origin {
     Janitor,
 }
 
-impl From<Role> for Origin {
-    fn from(role: Role) -> Origin {
+impl From<Role> for EventOrigin {
+    fn from(role: Role) -> EventOrigin {
         match role {
-            Role::Loader => Origin::Loader,
-            Role::Executor => Origin::Executor,
-            Role::Driver => Origin::Driver,
-            Role::Monitor => Origin::Monitor,
-            Role::Cli => Origin::Cli,
+            Role::Loader => EventOrigin::Loader,
+            Role::Executor => EventOrigin::Executor,
+            Role::Driver => EventOrigin::Driver,
+            Role::Monitor => EventOrigin::Monitor,
+            Role::Cli => EventOrigin::Cli,
         }
     }
 }
 
-impl Origin {
+impl EventOrigin {
     /// As in the log.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
-            Origin::Executor => "executor",
-            Origin::Loader => "loader",
-            Origin::Driver => "driver",
-            Origin::Monitor => "monitor",
-            Origin::Cli => "cli",
-            Origin::Supervisor => "supervisor",
-            Origin::Janitor => "janitor",
+            EventOrigin::Executor => "executor",
+            EventOrigin::Loader => "loader",
+            EventOrigin::Driver => "driver",
+            EventOrigin::Monitor => "monitor",
+            EventOrigin::Cli => "cli",
+            EventOrigin::Supervisor => "supervisor",
+            EventOrigin::Janitor => "janitor",
         }
     }
 }
 
 /// Who writes an event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Source {
+pub struct EventSource {
     /// What it does in the cell.
-    pub role: Origin,
+    pub role: EventOrigin,
     /// Which one of its role; a driver's is its device's name.
     pub label: String,
     /// Its process id.
@@ -101,20 +101,20 @@ pub struct Source {
     pub incarnation: String,
 }
 
-impl Source {
+impl EventSource {
     /// This process, in this role.
     #[must_use]
-    pub fn this(role: Origin, label: &str) -> Source {
+    pub fn this(role: EventOrigin, label: &str) -> EventSource {
         // Unknown only to a program that is in no session: its events still have its process id.
-        let life = Life::current().unwrap_or(Life {
+        let life = ProcessInstance::current().unwrap_or(ProcessInstance {
             pid: std::process::id(),
             start_time_ticks: 0,
         });
-        Source {
+        EventSource {
             role,
             label: label.to_owned(),
             pid: life.pid,
-            incarnation: digits(life.incarnation()),
+            incarnation: hex_digits(life.incarnation()),
         }
     }
 }
@@ -122,7 +122,7 @@ impl Source {
 /// How much an event matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Severity {
+pub enum EventSeverity {
     /// In order.
     Info,
     /// Not in order; the cell copes.
@@ -142,18 +142,18 @@ pub struct Event {
     /// Executor cycle, where there is one.
     pub cycle: Option<u64>,
     /// Who says so.
-    pub source: Source,
+    pub source: EventSource,
     /// How much it matters.
-    pub severity: Severity,
+    pub severity: EventSeverity,
     /// What happened.
     #[serde(flatten)]
-    pub what: Kind,
+    pub what: EventKind,
 }
 
 impl Event {
     /// What happens now.
     #[must_use]
-    pub fn now(source: Source, cycle: Option<u64>, what: Kind) -> Event {
+    pub fn now(source: EventSource, cycle: Option<u64>, what: EventKind) -> Event {
         Event {
             time: wall_time(),
             monotonic_ns: monotonic_ns(),
@@ -250,9 +250,12 @@ fn is_at(file: &File, path: &Path) -> bool {
 }
 
 /// Appends an event of this process, written at once.
-pub fn tell(cell: &Cell, role: Origin, label: &str, what: Kind) {
+pub fn tell(cell: &Cell, role: EventOrigin, label: &str, what: EventKind) {
     // A log that cannot be written has nobody to be told to.
-    let _ = append(cell, &Event::now(Source::this(role, label), None, what));
+    let _ = append(
+        cell,
+        &Event::now(EventSource::this(role, label), None, what),
+    );
 }
 
 /// A pipe in its place would be waited for, by every process of the cell.
@@ -279,47 +282,47 @@ fn rotate(cell: &Cell, inode: u64) {
 }
 
 /// A new life of the cell begins: what the life before it wrote becomes the old file, and is told in the first event.
-pub fn begin(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
+pub fn begin_log(cell: &Cell, config: &str, ports: &BTreeMap<String, u16>) {
     let path = cell.events_file();
     let mut previous = None;
     if path.exists() {
         // An orderly end removes the log: whoever finds one follows a cell that died.
-        let last = Reader::open(cell).poll().unwrap_or_default().pop();
-        previous = last.map(|event| Last {
+        let last = EventReader::open(cell).poll().unwrap_or_default().pop();
+        previous = last.map(|event| LastEvent {
             time: event.time.clone(),
             who: event.who(),
             words: event.sentence(&|_, id| format!("#{id}")),
         });
         let _ = fs::rename(&path, cell.events_before_file());
     }
-    let what = Kind::CellStarted {
+    let what = EventKind::CellStarted {
         config: config.to_owned(),
         ports: ports.clone(),
         previous,
     };
-    tell(cell, Origin::Supervisor, "up", what);
+    tell(cell, EventOrigin::Supervisor, "up", what);
 }
 
 /// The dead process that left its announcement under this role and label: whoever announces itself there follows it.
 /// An orderly end takes the announcement back, so it tells of a death.
 #[must_use]
-pub fn predecessor(cell: &Cell, role: Role, label: &str) -> Option<Former> {
+pub fn predecessor(cell: &Cell, role: Role, label: &str) -> Option<Predecessor> {
     let dead = cell.announced(role, label).ok().flatten()?;
     let ours = dead.pid == std::process::id();
-    (!ours && dead.liveness().is_dead()).then(|| Former {
+    (!ours && dead.liveness().is_dead()).then(|| Predecessor {
         pid: dead.pid,
-        incarnation: digits(dead.incarnation),
+        incarnation: hex_digits(dead.incarnation),
     })
 }
 
 /// Tells what a janitor removed, if anything, and who was dead then.
-pub fn cleaned(cell: &Cell, report: &CleanReport) {
+pub fn log_cleaning(cell: &Cell, report: &CleanReport) {
     if *report == CleanReport::default() {
         return;
     }
     let announced = cell.announced_all().unwrap_or_default();
     let dead = announced.iter().filter(|one| one.liveness().is_dead());
-    let what = Kind::Cleaned {
+    let what = EventKind::Cleaned {
         half_created: report.half_created,
         dead_nodes: report.dead_nodes,
         files: report.reaped,
@@ -328,7 +331,7 @@ pub fn cleaned(cell: &Cell, report: &CleanReport) {
             .take(8)
             .collect(),
     };
-    tell(cell, Origin::Janitor, "janitor", what);
+    tell(cell, EventOrigin::Janitor, "janitor", what);
 }
 
 /// What a driver's announcement says about this number: lines of `NUMBER TEXT`. Empty when it says nothing.
@@ -344,18 +347,21 @@ pub fn reason_words(cell: &Cell, device: &str, number: u32) -> String {
         .lines()
         .filter_map(|line| line.split_once(' '))
         .find(|(number, _)| *number == wanted);
-    found.map_or_else(|| format!("reason {number}"), |(_, words)| text(words))
+    found.map_or_else(
+        || format!("reason {number}"),
+        |(_, words)| event_text(words),
+    )
 }
 
 /// A life or a fingerprint as 16 hexadecimal digits: JSON numbers are not exact so far.
 #[must_use]
-pub fn digits(word: u64) -> String {
+pub fn hex_digits(word: u64) -> String {
     format!("{word:016x}")
 }
 
 /// A text that fits into an event: short, one line, no control characters (readers print it on terminals).
 #[must_use]
-pub fn text(given: &str) -> String {
+pub fn event_text(given: &str) -> String {
     let mut out = String::with_capacity(given.len().min(TEXT_MAX));
     for character in given.trim().chars() {
         if out.len() + character.len_utf8() > TEXT_MAX {

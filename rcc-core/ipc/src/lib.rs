@@ -27,31 +27,31 @@ pub mod commands;
 pub mod configuration;
 pub mod control;
 pub mod events;
-pub mod life;
 pub mod lock;
-pub mod parcel;
+pub mod log_throttle;
+pub mod ownership;
 pub mod pattern;
 mod prefix;
+pub mod process_instance;
 mod reap;
 pub mod rehearsal;
 pub mod request;
 pub mod ring;
-pub mod room;
-pub mod seldom;
 pub mod session;
 mod shared;
+pub mod shm_space;
+pub mod spill_file;
 pub mod stream;
-pub mod take;
 pub mod wire;
 
 pub use announce::{AnnounceError, Announced, Announcement};
 pub use board::{BoardError, BoardReader, BoardWriter};
-pub use build::{Build, OtherBuild};
+pub use build::{Build, BuildMismatch};
 pub use cell::{Cell, CellError};
 pub use clock::{monotonic_ns, sleep_until};
 pub use commands::{CommandReader, CommandWriter};
-pub use configuration::{Configuration, Disagreement};
-pub use life::{Life, Liveness};
+pub use configuration::{Configuration, ProcessMismatch};
+pub use process_instance::{Liveness, ProcessInstance};
 pub use request::{
     AnswerError, CallError, Client, PollError, REQUEST_MAX, RESPONSE_MAX, Request, RequestError,
     Server,

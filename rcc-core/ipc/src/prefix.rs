@@ -44,7 +44,7 @@ pub(crate) fn of(
         return Ok(prefix);
     }
     remove_ours(&prefix);
-    let other = by_chance().map_err(failed(Path::new("/dev/urandom")))?;
+    let other = random_prefix().map_err(failed(Path::new("/dev/urandom")))?;
     write(file, &other)?;
     Ok(other)
 }
@@ -57,14 +57,14 @@ pub(crate) fn current(uid: u32, folder: &Path, file: &Path) -> Result<String, Ce
     match rcc_os::file::read_text(file, 64) {
         Ok(text) if is_prefix(text.trim_end()) => Ok(text.trim_end().to_owned()),
         // Its writer died: as if it was not there.
-        Ok(_) => Ok(usual(uid, folder)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(usual(uid, folder)),
+        Ok(_) => Ok(default_prefix(uid, folder)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(default_prefix(uid, folder)),
         Err(error) => Err(failed(file)(error)),
     }
 }
 
 /// FNV-1a over user and folder: stable over builds and machines, unlike the standard library's hashers.
-fn usual(uid: u32, folder: &Path) -> String {
+fn default_prefix(uid: u32, folder: &Path) -> String {
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     for &byte in uid
         .to_le_bytes()
@@ -76,7 +76,7 @@ fn usual(uid: u32, folder: &Path) -> String {
     of_number(hash ^ (hash >> 40))
 }
 
-fn by_chance() -> io::Result<String> {
+fn random_prefix() -> io::Result<String> {
     let mut bytes = [0; 8];
     File::open("/dev/urandom")?.read_exact(&mut bytes)?;
     Ok(of_number(u64::from_le_bytes(bytes)))
@@ -134,16 +134,16 @@ fn failed(path: &Path) -> impl Fn(io::Error) -> CellError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::room::SHM;
+    use crate::shm_space::SHM;
 
     #[test]
     fn user_and_folder_make_the_usual_prefix() {
-        let demo = usual(1000, Path::new("/run/rcc/demo"));
-        assert_eq!(demo, usual(1000, Path::new("/run/rcc/demo")));
-        assert_ne!(demo, usual(1001, Path::new("/run/rcc/demo")));
-        assert_ne!(demo, usual(1000, Path::new("/run/rcc/demo2")));
+        let demo = default_prefix(1000, Path::new("/run/rcc/demo"));
+        assert_eq!(demo, default_prefix(1000, Path::new("/run/rcc/demo")));
+        assert_ne!(demo, default_prefix(1001, Path::new("/run/rcc/demo")));
+        assert_ne!(demo, default_prefix(1000, Path::new("/run/rcc/demo2")));
         assert!(is_prefix(&demo), "{demo}");
-        assert!(by_chance().is_ok_and(|one| is_prefix(&one) && one != demo));
+        assert!(random_prefix().is_ok_and(|one| is_prefix(&one) && one != demo));
     }
 
     #[test]
@@ -159,12 +159,16 @@ mod tests {
             "\u{e9}\u{e9}\u{e9}\u{e9}\u{e9}\u{e9}\u{e9}_",
         ] {
             fs::write(&file, text).map_err(failed(&file))?;
-            assert_eq!(current(7, folder, &file)?, usual(7, folder), "{text}");
+            assert_eq!(
+                current(7, folder, &file)?,
+                default_prefix(7, folder),
+                "{text}"
+            );
         }
         write(&file, "rcc_0123456789_")?;
         assert_eq!(current(7, folder, &file)?, "rcc_0123456789_");
         fs::remove_file(&file).map_err(failed(&file))?;
-        assert_eq!(current(7, folder, &file)?, usual(7, folder));
+        assert_eq!(current(7, folder, &file)?, default_prefix(7, folder));
         Ok(())
     }
 
@@ -179,7 +183,7 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("rcc-blocked-{}", std::process::id()));
         fs::create_dir(&folder)?;
         let (file, cell_lock) = (folder.join("prefix"), folder.join("cell.lock"));
-        let usual = usual(0, &folder);
+        let usual = default_prefix(0, &folder);
         let (foreign, ours) = (
             Path::new(SHM).join(format!("{usual}node.0_10_0.global_mgmt")),
             Path::new(SHM).join(format!("{usual}left.dynamic")),

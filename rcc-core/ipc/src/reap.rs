@@ -10,8 +10,8 @@ use std::time::Duration;
 use rcc_os::{file, wall};
 
 use crate::cell::Cell;
-use crate::life::started_ns;
-use crate::parcel;
+use crate::process_instance::started_ns;
+use crate::spill_file;
 
 /// Ticks, clocks and their reading differ by less than this.
 const CLOCK_SLACK_NS: u64 = 50_000_000;
@@ -23,60 +23,60 @@ const UNFINISHED_AFTER: Duration = Duration::from_secs(1);
 /// The number in the names of files and nodes (`UniqueSystemId` of iceoryx2 0.10.0), least significant part first:
 /// seconds and nanoseconds of CLOCK_MONOTONIC when it was made, process id, counter; 32 bits each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Id {
-    made_ns: u64,
+struct UniqueId {
+    created_ns: u64,
     pid: u32,
 }
 
-impl Id {
-    fn from_value(value: u128) -> Id {
+impl UniqueId {
+    fn from_value(value: u128) -> UniqueId {
         let part = |index: u32| (value >> (32 * index)) as u32;
-        Id {
-            made_ns: u64::from(part(0)) * 1_000_000_000 + u64::from(part(1)),
+        UniqueId {
+            created_ns: u64::from(part(0)) * 1_000_000_000 + u64::from(part(1)),
             pid: part(2),
         }
     }
 
     /// True if the process that made this number is known to be dead; whoever may live keeps its files. Its process id
     /// alone may belong to another one by now: that one started after the number was made.
-    fn maker_is_dead(self) -> bool {
-        let made_by = |started| started <= self.made_ns + CLOCK_SLACK_NS;
+    fn creator_is_dead(self) -> bool {
+        let made_by = |started| started <= self.created_ns + CLOCK_SLACK_NS;
         started_ns(self.pid).is_ok_and(|started| !started.is_some_and(made_by))
     }
 }
 
 /// The numbers in a file's name; all other digits in such names are far shorter.
-fn ids_in(name: &str) -> impl Iterator<Item = Id> {
+fn ids_in(name: &str) -> impl Iterator<Item = UniqueId> {
     name.split(['_', '.'])
         .filter(|part| part.len() >= 15)
-        .filter_map(|part| part.parse().ok().map(Id::from_value))
+        .filter_map(|part| part.parse().ok().map(UniqueId::from_value))
 }
 
 /// Numbers whose makers were dead at one moment.
 #[derive(Debug)]
-pub(crate) struct Dead(BTreeSet<Id>);
+pub(crate) struct DeadProcesses(BTreeSet<UniqueId>);
 
-impl Dead {
+impl DeadProcesses {
     /// Whose files lie in the cell although their makers are dead now. Look before iceoryx2 has its turn: whoever dies
     /// after that has not been struck out of what it shared with the living, so its node must stay for the next turn. A
     /// node that is removed too early leaves its place in a living board taken for ever.
     ///
     /// # Errors
     /// A folder cannot be read; with its path.
-    pub(crate) fn of(cell: &Cell) -> Result<Dead, (PathBuf, io::Error)> {
-        let here = |error| (PathBuf::from(crate::room::SHM), error);
+    pub(crate) fn of(cell: &Cell) -> Result<DeadProcesses, (PathBuf, io::Error)> {
+        let here = |error| (PathBuf::from(crate::shm_space::SHM), error);
         let mut paths = cell.leftovers().map_err(here)?;
         paths.extend(files_in(&cell.iox_root().join("nodes"))?);
-        let mut ids: BTreeSet<Id> = paths
+        let mut ids: BTreeSet<UniqueId> = paths
             .iter()
             .flat_map(|path| ids_in(&name_of(path)).collect::<Vec<_>>())
             .collect();
         for path in files_in(&cell.iox_root().join("services"))? {
             let text = file::read_text(&path, DESCRIPTION_MAX).unwrap_or_default();
-            ids.extend(service_id(&text).map(Id::from_value));
+            ids.extend(service_id(&text).map(UniqueId::from_value));
         }
-        ids.retain(|id| id.maker_is_dead());
-        Ok(Dead(ids))
+        ids.retain(|id| id.creator_is_dead());
+        Ok(DeadProcesses(ids))
     }
 
     fn made(&self, name: &str) -> bool {
@@ -88,11 +88,11 @@ impl Dead {
 ///
 /// # Errors
 /// A folder cannot be read, or a file cannot be removed; with its path.
-pub(crate) fn reap(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Error)> {
+pub(crate) fn reap(cell: &Cell, dead: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     Ok(reap_shared_memory(cell, dead)?
         + reap_services(cell, dead)?
         + reap_nodes(cell, dead)?
-        + reap_parcels(cell)?)
+        + reap_spill_files(cell)?)
 }
 
 /// Removes what takes room and what nobody uses any more, and makes nothing: shared memory of the dead that nobody has
@@ -100,30 +100,30 @@ pub(crate) fn reap(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Erro
 ///
 /// # Errors
 /// As [`reap`].
-pub(crate) fn free(cell: &Cell, dead: &Dead) -> Result<usize, (PathBuf, io::Error)> {
-    Ok(reap_shared_memory(cell, dead)? + reap_parcels(cell)?)
+pub(crate) fn free(cell: &Cell, dead: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
+    Ok(reap_shared_memory(cell, dead)? + reap_spill_files(cell)?)
 }
 
 /// True if the name of a file tells who made it, and all of them are dead.
-pub(crate) fn is_of_the_dead(path: &Path) -> bool {
+pub(crate) fn is_orphaned(path: &Path) -> bool {
     let name = name_of(path);
     let mut makers = ids_in(&name).peekable();
-    makers.peek().is_some() && makers.all(|id| id.maker_is_dead())
+    makers.peek().is_some() && makers.all(|id| id.creator_is_dead())
 }
 
 /// Files of long requests whose sender is dead.
-fn reap_parcels(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_spill_files(cell: &Cell) -> Result<usize, (PathBuf, io::Error)> {
     let mut dead = files_in(&cell.iox_root())?;
     dead.retain(|path| {
-        parcel::owner_of(&name_of(path)).is_some_and(|life| life.liveness().is_dead())
+        spill_file::owner_of(&name_of(path)).is_some_and(|life| life.liveness().is_dead())
     });
     remove_all(dead)
 }
 
 /// Shared memory that a dead process took part in and that nobody has mapped. What a living one still has mapped is
 /// left for it to clean.
-fn reap_shared_memory(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
-    let here = |error| (PathBuf::from(crate::room::SHM), error);
+fn reap_shared_memory(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
+    let here = |error| (PathBuf::from(crate::shm_space::SHM), error);
     let mut dead = cell.shared_memory().map_err(here)?;
     dead.retain(|path| gone.made(&name_of(path)));
     if dead.is_empty() {
@@ -135,10 +135,10 @@ fn reap_shared_memory(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::E
 }
 
 /// Descriptions of services whose creator is dead and whose shared memory is gone, or that were never finished.
-fn reap_services(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_services(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let shared = cell
         .shared_memory()
-        .map_err(|error| (PathBuf::from(crate::room::SHM), error))?;
+        .map_err(|error| (PathBuf::from(crate::shm_space::SHM), error))?;
     let names: Vec<String> = shared.iter().map(|path| name_of(path)).collect();
     let mut dead = files_in(&cell.iox_root().join("services"))?;
     dead.retain(|path| {
@@ -148,7 +148,7 @@ fn reap_services(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)
         {
             Some(value) => {
                 let digits = value.to_string();
-                gone.0.contains(&Id::from_value(value))
+                gone.0.contains(&UniqueId::from_value(value))
                     && !names.iter().any(|name| name.contains(digits.as_str()))
             }
             None => is_unfinished(path),
@@ -158,7 +158,7 @@ fn reap_services(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)
 }
 
 /// Folders and lock files of nodes whose process is dead.
-fn reap_nodes(cell: &Cell, gone: &Dead) -> Result<usize, (PathBuf, io::Error)> {
+fn reap_nodes(cell: &Cell, gone: &DeadProcesses) -> Result<usize, (PathBuf, io::Error)> {
     let nodes = cell.iox_root().join("nodes");
     let mut removed = 0;
     for path in files_in(&nodes)? {
@@ -196,7 +196,7 @@ fn is_unfinished(path: &Path) -> bool {
 
 /// This cell's shared memory that any process we may look at has mapped.
 fn mapped_files(cell: &Cell) -> io::Result<BTreeSet<PathBuf>> {
-    let start = format!("{}/{}", crate::room::SHM, cell.prefix());
+    let start = format!("{}/{}", crate::shm_space::SHM, cell.prefix());
     let mut mapped = BTreeSet::new();
     for entry in fs::read_dir("/proc")? {
         // Processes end meanwhile, and those of other users hide their maps: neither is in this cell.
@@ -244,9 +244,9 @@ mod tests {
     use super::*;
     use crate::clock::monotonic_ns;
 
-    fn id_of(pid: u32, made_ns: u64) -> u128 {
-        let seconds = u128::from(made_ns / 1_000_000_000);
-        let rest = u128::from(made_ns % 1_000_000_000);
+    fn id_of(pid: u32, created_ns: u64) -> u128 {
+        let seconds = u128::from(created_ns / 1_000_000_000);
+        let rest = u128::from(created_ns % 1_000_000_000);
         7 << 96 | u128::from(pid) << 64 | rest << 32 | seconds
     }
 
@@ -255,16 +255,16 @@ mod tests {
         let (one, two) = (id_of(12, 5_000_000_123), id_of(34, 6_000_000_456));
         let name =
             format!("rcc_0f7541e085_b9fc73e5c1f646968758453273c6c65c_{one}_{two}__1.connection");
-        let found: Vec<Id> = ids_in(&name).collect();
+        let found: Vec<UniqueId> = ids_in(&name).collect();
         assert_eq!(
             found,
             [
-                Id {
-                    made_ns: 5_000_000_123,
+                UniqueId {
+                    created_ns: 5_000_000_123,
                     pid: 12
                 },
-                Id {
-                    made_ns: 6_000_000_456,
+                UniqueId {
+                    created_ns: 6_000_000_456,
                     pid: 34
                 }
             ]
@@ -278,12 +278,12 @@ mod tests {
     #[test]
     fn a_reused_process_id_is_not_its_maker() {
         let pid = std::process::id();
-        assert!(!Id::from_value(id_of(pid, monotonic_ns())).maker_is_dead());
+        assert!(!UniqueId::from_value(id_of(pid, monotonic_ns())).creator_is_dead());
         assert!(
-            Id::from_value(id_of(pid, 1)).maker_is_dead(),
+            UniqueId::from_value(id_of(pid, 1)).creator_is_dead(),
             "made before this process began"
         );
-        assert!(Id::from_value(id_of(u32::MAX, monotonic_ns())).maker_is_dead());
+        assert!(UniqueId::from_value(id_of(u32::MAX, monotonic_ns())).creator_is_dead());
     }
 
     #[test]
@@ -292,12 +292,12 @@ mod tests {
         let cell = Cell::at("reap", &folder).unwrap();
         let nodes = cell.iox_root().join("nodes");
         fs::create_dir_all(&nodes).unwrap();
-        let before = Dead::of(&cell).unwrap();
+        let before = DeadProcesses::of(&cell).unwrap();
         let node = nodes.join(format!("rcc_{}.node", id_of(u32::MAX, monotonic_ns())));
         fs::write(&node, "").unwrap();
         assert_eq!(reap(&cell, &before).unwrap(), 0);
         assert!(node.exists());
-        assert_eq!(reap(&cell, &Dead::of(&cell).unwrap()).unwrap(), 1);
+        assert_eq!(reap(&cell, &DeadProcesses::of(&cell).unwrap()).unwrap(), 1);
         assert!(!node.exists());
         fs::remove_dir_all(cell.iox_root()).unwrap();
         fs::remove_dir_all(folder).unwrap();

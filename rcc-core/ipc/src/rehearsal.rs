@@ -4,26 +4,26 @@ use serde::{Deserialize, Serialize};
 
 /// What a net did in its rehearsal, when it broke no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rehearsed {
+pub struct RehearsalReport {
     /// Virtual time, s.
     pub time_s: f64,
     /// How it ended.
     pub end: RehearsalEnd,
     /// Greatest share of the limit of velocity, acceleration and jerk that a joint used.
-    pub peaks: [Peak; 3],
+    pub peaks: [LimitPeak; 3],
     /// Smallest distance to a singularity of an arm that it commands, as its kinematics define it; NaN = not known.
     pub singularity: f64,
     /// How many roundings of its paths are smaller than asked for.
     pub shortened: u32,
     /// The one of them that lacks most, if any.
-    pub most_shortened: Option<Rounding>,
+    pub most_shortened: Option<ShortenedBlend>,
     /// What the rehearsal took, ns.
     pub took_ns: u64,
 }
 
 /// A rounding (`blend`) that is smaller than asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rounding {
+pub struct ShortenedBlend {
     /// Index of the motion in its net.
     pub motion: u32,
     /// The leg at whose end it is, from 0.
@@ -49,7 +49,7 @@ pub enum RehearsalEnd {
 
 /// How much of a limit was used.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Peak {
+pub struct LimitPeak {
     /// Device index.
     pub device: u32,
     /// Joint, counted from 1; 0 = no joint moved.
@@ -58,9 +58,9 @@ pub struct Peak {
     pub share: f64,
 }
 
-impl Peak {
+impl LimitPeak {
     /// Nothing moved.
-    pub const NONE: Peak = Peak {
+    pub const NONE: LimitPeak = LimitPeak {
         device: 0,
         joint: 0,
         share: 0.0,
@@ -69,12 +69,12 @@ impl Peak {
 
 /// What a net would do that its arm does not allow, found out before anything is commanded.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Foreseen {
+pub struct PredictedViolation {
     /// Which rule it would break.
-    pub rule: Rule,
+    pub rule: RehearsalRule,
     /// Device index.
     pub device: u32,
-    /// Joint, counted from 1; of [`Rule::Workspace`] the axis: 1, 2, 3 = x, y, z; of [`Rule::Singularity`] its
+    /// Joint, counted from 1; of [`RehearsalRule::Workspace`] the axis: 1, 2, 3 = x, y, z; of [`RehearsalRule::Singularity`] its
     /// kind as [`rcc_core::kinematics::SingularityKind::number`] counts; else 0.
     pub joint: u32,
     /// What it would be: rad, rad/s, rad/s², rad/s³; of the workspace m; the distance to a singular position
@@ -85,17 +85,17 @@ pub struct Foreseen {
     /// When, in s after START.
     pub time_s: f64,
     /// Where a motion is at that time, if one is under way.
-    pub place: Option<Place>,
+    pub place: Option<LegPosition>,
     /// With so much of its speed the motion would keep all limits of speed, acceleration and jerk; 1 = speed is not the
     /// reason.
     pub speed: f64,
     /// The singular position that an arm came nearest to on the whole way; `None` = not known.
-    pub near: Option<Near>,
+    pub near: Option<NearestSingularity>,
 }
 
 /// A singular position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Near {
+pub struct NearestSingularity {
     /// As [`rcc_core::kinematics::SingularityKind::number`] counts.
     pub kind: u32,
     /// How far it is, as [`rcc_core::kinematics::Singularity::distance`] says.
@@ -104,7 +104,7 @@ pub struct Near {
 
 /// Where a motion is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Place {
+pub struct LegPosition {
     /// Index of the motion in its net.
     pub motion: u32,
     /// The leg that it is in, from 0.
@@ -117,7 +117,7 @@ pub struct Place {
 
 /// The rules of a rehearsal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Rule {
+pub enum RehearsalRule {
     /// A set-point is a finite number.
     NotFinite,
     /// Range of a joint.
@@ -136,7 +136,7 @@ pub enum Rule {
     LetsGo,
     /// Stiffness, damping, or what is added to them. Value and limit are in the unit of the kind.
     Impedance {
-        /// [`rcc_core::guard::ViolationKind`] as a number; its axis or joint is in [`Foreseen::joint`], from 1.
+        /// [`rcc_core::guard::ViolationKind`] as a number; its axis or joint is in [`PredictedViolation::joint`], from 1.
         kind: u32,
     },
     /// No fault of the net itself, [`rcc_core::message::FaultCode`] as a number in `value`.

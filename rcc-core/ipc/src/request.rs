@@ -17,10 +17,10 @@ use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 
-use crate::life::Life;
-use crate::parcel::{self, Parcel, ParcelError};
-use crate::room::{self, NoRoom};
-use crate::session::{Cause, Membership, Session, owner_of};
+use crate::process_instance::ProcessInstance;
+use crate::session::{IceoryxError, Membership, Session, owner_of};
+use crate::shm_space::{self, OutOfSharedMemory};
+use crate::spill_file::{self, SpillError, SpillFile};
 
 /// The longest request, in bytes (a plan with its tables).
 pub const REQUEST_MAX: usize = 4 << 20;
@@ -51,7 +51,7 @@ type Service = ipc_threadsafe::Service;
 pub enum RequestError {
     /// Too little shared memory.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// A name that is empty, too long or not printable.
     #[error("'{name}' cannot name a server: use up to 100 printable characters without spaces")]
     BadName {
@@ -70,7 +70,7 @@ pub enum RequestError {
         /// Full service name.
         service: String,
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -84,7 +84,7 @@ pub enum PollError {
         /// Full service name.
         service: String,
         /// What is wrong with it.
-        fault: ParcelError,
+        fault: SpillError,
     },
     /// Anything else that iceoryx2 says.
     #[error("server {service} cannot receive: {cause}")]
@@ -92,7 +92,7 @@ pub enum PollError {
         /// Full service name.
         service: String,
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -111,7 +111,7 @@ pub enum AnswerError {
     #[error("the answer cannot be sent: {cause}")]
     Failed {
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -148,17 +148,17 @@ pub enum CallError {
     },
     /// Too little shared memory for this request.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// A long request could not be laid down as a file.
     #[error(transparent)]
-    Parcel(#[from] ParcelError),
+    SpillFile(#[from] SpillError),
     /// Anything else that iceoryx2 says.
     #[error("{service}: {cause}")]
     Failed {
         /// Full service name.
         service: String,
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -184,7 +184,7 @@ impl Server {
     pub fn poll(&self) -> Result<Option<Request>, PollError> {
         let received = self.server.receive().map_err(|error| PollError::Failed {
             service: self.service.clone(),
-            cause: Cause::of(error),
+            cause: IceoryxError::of(error),
         })?;
         let Some(active) = received else {
             return Ok(None);
@@ -192,12 +192,12 @@ impl Server {
         // The length is the client's word; it is looked at before the bytes are.
         let claimed = active.header().number_of_elements();
         let message = if claimed > MESSAGE_MAX as u64 {
-            Err(ParcelError::TooLarge {
+            Err(SpillError::TooLarge {
                 size: claimed,
                 max: MESSAGE_MAX as u64,
             })
         } else {
-            parcel::open(&self.folder, active.payload())
+            spill_file::open(&self.folder, active.payload())
         };
         match message {
             Ok(bytes) => Ok(Some(Request {
@@ -266,11 +266,11 @@ impl Request {
         let response = self
             .active
             .loan_slice_uninit(bytes.len())
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         response
             .write_from_slice(bytes)
             .send()
-            .map_err(|error| failed(Cause::of(error)))
+            .map_err(|error| failed(IceoryxError::of(error)))
     }
 }
 
@@ -280,7 +280,7 @@ pub struct Client {
     factory: Factory,
     service: String,
     folder: PathBuf,
-    server: Option<Life>,
+    server: Option<ProcessInstance>,
     _membership: Membership,
 }
 
@@ -343,7 +343,7 @@ impl Client {
         self.server.is_some_and(|life| life.liveness().is_dead())
     }
 
-    fn send(&self, request: &[u8]) -> Result<(Pending, Option<Parcel>), CallError> {
+    fn send(&self, request: &[u8]) -> Result<(Pending, Option<SpillFile>), CallError> {
         let size = request.len();
         if size > REQUEST_MAX {
             return Err(CallError::TooLarge {
@@ -356,11 +356,11 @@ impl Client {
                 service: self.service.clone(),
             });
         }
-        let (message, file) = if parcel::fits(size, MESSAGE_MAX) {
-            (parcel::message(request), None)
+        let (message, file) = if spill_file::fits(size, MESSAGE_MAX) {
+            (spill_file::message(request), None)
         } else {
-            room::require(size as u64)?;
-            let (message, file) = Parcel::lay_down(&self.folder, request)?;
+            shm_space::require(size as u64)?;
+            let (message, file) = SpillFile::create(&self.folder, request)?;
             (message, Some(file))
         };
         let loan = self
@@ -416,7 +416,7 @@ impl Client {
     fn failed(&self, error: impl fmt::Debug) -> CallError {
         CallError::Failed {
             service: self.service.clone(),
-            cause: Cause::of(error),
+            cause: IceoryxError::of(error),
         }
     }
 }
@@ -430,7 +430,7 @@ impl Session {
     /// # Errors
     /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
     pub fn serve(&self, name: &str) -> Result<Server, RequestError> {
-        room::require(PORT_ROOM)?;
+        shm_space::require(PORT_ROOM)?;
         let service_name = self
             .service_name(name)
             .ok_or_else(|| RequestError::BadName {
@@ -457,7 +457,7 @@ impl Session {
             .enable_safe_overflow_for_responses(true)
             .enable_fire_and_forget_requests(false)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         let server = factory
             .server_builder()
             .initial_max_slice_len(RESPONSE_MAX)
@@ -468,7 +468,7 @@ impl Session {
             .set_request_degradation_handler(|_, _| DegradationAction::Ignore)
             .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         Ok(Server {
             server,
             service,
@@ -482,7 +482,7 @@ impl Session {
     /// # Errors
     /// No such server, too many clients, too little shared memory, or what iceoryx2 says.
     pub fn client(&self, service: &str) -> Result<Client, RequestError> {
-        room::require(PORT_ROOM)?;
+        shm_space::require(PORT_ROOM)?;
         let failed = |cause| RequestError::Failed {
             service: service.to_owned(),
             cause,
@@ -499,14 +499,14 @@ impl Session {
                 RequestResponseOpenError::DoesNotExist => RequestError::DoesNotExist {
                     service: service.to_owned(),
                 },
-                other => failed(Cause::of(other)),
+                other => failed(IceoryxError::of(other)),
             })?;
         let client = factory
             .client_builder()
             .initial_max_slice_len(MESSAGE_MAX)
             .backpressure_strategy(Backpressure::DiscardData)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         Ok(Client {
             client,
             factory,

@@ -9,8 +9,8 @@ use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 
 use crate::board::{BoardError, Service};
-use crate::life::Life;
-use crate::session::{Cause, Membership, Session, owner_of};
+use crate::process_instance::ProcessInstance;
+use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
 
 /// The head's key; the values have the next ones.
@@ -79,9 +79,9 @@ impl<H: Pod, T: Pod> RingReader<H, T> {
         &self.service
     }
 
-    /// The life of the process that writes it. Ask it with [`Life::liveness`], not in a real-time thread.
+    /// The life of the process that writes it. Ask it with [`ProcessInstance::liveness`], not in a real-time thread.
     #[must_use]
-    pub fn writer(&self) -> Option<Life> {
+    pub fn writer(&self) -> Option<ProcessInstance> {
         owner_of(&self.service)
     }
 }
@@ -116,7 +116,7 @@ impl Session {
         })?;
         let failed = |error| BoardError::Failed {
             service: service.clone(),
-            cause: Cause::of(error),
+            cause: IceoryxError::of(error),
         };
         let head = writer.entry::<Shared<H>>(&HEAD).map_err(failed)?;
         let places = (1..=length).map(|key| writer.entry::<Shared<T>>(&key).map_err(failed));

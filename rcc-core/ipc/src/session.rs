@@ -16,9 +16,9 @@ use nix::fcntl::Flock;
 
 use crate::cell::{Cell, CellError};
 use crate::clean;
-use crate::life::Life;
 use crate::lock::{self, LockError};
-use crate::room::{self, NoRoom, SHM};
+use crate::process_instance::ProcessInstance;
+use crate::shm_space::{self, OutOfSharedMemory, SHM};
 
 /// Shared memory that a node itself needs, with the management segment of the first node of a cell.
 const NODE_ROOM: u64 = 1 << 20;
@@ -69,15 +69,15 @@ impl fmt::Display for Role {
 
 /// Words of iceoryx2 about what went wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Cause(pub(crate) String);
+pub struct IceoryxError(pub(crate) String);
 
-impl Cause {
-    pub(crate) fn of(error: impl fmt::Debug) -> Cause {
-        Cause(format!("{error:?}"))
+impl IceoryxError {
+    pub(crate) fn of(error: impl fmt::Debug) -> IceoryxError {
+        IceoryxError(format!("{error:?}"))
     }
 }
 
-impl fmt::Display for Cause {
+impl fmt::Display for IceoryxError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "iceoryx2: {}", self.0)
     }
@@ -88,7 +88,7 @@ impl fmt::Display for Cause {
 pub enum SessionError {
     /// Too little shared memory.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// A label of another form than `[A-Za-z0-9][A-Za-z0-9_.-]{0,63}`.
     #[error(
         "'{label}' cannot be a label: use 1 to 64 of A-Z a-z 0-9 _ . -, beginning with a letter or digit"
@@ -104,7 +104,7 @@ pub enum SessionError {
     #[error(
         "this process cannot tell itself from others: {0}; it needs /proc and a free file descriptor"
     )]
-    Life(std::io::Error),
+    ProcessInstance(std::io::Error),
     /// The cell is being wiped, and that takes too long.
     #[error("cell '{cell}': {source}")]
     Lock {
@@ -127,7 +127,7 @@ pub enum SessionError {
         /// The cell.
         cell: String,
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -139,7 +139,7 @@ pub struct Session {
     cell: Cell,
     role: Role,
     label: String,
-    life: Life,
+    instance: ProcessInstance,
     serial: u64,
     node: Node<ipc_threadsafe::Service>,
     // Last, so that it is released after the node is gone.
@@ -166,14 +166,14 @@ impl Session {
     pub fn join(cell: &Cell, role: Role, label: &str) -> Result<Session, SessionError> {
         static SERIAL: AtomicU64 = AtomicU64::new(0);
         check_label(label)?;
-        room::require(NODE_ROOM)?;
+        shm_space::require(NODE_ROOM)?;
         set_log_level(LogLevel::Fatal);
         let (membership, node) = enter(cell)?;
         Ok(Session {
             cell: cell.clone(),
             role,
             label: label.to_owned(),
-            life: Life::current().map_err(SessionError::Life)?,
+            instance: ProcessInstance::current().map_err(SessionError::ProcessInstance)?,
             // Relaxed: only different numbers are wanted.
             serial: SERIAL.fetch_add(1, Ordering::Relaxed),
             node,
@@ -201,14 +201,14 @@ impl Session {
 
     /// This process' life.
     #[must_use]
-    pub fn life(&self) -> Life {
-        self.life
+    pub fn instance(&self) -> ProcessInstance {
+        self.instance
     }
 
     /// A number that no other life of a process has; 16 hexadecimal digits in names.
     #[must_use]
     pub fn incarnation(&self) -> u64 {
-        self.life.incarnation()
+        self.instance.incarnation()
     }
 
     pub(crate) fn node(&self) -> &Node<ipc_threadsafe::Service> {
@@ -234,11 +234,11 @@ impl Session {
 }
 
 /// The life of the process that created the service, as its name tells.
-pub(crate) fn owner_of(service: &str) -> Option<Life> {
+pub(crate) fn owner_of(service: &str) -> Option<ProcessInstance> {
     let digits = service.split('/').nth(1)?.split('.').next()?;
     u64::from_str_radix(digits, 16)
         .ok()
-        .map(Life::from_incarnation)
+        .map(ProcessInstance::from_incarnation)
 }
 
 /// Takes the shared lock of the cell and makes a node. The first process of a cell may have died while it made what
@@ -272,7 +272,7 @@ fn enter_as_it_is(
         .create::<ipc_threadsafe::Service>()
         .map_err(|error| SessionError::Node {
             cell: cell.name().to_owned(),
-            cause: Cause::of(error),
+            cause: IceoryxError::of(error),
         })?;
     close_common_segment(cell)?;
     Ok((membership, node))

@@ -12,9 +12,9 @@ use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateEr
 use iceoryx2::prelude::{PayloadHeader, ServiceName, ipc_threadsafe};
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
-use crate::room::{self, NoRoom};
-use crate::session::{Cause, Membership, Session, owner_of};
+use crate::session::{IceoryxError, Membership, Session, owner_of};
 use crate::shared::Shared;
+use crate::shm_space::{self, OutOfSharedMemory};
 
 /// Subscribers of one stream at a time, dead ones that were not cleaned up included.
 pub const SUBSCRIBERS_MAX: usize = 16;
@@ -45,7 +45,7 @@ pub const fn batch_records_max<T>() -> usize {
 pub enum StreamError {
     /// Too little shared memory.
     #[error(transparent)]
-    NoRoom(#[from] NoRoom),
+    OutOfSharedMemory(#[from] OutOfSharedMemory),
     /// A name that is empty, too long or not printable.
     #[error("'{name}' cannot name a stream: use up to 100 printable characters without spaces")]
     BadName {
@@ -82,7 +82,7 @@ pub enum StreamError {
         /// Full service name.
         service: String,
         /// What iceoryx2 said.
-        cause: Cause,
+        cause: IceoryxError,
     },
 }
 
@@ -127,7 +127,7 @@ impl<T: Pod> Publisher<T> {
     fn failed(&self, error: impl fmt::Debug) -> StreamError {
         StreamError::Failed {
             service: self.service.clone(),
-            cause: Cause::of(error),
+            cause: IceoryxError::of(error),
         }
     }
 }
@@ -169,14 +169,16 @@ impl<T: Pod> Subscriber<T> {
         let received = self
             .subscriber
             .receive()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         let Some(sample) = received else {
             return Ok(false);
         };
         // The length is the publisher's word; it is looked at before the records are.
         let count = sample.header().number_of_elements();
         if count > batch_records_max::<T>() as u64 {
-            return Err(failed(Cause(format!("a batch claims {count} records"))));
+            return Err(failed(IceoryxError(format!(
+                "a batch claims {count} records"
+            ))));
         }
         records.extend(sample.payload().iter().map(|record| record.0));
         Ok(true)
@@ -202,7 +204,7 @@ impl Session {
     /// Too little shared memory, a name used twice or of another form, or what iceoryx2 says.
     pub fn publisher<T: Pod>(&self, name: &str) -> Result<Publisher<T>, StreamError> {
         let batch = batch_records_max::<T>() * size_of::<T>() + 64;
-        room::require((batch * SUBSCRIBERS_MAX * (BATCHES_MAX + 2)) as u64 + STREAM_ROOM)?;
+        shm_space::require((batch * SUBSCRIBERS_MAX * (BATCHES_MAX + 2)) as u64 + STREAM_ROOM)?;
         let service_name = self
             .service_name(name)
             .ok_or_else(|| StreamError::BadName {
@@ -225,7 +227,7 @@ impl Session {
             .history_size(0)
             .enable_safe_overflow(true)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         let publisher = factory
             .publisher_builder()
             .initial_max_slice_len(batch_records_max::<T>())
@@ -234,7 +236,7 @@ impl Session {
             // A subscriber that died half-way must not keep the others from being served.
             .set_degradation_handler(|_, _| DegradationAction::Ignore)
             .create()
-            .map_err(|error| failed(Cause::of(error)))?;
+            .map_err(|error| failed(IceoryxError::of(error)))?;
         Ok(Publisher {
             publisher,
             service,
@@ -247,7 +249,7 @@ impl Session {
     /// # Errors
     /// No such stream, another layout, too many subscribers, or what iceoryx2 says.
     pub fn subscribe<T: Pod>(&self, service: &str) -> Result<Subscriber<T>, StreamError> {
-        room::require(STREAM_ROOM)?;
+        shm_space::require(STREAM_ROOM)?;
         let failed = |cause| StreamError::Failed {
             service: service.to_owned(),
             cause,
@@ -273,7 +275,7 @@ impl Session {
                     want: std::any::type_name::<T>(),
                     size: size_of::<T>(),
                 },
-                other => failed(Cause::of(other)),
+                other => failed(IceoryxError::of(other)),
             })?;
         let subscriber = factory
             .subscriber_builder()
@@ -281,7 +283,7 @@ impl Session {
             .create()
             .map_err(|error| match error {
                 SubscriberCreateError::ExceedsMaxSupportedSubscribers => full(),
-                other => failed(Cause::of(other)),
+                other => failed(IceoryxError::of(other)),
             })?;
         Ok(Subscriber {
             subscriber,

@@ -60,7 +60,11 @@ fn a_reader_gets_zero_and_then_the_newest_value() {
         assert_eq!(reader.read(), measured(sequence));
         assert_eq!(reader.read(), measured(sequence));
     }
-    assert!(reader.writer().is_some_and(|life| life == session.life()));
+    assert!(
+        reader
+            .writer()
+            .is_some_and(|life| life == session.instance())
+    );
 }
 
 #[test]

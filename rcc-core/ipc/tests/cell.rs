@@ -12,10 +12,10 @@ use std::time::{Duration, SystemTime};
 
 use common::{Peer, TestCell, part, refused, run_janitor, wait_until_started};
 use rcc_ipc::clean::{self, CleanError, WipeError};
-use rcc_ipc::take::{give_back, take};
+use rcc_ipc::ownership::{acquire, release};
 use rcc_ipc::{
-    AnnounceError, Announcement, BoardError, Build, Cell, Configuration, Life, RequestError, Role,
-    Session, SessionError,
+    AnnounceError, Announcement, BoardError, Build, Cell, Configuration, ProcessInstance,
+    RequestError, Role, Session, SessionError,
 };
 
 /// The second process: in the cell, announced or not, until it is killed.
@@ -40,7 +40,7 @@ fn peer() {
 }
 
 fn of_this_process(label: &str) -> Announcement {
-    let life = Life::current().unwrap();
+    let life = ProcessInstance::current().unwrap();
     Announcement {
         role: Role::Driver,
         label: label.to_owned(),
@@ -534,7 +534,7 @@ fn of_many_that_take_a_cell_at_once_one_has_it_and_keeps_what_is_his() {
             );
         }
         assert!(cell.announced_all().unwrap()[0].is_supervisor());
-        give_back(&cell, &announced).unwrap();
+        release(&cell, &announced).unwrap();
         drop(announced);
         assert!(!cell.runtime_dir().exists() && cell.leftovers().unwrap().is_empty());
     }
@@ -552,7 +552,7 @@ fn a_cell_that_is_given_back_while_others_want_it_is_never_half_somebody_elses()
                 while lives.load(std::sync::atomic::Ordering::SeqCst) < 200 {
                     // As a process that starts: it finds or makes the folder of the cell.
                     let own = Cell::at("test", cell.runtime_dir()).unwrap();
-                    let announced = match take(&own, &Announcement::supervisor().unwrap()) {
+                    let announced = match acquire(&own, &Announcement::supervisor().unwrap()) {
                         Ok(announced) => announced,
                         Err(WipeError::Living { .. }) => continue,
                         Err(error) => panic!("{error}"),
@@ -565,7 +565,7 @@ fn a_cell_that_is_given_back_while_others_want_it_is_never_half_somebody_elses()
                     }
                     lives.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
                     having.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
-                    give_back(&own, &announced).unwrap();
+                    release(&own, &announced).unwrap();
                 }
             });
         }

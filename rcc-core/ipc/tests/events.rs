@@ -6,7 +6,7 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::{Peer, TestCell, part, wait_for};
-use rcc_ipc::events::{Event, Kind, Origin, Reader, tell};
+use rcc_ipc::events::{Event, EventKind, EventOrigin, EventReader, tell};
 
 const LINES: u64 = 1000;
 const WRITERS: [&str; 4] = ["a", "b", "c", "d"];
@@ -21,15 +21,25 @@ fn peer() {
     for count in 0..lines {
         // Of different lengths, so that a write that is not whole would show.
         let why = "x".repeat((count % 400) as usize);
-        tell(&cell, Origin::Driver, &label, Kind::Stopping { why });
-        tell(&cell, Origin::Driver, &label, Kind::Suppressed { count });
+        tell(
+            &cell,
+            EventOrigin::Driver,
+            &label,
+            EventKind::Stopping { why },
+        );
+        tell(
+            &cell,
+            EventOrigin::Driver,
+            &label,
+            EventKind::Suppressed { count },
+        );
     }
 }
 
 fn counts(events: &[Event]) -> BTreeMap<String, Vec<u64>> {
     let mut all = BTreeMap::<String, Vec<u64>>::new();
     for event in events {
-        if let Kind::Suppressed { count } = event.what {
+        if let EventKind::Suppressed { count } = event.what {
             all.entry(event.source.label.clone())
                 .or_default()
                 .push(count);
@@ -41,7 +51,7 @@ fn counts(events: &[Event]) -> BTreeMap<String, Vec<u64>> {
 #[test]
 fn a_thousand_lines_of_each_of_four_processes_come_whole_and_in_order() {
     let place = TestCell::new();
-    let mut reader = Reader::open(&place);
+    let mut reader = EventReader::open(&place);
     let peers = WRITERS.map(|label| Peer::start(&place, "lines", label));
     let mut events = Vec::new();
     // The log is moved aside meanwhile; who follows it misses nothing.
@@ -61,7 +71,7 @@ fn a_thousand_lines_of_each_of_four_processes_come_whole_and_in_order() {
 #[test]
 fn killed_writers_hide_no_line_of_others() {
     let place = TestCell::new();
-    let mut reader = Reader::open(&place);
+    let mut reader = EventReader::open(&place);
     for label in WRITERS {
         let peer = Peer::start(&place, "endless", label);
         let mut seen = 0;
@@ -74,14 +84,14 @@ fn killed_writers_hide_no_line_of_others() {
     while !reader.poll().unwrap().is_empty() {}
     tell(
         &place,
-        Origin::Loader,
+        EventOrigin::Loader,
         "loader",
-        Kind::Suppressed { count: 7 },
+        EventKind::Suppressed { count: 7 },
     );
     let events = reader.poll().unwrap();
     assert_eq!(
         events.last().map(|event| &event.what),
-        Some(&Kind::Suppressed { count: 7 })
+        Some(&EventKind::Suppressed { count: 7 })
     );
     assert!(
         reader.unreadable() <= WRITERS.len() as u64,

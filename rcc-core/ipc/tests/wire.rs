@@ -7,7 +7,7 @@ use std::fmt::Debug;
 
 use rcc_core::plan::{Rate, ValuePoint};
 use rcc_core::types::Store;
-use rcc_ipc::control::{Answer, Call, InputValue, PlanData, Refusal, Values};
+use rcc_ipc::control::{Answer, Call, InputValue, NetValues, PlanData, Refusal};
 use rcc_ipc::wire::{Message, decode, encode};
 
 /// Measures the heap of a thread.
@@ -156,10 +156,10 @@ fn calls() -> Vec<Vec<u8>> {
 }
 
 fn answers() -> Vec<Vec<u8>> {
-    let values = Values {
+    let values = NetValues {
         cycle: 1 << 40,
         words: (0..40).collect(),
-        ..Values::default()
+        ..NetValues::default()
     };
     let refusal = Refusal::FirstSetPoint {
         device: 1,

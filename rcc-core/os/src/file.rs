@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Why a file was not read although the system would let us; inside of the [`io::Error`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Refused {
+pub enum FileRefused {
     /// It is a folder, a pipe, a socket or a device.
     NotRegular {
         /// What it is, with its article.
@@ -22,24 +22,24 @@ pub enum Refused {
     },
 }
 
-impl fmt::Display for Refused {
+impl fmt::Display for FileRefused {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Refused::NotRegular { kind } => {
+            FileRefused::NotRegular { kind } => {
                 write!(formatter, "it is {kind}, only regular files are read here")
             }
-            Refused::TooLarge { max } => write!(formatter, "it has more than {max} bytes"),
+            FileRefused::TooLarge { max } => write!(formatter, "it has more than {max} bytes"),
         }
     }
 }
 
-impl std::error::Error for Refused {}
+impl std::error::Error for FileRefused {}
 
-impl From<Refused> for io::Error {
-    fn from(refused: Refused) -> io::Error {
+impl From<FileRefused> for io::Error {
+    fn from(refused: FileRefused) -> io::Error {
         let kind = match refused {
-            Refused::NotRegular { .. } => io::ErrorKind::InvalidInput,
-            Refused::TooLarge { .. } => io::ErrorKind::FileTooLarge,
+            FileRefused::NotRegular { .. } => io::ErrorKind::InvalidInput,
+            FileRefused::TooLarge { .. } => io::ErrorKind::FileTooLarge,
         };
         io::Error::new(kind, refused)
     }
@@ -49,7 +49,7 @@ impl From<Refused> for io::Error {
 /// none is opened (opening a device may have an effect) unless it takes the place of a file in this very moment.
 ///
 /// # Errors
-/// What the system says, or [`Refused::NotRegular`].
+/// What the system says, or [`FileRefused::NotRegular`].
 pub fn open(path: &Path) -> io::Result<File> {
     regular(&std::fs::metadata(path)?)?;
     let file = OpenOptions::new()
@@ -63,13 +63,13 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// All bytes of a regular file, at most `max`.
 ///
 /// # Errors
-/// As [`open`]; [`Refused::TooLarge`].
+/// As [`open`]; [`FileRefused::TooLarge`].
 pub fn read(path: &Path, max: u64) -> io::Result<Vec<u8>> {
     let file = open(path)?;
     // Its length may change while it is read: this is a hint, the limit is kept below.
     let length = file.metadata()?.len();
     if length > max {
-        return Err(Refused::TooLarge { max }.into());
+        return Err(FileRefused::TooLarge { max }.into());
     }
     let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
     take(file, max, &mut bytes)?;
@@ -87,7 +87,7 @@ pub fn read_text(path: &Path, max: u64) -> io::Result<String> {
 /// All of a text that a person names on the command line, at most `max` bytes. A pipe is waited for: `<(…)` is one.
 ///
 /// # Errors
-/// What the system says, [`Refused::TooLarge`], or [`io::ErrorKind::InvalidData`] if it is not UTF-8.
+/// What the system says, [`FileRefused::TooLarge`], or [`io::ErrorKind::InvalidData`] if it is not UTF-8.
 pub fn read_given(path: &Path, max: u64) -> io::Result<String> {
     read_stream(File::open(path)?, max)
 }
@@ -105,7 +105,7 @@ pub fn read_stream(source: impl Read, max: u64) -> io::Result<String> {
 fn take(source: impl Read, max: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
     source.take(max.saturating_add(1)).read_to_end(bytes)?;
     if bytes.len() as u64 > max {
-        return Err(Refused::TooLarge { max }.into());
+        return Err(FileRefused::TooLarge { max }.into());
     }
     Ok(())
 }
@@ -123,7 +123,7 @@ fn text(bytes: Vec<u8>) -> io::Result<String> {
 fn regular(found: &Metadata) -> io::Result<()> {
     match kind(found.file_type()) {
         None => Ok(()),
-        Some(kind) => Err(Refused::NotRegular { kind }.into()),
+        Some(kind) => Err(FileRefused::NotRegular { kind }.into()),
     }
 }
 

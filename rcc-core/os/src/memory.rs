@@ -13,7 +13,7 @@ const PAUSE_MAX: u32 = 64;
 /// Gives memory back when this process has grown. An allocator keeps what was freed for the next allocation; after work
 /// that took very much memory for a short time that is more than the process will need again.
 #[derive(Debug)]
-pub struct Returned {
+pub struct MemoryTrimmer {
     /// What was resident at the beginning, bytes.
     rest: usize,
     /// Looks that are left out, because memory that is in use cannot be given back.
@@ -22,7 +22,7 @@ pub struct Returned {
     left: u32,
 }
 
-impl Default for Returned {
+impl Default for MemoryTrimmer {
     /// From what the process has now.
     fn default() -> Self {
         Self {
@@ -33,10 +33,10 @@ impl Default for Returned {
     }
 }
 
-impl Returned {
+impl MemoryTrimmer {
     /// Gives back what is free if the process has grown by some megabytes. Called from time to time; costs the reading of
     /// one small file otherwise.
-    pub fn look(&mut self) {
+    pub fn trim_if_grown(&mut self) {
         if self.left > 0 {
             self.left -= 1;
             return;
@@ -83,14 +83,14 @@ mod tests {
     fn what_was_freed_below_a_piece_that_lives_on_is_given_back() {
         const PIECE: usize = 1 << 10;
         const ALL: usize = 48 << 20;
-        let mut returned = Returned::default();
+        let mut returned = MemoryTrimmer::default();
         let mut pieces: Vec<Vec<u8>> = (0..ALL / PIECE).map(|_| vec![1; PIECE]).collect();
         let full = resident();
         assert!(full > ALL);
         // The heap does not shrink by itself below this one.
         let last = pieces.pop();
         drop(pieces);
-        returned.look();
+        returned.trim_if_grown();
         let after = resident();
         assert!(after < full - ALL / 2, "{after} of {full} bytes");
         assert_eq!(last.map(|piece| piece.len()), Some(PIECE));

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use rcc_config::CellConfig;
 use rcc_config::ports::PortArgument;
 
-use crate::ending::Ending;
+use crate::exit::ExitError;
 
 /// Which cell, which configuration. To be flattened into a program's own arguments.
 #[derive(Clone, Debug, clap::Args)]
@@ -36,9 +36,9 @@ impl CellArguments {
     ///
     /// # Errors
     /// Every fault of the configuration; the exit code is that of a configuration error.
-    pub fn load(&self) -> Result<CellConfig, Ending> {
+    pub fn load(&self) -> Result<CellConfig, ExitError> {
         CellConfig::load(&self.config, &self.chosen_ports())
-            .map_err(|faults| Ending::configuration(&faults))
+            .map_err(|faults| ExitError::configuration(&faults))
     }
 
     /// The ports that were given.
@@ -82,11 +82,11 @@ mod tests {
     fn a_configuration_that_is_not_there_ends_with_78() {
         let given = ["program", "--cell=a", "--config=/nowhere/cell.yaml"];
         let ending = Program::parse_from(given).cell.load().unwrap_err();
-        assert_eq!(ending.code, crate::ending::CONFIGURATION);
+        assert_eq!(ending.code, crate::exit::CONFIGURATION);
         assert!(
-            ending.words.contains("/nowhere/cell.yaml"),
+            ending.message.contains("/nowhere/cell.yaml"),
             "{}",
-            ending.words
+            ending.message
         );
     }
 }

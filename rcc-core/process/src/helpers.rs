@@ -7,10 +7,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use nix::time::{ClockId, clock_gettime};
-use rcc_core::helper::{Beat, HelperState};
+use rcc_core::helper::{HelperHeartbeat, HelperState};
 
-use crate::ending::{Ending, FAILED};
-use crate::notify::Pulse;
+use crate::exit::{ExitError, FAILED};
+use crate::notify::HealthReport;
 use crate::signals::request_stop;
 
 /// What all helpers are to do.
@@ -21,27 +21,27 @@ enum Phase {
     /// Work.
     Working,
     /// End.
-    Ending,
+    Stopping,
 }
 
 #[derive(Debug)]
-struct Shared {
+struct HelpersShared {
     /// Asks this program to stop.
     stop: fn(),
-    state: Mutex<State>,
+    state: Mutex<HelpersState>,
     /// Somebody changed the state.
     changed: Condvar,
 }
 
 #[derive(Debug)]
-struct State {
+struct HelpersState {
     phase: Phase,
-    beats: Vec<Arc<Beat>>,
+    beats: Vec<Arc<HelperHeartbeat>>,
     /// The first helper that ended by itself, and how.
     failure: Option<String>,
 }
 
-impl State {
+impl HelpersState {
     /// The first failure counts: the others follow from it.
     fn fail(&mut self, name: &str, how: &str) {
         self.failure.get_or_insert_with(|| {
@@ -52,9 +52,9 @@ impl State {
     }
 }
 
-impl Shared {
+impl HelpersShared {
     /// A panic leaves the state whole: each change is one assignment.
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, HelpersState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -62,7 +62,7 @@ impl Shared {
 /// The helper threads of this program; clones are the same ones.
 #[derive(Clone, Debug)]
 pub struct Helpers {
-    shared: Arc<Shared>,
+    shared: Arc<HelpersShared>,
 }
 
 impl Default for Helpers {
@@ -74,9 +74,9 @@ impl Default for Helpers {
 impl Helpers {
     fn stopping_by(stop: fn()) -> Helpers {
         Helpers {
-            shared: Arc::new(Shared {
+            shared: Arc::new(HelpersShared {
                 stop,
-                state: Mutex::new(State {
+                state: Mutex::new(HelpersState {
                     phase: Phase::Preparing,
                     beats: Vec::new(),
                     failure: None,
@@ -88,7 +88,7 @@ impl Helpers {
 }
 
 impl Helpers {
-    /// Makes a thread, which does `work` once [`Helpers::go`] is called. `limit` is the longest time that it may go without
+    /// Makes a thread, which does `work` once [`Helpers::start`] is called. `limit` is the longest time that it may go without
     /// [`Helper::turn`].
     ///
     /// # Errors
@@ -101,7 +101,7 @@ impl Helpers {
     ) -> io::Result<()> {
         let helper = self.helper(name, limit);
         let thread = move || {
-            if helper.await_go() {
+            if helper.wait_for_start() {
                 work(&helper);
             }
         };
@@ -109,11 +109,11 @@ impl Helpers {
     }
 
     /// A thread that somebody else makes: it gets the helper, keeps it as long as it works, and calls
-    /// [`Helper::turn`]. It need not wait for [`Helpers::go`].
+    /// [`Helper::turn`]. It need not wait for [`Helpers::start`].
     #[must_use]
     pub fn helper(&self, name: &'static str, limit: Duration) -> Helper {
         let limit_ns = limit.as_nanos().try_into().unwrap_or(u64::MAX);
-        let beat = Arc::new(Beat::new(name, limit_ns));
+        let beat = Arc::new(HelperHeartbeat::new(name, limit_ns));
         self.shared.state().beats.push(Arc::clone(&beat));
         Helper {
             shared: Arc::clone(&self.shared),
@@ -123,17 +123,18 @@ impl Helpers {
 
     /// The signs of life of all helpers that were made so far.
     #[must_use]
-    pub fn beats(&self) -> Box<[Arc<Beat>]> {
+    pub fn beats(&self) -> Box<[Arc<HelperHeartbeat>]> {
         self.shared.state().beats.clone().into()
     }
 
     /// All are made: they begin to work.
-    pub fn go(&self) {
+    pub fn start(&self) {
         self.enter(Phase::Working);
         let mut state = self.shared.state();
         // Who need not wait may have ended already.
-        let over =
-            |beat: &&Arc<Beat>| matches!(beat.state(), HelperState::Ended | HelperState::Panicked);
+        let over = |beat: &&Arc<HelperHeartbeat>| {
+            matches!(beat.state(), HelperState::Ended | HelperState::Panicked)
+        };
         let ended = state.beats.iter().find(over).map(|beat| beat.name());
         if let Some(name) = ended {
             state.fail(name, "ended by itself");
@@ -144,7 +145,7 @@ impl Helpers {
 
     /// They are asked to end: [`Helper::is_over`].
     pub fn end(&self) {
-        self.enter(Phase::Ending);
+        self.enter(Phase::Stopping);
     }
 
     fn enter(&self, phase: Phase) {
@@ -158,7 +159,7 @@ impl Helpers {
         let limit = Instant::now() + patience;
         let mut state = self.shared.state();
         loop {
-            let working = |beat: &&Arc<Beat>| {
+            let working = |beat: &&Arc<HelperHeartbeat>| {
                 let over = matches!(beat.state(), HelperState::Ended | HelperState::Panicked);
                 !over && !except.contains(&beat.name())
             };
@@ -187,12 +188,12 @@ impl Helpers {
     ///
     /// # Errors
     /// A helper ended by itself.
-    pub fn conclude(&self) -> Result<(), Ending> {
+    pub fn conclude(&self) -> Result<(), ExitError> {
         match self.failure() {
             None => Ok(()),
-            Some(words) => Err(Ending {
+            Some(message) => Err(ExitError {
                 code: FAILED,
-                words,
+                message,
             }),
         }
     }
@@ -228,8 +229,8 @@ fn no_thread(name: &str, error: &io::Error) -> io::Error {
 /// One helper, in its own thread. When it goes and nobody asked it to, the whole program is asked to stop.
 #[derive(Debug)]
 pub struct Helper {
-    shared: Arc<Shared>,
-    beat: Arc<Beat>,
+    shared: Arc<HelpersShared>,
+    beat: Arc<HelperHeartbeat>,
 }
 
 impl Helper {
@@ -245,20 +246,20 @@ impl Helper {
     pub fn rest(&self, time: Duration) -> bool {
         self.turn();
         let state = self.shared.state();
-        let working = |state: &mut State| state.phase != Phase::Ending;
+        let working = |state: &mut HelpersState| state.phase != Phase::Stopping;
         let waited = self.shared.changed.wait_timeout_while(state, time, working);
         let state = waited.unwrap_or_else(PoisonError::into_inner).0;
-        state.phase == Phase::Ending
+        state.phase == Phase::Stopping
     }
 
     /// It is asked to end.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.shared.state().phase == Phase::Ending
+        self.shared.state().phase == Phase::Stopping
     }
 
     /// Waits until all helpers are made; false: there is nothing to do.
-    fn await_go(&self) -> bool {
+    fn wait_for_start(&self) -> bool {
         let state = self.shared.state();
         let waited = self
             .shared
@@ -343,7 +344,7 @@ impl std::fmt::Display for Hang {
 
 /// What was seen of one helper.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct HelperProgress {
     turns: u64,
     silent: Duration,
     told: bool,
@@ -352,7 +353,7 @@ struct Seen {
 /// Looks for helpers that hang; see [`Helpers::watch`].
 pub struct HangWatch {
     helpers: Helpers,
-    seen: Vec<Seen>,
+    seen: Vec<HelperProgress>,
     looked: Instant,
     held: u64,
     tell: Box<dyn FnMut(&Hang) + Send>,
@@ -363,18 +364,18 @@ pub struct HangWatch {
 const LOOK_MAX: Duration = Duration::from_secs(1);
 
 impl HangWatch {
-    /// The pulse as it is to be told: one that makes no progress while a helper hangs, and says which.
-    pub fn look(&mut self, pulse: Pulse) -> Pulse {
+    /// The report as it is to be told: one that makes no progress while a helper hangs, and says which.
+    pub fn check(&mut self, report: HealthReport) -> HealthReport {
         let since = self.looked.elapsed().min(LOOK_MAX);
         self.looked = Instant::now();
         match self.hang(since) {
             None => {
-                self.held = pulse.progress;
-                pulse
+                self.held = report.progress;
+                report
             }
-            Some(hang) => Pulse {
+            Some(hang) => HealthReport {
                 progress: self.held,
-                status: format!("HANGS: {hang}; {}", pulse.status),
+                status: format!("HANGS: {hang}; {}", report.status),
             },
         }
     }
@@ -382,16 +383,16 @@ impl HangWatch {
     /// The helper that hangs longest, after another look that came so long after the one before.
     fn hang(&mut self, since: Duration) -> Option<Hang> {
         let beats = self.helpers.beats();
-        self.seen.resize(beats.len(), Seen::default());
+        self.seen.resize(beats.len(), HelperProgress::default());
         let mut worst: Option<Hang> = None;
         for (beat, seen) in beats.iter().zip(&mut self.seen) {
             let turns = beat.turns();
             // One that waits although all were told to begin hangs as well.
             let over = matches!(beat.state(), HelperState::Ended | HelperState::Panicked);
             if turns != seen.turns || over {
-                *seen = Seen {
+                *seen = HelperProgress {
                     turns,
-                    ..Seen::default()
+                    ..HelperProgress::default()
                 };
                 continue;
             }
@@ -443,7 +444,7 @@ mod tests {
         helpers.spawn("one", LIMIT, work).unwrap();
         assert!(told.try_recv().is_err());
         assert_eq!(helpers.beats()[0].state(), HelperState::Waiting);
-        helpers.go();
+        helpers.start();
         told.recv_timeout(LIMIT).unwrap();
         assert_eq!(helpers.beats()[0].state(), HelperState::Running);
         helpers.end();
@@ -466,7 +467,7 @@ mod tests {
             });
             STOPS.store(0, Ordering::Relaxed);
             helpers.spawn("pump", LIMIT, work).unwrap();
-            helpers.go();
+            helpers.start();
             assert!(helpers.join(LIMIT, &[]).is_empty());
             while STOPS.load(Ordering::Relaxed) == 0 {
                 thread::yield_now();
@@ -474,7 +475,7 @@ mod tests {
             let ending = helpers.conclude().unwrap_err();
             assert_eq!(ending.code, FAILED);
             let words = format!("the helper thread `pump` {how}");
-            assert!(ending.words.contains(&words), "{}", ending.words);
+            assert!(ending.message.contains(&words), "{}", ending.message);
         }
     }
 
@@ -495,7 +496,7 @@ mod tests {
             let _ = never.recv();
         };
         helpers.spawn("stuck", LIMIT, work).unwrap();
-        helpers.go();
+        helpers.start();
         while helpers.beats()[0].state() != HelperState::Running {
             thread::yield_now();
         }
@@ -528,12 +529,12 @@ mod tests {
         assert_eq!(watch.hang(second), None, "two seconds are the most");
         let hang = watch.hang(second).unwrap();
         assert_eq!((hang.helper, hang.silent), ("pump", 3 * second));
-        let pulse = watch.look(Pulse {
+        let report = watch.check(HealthReport {
             progress: 7,
             status: "fine".to_owned(),
         });
-        assert_eq!(pulse.progress, 0);
-        assert!(pulse.status.contains("`pump` hangs"), "{}", pulse.status);
+        assert_eq!(report.progress, 0);
+        assert!(report.status.contains("`pump` hangs"), "{}", report.status);
         assert_eq!(told.try_iter().count(), 1, "told once");
         helper.turn();
         assert_eq!(watch.hang(second), None);

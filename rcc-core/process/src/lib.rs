@@ -8,16 +8,16 @@ use std::io::{self, Write};
 use rcc_core::printable::{Coloured, Printable};
 
 pub mod arguments;
-pub mod ending;
+pub mod exit;
 pub mod helpers;
-pub mod memory;
 pub mod notify;
+pub mod oom;
 pub mod signals;
 
 pub use arguments::CellArguments;
-pub use ending::Ending;
+pub use exit::ExitError;
 pub use helpers::{Helper, Helpers};
-pub use notify::{Notifier, Pulse};
+pub use notify::{HealthReport, Notifier};
 pub use signals::Stop;
 
 /// Sends the log to stderr, at level info (`RUST_LOG` is not read); colours only where a person reads. A line that cannot

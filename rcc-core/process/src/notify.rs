@@ -30,7 +30,7 @@ const COMPLAIN_EVERY: Duration = Duration::from_secs(10);
 
 /// How a program does, in one look.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Pulse {
+pub struct HealthReport {
     /// Changes while the program does its work: cycles, exchanges, turns of a loop. No change, no heartbeat.
     pub progress: u64,
     /// One line for people.
@@ -51,13 +51,13 @@ impl Notifier {
     /// The system refuses a socket or a thread.
     pub fn start(
         helpers: &Helpers,
-        look: impl FnMut() -> Pulse + Send + 'static,
+        look: impl FnMut() -> HealthReport + Send + 'static,
     ) -> io::Result<Notifier> {
-        let line = Line::from_environment()?;
+        let line = SupervisorSocket::from_environment()?;
         let (farewell, farewells) = sync_channel(1);
-        let voice = Voice {
+        let voice = NotifyThread {
             look: Box::new(look),
-            heart: Heart::default(),
+            heart: HeartbeatGate::default(),
             said: String::new(),
             said_at: None,
             line,
@@ -80,20 +80,20 @@ impl Notifier {
 
 /// A heartbeat is owed to whoever made progress since the last one.
 #[derive(Debug, Default)]
-pub struct Heart {
+pub struct HeartbeatGate {
     last: Option<u64>,
 }
 
-impl Heart {
+impl HeartbeatGate {
     /// True if there is progress, which is always true for the first time.
-    pub fn beats(&mut self, progress: u64) -> bool {
+    pub fn is_due(&mut self, progress: u64) -> bool {
         self.last.replace(progress) != Some(progress)
     }
 }
 
 /// The socket to the supervisor.
 #[derive(Debug)]
-struct Line {
+struct SupervisorSocket {
     address: SocketAddr,
     socket: UnixDatagram,
     connected: bool,
@@ -102,9 +102,9 @@ struct Line {
     complained_at: Option<Instant>,
 }
 
-impl Line {
+impl SupervisorSocket {
     /// The one that `NOTIFY_SOCKET` names: a path, or `@name` for a name outside of the file system.
-    fn from_environment() -> io::Result<Option<Line>> {
+    fn from_environment() -> io::Result<Option<SupervisorSocket>> {
         let Some(name) = std::env::var_os("NOTIFY_SOCKET").filter(|name| !name.is_empty()) else {
             return Ok(None);
         };
@@ -121,7 +121,7 @@ impl Line {
         socket
             .set_write_timeout(Some(SEND_WAIT))
             .map_err(unusable)?;
-        Ok(Some(Line {
+        Ok(Some(SupervisorSocket {
             address,
             socket,
             connected: false,
@@ -161,15 +161,15 @@ impl Line {
     }
 }
 
-struct Voice {
-    look: Box<dyn FnMut() -> Pulse + Send>,
-    heart: Heart,
+struct NotifyThread {
+    look: Box<dyn FnMut() -> HealthReport + Send>,
+    heart: HeartbeatGate,
     said: String,
     said_at: Option<Instant>,
-    line: Option<Line>,
+    line: Option<SupervisorSocket>,
 }
 
-impl Voice {
+impl NotifyThread {
     fn run(mut self, farewells: &Receiver<SyncSender<()>>, helper: &Helper) {
         let every = watchdog().map_or(LOOK_EVERY, |time| (time / LOOKS).min(LOOK_EVERY));
         self.tell("READY=1\n");
@@ -205,10 +205,10 @@ impl Voice {
     }
 
     fn tell(&mut self, first: &str) {
-        let Pulse { progress, status } = (self.look)();
+        let HealthReport { progress, status } = (self.look)();
         let status = status.replace('\n', " ");
         let mut words = first.to_owned();
-        if self.heart.beats(progress) {
+        if self.heart.is_due(progress) {
             words.push_str("WATCHDOG=1\n");
         }
         let due = self.said_at.is_none_or(|at| at.elapsed() >= STATUS_EVERY);
@@ -245,8 +245,8 @@ mod tests {
 
     #[test]
     fn no_progress_no_heartbeat() {
-        let mut heart = Heart::default();
-        let beats: Vec<bool> = [0, 1, 1, 1, 7, 7, 8].map(|now| heart.beats(now)).to_vec();
+        let mut heart = HeartbeatGate::default();
+        let beats: Vec<bool> = [0, 1, 1, 1, 7, 7, 8].map(|now| heart.is_due(now)).to_vec();
         assert_eq!(beats, [true, true, false, false, true, false, true]);
     }
 
@@ -255,7 +255,7 @@ mod tests {
         let name = format!("rcc-notify-anew-{}", std::process::id());
         let path = std::env::temp_dir().join(name);
         let address = SocketAddr::from_pathname(&path).unwrap();
-        let mut line = Line {
+        let mut line = SupervisorSocket {
             address,
             socket: UnixDatagram::unbound().unwrap(),
             connected: false,

@@ -10,7 +10,7 @@ use nix::sys::signalfd::{SfdFlags, SignalFd};
 use nix::unistd::{Pid, getpid, getppid};
 
 /// The signals that end a program.
-fn ending() -> SigSet {
+fn stop_signals() -> SigSet {
     [Signal::SIGTERM, Signal::SIGINT].into_iter().collect()
 }
 
@@ -44,7 +44,7 @@ impl Stop {
     /// # Errors
     /// The system refuses, or the parent is gone already.
     pub fn prepare(with_parent: bool) -> Result<Self, SignalError> {
-        let signals = ending();
+        let signals = stop_signals();
         signals.thread_block()?;
         if with_parent {
             end_with_parent()?;
@@ -77,8 +77,8 @@ impl Stop {
 ///
 /// # Errors
 /// The system refuses.
-pub fn let_through() -> Result<(), SignalError> {
-    Ok(ending().thread_unblock()?)
+pub fn unblock_stop_signals() -> Result<(), SignalError> {
+    Ok(stop_signals().thread_unblock()?)
 }
 
 /// In the environment: the process id of whoever started this program, if it says so.
@@ -127,9 +127,9 @@ mod tests {
     #[test]
     fn what_a_parent_has_blocked_is_let_through() -> Result<(), SignalError> {
         // The mask is the thread's, so no other test sees it.
-        ending().thread_block()?;
+        stop_signals().thread_block()?;
         assert!(SigSet::thread_get_mask()?.contains(Signal::SIGTERM));
-        let_through()?;
+        unblock_stop_signals()?;
         let mask = SigSet::thread_get_mask()?;
         assert!(!mask.contains(Signal::SIGTERM) && !mask.contains(Signal::SIGINT));
         Ok(())

@@ -3,7 +3,7 @@
 
 use super::ClockConfig;
 use crate::codes;
-use crate::reader::{Fields, Reader, error};
+use crate::reader::{ConfigReader, Fields, error};
 use crate::yaml::{Node, Value};
 
 const KEYS: [&str; 2] = ["device", "offset"];
@@ -12,7 +12,7 @@ const OFFSET_NS: u64 = 200_000;
 
 /// The clock of a cell; `Some(None)`: its own.
 pub(super) fn read(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     cell: &Fields<'_>,
     period_ns: u64,
 ) -> Option<Option<ClockConfig>> {
@@ -20,7 +20,7 @@ pub(super) fn read(
         return Some(None);
     };
     let fields = reader.fields(&entry.value, entry.key.span, "the clock", &KEYS)?;
-    let node = reader.need(&fields, "device");
+    let node = reader.require(&fields, "device");
     let device = node.and_then(|node| device(reader, cell, node));
     let offset_ns = match fields.get("offset") {
         Some(node) => reader.nanoseconds(node, "offset (at most half a period)", 0, period_ns / 2),
@@ -33,7 +33,7 @@ pub(super) fn read(
 }
 
 /// The index of the device; it has no delay, because its set-points never wait.
-fn device(reader: &mut Reader, cell: &Fields<'_>, node: &Node) -> Option<usize> {
+fn device(reader: &mut ConfigReader, cell: &Fields<'_>, node: &Node) -> Option<usize> {
     let name = reader.text(node, "the device of the clock")?;
     let devices = match cell.get("devices").map(|node| &node.value) {
         Some(Value::Map(devices)) => devices.as_slice(),
@@ -43,7 +43,7 @@ fn device(reader: &mut Reader, cell: &Fields<'_>, node: &Node) -> Option<usize> 
         let names: Vec<&str> = devices.iter().map(|device| &*device.key.name).collect();
         let message = format!("this cell has no device `{name}`");
         let fault = error(codes::UNKNOWN_DEVICE, node.span, message);
-        reader.keep(fault.help(format!("the devices are: {}", names.join(", "))));
+        reader.report(fault.help(format!("the devices are: {}", names.join(", "))));
         return None;
     };
     if let Some(delay) = devices
@@ -53,7 +53,7 @@ fn device(reader: &mut Reader, cell: &Fields<'_>, node: &Node) -> Option<usize> 
         let message =
             format!("`delay` has no meaning for `{name}`: the executor's clock follows it");
         let fault = error(codes::KEY_OF_OTHER_KIND, delay.span, message);
-        reader.keep(fault.help(
+        reader.report(fault.help(
             "take `delay` out, because every set-point is played in its own cycle; or take `clock` out",
         ));
         return None;

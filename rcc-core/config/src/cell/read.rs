@@ -14,9 +14,9 @@ use crate::base;
 use crate::codes;
 use crate::device::{DeviceConfig, channels};
 use crate::diagnostic::{Faults, Span};
-use crate::file::{self, Text};
-use crate::ports::{self, Numbers};
-use crate::reader::{CELL_NAME, DEVICE_NAME, Fields, Reader, Wanted, error};
+use crate::file::{self, SourceFile};
+use crate::ports::{self, PortNumbers};
+use crate::reader::{CELL_NAME, ConfigReader, DEVICE_NAME, Fields, QuantityRange, error};
 use crate::recorder;
 use crate::robot::{self, RobotConfig};
 use crate::workspace;
@@ -80,8 +80,8 @@ const STOP_TIMEOUT_NS: [u64; 2] = [100 * MS, 60_000 * MS];
 const WATCHDOG_NS: [u64; 2] = [500 * MS, 60_000 * MS];
 
 /// What reading needs beside the tree.
-struct Reading<'a> {
-    reader: Reader,
+struct CellFileReader<'a> {
+    reader: ConfigReader,
     base: &'a Path,
     ports: BTreeMap<String, u16>,
     period_ns: u64,
@@ -92,10 +92,14 @@ struct Reading<'a> {
 }
 
 /// Reads the text of a cell's file.
-pub(super) fn cell(file: &Text, base: &Path, numbers: Numbers<'_>) -> Result<CellConfig, Faults> {
+pub(super) fn cell(
+    file: &SourceFile,
+    base: &Path,
+    numbers: PortNumbers<'_>,
+) -> Result<CellConfig, Faults> {
     let (root, mut reader) = file::tree(file)?;
     let ports = ports::numbers(&mut reader, root.get("ports"), numbers);
-    let mut reading = Reading {
+    let mut reading = CellFileReader {
         reader,
         base,
         ports,
@@ -128,12 +132,12 @@ pub(super) fn cell(file: &Text, base: &Path, numbers: Numbers<'_>) -> Result<Cel
     }
 }
 
-impl Reading<'_> {
+impl CellFileReader<'_> {
     fn cell(&mut self, root: &Node, source: PathBuf) -> Option<CellConfig> {
         let fields = self.reader.fields(root, root.span, "a cell", &KEYS)?;
-        let name = self.reader.need(&fields, "cell");
+        let name = self.reader.require(&fields, "cell");
         let name = name.and_then(|node| self.name(node, "a cell"));
-        let period_ns = self.reader.need(&fields, "period").and_then(|node| {
+        let period_ns = self.reader.require(&fields, "period").and_then(|node| {
             let [least, most] = PERIOD_NS;
             self.reader.nanoseconds(node, "period", least, most)
         });
@@ -198,7 +202,7 @@ impl Reading<'_> {
             .fields(node, place, "the executor", &EXECUTOR_KEYS)?;
         let mut whole = |key, least, most| {
             let node = fields.get(key)?;
-            self.reader.whole(node, key, least, most)
+            self.reader.integer(node, key, least, most)
         };
         if let Some(priority) = whole("priority", 1, 99) {
             executor.priority = u8::try_from(priority).ok()?;
@@ -210,7 +214,7 @@ impl Reading<'_> {
             executor.late_in_a_row_max = u32::try_from(late).ok()?;
         }
         if let Some(node) = fields.get("budget") {
-            let wanted = Wanted {
+            let wanted = QuantityRange {
                 unit: Unit::ONE,
                 least: 0.01,
                 most: BUDGET_MAX,
@@ -223,7 +227,7 @@ impl Reading<'_> {
                 ("best-effort", RealTime::BestEffort),
                 ("required", RealTime::Required),
             ];
-            executor.rt = self.reader.word(node, "kind of real time", &words)?;
+            executor.rt = self.reader.keyword(node, "kind of real time", &words)?;
         }
         Some(executor)
     }
@@ -238,7 +242,7 @@ impl Reading<'_> {
             .reader
             .fields(node, place, "the supervision", &SUPERVISION_KEYS)?;
         let restarts = fields.get("restarts");
-        let restarts = restarts.map(|node| self.reader.whole(node, "restarts", 0, RESTARTS_MAX));
+        let restarts = restarts.map(|node| self.reader.integer(node, "restarts", 0, RESTARTS_MAX));
         let times = [
             ("within", WITHIN_NS, &mut supervision.within_ns),
             (
@@ -279,7 +283,7 @@ impl Reading<'_> {
         let reader = &mut self.reader;
         let name = reader.key_name(key, "a simulator", DEVICE_NAME);
         let fields = reader.fields_or(value, key.span, "a simulator", &SIMULATOR_KEYS, CONTROL)?;
-        let program = reader.need(&fields, "program");
+        let program = reader.require(&fields, "program");
         let program = program.and_then(|node| Some((reader.text(node, "program")?, node.span)));
         let list = fields.get("arguments");
         let list = list.and_then(|node| reader.list(node, "arguments"));
@@ -321,7 +325,7 @@ impl Reading<'_> {
                 let message = format!("this cell has no device `{device}`");
                 let fault = error(codes::UNKNOWN_DEVICE, node.span, message);
                 self.reader
-                    .keep(fault.help(format!("the devices are: {}", devices.join(", "))));
+                    .report(fault.help(format!("the devices are: {}", devices.join(", "))));
             }
         }
     }
@@ -333,14 +337,14 @@ impl Reading<'_> {
             Value::Text(text) => ports::substitute(&mut self.reader, text, node.span, &self.ports),
             _ => {
                 self.reader
-                    .shape(node, "an argument", "text (put it in quotes)");
+                    .wrong_type(node, "an argument", "text (put it in quotes)");
                 None
             }
         }
     }
 
     fn devices(&mut self, cell: &Fields<'_>) -> Option<Vec<DeviceConfig>> {
-        let node = self.reader.need(cell, "devices")?;
+        let node = self.reader.require(cell, "devices")?;
         let entries = self.reader.entries(node, "devices")?;
         let places: Vec<Span> = entries.iter().map(|entry| entry.key.span).collect();
         self.reader
@@ -354,7 +358,7 @@ impl Reading<'_> {
         let fields = self
             .reader
             .fields(value, key.span, "a device", &DEVICE_KEYS)?;
-        let driver = self.reader.need(&fields, "driver");
+        let driver = self.reader.require(&fields, "driver");
         let driver = driver.and_then(|node| self.name(node, "a driver"));
         let robot = match fields.get("robot") {
             Some(node) => self.robot(node).map(Some),
@@ -404,9 +408,9 @@ impl Reading<'_> {
         let Some(node) = device.get("first_tolerance") else {
             return Some(FIRST_TOLERANCE_RAD);
         };
-        let wanted = Wanted {
+        let wanted = QuantityRange {
             most: FIRST_TOLERANCE_RAD_MAX,
-            ..Wanted::positive(Unit::RADIAN)
+            ..QuantityRange::positive(Unit::RADIAN)
         };
         self.reader.quantity(node, "first_tolerance", wanted)
     }
@@ -417,7 +421,7 @@ impl Reading<'_> {
                 let message = format!("`{key}` has no meaning for a device without a robot");
                 let help = "remove it, or name the robot's file: `robot: …`";
                 let fault = error(codes::KEY_OF_OTHER_KIND, entry.key.span, message);
-                self.reader.keep(fault.help(help));
+                self.reader.report(fault.help(help));
             }
         }
     }
@@ -437,7 +441,7 @@ impl Reading<'_> {
             "a driver finds the last {SET_POINTS} set-points; choose a shorter delay or a longer period"
         );
         let fault = error(codes::DELAY_TOO_LONG, node.span, message);
-        self.reader.keep(fault.label(label).help(help));
+        self.reader.report(fault.label(label).help(help));
         None
     }
 
@@ -458,12 +462,12 @@ impl Reading<'_> {
             Err(cause) => {
                 let mut fault = file::unreadable(path, &cause);
                 fault.place = Some(node.span);
-                self.reader.keep(fault);
+                self.reader.report(fault);
                 return None;
             }
         };
         let name = path.display().to_string();
-        let file = Text { name, text };
+        let file = SourceFile { name, text };
         let result = file::tree(&file).and_then(|(root, mut reader)| {
             let robot = robot::read(&mut reader, &root, source);
             file.faults(reader).map(|()| robot)

@@ -8,7 +8,7 @@ use rcc_core::unit::Unit;
 use super::{CHANNEL_KINDS, ChannelConfig, OnRelease, is_digital, is_output, kind_name};
 use crate::codes;
 use crate::diagnostic::Span;
-use crate::reader::{Fields, ID, Reader, Wanted, error, shown};
+use crate::reader::{ConfigReader, Fields, ID, QuantityRange, display_value, error};
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 7] = [
@@ -22,7 +22,7 @@ const KEYS: [&str; 7] = [
 ];
 
 /// Reads the channels of a device.
-pub(crate) fn channels(reader: &mut Reader, node: &Node) -> Option<Vec<ChannelConfig>> {
+pub(crate) fn channels(reader: &mut ConfigReader, node: &Node) -> Option<Vec<ChannelConfig>> {
     let entries = reader.entries(node, "channels")?;
     let mut places: [Vec<Span>; 4] = Default::default();
     let mut outputs: Vec<(ChannelKind, &Node, &str)> = Vec::new();
@@ -57,7 +57,7 @@ pub(crate) fn channels(reader: &mut Reader, node: &Node) -> Option<Vec<ChannelCo
 
 /// Two outputs that write the same place would fight.
 fn refuse_taken_address(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     outputs: &[(ChannelKind, &Node, &str)],
     kind: ChannelKind,
     address: &Node,
@@ -68,19 +68,20 @@ fn refuse_taken_address(
     if let Some((_, _, other)) = outputs.iter().find(same) {
         let message = format!("the output `{other}` has this address already");
         let fault = error(codes::ADDRESS_TAKEN, address.span, message);
-        reader.keep(fault.help("two outputs at one address would overwrite each other; keep one"));
+        reader
+            .report(fault.help("two outputs at one address would overwrite each other; keep one"));
     }
 }
 
-fn channel(reader: &mut Reader, Entry { key, value }: &Entry) -> Option<ChannelConfig> {
+fn channel(reader: &mut ConfigReader, Entry { key, value }: &Entry) -> Option<ChannelConfig> {
     let name = reader.key_name(key, "a channel", ID);
     let fields = reader.fields(value, key.span, "a channel", &KEYS)?;
     let kinds = CHANNEL_KINDS.map(|kind| (kind_name(kind), kind));
     let kind = reader
-        .need(&fields, "kind")
-        .and_then(|node| reader.word(node, "kind of channel", &kinds));
+        .require(&fields, "kind")
+        .and_then(|node| reader.keyword(node, "kind of channel", &kinds));
     let address = reader
-        .need(&fields, "address")
+        .require(&fields, "address")
         .and_then(|node| address(reader, node));
     let kind = kind?;
     refuse_keys_of_other_kinds(reader, &fields, kind);
@@ -113,12 +114,12 @@ fn channel(reader: &mut Reader, Entry { key, value }: &Entry) -> Option<ChannelC
     })
 }
 
-fn address(reader: &mut Reader, node: &Node) -> Option<serde_json::Value> {
+fn address(reader: &mut ConfigReader, node: &Node) -> Option<serde_json::Value> {
     match &node.value {
         Value::Int(_) => Some(node.to_json()),
         Value::Text(text) if !text.trim().is_empty() => Some(node.to_json()),
         _ => {
-            reader.shape(
+            reader.wrong_type(
                 node,
                 "an address",
                 "a whole number or text such as `coil 3`",
@@ -128,12 +129,12 @@ fn address(reader: &mut Reader, node: &Node) -> Option<serde_json::Value> {
     }
 }
 
-fn refuse_keys_of_other_kinds(reader: &mut Reader, fields: &Fields<'_>, kind: ChannelKind) {
+fn refuse_keys_of_other_kinds(reader: &mut ConfigReader, fields: &Fields<'_>, kind: ChannelKind) {
     let mut refuse = |key: &str, reason: &str| {
         if let Some(entry) = fields.entry(key) {
             let message = format!("`{key}` has no meaning for a {}", kind_name(kind));
             let fault = error(codes::KEY_OF_OTHER_KIND, entry.key.span, message);
-            reader.keep(fault.help(format!("remove it: {reason}")));
+            reader.report(fault.help(format!("remove it: {reason}")));
         }
     };
     if is_digital(kind) {
@@ -147,7 +148,7 @@ fn refuse_keys_of_other_kinds(reader: &mut Reader, fields: &Fields<'_>, kind: Ch
 }
 
 /// A unit without a factor: what stands before it would be ambiguous.
-fn unit(reader: &mut Reader, node: &Node) -> Option<Unit> {
+fn unit(reader: &mut ConfigReader, node: &Node) -> Option<Unit> {
     if node.value == Value::Int(1) {
         return Some(Unit::ONE);
     }
@@ -160,13 +161,13 @@ fn unit(reader: &mut Reader, node: &Node) -> Option<Unit> {
             let help = format!(
                 "write `unit: {unit}` and, if one raw step is one {text}, `scale: 1 {text}`"
             );
-            reader.keep(error(codes::WRONG_UNIT, node.span, message).help(help));
+            reader.report(error(codes::WRONG_UNIT, node.span, message).help(help));
             None
         }
         None => {
             let message = format!("`{text}` is no known unit");
             let fault = error(codes::NOT_A_QUANTITY, node.span, message);
-            reader.keep(
+            reader.report(
                 fault.help(
                     "units are written like `m/s`, `N`, `rad/s^2`, `V`; 1 for a plain number",
                 ),
@@ -178,7 +179,7 @@ fn unit(reader: &mut Reader, node: &Node) -> Option<Unit> {
 
 /// What a value of a channel may be and how it is made from a raw one.
 #[derive(Clone, Copy)]
-struct Form {
+struct SignalForm {
     digital: bool,
     unit: Unit,
     scale: f64,
@@ -186,7 +187,7 @@ struct Form {
     range: Option<[f64; 2]>,
 }
 
-const DIGITAL: Form = Form {
+const DIGITAL: SignalForm = SignalForm {
     digital: true,
     unit: Unit::ONE,
     scale: 1.0,
@@ -194,7 +195,7 @@ const DIGITAL: Form = Form {
     range: None,
 };
 
-fn analog(reader: &mut Reader, fields: &Fields<'_>) -> Option<Form> {
+fn analog(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<SignalForm> {
     let unit = match fields.get("unit") {
         Some(node) => unit(reader, node)?,
         None => Unit::ONE,
@@ -204,7 +205,7 @@ fn analog(reader: &mut Reader, fields: &Fields<'_>) -> Option<Form> {
         None => Some(None),
     };
     let (scale, offset) = scale_and_offset(reader, fields, unit)?;
-    Some(Form {
+    Some(SignalForm {
         digital: false,
         unit,
         scale,
@@ -213,63 +214,71 @@ fn analog(reader: &mut Reader, fields: &Fields<'_>) -> Option<Form> {
     })
 }
 
-fn scale_and_offset(reader: &mut Reader, fields: &Fields<'_>, unit: Unit) -> Option<(f64, f64)> {
+fn scale_and_offset(
+    reader: &mut ConfigReader,
+    fields: &Fields<'_>,
+    unit: Unit,
+) -> Option<(f64, f64)> {
     let mut number = |key, default| match fields.get(key) {
-        Some(node) => Some((reader.quantity(node, key, Wanted::any(unit))?, node.span)),
+        Some(node) => Some((
+            reader.quantity(node, key, QuantityRange::any(unit))?,
+            node.span,
+        )),
         None => Some((default, fields.place)),
     };
     let (scale, offset) = (number("scale", 1.0), number("offset", 0.0));
     let ((scale, span), (offset, _)) = (scale?, offset?);
     if scale == 0.0 {
         let message = "scale is 0: every raw value would mean the same";
-        reader.keep(error(codes::OUT_OF_RANGE, span, message));
+        reader.report(error(codes::OUT_OF_RANGE, span, message));
         return None;
     }
     Some((scale, offset))
 }
 
-fn no_on_release(reader: &mut Reader, fields: &Fields<'_>, name: &str) {
+fn no_on_release(reader: &mut ConfigReader, fields: &Fields<'_>, name: &str) {
     let message =
         format!("the output `{name}` does not say what it does when nobody commands it any more");
     let fault = error(codes::NO_ON_RELEASE, fields.place, message).label("`on_release` is missing");
-    reader.keep(fault.help(
+    reader.report(fault.help(
         "add `on_release: {safe: VALUE}` or `on_release: hold`. It takes effect when a net ends, sends null or dies. \
          There is no default because both can do harm: a torch must not burn on, a gripper must not let go",
     ));
 }
 
-fn on_release(reader: &mut Reader, node: &Node, form: &Form) -> Option<OnRelease> {
+fn on_release(reader: &mut ConfigReader, node: &Node, form: &SignalForm) -> Option<OnRelease> {
     const FORMS: &str = "`hold` or `{safe: VALUE}`";
     match node.text() {
         Some("hold") => return Some(OnRelease::Hold),
         Some(text) => {
             let message = format!("an output cannot do `{text}` when it is released");
             let fault = error(codes::UNKNOWN_KIND, node.span, message);
-            reader.keep(fault.help(format!("write {FORMS}")));
+            reader.report(fault.help(format!("write {FORMS}")));
             return None;
         }
         None if node.map().is_none() => {
-            reader.shape(node, "on_release", FORMS);
+            reader.wrong_type(node, "on_release", FORMS);
             return None;
         }
         None => {}
     }
     let fields = reader.fields(node, node.span, "on_release", &["safe"])?;
-    let safe = reader.need(&fields, "safe")?;
+    let safe = reader.require(&fields, "safe")?;
     if form.digital {
         return reader
             .bool(safe, "the safe value of a digital output")
             .map(|value| OnRelease::Safe(f64::from(u8::from(value))));
     }
-    let value = reader.quantity(safe, "the safe value", Wanted::any(form.unit))?;
+    let value = reader.quantity(safe, "the safe value", QuantityRange::any(form.unit))?;
     if let Some([lower, upper]) = form.range
         && !(lower..=upper).contains(&value)
     {
-        let [value, lower, upper] = [value, lower, upper].map(|value| shown(value, form.unit));
+        let [value, lower, upper] =
+            [value, lower, upper].map(|value| display_value(value, form.unit));
         let message =
             format!("the safe value {value} is outside of the channel's range, {lower} to {upper}");
         let fault = error(codes::UNSAFE_VALUE, safe.span, message);
-        reader.keep(
+        reader.report(
             fault.help("a value outside of the range is refused, also this one: choose one inside"),
         );
         return None;

@@ -6,7 +6,7 @@ use std::fmt::{self, Write as _};
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteSpanContents, SourceSpan};
 use rcc_core::printable::Printable;
 
-use super::{DRAWN_MAX, Row, RowPlace, Severity, Source, Span};
+use super::{DRAWN_MAX, DiagnosticPosition, DiagnosticRow, Severity, SourceText, Span};
 
 /// Most characters of a line that are drawn; longer ones (JSON by machine) are cut around the place.
 const LINE_MAX: usize = 160;
@@ -14,7 +14,7 @@ const LINE_MAX: usize = 160;
 /// Draws rows, also such as another process found; a row whose source is not here is drawn without its line. Nothing in
 /// the texts reaches a terminal as a command: only what is printable is drawn as it is, and colours are ours.
 #[must_use]
-pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
+pub fn render(rows: &[DiagnosticRow], sources: &[SourceText], colour: bool) -> String {
     let theme = if colour {
         GraphicalTheme::unicode()
     } else {
@@ -23,19 +23,19 @@ pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
     let handler = GraphicalReportHandler::new_themed(theme)
         .with_width(100)
         .with_links(false);
-    let lines: Vec<Lines<'_>> = sources
+    let lines: Vec<LineIndex<'_>> = sources
         .iter()
-        .map(|source| Lines::of(&source.text))
+        .map(|source| LineIndex::of(&source.text))
         .collect();
     let mut out = String::new();
     for row in rows.iter().take(DRAWN_MAX) {
-        let excerpt = |place: &RowPlace| {
+        let excerpt = |place: &DiagnosticPosition| {
             let source = sources.iter().position(|source| source.name == place.file);
             lines.get(source?)?.excerpt(place)
         };
         let shown = printable(row);
         let used_at = row.used_at.as_ref().zip(shown.used_at.as_ref());
-        let used_at = used_at.map(|(place, shown)| UsedAt {
+        let used_at = used_at.map(|(place, shown)| RelatedUse {
             place: shown,
             line: excerpt(place),
         });
@@ -70,15 +70,15 @@ pub fn render(rows: &[Row], sources: &[Source], colour: bool) -> String {
 }
 
 /// The row with texts that can be printed.
-fn printable(row: &Row) -> Row {
+fn printable(row: &DiagnosticRow) -> DiagnosticRow {
     let clean = |text: &str| Printable(text).to_string();
-    Row {
+    DiagnosticRow {
         code: clean(&row.code),
         message: clean(&row.message),
         file: clean(&row.file),
         label: clean(&row.label),
         help: row.help.as_deref().map(clean),
-        used_at: row.used_at.as_ref().map(|place| RowPlace {
+        used_at: row.used_at.as_ref().map(|place| DiagnosticPosition {
             file: clean(&place.file),
             label: clean(&place.label),
             ..place.clone()
@@ -87,8 +87,8 @@ fn printable(row: &Row) -> Row {
     }
 }
 
-fn place_of(row: &Row) -> RowPlace {
-    RowPlace {
+fn place_of(row: &DiagnosticRow) -> DiagnosticPosition {
+    DiagnosticPosition {
         file: row.file.clone(),
         line: row.line,
         column: row.column,
@@ -102,25 +102,25 @@ fn plural(count: usize, word: &str) -> String {
 }
 
 /// Where lines begin.
-pub(super) struct Lines<'a> {
+pub(super) struct LineIndex<'a> {
     text: &'a str,
     starts: Vec<usize>,
 }
 
 #[derive(Clone, Copy, Default)]
-pub(super) struct Place {
+pub(super) struct LinePosition {
     pub(super) line: usize,
     pub(super) column: usize,
     pub(super) length: usize,
 }
 
-impl<'a> Lines<'a> {
-    pub(super) fn of(text: &'a str) -> Lines<'a> {
+impl<'a> LineIndex<'a> {
+    pub(super) fn of(text: &'a str) -> LineIndex<'a> {
         let breaks = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
         let starts = std::iter::once(0)
             .chain(breaks.map(|(index, _)| index + 1))
             .collect();
-        Lines { text, starts }
+        LineIndex { text, starts }
     }
 
     /// The text of a line (counted from 0) without its end, and where it begins.
@@ -135,13 +135,13 @@ impl<'a> Lines<'a> {
         Some((start, text.trim_end_matches(['\n', '\r'])))
     }
 
-    pub(super) fn place(&self, span: Span) -> Place {
+    pub(super) fn place(&self, span: Span) -> LinePosition {
         let at = floor(self.text, span.start);
         let number = self.starts.partition_point(|start| *start <= at) - 1;
         let (start, line) = self.line(number).unwrap_or((0, ""));
         let before = floor(line, at - start);
         let end = floor(line, span.end.max(at) - start);
-        Place {
+        LinePosition {
             line: number + 1,
             column: line[..before].chars().count() + 1,
             length: end.saturating_sub(before),
@@ -149,7 +149,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The line of a row, cut around its place if it is long.
-    fn excerpt(&self, row: &RowPlace) -> Option<Excerpt> {
+    fn excerpt(&self, row: &DiagnosticPosition) -> Option<Excerpt> {
         let (_, line) = self.line(row.line.checked_sub(1)?)?;
         let mut indices = line.char_indices().map(|(index, _)| index);
         let at = indices
@@ -221,21 +221,21 @@ impl miette::SourceCode for Excerpt {
 
 #[derive(Debug)]
 struct Drawing<'a> {
-    row: &'a Row,
+    row: &'a DiagnosticRow,
     line: Option<Excerpt>,
-    used_at: Option<UsedAt<'a>>,
+    used_at: Option<RelatedUse<'a>>,
 }
 
 /// The second place of a row.
 #[derive(Debug)]
-struct UsedAt<'a> {
-    place: &'a RowPlace,
+struct RelatedUse<'a> {
+    place: &'a DiagnosticPosition,
     line: Option<Excerpt>,
 }
 
-impl fmt::Display for UsedAt<'_> {
+impl fmt::Display for RelatedUse<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let RowPlace {
+        let DiagnosticPosition {
             file, line, column, ..
         } = self.place;
         f.write_str(&self.place.label)?;
@@ -246,9 +246,9 @@ impl fmt::Display for UsedAt<'_> {
     }
 }
 
-impl std::error::Error for UsedAt<'_> {}
+impl std::error::Error for RelatedUse<'_> {}
 
-impl miette::Diagnostic for UsedAt<'_> {
+impl miette::Diagnostic for RelatedUse<'_> {
     fn severity(&self) -> Option<miette::Severity> {
         Some(miette::Severity::Advice)
     }

@@ -8,7 +8,7 @@ use rcc_core::unit::Unit;
 use super::{JointConfig, RobotConfig};
 use crate::codes;
 use crate::diagnostic::Span;
-use crate::reader::{Fields, JOINT_NAME, Reader, Wanted, error};
+use crate::reader::{ConfigReader, Fields, JOINT_NAME, QuantityRange, error};
 use crate::yaml::{Entry, Node, Value};
 
 const KEYS: [&str; 4] = ["robot", "kinematics", "joints", "impedance"];
@@ -47,13 +47,13 @@ const IMPEDANCE_KEYS: [&str; 8] = [
 const IMPEDANCE_RATE: f64 = 2.0;
 const JOINT_KEYS: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
-const AT_LEAST_0: Wanted = Wanted {
+const AT_LEAST_0: QuantityRange = QuantityRange {
     unit: Unit::METRE,
     least: 0.0,
     most: f64::MAX,
 };
-const ANY_LENGTH: Wanted = Wanted::any(Unit::METRE);
-const ONE_TURN: Wanted = Wanted {
+const ANY_LENGTH: QuantityRange = QuantityRange::any(Unit::METRE);
+const ONE_TURN: QuantityRange = QuantityRange {
     unit: Unit::RADIAN,
     least: -core::f64::consts::TAU,
     most: core::f64::consts::TAU,
@@ -61,21 +61,24 @@ const ONE_TURN: Wanted = Wanted {
 
 /// A type of kinematics.
 #[derive(Clone, Copy)]
-enum Kind {
+enum KinematicsType {
     Srs,
     OrthoParallel,
 }
 
-const KINDS: [(&str, Kind); 2] = [("srs", Kind::Srs), ("ortho-parallel", Kind::OrthoParallel)];
+const KINEMATICS_TYPES: [(&str, KinematicsType); 2] = [
+    ("srs", KinematicsType::Srs),
+    ("ortho-parallel", KinematicsType::OrthoParallel),
+];
 
 /// Reads the tree of a robot's file; `source` is the file's name as the cell's file gives it.
-pub(crate) fn robot(reader: &mut Reader, root: &Node, source: &str) -> Option<RobotConfig> {
+pub(crate) fn robot(reader: &mut ConfigReader, root: &Node, source: &str) -> Option<RobotConfig> {
     let fields = reader.fields(root, root.span, "a robot", &KEYS)?;
-    let name = reader.need(&fields, "robot");
+    let name = reader.require(&fields, "robot");
     let name = name.and_then(|node| reader.text(node, "a robot's name"));
-    let arm = reader.need(&fields, "kinematics");
+    let arm = reader.require(&fields, "kinematics");
     let arm = arm.and_then(|node| kinematics(reader, node, fields.place_of("kinematics")));
-    let joints = reader.need(&fields, "joints");
+    let joints = reader.require(&fields, "joints");
     let place = fields.place_of("joints");
     let joints = joints.and_then(|node| self::joints(reader, node, place, arm.as_ref()));
     let place = fields.place_of("impedance");
@@ -92,32 +95,34 @@ pub(crate) fn robot(reader: &mut Reader, root: &Node, source: &str) -> Option<Ro
     })
 }
 
-fn kinematics(reader: &mut Reader, node: &Node, place: Span) -> Option<Arm> {
+fn kinematics(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<Arm> {
     // The type says which keys there are.
     let named = node.get("type").and_then(Node::text);
-    let kind = KINDS.iter().find(|(name, _)| named == Some(name));
+    let kind = KINEMATICS_TYPES
+        .iter()
+        .find(|(name, _)| named == Some(name));
     let keys: &[&str] = match kind {
-        Some((_, Kind::Srs)) => &SRS_KEYS,
+        Some((_, KinematicsType::Srs)) => &SRS_KEYS,
         _ => &KINEMATICS_KEYS,
     };
     let fields = reader.fields(node, place, "the kinematics", keys)?;
-    let kind = reader.need(&fields, "type")?;
-    match reader.word(kind, "type of kinematics", &KINDS)? {
-        Kind::Srs => srs(reader, &fields).map(Arm::Srs),
-        Kind::OrthoParallel => ortho_parallel(reader, &fields).map(Arm::OrthoParallel),
+    let kind = reader.require(&fields, "type")?;
+    match reader.keyword(kind, "type of kinematics", &KINEMATICS_TYPES)? {
+        KinematicsType::Srs => srs(reader, &fields).map(Arm::Srs),
+        KinematicsType::OrthoParallel => ortho_parallel(reader, &fields).map(Arm::OrthoParallel),
     }
 }
 
-fn srs(reader: &mut Reader, fields: &Fields<'_>) -> Option<SrsArm> {
+fn srs(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<SrsArm> {
     let mut length = |key, wanted| {
-        let node = reader.need(fields, key)?;
+        let node = reader.require(fields, key)?;
         reader.quantity(node, key, wanted)
     };
     let shoulder_height = length("shoulder_height", AT_LEAST_0);
-    let upper_arm = length("upper_arm", Wanted::positive(Unit::METRE));
-    let forearm = length("forearm", Wanted::positive(Unit::METRE));
+    let upper_arm = length("upper_arm", QuantityRange::positive(Unit::METRE));
+    let forearm = length("forearm", QuantityRange::positive(Unit::METRE));
     let wrist_to_flange = length("wrist_to_flange", AT_LEAST_0);
-    let signs = reader.need(fields, "signs");
+    let signs = reader.require(fields, "signs");
     let signs = signs.and_then(|node| self::signs(reader, node));
     Some(SrsArm {
         shoulder_height: shoulder_height?,
@@ -128,21 +133,21 @@ fn srs(reader: &mut Reader, fields: &Fields<'_>) -> Option<SrsArm> {
     })
 }
 
-fn ortho_parallel(reader: &mut Reader, fields: &Fields<'_>) -> Option<OrthoParallelArm> {
+fn ortho_parallel(reader: &mut ConfigReader, fields: &Fields<'_>) -> Option<OrthoParallelArm> {
     let mut length = |key, wanted| {
-        let node = reader.need(fields, key)?;
+        let node = reader.require(fields, key)?;
         reader.quantity(node, key, wanted)
     };
     let shoulder_height = length("shoulder_height", ANY_LENGTH);
     let shoulder_offset = length("shoulder_offset", ANY_LENGTH);
     let lateral_offset = length("lateral_offset", ANY_LENGTH);
-    let upper_arm = length("upper_arm", Wanted::positive(Unit::METRE));
+    let upper_arm = length("upper_arm", QuantityRange::positive(Unit::METRE));
     let elbow_offset = length("elbow_offset", ANY_LENGTH);
-    let forearm = length("forearm", Wanted::positive(Unit::METRE));
+    let forearm = length("forearm", QuantityRange::positive(Unit::METRE));
     let wrist_to_flange = length("wrist_to_flange", AT_LEAST_0);
-    let signs = reader.need(fields, "signs");
+    let signs = reader.require(fields, "signs");
     let signs = signs.and_then(|node| self::signs(reader, node));
-    let zeros = reader.need(fields, "zeros");
+    let zeros = reader.require(fields, "zeros");
     let zeros = zeros.and_then(|node| self::zeros(reader, node));
     Some(OrthoParallelArm {
         shoulder_height: shoulder_height?,
@@ -157,7 +162,7 @@ fn ortho_parallel(reader: &mut Reader, fields: &Fields<'_>) -> Option<OrthoParal
     })
 }
 
-fn signs<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
+fn signs<const N: usize>(reader: &mut ConfigReader, node: &Node) -> Option<[f64; N]> {
     let nodes: &[Node; N] = reader.array(node, "signs")?;
     let mut signs = [0.0; N];
     for (place, node) in signs.iter_mut().zip(nodes) {
@@ -166,7 +171,7 @@ fn signs<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
             Value::Int(-1) => -1.0,
             _ => {
                 let message = "a sign is 1 or -1: the direction of the joint";
-                reader.keep(error(codes::OUT_OF_RANGE, node.span, message));
+                reader.report(error(codes::OUT_OF_RANGE, node.span, message));
                 1.0
             }
         };
@@ -174,7 +179,7 @@ fn signs<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
     Some(signs)
 }
 
-fn zeros<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
+fn zeros<const N: usize>(reader: &mut ConfigReader, node: &Node) -> Option<[f64; N]> {
     let nodes: &[Node; N] = reader.array(node, "zeros")?;
     let mut zeros = [0.0; N];
     for (place, node) in zeros.iter_mut().zip(nodes) {
@@ -183,10 +188,10 @@ fn zeros<const N: usize>(reader: &mut Reader, node: &Node) -> Option<[f64; N]> {
     Some(zeros)
 }
 
-fn impedance(reader: &mut Reader, node: &Node, place: Span) -> Option<ImpedanceLimits> {
+fn impedance(reader: &mut ConfigReader, node: &Node, place: Span) -> Option<ImpedanceLimits> {
     let fields = reader.fields(node, place, "the impedance", &IMPEDANCE_KEYS)?;
     let mut range = |key, unit| {
-        let node = reader.need(&fields, key)?;
+        let node = reader.require(&fields, key)?;
         positive_bounds(reader, node, key, unit)
     };
     let per_radian = Unit::NEWTON_METRE.per(Unit::RADIAN);
@@ -195,14 +200,14 @@ fn impedance(reader: &mut Reader, node: &Node, place: Span) -> Option<ImpedanceL
     let joint = range("joint", per_radian);
     let damping = range("damping", Unit::ONE);
     let mut most = |key, unit| {
-        let node = reader.need(&fields, key)?;
-        reader.quantity(node, key, Wanted::positive(unit))
+        let node = reader.require(&fields, key)?;
+        reader.quantity(node, key, QuantityRange::positive(unit))
     };
     let force = most("force", Unit::NEWTON);
     let torque = most("torque", Unit::NEWTON_METRE);
     let joint_torque = most("joint_torque", Unit::NEWTON_METRE);
     let rate = match fields.get("rate") {
-        Some(node) => reader.quantity(node, "rate", Wanted::positive(Unit::HERTZ)),
+        Some(node) => reader.quantity(node, "rate", QuantityRange::positive(Unit::HERTZ)),
         None => Some(IMPEDANCE_RATE),
     };
     Some(ImpedanceLimits {
@@ -218,14 +223,19 @@ fn impedance(reader: &mut Reader, node: &Node, place: Span) -> Option<ImpedanceL
 }
 
 /// Two bounds that are greater than 0: a spring without stiffness or damping holds nothing.
-fn positive_bounds(reader: &mut Reader, node: &Node, key: &str, unit: Unit) -> Option<[f64; 2]> {
+fn positive_bounds(
+    reader: &mut ConfigReader,
+    node: &Node,
+    key: &str,
+    unit: Unit,
+) -> Option<[f64; 2]> {
     let [least, _] = reader.array(node, key)?;
-    reader.quantity(least, key, Wanted::positive(unit))?;
+    reader.quantity(least, key, QuantityRange::positive(unit))?;
     reader.bounds(node, key, unit)
 }
 
 fn joints(
-    reader: &mut Reader,
+    reader: &mut ConfigReader,
     node: &Node,
     place: Span,
     arm: Option<&Arm>,
@@ -244,20 +254,20 @@ fn joints(
             arm.joints()
         );
         let help = "list every joint once, from the base to the flange";
-        reader.keep(error(codes::JOINT_COUNT, place, message).help(help));
+        reader.report(error(codes::JOINT_COUNT, place, message).help(help));
     }
     let joints = entries.iter().filter_map(|entry| joint(reader, entry));
     Some(joints.collect())
 }
 
-fn joint(reader: &mut Reader, Entry { key, value }: &Entry) -> Option<JointConfig> {
+fn joint(reader: &mut ConfigReader, Entry { key, value }: &Entry) -> Option<JointConfig> {
     let name = reader.key_name(key, "a joint", JOINT_NAME);
     let fields = reader.fields(value, key.span, "a joint", &JOINT_KEYS)?;
-    let range = reader.need(&fields, "position");
+    let range = reader.require(&fields, "position");
     let range = range.and_then(|node| reader.bounds(node, "position", Unit::RADIAN));
     let mut rate = |key, unit| {
-        let node = reader.need(&fields, key)?;
-        reader.quantity(node, key, Wanted::positive(unit))
+        let node = reader.require(&fields, key)?;
+        reader.quantity(node, key, QuantityRange::positive(unit))
     };
     let velocity = rate("velocity", Unit::RADIAN_PER_SECOND);
     let acceleration = rate("acceleration", Unit::RADIAN_PER_SECOND2);

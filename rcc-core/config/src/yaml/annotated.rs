@@ -1,7 +1,7 @@
 //! A text as a tree that keeps what people wrote around the values: comments and empty lines, each at its entry.
 //! Used by `rcc-cli fmt`, never on the real-time thread.
 
-use super::layout::{Block, Entry, Note, Tree};
+use super::layout::{CommentLine, Tree, TreeBlock, TreeEntry};
 use super::{Node, Value, number};
 use crate::diagnostic::Span;
 
@@ -93,7 +93,7 @@ fn line_start(text: &str, at: usize) -> usize {
 /// The place of something that cannot be kept.
 pub fn read(text: &str, root: &Node) -> Result<Tree, Span> {
     let comments = comments(text, root)?;
-    let mut reader = Reader {
+    let mut reader = CommentReader {
         text,
         comments: &comments,
         next: 0,
@@ -113,14 +113,14 @@ pub fn read(text: &str, root: &Node) -> Result<Tree, Span> {
     Ok(tree)
 }
 
-struct Reader<'a> {
+struct CommentReader<'a> {
     text: &'a str,
     comments: &'a [Comment],
     /// The first comment that has no place yet.
     next: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> CommentReader<'a> {
     /// Takes the next comment if it begins before a place.
     fn before(&mut self, place: usize) -> Option<&'a Comment> {
         let comment = self
@@ -131,8 +131,8 @@ impl<'a> Reader<'a> {
         Some(comment)
     }
 
-    fn note(&self, comment: &Comment) -> Note {
-        Note {
+    fn note(&self, comment: &Comment) -> CommentLine {
+        CommentLine {
             text: comment.text.clone(),
             blank: comment.own_line && self.follows_empty_line(comment.span.start),
         }
@@ -190,8 +190,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn block(&mut self, node: &Node, children: &[(Option<&super::Key>, &Node)]) -> Block {
-        let mut block = Block::default();
+    fn block(&mut self, node: &Node, children: &[(Option<&super::Key>, &Node)]) -> TreeBlock {
+        let mut block = TreeBlock::default();
         let is_block = self.is_block(node);
         let column = is_block.then(|| self.column(node));
         let mut end = node.span.start;
@@ -201,7 +201,7 @@ impl<'a> Reader<'a> {
                 None if is_block => self.dash(end, value.span.start),
                 None => value.span.start,
             };
-            let mut entry = Entry::new(
+            let mut entry = TreeEntry::new(
                 key.map(|key| key.name.clone()).unwrap_or_default(),
                 Tree::Plain(String::new()),
             );
@@ -236,12 +236,12 @@ impl<'a> Reader<'a> {
         if !is_block {
             let last = children.last().map(|(_, node)| *node);
             while let Some(comment) = self.before(node.span.end) {
-                let mut nobody = Entry::new("", Tree::Plain(String::new()));
+                let mut nobody = TreeEntry::new("", Tree::Plain(String::new()));
                 self.between(comment, &mut block, last, &mut nobody, column);
                 block.tail.append(&mut nobody.before);
                 block
                     .tail
-                    .extend(nobody.head.map(|text| Note { text, blank: false }));
+                    .extend(nobody.head.map(|text| CommentLine { text, blank: false }));
             }
         }
         block
@@ -251,9 +251,9 @@ impl<'a> Reader<'a> {
     fn between(
         &self,
         comment: &Comment,
-        block: &mut Block,
+        block: &mut TreeBlock,
         previous: Option<&Node>,
-        entry: &mut Entry,
+        entry: &mut TreeEntry,
         column: Option<usize>,
     ) {
         if let (Some(last), Some(previous)) = (block.entries.last_mut(), previous) {
@@ -333,7 +333,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn put_behind(entry: &mut Entry, comment: &Comment) -> bool {
+fn put_behind(entry: &mut TreeEntry, comment: &Comment) -> bool {
     let free = entry.after.is_none();
     if free {
         entry.after = Some(comment.text.clone());

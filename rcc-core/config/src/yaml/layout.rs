@@ -16,18 +16,18 @@ pub enum Tree {
     /// A text.
     Text(String),
     /// A list; entries without keys.
-    List(Block),
+    List(TreeBlock),
     /// A mapping.
-    Map(Block),
+    Map(TreeBlock),
 }
 
 /// The entries of a list or mapping.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Block {
+pub struct TreeBlock {
     /// The entries.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<TreeEntry>,
     /// Comments behind the last entry.
-    pub tail: Vec<Note>,
+    pub tail: Vec<CommentLine>,
     /// Always an entry a line, even where one line is enough for all.
     pub open: bool,
     /// Neighbours that are mappings on one line begin in the same column.
@@ -36,13 +36,13 @@ pub struct Block {
 
 /// An entry with what people wrote around it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Entry {
+pub struct TreeEntry {
     /// The key; empty in a list.
     pub key: String,
     /// The value.
     pub value: Tree,
     /// Comments on lines of their own before it.
-    pub before: Vec<Note>,
+    pub before: Vec<CommentLine>,
     /// An empty line stands between those, or whatever comes before, and the entry.
     pub blank: bool,
     /// The comment between the key and a value that begins on the next line, with its `#`.
@@ -53,18 +53,18 @@ pub struct Entry {
 
 /// A comment on a line of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Note {
+pub struct CommentLine {
     /// The comment with its `#`.
     pub text: String,
     /// An empty line stands before it.
     pub blank: bool,
 }
 
-impl Entry {
+impl TreeEntry {
     /// An entry without comments.
     #[must_use]
-    pub fn new(key: impl Into<String>, value: Tree) -> Entry {
-        Entry {
+    pub fn new(key: impl Into<String>, value: Tree) -> TreeEntry {
+        TreeEntry {
             key: key.into(),
             value,
             before: Vec::new(),
@@ -87,13 +87,13 @@ impl Entry {
     }
 }
 
-impl Block {
+impl TreeBlock {
     /// Entries without comments.
     #[must_use]
-    pub fn new(entries: Vec<Entry>) -> Block {
-        Block {
+    pub fn new(entries: Vec<TreeEntry>) -> TreeBlock {
+        TreeBlock {
             entries,
-            ..Block::default()
+            ..TreeBlock::default()
         }
     }
 }
@@ -102,16 +102,18 @@ impl Tree {
     /// A mapping without comments.
     pub fn map(entries: impl IntoIterator<Item = (String, Tree)>) -> Tree {
         let entries = entries.into_iter();
-        Tree::Map(Block::new(
-            entries.map(|(key, value)| Entry::new(key, value)).collect(),
+        Tree::Map(TreeBlock::new(
+            entries
+                .map(|(key, value)| TreeEntry::new(key, value))
+                .collect(),
         ))
     }
 
     /// A list without comments.
     pub fn list(values: impl IntoIterator<Item = Tree>) -> Tree {
         let values = values.into_iter();
-        Tree::List(Block::new(
-            values.map(|value| Entry::new("", value)).collect(),
+        Tree::List(TreeBlock::new(
+            values.map(|value| TreeEntry::new("", value)).collect(),
         ))
     }
 
@@ -135,7 +137,7 @@ impl Tree {
 
     /// The entries, if it has any.
     #[must_use]
-    pub fn block(&self) -> Option<&Block> {
+    pub fn block(&self) -> Option<&TreeBlock> {
         match self {
             Tree::List(block) | Tree::Map(block) => Some(block),
             _ => None,
@@ -143,7 +145,7 @@ impl Tree {
     }
 
     /// The entries, if it has any.
-    pub fn block_mut(&mut self) -> Option<&mut Block> {
+    pub fn block_mut(&mut self) -> Option<&mut TreeBlock> {
         match self {
             Tree::List(block) | Tree::Map(block) => Some(block),
             _ => None,
@@ -152,7 +154,7 @@ impl Tree {
 
     fn has_notes(&self) -> bool {
         self.block().is_some_and(|block| {
-            !block.tail.is_empty() || block.entries.iter().any(Entry::has_notes)
+            !block.tail.is_empty() || block.entries.iter().any(TreeEntry::has_notes)
         })
     }
 
@@ -247,7 +249,7 @@ impl Tree {
 /// Lays out a whole text.
 #[must_use]
 pub fn render(tree: &Tree) -> String {
-    let mut writer = Writer {
+    let mut writer = LayoutWriter {
         text: String::new(),
     };
     match tree {
@@ -263,7 +265,7 @@ pub fn render(tree: &Tree) -> String {
 }
 
 /// One entry of a mapping, ready to be put below others.
-enum Line {
+enum EntryLine {
     /// On one line: key, value, and whether it takes part in columns.
     Short {
         key: String,
@@ -274,16 +276,16 @@ enum Line {
     Long,
 }
 
-struct Writer {
+struct LayoutWriter {
     text: String,
 }
 
-impl Writer {
+impl LayoutWriter {
     fn indent(&mut self, depth: usize) {
         self.text.extend(std::iter::repeat_n(' ', depth));
     }
 
-    fn notes(&mut self, notes: &[Note], depth: usize) {
+    fn notes(&mut self, notes: &[CommentLine], depth: usize) {
         for note in notes {
             self.blank_if(note.blank);
             self.indent(depth);
@@ -299,7 +301,7 @@ impl Writer {
     }
 
     /// Comment lines before an entry; its head, too, if there is another comment for the place behind.
-    fn before(&mut self, entry: &Entry, depth: usize) {
+    fn before(&mut self, entry: &TreeEntry, depth: usize) {
         self.notes(&entry.before, depth);
         self.blank_if(entry.blank);
         if let (Some(head), Some(_)) = (&entry.head, &entry.after) {
@@ -309,8 +311,8 @@ impl Writer {
         }
     }
 
-    fn map(&mut self, block: &Block, depth: usize) {
-        let lines: Vec<Line> = block
+    fn map(&mut self, block: &TreeBlock, depth: usize) {
+        let lines: Vec<EntryLine> = block
             .entries
             .iter()
             .map(|entry| short(entry, block, depth))
@@ -319,14 +321,14 @@ impl Writer {
         let comments = comment_columns(&block.entries, &lines, &columns);
         for (index, (entry, line)) in block.entries.iter().zip(&lines).enumerate() {
             match line {
-                Line::Long => {
+                EntryLine::Long => {
                     self.before(entry, depth);
                     self.indent(depth);
                     self.text.push_str(&scalar::key(&entry.key));
                     self.text.push(':');
                     self.long(entry, depth);
                 }
-                Line::Short { key, value, .. } => {
+                EntryLine::Short { key, value, .. } => {
                     self.before(entry, depth);
                     self.indent(depth);
                     let start = self.text.len();
@@ -350,7 +352,7 @@ impl Writer {
     }
 
     /// The value of an entry that does not fit on its line; the text ends with the `:` of its key or the `-`.
-    fn long(&mut self, entry: &Entry, depth: usize) {
+    fn long(&mut self, entry: &TreeEntry, depth: usize) {
         match &entry.value {
             Tree::Text(text) => self.long_text(entry, text, depth),
             Tree::List(block) if is_filled(block) => {
@@ -382,21 +384,21 @@ impl Writer {
     }
 
     /// A text of several lines, or of one that is too long for one line.
-    fn long_text(&mut self, entry: &Entry, text: &str, depth: usize) {
+    fn long_text(&mut self, entry: &TreeEntry, text: &str, depth: usize) {
         let comment = entry.behind();
-        let Some(style) = Style::of(text) else {
+        let Some(style) = TextStyle::of(text) else {
             self.text.push(' ');
             self.text.push_str(&scalar::line(text));
             return self.comment(comment);
         };
         self.text.push_str(match style {
-            Style::Folded => " >-",
-            Style::Lines { ended: true } => " |",
-            Style::Lines { ended: false } => " |-",
+            TextStyle::Folded => " >-",
+            TextStyle::Lines { ended: true } => " |",
+            TextStyle::Lines { ended: false } => " |-",
         });
         self.comment(comment);
         match style {
-            Style::Lines { .. } => {
+            TextStyle::Lines { .. } => {
                 for line in text.lines() {
                     if !line.is_empty() {
                         self.indent(depth + STEP);
@@ -405,7 +407,7 @@ impl Writer {
                     self.text.push('\n');
                 }
             }
-            Style::Folded => {
+            TextStyle::Folded => {
                 self.words(text.split(' ').map(str::to_string), depth + STEP, "");
                 self.text.push('\n');
             }
@@ -441,7 +443,7 @@ impl Writer {
     }
 
     /// A list of scalars in brackets on several lines.
-    fn fill(&mut self, block: &Block, depth: usize) {
+    fn fill(&mut self, block: &TreeBlock, depth: usize) {
         let last = block.entries.len().saturating_sub(1);
         let words = block.entries.iter().enumerate().map(|(index, entry)| {
             let mut word = entry.value.on_one_line(usize::MAX).unwrap_or_default();
@@ -451,7 +453,7 @@ impl Writer {
         self.words(words, depth + STEP, " [");
     }
 
-    fn list(&mut self, block: &Block, depth: usize) {
+    fn list(&mut self, block: &TreeBlock, depth: usize) {
         for entry in &block.entries {
             let room = WIDTH.saturating_sub(depth + 2);
             let line = entry
@@ -480,7 +482,7 @@ impl Writer {
     }
 }
 
-fn starts_on_the_dash(entry: &Entry, inner: &Block) -> bool {
+fn starts_on_the_dash(entry: &TreeEntry, inner: &TreeBlock) -> bool {
     let first = inner.entries.first();
     entry.head.is_none()
         && entry.after.is_none()
@@ -492,16 +494,16 @@ fn starts_on_the_dash(entry: &Entry, inner: &Block) -> bool {
 
 /// How a long text is written.
 #[derive(Clone, Copy)]
-enum Style {
+enum TextStyle {
     /// One paragraph, broken at spaces.
     Folded,
-    /// Line by line; with a line end behind the last one, or without.
+    /// EntryLine by line; with a line end behind the last one, or without.
     Lines { ended: bool },
 }
 
-impl Style {
+impl TextStyle {
     /// `None` if the text would not read back the same: then it is quoted.
-    fn of(text: &str) -> Option<Style> {
+    fn of(text: &str) -> Option<TextStyle> {
         let line_is_good = |line: &str| {
             line.chars().all(scalar::is_printed)
                 && !line.starts_with(char::is_whitespace)
@@ -511,17 +513,17 @@ impl Style {
             return None;
         }
         if !text.contains('\n') {
-            return (!text.contains("  ")).then_some(Style::Folded);
+            return (!text.contains("  ")).then_some(TextStyle::Folded);
         }
         let ended = text.ends_with('\n');
         let empty_edge = text.starts_with('\n') || text.ends_with("\n\n");
-        (!empty_edge).then_some(Style::Lines { ended })
+        (!empty_edge).then_some(TextStyle::Lines { ended })
     }
 }
 
 /// True for a list that is filled into lines: of scalars, without comments.
-fn is_filled(block: &Block) -> bool {
-    let scalar = |entry: &Entry| entry.value.block().is_none() && !entry.has_notes();
+fn is_filled(block: &TreeBlock) -> bool {
+    let scalar = |entry: &TreeEntry| entry.value.block().is_none() && !entry.has_notes();
     block.tail.is_empty() && !block.entries.is_empty() && block.entries.iter().all(scalar)
 }
 
@@ -529,7 +531,7 @@ fn is_filled(block: &Block) -> bool {
 fn unbreakable(value: &Tree) -> Option<String> {
     let divides = match value {
         Tree::Plain(_) => false,
-        Tree::Text(text) => Style::of(text).is_some(),
+        Tree::Text(text) => TextStyle::of(text).is_some(),
         Tree::List(block) | Tree::Map(block) => !block.entries.is_empty() || !block.tail.is_empty(),
     };
     if divides {
@@ -539,7 +541,7 @@ fn unbreakable(value: &Tree) -> Option<String> {
     }
 }
 
-fn short(entry: &Entry, block: &Block, depth: usize) -> Line {
+fn short(entry: &TreeEntry, block: &TreeBlock, depth: usize) -> EntryLine {
     let key = scalar::key(&entry.key).into_owned();
     let room = WIDTH.saturating_sub(depth + key.chars().count() + 2);
     let one_line = match &entry.value {
@@ -548,29 +550,29 @@ fn short(entry: &Entry, block: &Block, depth: usize) -> Line {
         value => value.on_its_line(room),
     };
     match one_line.or_else(|| unbreakable(&entry.value)) {
-        Some(value) => Line::Short {
+        Some(value) => EntryLine::Short {
             key,
             value,
             column: block.aligned && matches!(entry.value, Tree::Map(_)),
         },
-        None => Line::Long,
+        None => EntryLine::Long,
     }
 }
 
 /// For each entry the column of its value, counted from its key; 0 where it is not aligned.
-fn columns(entries: &[Entry], lines: &[Line], depth: usize) -> Vec<usize> {
+fn columns(entries: &[TreeEntry], lines: &[EntryLine], depth: usize) -> Vec<usize> {
     let mut columns = vec![0; lines.len()];
     let mut from = 0;
     while from < lines.len() {
         let run = lines[from..].iter().zip(&entries[from..]).enumerate();
         let run = run.take_while(|(index, (line, entry))| {
             let parted = *index > 0 && (entry.blank || entry.before.iter().any(|note| note.blank));
-            matches!(line, Line::Short { column: true, .. }) && !parted
+            matches!(line, EntryLine::Short { column: true, .. }) && !parted
         });
         let length = run.count();
         let (mut widest_key, mut widest_value) = (0, 0);
         for line in &lines[from..from + length] {
-            if let Line::Short { key, value, .. } = line {
+            if let EntryLine::Short { key, value, .. } = line {
                 widest_key = widest_key.max(key.chars().count() + 2);
                 widest_value = widest_value.max(value.chars().count());
             }
@@ -584,9 +586,9 @@ fn columns(entries: &[Entry], lines: &[Line], depth: usize) -> Vec<usize> {
 }
 
 /// For each entry the column of the comment behind it, counted from its key: those of neighbours are aligned.
-fn comment_columns(entries: &[Entry], lines: &[Line], columns: &[usize]) -> Vec<usize> {
+fn comment_columns(entries: &[TreeEntry], lines: &[EntryLine], columns: &[usize]) -> Vec<usize> {
     let width = |index: usize| match (&lines[index], &entries[index]) {
-        (Line::Short { key, value, .. }, entry)
+        (EntryLine::Short { key, value, .. }, entry)
             if entry.after.is_some() || entry.head.is_some() =>
         {
             Some(columns[index].max(key.chars().count() + 2) + value.chars().count() + 2)

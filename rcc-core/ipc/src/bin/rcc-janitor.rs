@@ -83,7 +83,7 @@ fn run(arguments: &Arguments) -> Result<String, Box<dyn std::error::Error>> {
         }
         return Ok(words);
     }
-    let report = clean::be_the_janitor(&cell)?;
-    events::cleaned(&cell, &report);
+    let report = clean::clean_as_janitor(&cell)?;
+    events::log_cleaning(&cell, &report);
     Ok(serde_json::to_string(&report)?)
 }

@@ -11,7 +11,7 @@ use super::{CleanError, remove_file};
 use crate::cell::Cell;
 use crate::clock::monotonic_ns;
 use crate::reap;
-use crate::room::SHM;
+use crate::shm_space::SHM;
 
 /// A shared-memory file that is empty for so long was left by a process that died between making and sizing it.
 pub const HALF_CREATED_AFTER: Duration = Duration::from_millis(300);
@@ -23,7 +23,7 @@ pub const HALF_CREATED_AFTER: Duration = Duration::from_millis(300);
 /// # Errors
 /// `/dev/shm` cannot be read, or a file cannot be removed.
 pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
-    let mut watch = Watch::default();
+    let mut watch = EmptyFileWatch::default();
     let removed = watch.sweep(cell)?;
     if !watch.is_waiting() {
         return Ok(removed);
@@ -35,9 +35,9 @@ pub fn remove_half_created(cell: &Cell) -> Result<usize, CleanError> {
 /// What was seen empty, and when it was first, by the monotonic clock. A file made anew under the same name has another
 /// inode. Dates of files decide nothing: they follow the wall clock, and that may have been set in the meantime.
 #[derive(Debug, Default)]
-pub(crate) struct Watch(BTreeMap<(PathBuf, u64), u64>);
+pub(crate) struct EmptyFileWatch(BTreeMap<(PathBuf, u64), u64>);
 
-impl Watch {
+impl EmptyFileWatch {
     /// Looks once; removes what is old enough and what a dead process began.
     pub(crate) fn sweep(&mut self, cell: &Cell) -> Result<usize, CleanError> {
         self.sweep_at(cell, monotonic_ns())
@@ -69,7 +69,7 @@ impl Watch {
             let since_ns = self.0.get(&key).copied().unwrap_or(now_ns);
             let is_old =
                 u128::from(now_ns.saturating_sub(since_ns)) >= HALF_CREATED_AFTER.as_nanos();
-            if is_old || reap::is_of_the_dead(&key.0) {
+            if is_old || reap::is_orphaned(&key.0) {
                 let gone = remove_file(&key.0).map_err(|source| failed(&key.0, source))?;
                 removed += usize::from(gone);
             } else {
@@ -121,7 +121,7 @@ mod tests {
         let now = SystemTime::now();
         for (name, made) in [("past", now - hour), ("now", now), ("future", now + hour)] {
             let path = cell.plant(name, made)?;
-            let mut watch = Watch::default();
+            let mut watch = EmptyFileWatch::default();
             let begun = 1_000_000_000;
             let after = HALF_CREATED_AFTER.as_nanos() as u64;
             assert_eq!(watch.sweep_at(&cell.0, begun)?, 0, "{name}");
@@ -139,7 +139,7 @@ mod tests {
         let now = SystemTime::now();
         let path = cell.plant("file", now)?;
         let keep = File::open(&path)?;
-        let mut watch = Watch::default();
+        let mut watch = EmptyFileWatch::default();
         watch.sweep_at(&cell.0, 1)?;
         fs::remove_file(&path)?;
         cell.plant("file", now)?;

@@ -11,13 +11,13 @@ use std::time::Duration;
 use iceoryx2::prelude::{Config, FilePath, SemanticString};
 use nix::sys::memfd::{MFdFlags, memfd_create};
 
-use super::half_created::{Watch, remove_half_created};
+use super::half_created::{EmptyFileWatch, remove_half_created};
 use super::{CleanError, CleanReport, JANITOR_TIMEOUT};
 use crate::cell::Cell;
 use crate::lock;
 use crate::reap;
-use crate::room;
 use crate::session::{self, SessionError};
+use crate::shm_space;
 
 /// How often the janitor looks for half-created files while it cleans.
 const SWEEP_STEP: Duration = Duration::from_millis(50);
@@ -28,13 +28,13 @@ const JOIN_ROOM: u64 = 256 << 10;
 ///
 /// # Errors
 /// The cell cannot be entered, files cannot be removed, or `/dev/shm` is full of what is not ours to remove.
-pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
+pub fn clean_as_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
     let half_created = remove_half_created(cell)?;
     let freed = make_room(cell)?;
     let beside = cell.clone();
     // Files that are half-created from now on; the thread ends with the process.
     let sweeping = thread::Builder::new().name("sweep".into()).spawn(move || {
-        let mut watch = Watch::default();
+        let mut watch = EmptyFileWatch::default();
         loop {
             thread::sleep(SWEEP_STEP);
             // What cannot be removed now is tried again.
@@ -54,7 +54,7 @@ pub fn be_the_janitor(cell: &Cell) -> Result<CleanReport, CleanError> {
             }
         })?;
     // First iceoryx2, which also strikes the dead out of what they shared with the living; then what it left.
-    let dead = reap::Dead::of(cell).map_err(failed)?;
+    let dead = reap::DeadProcesses::of(cell).map_err(failed)?;
     let dead_nodes = node.try_cleanup_dead_nodes().cleanups;
     let reaped = freed + reap::reap(cell, &dead).map_err(failed)?;
     Ok(CleanReport {
@@ -71,12 +71,12 @@ fn failed((path, source): (PathBuf, io::Error)) -> CleanError {
 /// On a full `/dev/shm` a node cannot be made, and so nothing would ever be cleaned: what the dead left and nobody has
 /// mapped goes first, by name. Their nodes stay, so that iceoryx2 can strike them out. Returns how many files went.
 fn make_room(cell: &Cell) -> Result<usize, CleanError> {
-    if room::free().is_none_or(|free| free >= JOIN_ROOM) {
+    if shm_space::free().is_none_or(|free| free >= JOIN_ROOM) {
         return Ok(0);
     }
-    let dead = reap::Dead::of(cell).map_err(failed)?;
+    let dead = reap::DeadProcesses::of(cell).map_err(failed)?;
     let freed = reap::free(cell, &dead).map_err(failed)?;
-    match room::free() {
+    match shm_space::free() {
         Some(have) if have < JOIN_ROOM => Err(CleanError::Full {
             freed,
             have,

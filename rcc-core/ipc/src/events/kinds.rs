@@ -5,17 +5,17 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::Severity;
+use super::EventSeverity;
 
 /// A kind of events, as in `docs/events.md`.
 #[derive(Clone, Copy, Debug)]
-pub struct KindRow {
+pub struct EventKindRow {
     /// Its name in the log.
     pub name: &'static str,
     /// Who writes it.
     pub writer: &'static str,
     /// How much it matters, usually.
-    pub severity: Severity,
+    pub severity: EventSeverity,
     /// What it says.
     pub summary: &'static str,
     /// Its fields.
@@ -32,31 +32,31 @@ macro_rules! kinds {
         /// What happened.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind", content = "fields")]
-        pub enum Kind {
+        pub enum EventKind {
             $(#[doc = $doc] #[serde(rename = $text)] $name { $($(#[doc = $about])* $field: $type,)* },)*
         }
 
         /// All kinds.
-        pub const KINDS: &[KindRow] = &[$(KindRow {
+        pub const EVENT_KINDS: &[EventKindRow] = &[$(EventKindRow {
             name: $text,
             writer: $writer,
-            severity: Severity::$severity,
+            severity: EventSeverity::$severity,
             summary: $doc,
             fields: &[$(stringify!($field)),*],
         }),*];
 
-        impl Kind {
+        impl EventKind {
             /// Its name in the log.
             #[must_use]
             pub fn name(&self) -> &'static str {
                 match self {
-                    $(Kind::$name { .. } => $text,)*
+                    $(EventKind::$name { .. } => $text,)*
                 }
             }
 
-            fn usual_severity(&self) -> Severity {
+            fn usual_severity(&self) -> EventSeverity {
                 match self {
-                    $(Kind::$name { .. } => Severity::$severity,)*
+                    $(EventKind::$name { .. } => EventSeverity::$severity,)*
                 }
             }
         }
@@ -69,7 +69,7 @@ kinds! {
         /// For people; the executor's is its real-time grade.
         note: String,
         /// The dead process of the same role and label, if there was one.
-        predecessor: Option<Former>,
+        predecessor: Option<Predecessor>,
     }
     /// A process of the cell ends because it was asked to.
     Stopping = "stopping", "every process", Info {
@@ -111,7 +111,7 @@ kinds! {
         /// finished, canceled, aborted or fault.
         reason: Option<String>,
         /// What was wrong.
-        fault: Option<Fault>,
+        fault: Option<CommandFault>,
     }
     /// A device is lost: its ports are null from this cycle on.
     DeviceLost = "device-lost", "executor", Error {
@@ -161,7 +161,7 @@ kinds! {
         driver: String,
     }
     /// A process was built from another version than this one: they do not work together.
-    OtherBuild = "other-build", "executor, driver, loader", Error {
+    BuildMismatch = "other-build", "executor, driver, loader", Error {
         /// The other one: `driver io`, `executor`.
         process: String,
         /// Its process id.
@@ -174,7 +174,7 @@ kinds! {
         remedy: String,
     }
     /// A process was started with another configuration than this one: they do not work together.
-    OtherConfiguration = "other-configuration", "executor, driver, loader", Error {
+    ConfigurationMismatch = "other-configuration", "executor, driver, loader", Error {
         /// The other one: `driver io`, `executor`.
         process: String,
         /// Its process id.
@@ -217,7 +217,7 @@ kinds! {
     }
     /// The flight recorder wrote its last seconds to a file (`rcc-cli incidents`, `rcc-cli replay`).
     IncidentWritten = "incident-written", "executor", Warning {
-        /// Fault, late or request.
+        /// CommandFault, late or request.
         reason: String,
         /// The command that is the reason, if one is.
         command: Option<u64>,
@@ -333,7 +333,7 @@ kinds! {
         /// The ports of this life.
         ports: BTreeMap<String, u16>,
         /// The last event of a life that ended without a goodbye.
-        previous: Option<Last>,
+        previous: Option<LastEvent>,
     }
     /// The cell is being ended.
     CellStopping = "cell-stopping", "supervisor", Info {
@@ -407,7 +407,7 @@ kinds! {
 
 /// A process that is dead.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Former {
+pub struct Predecessor {
     /// Its process id.
     pub pid: u32,
     /// Its life, 16 hexadecimal digits.
@@ -416,7 +416,7 @@ pub struct Former {
 
 /// The last event of a life of the cell.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Last {
+pub struct LastEvent {
     // Not the time first: only a line begins with it.
     /// Who.
     pub who: String,
@@ -428,7 +428,7 @@ pub struct Last {
 
 /// Why a net was ended, with its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Fault {
+pub struct CommandFault {
     /// device lost, jump, limit, panic, motion, overrun.
     pub code: String,
     /// The device.
@@ -445,25 +445,25 @@ pub struct Fault {
     pub unit: Option<String>,
 }
 
-impl Kind {
+impl EventKind {
     /// How much it matters.
     #[must_use]
-    pub fn severity(&self) -> Severity {
+    pub fn severity(&self) -> EventSeverity {
         match self {
-            Kind::Command { fault: Some(_), .. } => Severity::Error,
-            Kind::Command {
+            EventKind::Command { fault: Some(_), .. } => EventSeverity::Error,
+            EventKind::Command {
                 reason: Some(reason),
                 ..
-            } if reason == "aborted" => Severity::Warning,
-            Kind::DriverState { state, .. } if state == "offline" => Severity::Warning,
-            Kind::Quality { permille, was } if permille < was => Severity::Warning,
-            Kind::CellStarted {
+            } if reason == "aborted" => EventSeverity::Warning,
+            EventKind::DriverState { state, .. } if state == "offline" => EventSeverity::Warning,
+            EventKind::Quality { permille, was } if permille < was => EventSeverity::Warning,
+            EventKind::CellStarted {
                 previous: Some(_), ..
             }
-            | Kind::Started {
+            | EventKind::Started {
                 predecessor: Some(_),
                 ..
-            } => Severity::Warning,
+            } => EventSeverity::Warning,
             other => other.usual_severity(),
         }
     }
@@ -472,25 +472,24 @@ impl Kind {
     #[must_use]
     pub fn device(&self) -> Option<&str> {
         match self {
-            Kind::DeviceLost { device, .. }
-            | Kind::DeviceFound { device, .. }
-            | Kind::DeviceState { device, .. }
-            | Kind::DriverAttached { device, .. }
-            | Kind::DriverGone { device, .. } => Some(device),
-            Kind::OtherBuild { process, .. } | Kind::OtherConfiguration { process, .. } => {
-                process.strip_prefix("driver ")
-            }
-            Kind::Command {
+            EventKind::DeviceLost { device, .. }
+            | EventKind::DeviceFound { device, .. }
+            | EventKind::DeviceState { device, .. }
+            | EventKind::DriverAttached { device, .. }
+            | EventKind::DriverGone { device, .. } => Some(device),
+            EventKind::BuildMismatch { process, .. }
+            | EventKind::ConfigurationMismatch { process, .. } => process.strip_prefix("driver "),
+            EventKind::Command {
                 fault: Some(fault), ..
             } => fault.device.as_deref(),
-            Kind::FaultInjected {
+            EventKind::FaultInjected {
                 target: process, ..
             }
-            | Kind::ProcessStarted { process, .. }
-            | Kind::ProcessDied { process, .. }
-            | Kind::ProcessRestart { process, .. }
-            | Kind::ProcessFailed { process, .. }
-            | Kind::WatchdogKill { process, .. } => {
+            | EventKind::ProcessStarted { process, .. }
+            | EventKind::ProcessDied { process, .. }
+            | EventKind::ProcessRestart { process, .. }
+            | EventKind::ProcessFailed { process, .. }
+            | EventKind::WatchdogKill { process, .. } => {
                 Some(process.strip_prefix("driver/").unwrap_or(process))
             }
             _ => None,
@@ -501,10 +500,10 @@ impl Kind {
     #[must_use]
     pub fn command(&self) -> Option<u64> {
         match self {
-            Kind::Command { command, .. }
-            | Kind::Loaded { command, .. }
-            | Kind::Rejected { command, .. } => Some(*command),
-            Kind::IncidentWritten { command, .. } => *command,
+            EventKind::Command { command, .. }
+            | EventKind::Loaded { command, .. }
+            | EventKind::Rejected { command, .. } => Some(*command),
+            EventKind::IncidentWritten { command, .. } => *command,
             _ => None,
         }
     }

@@ -1,4 +1,4 @@
-//! One process' pen: events are handed to a thread of its own, so that a slow disk holds nobody up, and no more of
+//! One process' handle: events are handed to a thread of its own, so that a slow disk holds nobody up, and no more of
 //! them than a person can read. The thread writes them in order and ends with the last handle.
 
 use std::fs::File;
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use crate::cell::Cell;
 use crate::session::Role;
 
-use super::{Event, Kind, Origin, Source, append_to, opened};
+use super::{Event, EventKind, EventOrigin, EventSource, append_to, opened};
 
 /// The thread shows that it lives at least so often.
 const TURN_EVERY: Duration = Duration::from_millis(200);
@@ -30,14 +30,14 @@ const STACK: usize = 256 << 10;
 
 /// Writes the events of one process; clones write to the same queue. Dropping the last one waits for the queue.
 #[derive(Clone, Debug)]
-pub struct Recorder {
-    source: Source,
-    pen: Arc<Pen>,
+pub struct EventRecorder {
+    source: EventSource,
+    handle: Arc<QueueHandle>,
 }
 
 /// What the thread is given.
 #[derive(Debug)]
-enum Message {
+enum QueueItem {
     /// To be written.
     Event(Box<Event>),
     /// To be answered when everything before it is written.
@@ -45,24 +45,24 @@ enum Message {
 }
 
 #[derive(Debug)]
-struct Pen {
-    queue: Option<SyncSender<Message>>,
+struct QueueHandle {
+    queue: Option<SyncSender<QueueItem>>,
     // Relaxed everywhere: a number that is only counted.
     lost: Arc<AtomicU64>,
     /// Hangs up when the thread ends.
     over: Mutex<Receiver<()>>,
 }
 
-impl Recorder {
+impl EventRecorder {
     /// The recorder of this process. Start it before the calling thread becomes real-time: its thread inherits.
     ///
     /// # Errors
     /// The system refuses a thread.
-    pub fn start(cell: &Cell, role: Role, label: &str) -> io::Result<Recorder> {
-        Recorder::watched(cell, role, label, || {})
+    pub fn start(cell: &Cell, role: Role, label: &str) -> io::Result<EventRecorder> {
+        EventRecorder::watched(cell, role, label, || {})
     }
 
-    /// As [`Recorder::start`]; the thread calls `turn` several times a second, and drops it when it ends.
+    /// As [`EventRecorder::start`]; the thread calls `turn` several times a second, and drops it when it ends.
     ///
     /// # Errors
     /// The system refuses a thread.
@@ -71,11 +71,11 @@ impl Recorder {
         role: Role,
         label: &str,
         turn: impl Fn() + Send + 'static,
-    ) -> io::Result<Recorder> {
-        let source = Source::this(Origin::from(role), label);
+    ) -> io::Result<EventRecorder> {
+        let source = EventSource::this(EventOrigin::from(role), label);
         let (queue, events) = sync_channel(WAITING);
         let lost = Arc::new(AtomicU64::new(0));
-        let writer = Writer {
+        let writer = QueueWriter {
             cell: cell.clone(),
             source: source.clone(),
             lost: Arc::clone(&lost),
@@ -98,9 +98,9 @@ impl Recorder {
             );
             io::Error::new(error.kind(), words)
         })?;
-        Ok(Recorder {
+        Ok(EventRecorder {
             source,
-            pen: Arc::new(Pen {
+            handle: Arc::new(QueueHandle {
                 queue: Some(queue),
                 lost,
                 over: Mutex::new(over),
@@ -109,38 +109,38 @@ impl Recorder {
     }
 
     /// Records what happens now; never waits.
-    pub fn tell(&self, what: Kind) {
+    pub fn tell(&self, what: EventKind) {
         self.tell_in(None, what);
     }
 
     /// Records what happened in a cycle of the executor; never waits.
-    pub fn tell_in(&self, cycle: Option<u64>, what: Kind) {
+    pub fn tell_in(&self, cycle: Option<u64>, what: EventKind) {
         self.record(Event::now(self.source.clone(), cycle, what));
     }
 
     /// Who writes.
     #[must_use]
-    pub fn source(&self) -> &Source {
+    pub fn source(&self) -> &EventSource {
         &self.source
     }
 
     /// Records an event that was made before; never waits.
     pub fn record(&self, event: Event) {
-        if let Some(queue) = &self.pen.queue
-            && queue.try_send(Message::Event(Box::new(event))).is_err()
+        if let Some(queue) = &self.handle.queue
+            && queue.try_send(QueueItem::Event(Box::new(event))).is_err()
         {
-            self.pen.lost.fetch_add(1, Ordering::Relaxed);
+            self.handle.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
 
-impl Recorder {
+impl EventRecorder {
     /// Waits until everything told so far is written, at most this long; for the end of a process whose other threads
     /// keep a handle.
     pub fn flush(&self, patience: Duration) {
         let (done, written) = sync_channel(1);
-        if let Some(queue) = &self.pen.queue
-            && queue.try_send(Message::Flush(done)).is_ok()
+        if let Some(queue) = &self.handle.queue
+            && queue.try_send(QueueItem::Flush(done)).is_ok()
         {
             // Late: the disk is slow, and the end of the process does not wait for it.
             let _ = written.recv_timeout(patience);
@@ -148,7 +148,7 @@ impl Recorder {
     }
 }
 
-impl Drop for Pen {
+impl Drop for QueueHandle {
     fn drop(&mut self) {
         self.queue = None;
         let over = self.over.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -157,24 +157,24 @@ impl Drop for Pen {
     }
 }
 
-struct Writer {
+struct QueueWriter {
     cell: Cell,
-    source: Source,
+    source: EventSource,
     lost: Arc<AtomicU64>,
     tokens: f64,
     filled: Instant,
     file: Option<File>,
 }
 
-impl Writer {
-    fn run(mut self, messages: &Receiver<Message>, turn: &impl Fn()) {
+impl QueueWriter {
+    fn run(mut self, messages: &Receiver<QueueItem>, turn: &impl Fn()) {
         loop {
             turn();
             match messages.recv_timeout(TURN_EVERY) {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
-                Ok(Message::Event(event)) => self.write(&event),
-                Ok(Message::Flush(done)) => {
+                Ok(QueueItem::Event(event)) => self.write(&event),
+                Ok(QueueItem::Flush(done)) => {
                     self.tell_lost();
                     // Who asked waits no more.
                     let _ = done.send(());
@@ -201,7 +201,7 @@ impl Writer {
     fn tell_lost(&mut self) {
         let count = self.lost.swap(0, Ordering::Relaxed);
         if count > 0 {
-            let what = Kind::Suppressed { count };
+            let what = EventKind::Suppressed { count };
             let event = Event::now(self.source.clone(), None, what);
             self.append(&event, count);
         }

@@ -6,21 +6,21 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use super::*;
 
 /// A cell in a folder of its own, removed at the end.
-struct Place {
+struct TestLog {
     cell: Cell,
 }
 
-impl Place {
-    fn new() -> Place {
+impl TestLog {
+    fn new() -> TestLog {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = format!("rcc-events-{}-{number}", std::process::id());
         let cell = Cell::at("events", &std::env::temp_dir().join(name)).unwrap();
-        Place { cell }
+        TestLog { cell }
     }
 
     fn read(&self) -> (Vec<Event>, u64) {
-        let mut reader = Reader::open(&self.cell);
+        let mut reader = EventReader::open(&self.cell);
         let events = reader.poll().unwrap();
         (events, reader.unreadable())
     }
@@ -33,7 +33,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for TestLog {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(self.cell.runtime_dir());
         for path in self.cell.leftovers().unwrap_or_default() {
@@ -42,18 +42,18 @@ impl Drop for Place {
     }
 }
 
-fn stopping(why: &str) -> Kind {
-    Kind::Stopping {
+fn stopping(why: &str) -> EventKind {
+    EventKind::Stopping {
         why: why.to_owned(),
     }
 }
 
-fn fault() -> Kind {
-    Kind::Command {
+fn fault() -> EventKind {
+    EventKind::Command {
         command: 3,
         state: "terminated".into(),
         reason: Some("fault".into()),
-        fault: Some(Fault {
+        fault: Some(CommandFault {
             code: "limit".into(),
             device: Some("lwr".into()),
             joint: Some(4),
@@ -67,8 +67,8 @@ fn fault() -> Kind {
 
 #[test]
 fn what_is_written_is_read_back() {
-    let place = Place::new();
-    let source = Source::this(Origin::Executor, "exec");
+    let place = TestLog::new();
+    let source = EventSource::this(EventOrigin::Executor, "exec");
     let event = Event::now(source, Some(42), fault());
     append(&place.cell, &event).unwrap();
     assert_eq!(place.read(), (vec![event], 0));
@@ -76,42 +76,55 @@ fn what_is_written_is_read_back() {
 
 #[test]
 fn a_fault_names_net_joint_value_limit_unit_and_remedy() {
-    let event = Event::now(Source::this(Origin::Executor, "exec"), Some(42), fault());
+    let event = Event::now(
+        EventSource::this(EventOrigin::Executor, "exec"),
+        Some(42),
+        fault(),
+    );
     let words = event.sentence(&|_, id| format!("line#{id}"));
     for part in ["line#3", "lwr joint 4", "2.5", "2.0", "rad/s", "correct"] {
         assert!(words.contains(part), "{part} in {words}");
     }
-    assert_eq!(event.severity, Severity::Error);
+    assert_eq!(event.severity, EventSeverity::Error);
 }
 
 #[test]
 fn torn_and_hostile_lines_are_counted_and_hide_nothing() {
-    let place = Place::new();
-    tell(&place.cell, Origin::Loader, "loader", stopping("one"));
+    let place = TestLog::new();
+    tell(&place.cell, EventOrigin::Loader, "loader", stopping("one"));
     // Killed within a write: the next line follows on the same one.
     place.raw(b"{\"time\":\"2026-11-21T16:02:03.12");
-    tell(&place.cell, Origin::Loader, "loader", stopping("two"));
+    tell(&place.cell, EventOrigin::Loader, "loader", stopping("two"));
     place.raw(b"\xff\xfe\x00 nonsense\n{}\n[[[[\n\n{\"time\":1}\n");
     place.raw(&[b'x'; 3 * LINE_MAX]);
     place.raw(b"\n");
-    tell(&place.cell, Origin::Loader, "loader", stopping("three"));
+    tell(
+        &place.cell,
+        EventOrigin::Loader,
+        "loader",
+        stopping("three"),
+    );
     let (events, unreadable) = place.read();
-    let words: Vec<Kind> = events.into_iter().map(|event| event.what).collect();
+    let words: Vec<EventKind> = events.into_iter().map(|event| event.what).collect();
     assert_eq!(words, ["one", "two", "three"].map(stopping));
     assert_eq!(unreadable, 5);
 }
 
 #[test]
 fn a_text_has_one_line_and_an_end() {
-    assert_eq!(text("a\x1b[31m\nb"), "a [31m b");
-    assert!(text(&"ä".repeat(1000)).len() <= TEXT_MAX + 3);
+    assert_eq!(event_text("a\x1b[31m\nb"), "a [31m b");
+    assert!(event_text(&"ä".repeat(1000)).len() <= TEXT_MAX + 3);
 }
 
 #[test]
 fn a_line_that_comes_in_two_pieces_is_read_whole() {
-    let place = Place::new();
-    let mut reader = Reader::open(&place.cell);
-    let event = Event::now(Source::this(Origin::Cli, "x"), None, stopping("whole"));
+    let place = TestLog::new();
+    let mut reader = EventReader::open(&place.cell);
+    let event = Event::now(
+        EventSource::this(EventOrigin::Cli, "x"),
+        None,
+        stopping("whole"),
+    );
     let line = event.line().unwrap();
     place.raw(&line[..20]);
     assert_eq!(reader.poll().unwrap(), []);
@@ -121,14 +134,14 @@ fn a_line_that_comes_in_two_pieces_is_read_whole() {
 
 #[test]
 fn a_reader_follows_rotations_and_the_log_stays_bounded() {
-    let place = Place::new();
-    let mut reader = Reader::open(&place.cell);
+    let place = TestLog::new();
+    let mut reader = EventReader::open(&place.cell);
     let why = "x".repeat(TEXT_MAX);
     let (mut read, count) = (0_u64, 6 * FILE_MAX / TEXT_MAX as u64);
     for number in 0..count {
         tell(
             &place.cell,
-            Origin::Loader,
+            EventOrigin::Loader,
             "loader",
             stopping(&format!("{number} {why}")),
         );
@@ -151,18 +164,23 @@ fn a_reader_follows_rotations_and_the_log_stays_bounded() {
 
 #[test]
 fn a_new_life_tells_the_last_word_of_one_that_died() {
-    let place = Place::new();
-    begin(&place.cell, "cell.yaml", &BTreeMap::new());
+    let place = TestLog::new();
+    begin_log(&place.cell, "cell.yaml", &BTreeMap::new());
     let (events, _) = place.read();
     assert!(matches!(
         &events[..],
         [Event {
-            what: Kind::CellStarted { previous: None, .. },
+            what: EventKind::CellStarted { previous: None, .. },
             ..
         }]
     ));
-    tell(&place.cell, Origin::Loader, "loader", stopping("the end"));
-    begin(&place.cell, "cell.yaml", &BTreeMap::new());
+    tell(
+        &place.cell,
+        EventOrigin::Loader,
+        "loader",
+        stopping("the end"),
+    );
+    begin_log(&place.cell, "cell.yaml", &BTreeMap::new());
     let (events, _) = place.read();
     assert_eq!(events.len(), 3, "the old life can still be read");
     let words = events[2].sentence(&|_, id| id.to_string());
@@ -171,8 +189,8 @@ fn a_new_life_tells_the_last_word_of_one_that_died() {
 
 #[test]
 fn a_recorder_writes_in_order_and_counts_what_is_too_much() {
-    let place = Place::new();
-    let recorder = Recorder::start(&place.cell, Role::Driver, "lwr").unwrap();
+    let place = TestLog::new();
+    let recorder = EventRecorder::start(&place.cell, Role::Driver, "lwr").unwrap();
     for number in 0..2000 {
         recorder.tell_in(Some(number), stopping("x"));
     }
@@ -182,7 +200,7 @@ fn a_recorder_writes_in_order_and_counts_what_is_too_much() {
     let mut suppressed = 0;
     for event in &events {
         match event.what {
-            Kind::Suppressed { count } => suppressed += count,
+            EventKind::Suppressed { count } => suppressed += count,
             _ => told += 1,
         }
     }
@@ -194,12 +212,12 @@ fn a_recorder_writes_in_order_and_counts_what_is_too_much() {
 
 #[test]
 fn every_kind_has_a_row_with_its_name() {
-    for row in KINDS {
+    for row in EVENT_KINDS {
         assert!(!row.summary.is_empty() && !row.writer.is_empty());
-        let same = KINDS.iter().filter(|other| other.name == row.name);
+        let same = EVENT_KINDS.iter().filter(|other| other.name == row.name);
         assert_eq!(same.count(), 1, "{}", row.name);
     }
-    assert!(KINDS.iter().any(|row| row.name == fault().name()));
+    assert!(EVENT_KINDS.iter().any(|row| row.name == fault().name()));
 }
 
 #[test]
@@ -212,7 +230,7 @@ fn the_table_in_the_docs_is_that_of_the_program() {
     let (table, after) = rest.split_once(END).unwrap();
     let mut expected =
         String::from("| kind | who | usually | what it says | fields |\n|---|---|---|---|---|\n");
-    for row in KINDS {
+    for row in EVENT_KINDS {
         let severity = format!("{:?}", row.severity).to_lowercase();
         let (summary, fields) = (row.summary.trim(), row.fields.join(", "));
         expected += &format!(
@@ -229,7 +247,7 @@ fn the_table_in_the_docs_is_that_of_the_program() {
 
 #[test]
 fn a_fault_without_device_and_numbers_is_a_clean_sentence() {
-    let fault = Fault {
+    let fault = CommandFault {
         code: "overrun".into(),
         device: None,
         joint: None,

@@ -5,17 +5,17 @@ use std::fs;
 use std::io;
 
 /// How gladly the kernel ends the executor and the drivers (-1000 to 1000, see proc(5)).
-pub const RUNS_THE_ROBOT: i32 = -900;
+pub const SCORE_ROBOT: i32 = -900;
 /// The loader: it is started again and finds everything as it was.
-pub const STARTED_AGAIN: i32 = 300;
+pub const SCORE_RESTARTABLE: i32 = 300;
 /// Programs that only look, and simulators.
-pub const ONLY_LOOKS: i32 = 500;
+pub const SCORE_OBSERVER: i32 = 500;
 
 /// Lets the kernel end this process rather than those with a lower score. What a supervisor has set higher stays.
 ///
 /// # Errors
 /// There is no /proc.
-pub fn end_me_first(score: i32) -> io::Result<()> {
+pub fn raise_score(score: i32) -> io::Result<()> {
     let now = fs::read_to_string("/proc/self/oom_score_adj")?;
     match now.trim().parse::<i32>() {
         Ok(now) if now < score => set(std::process::id(), score),
@@ -38,11 +38,11 @@ mod tests {
     #[test]
     fn a_process_that_only_looks_goes_before_others_and_stays_there() -> io::Result<()> {
         let now = || fs::read_to_string("/proc/self/oom_score_adj").map(|text| text.trim().parse());
-        end_me_first(ONLY_LOOKS)?;
-        assert_eq!(now()?, Ok(ONLY_LOOKS));
-        end_me_first(STARTED_AGAIN)?;
-        assert_eq!(now()?, Ok(ONLY_LOOKS), "it is not lowered again");
-        const { assert!(RUNS_THE_ROBOT < STARTED_AGAIN && STARTED_AGAIN < ONLY_LOOKS) };
+        raise_score(SCORE_OBSERVER)?;
+        assert_eq!(now()?, Ok(SCORE_OBSERVER));
+        raise_score(SCORE_RESTARTABLE)?;
+        assert_eq!(now()?, Ok(SCORE_OBSERVER), "it is not lowered again");
+        const { assert!(SCORE_ROBOT < SCORE_RESTARTABLE && SCORE_RESTARTABLE < SCORE_OBSERVER) };
         Ok(())
     }
 }

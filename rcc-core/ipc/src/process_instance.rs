@@ -14,34 +14,34 @@ use crate::clock::monotonic_ns;
 
 /// Process ids of Linux are below 2^22 (`PID_MAX_LIMIT`), so the id and the start fit into one number.
 const PID_BITS: u32 = 22;
-/// [`Life::incarnation`] of this process once it is known, else 0: afterwards nothing has to be opened for it.
+/// [`ProcessInstance::incarnation`] of this process once it is known, else 0: afterwards nothing has to be opened for it.
 static OWN: AtomicU64 = AtomicU64::new(0);
 /// `USER_HZ`, the unit of `/proc`: 100 on every architecture that this software runs on.
 const TICKS_PER_S: u64 = 100;
 
 /// One life of one process: a process id alone is reused, the pair with the start time is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Life {
+pub struct ProcessInstance {
     /// Process id, below 2^22.
     pub pid: u32,
     /// Start of the process in clock ticks after boot (field 22 of `/proc/<pid>/stat`).
     pub start_time_ticks: u64,
 }
 
-impl Life {
+impl ProcessInstance {
     /// The life of the calling process.
     ///
     /// # Errors
     /// `/proc/self/stat` cannot be read: without its start time a process cannot be told from a later one with the same id.
-    pub fn current() -> io::Result<Life> {
+    pub fn current() -> io::Result<ProcessInstance> {
         let pid = std::process::id();
         // Relaxed: the number is all there is. A forked child finds its parent's, which has another process id.
-        let known = Life::from_incarnation(OWN.load(Ordering::Relaxed));
+        let known = ProcessInstance::from_incarnation(OWN.load(Ordering::Relaxed));
         if known.pid == pid {
             return Ok(known);
         }
         let stat = stat_of(pid)?.ok_or(Errno::ESRCH)?;
-        let life = Life {
+        let life = ProcessInstance {
             pid,
             start_time_ticks: stat.start_time_ticks,
         };
@@ -55,11 +55,11 @@ impl Life {
         (self.start_time_ticks << PID_BITS) | u64::from(self.pid)
     }
 
-    /// The life that a number made by [`Life::incarnation`] names.
+    /// The life that a number made by [`ProcessInstance::incarnation`] names.
     #[must_use]
-    pub fn from_incarnation(incarnation: u64) -> Life {
+    pub fn from_incarnation(incarnation: u64) -> ProcessInstance {
         let pid = (incarnation & ((1 << PID_BITS) - 1)) as u32;
-        Life {
+        ProcessInstance {
             pid,
             start_time_ticks: incarnation >> PID_BITS,
         }
@@ -189,16 +189,16 @@ mod tests {
 
     #[test]
     fn the_number_names_the_life_and_back() -> io::Result<()> {
-        let life = Life::current()?;
+        let life = ProcessInstance::current()?;
         assert!(life.liveness().is_alive() && life.start_time_ticks > 0);
-        assert_eq!(Life::from_incarnation(life.incarnation()), life);
+        assert_eq!(ProcessInstance::from_incarnation(life.incarnation()), life);
         Ok(())
     }
 
     #[test]
     fn the_same_process_id_with_another_start_is_dead() -> io::Result<()> {
-        let life = Life::current()?;
-        let other = Life {
+        let life = ProcessInstance::current()?;
+        let other = ProcessInstance {
             start_time_ticks: life.start_time_ticks + 1,
             ..life
         };
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn an_id_that_no_process_can_have_is_dead() {
         for pid in [0, 1 << 31, u32::MAX] {
-            let life = Life {
+            let life = ProcessInstance {
                 pid,
                 start_time_ticks: 0,
             };
@@ -221,7 +221,7 @@ mod tests {
     fn a_zombie_is_dead() -> io::Result<()> {
         let mut child = std::process::Command::new("sleep").arg("600").spawn()?;
         let pid = child.id();
-        let life = Life {
+        let life = ProcessInstance {
             pid,
             start_time_ticks: stat_of(pid)?.map_or(0, |stat| stat.start_time_ticks),
         };
@@ -241,7 +241,7 @@ mod tests {
         use nix::sys::resource::{Resource, getrlimit, setrlimit};
         let mut child = std::process::Command::new("sleep").arg("600").spawn()?;
         if std::env::var_os(INSIDE).is_none() {
-            let test = "life::tests::without_a_free_descriptor_a_life_is_unknown_and_a_death_is_still_seen";
+            let test = "process_instance::tests::without_a_free_descriptor_a_life_is_unknown_and_a_death_is_still_seen";
             let inside = std::process::Command::new(std::env::current_exe()?)
                 .args([test, "--exact"])
                 .env(INSIDE, "1")
@@ -257,7 +257,7 @@ mod tests {
         }
         let pid = child.id();
         let start_time_ticks = stat_of(pid)?.map_or(0, |stat| stat.start_time_ticks);
-        let life = Life {
+        let life = ProcessInstance {
             pid,
             start_time_ticks,
         };

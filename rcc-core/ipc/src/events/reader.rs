@@ -17,7 +17,7 @@ const LOOK_MAX: u64 = 4 << 20;
 
 /// Reads the events of a cell.
 #[derive(Debug)]
-pub struct Reader {
+pub struct EventReader {
     path: PathBuf,
     before: PathBuf,
     /// The file that was moved aside last: a writer may still have a line for it.
@@ -33,12 +33,12 @@ struct Tail {
     rest: Vec<u8>,
 }
 
-impl Reader {
+impl EventReader {
     /// A reader that begins with the oldest line.
     #[must_use]
-    pub fn open(cell: &Cell) -> Reader {
+    pub fn open(cell: &Cell) -> EventReader {
         let (path, before) = (cell.events_file(), cell.events_before_file());
-        Reader {
+        EventReader {
             old: Tail::open(&before),
             current: None,
             path,

@@ -14,7 +14,7 @@ const RESERVE: u64 = 1 << 20;
 #[error(
     "{path} has {have} bytes free and {need} are needed: remove old files there, or enlarge it (mount -o remount,size=)"
 )]
-pub struct NoRoom {
+pub struct OutOfSharedMemory {
     /// Bytes needed.
     pub need: u64,
     /// Bytes free.
@@ -26,8 +26,8 @@ pub struct NoRoom {
 /// Checks that `need` bytes of shared memory can be created now.
 ///
 /// # Errors
-/// [`NoRoom`] when fewer bytes, and a small reserve, are free. A file system that cannot be asked counts as roomy.
-pub fn require(need: u64) -> Result<(), NoRoom> {
+/// [`OutOfSharedMemory`] when fewer bytes, and a small reserve, are free. A file system that cannot be asked counts as roomy.
+pub fn require(need: u64) -> Result<(), OutOfSharedMemory> {
     check(Path::new(SHM), need)
 }
 
@@ -42,13 +42,13 @@ fn free_in(path: &Path) -> Option<u64> {
     Some(blocks.saturating_mul(found.fragment_size()))
 }
 
-fn check(path: &Path, need: u64) -> Result<(), NoRoom> {
+fn check(path: &Path, need: u64) -> Result<(), OutOfSharedMemory> {
     let Some(have) = free_in(path) else {
         return Ok(());
     };
     let need = need.saturating_add(RESERVE);
     if have < need {
-        return Err(NoRoom {
+        return Err(OutOfSharedMemory {
             need,
             have,
             path: path.display().to_string(),
@@ -65,6 +65,6 @@ mod tests {
     fn more_than_there_is_is_refused_with_figures() {
         assert_eq!(require(0), Ok(()));
         let refused = require(u64::MAX / 2);
-        assert!(matches!(refused, Err(NoRoom { need, have, .. }) if have < need));
+        assert!(matches!(refused, Err(OutOfSharedMemory { need, have, .. }) if have < need));
     }
 }

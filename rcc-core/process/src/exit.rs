@@ -1,4 +1,4 @@
-//! How a program of a cell ends: its last words and an exit code that tells a supervisor whether to start it again.
+//! How a program of a cell ends: its last message and an exit code that tells a supervisor whether to start it again.
 //! Made and told by the main thread.
 
 use std::fmt::Display;
@@ -34,51 +34,51 @@ pub const FINAL: [(u8, &str, &str); 3] = [
 
 /// The end of a program that did not succeed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ending {
+pub struct ExitError {
     /// Exit code.
     pub code: u8,
     /// For people: what, where, what to do.
-    pub words: String,
+    pub message: String,
 }
 
-impl Ending {
+impl ExitError {
     /// The configuration cannot be used.
-    pub fn configuration(words: &impl Display) -> Ending {
-        Ending {
+    pub fn configuration(message: &impl Display) -> ExitError {
+        ExitError {
             code: CONFIGURATION,
-            words: words.to_string(),
+            message: message.to_string(),
         }
     }
 
     /// The system does not grant what is required.
-    pub fn not_permitted(words: &impl Display) -> Ending {
-        Ending {
+    pub fn not_permitted(message: &impl Display) -> ExitError {
+        ExitError {
             code: NOT_PERMITTED,
-            words: words.to_string(),
+            message: message.to_string(),
         }
     }
 }
 
 /// Everything else is a failure after which starting again may help.
-impl<E: std::error::Error> From<E> for Ending {
-    fn from(error: E) -> Ending {
-        Ending {
+impl<E: std::error::Error> From<E> for ExitError {
+    fn from(error: E) -> ExitError {
+        ExitError {
             code: FAILED,
-            words: error.to_string(),
+            message: error.to_string(),
         }
     }
 }
 
-/// Tells the last words on stderr, where the log goes as well.
-pub fn conclude(result: Result<(), Ending>) -> ExitCode {
+/// Tells the last message on stderr, where the log goes as well.
+pub fn conclude(result: Result<(), ExitError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Ending { code, words }) => {
+        Err(ExitError { code, message }) => {
             if code == CONFIGURATION {
                 // Several lines with drawings: they speak for themselves.
-                crate::remark(&words);
+                crate::remark(&message);
             } else {
-                tracing::error!("{words}");
+                tracing::error!("{message}");
             }
             ExitCode::from(code)
         }

@@ -10,7 +10,7 @@ use nix::fcntl::Flock;
 
 use crate::announce::{AnnounceError, Announced, Announcement};
 use crate::cell::Cell;
-use crate::clean::{WipeError, WipeReport, remove_rest, wipe_alone};
+use crate::clean::{WipeError, WipeReport, remove_rest, wipe_locked};
 use crate::lock::{self, LockError};
 use crate::session::Role;
 
@@ -28,7 +28,7 @@ impl Announcement {
     /// # Errors
     /// The system does not tell when this process began.
     pub fn supervisor() -> io::Result<Announcement> {
-        let life = crate::Life::current()?;
+        let life = crate::ProcessInstance::current()?;
         Ok(Announcement {
             role: SUPERVISOR.0,
             label: SUPERVISOR.1.to_owned(),
@@ -55,9 +55,9 @@ impl Announcement {
 ///
 /// # Errors
 /// The cell is alive (then somebody has it), or files cannot be removed or written.
-pub fn take(cell: &Cell, announcement: &Announcement) -> Result<Announced, WipeError> {
-    let alone = alone(cell, None)?;
-    wipe_alone(cell, &alone)?;
+pub fn acquire(cell: &Cell, announcement: &Announcement) -> Result<Announced, WipeError> {
+    let alone = lock_exclusively(cell, None)?;
+    wipe_locked(cell, &alone)?;
     cell.make_folders()?;
     Ok(cell.announce(announcement)?)
 }
@@ -67,23 +67,26 @@ pub fn take(cell: &Cell, announcement: &Announcement) -> Result<Announced, WipeE
 ///
 /// # Errors
 /// Another process is still in the cell, or a file cannot be removed; then what is left is for whoever takes it next.
-pub fn give_back(cell: &Cell, announced: &Announced) -> Result<WipeReport, WipeError> {
-    let alone = alone(cell, Some(announced.announcement()))?;
-    let report = wipe_alone(cell, &alone)?;
+pub fn release(cell: &Cell, announced: &Announced) -> Result<WipeReport, WipeError> {
+    let alone = lock_exclusively(cell, Some(announced.announcement()))?;
+    let report = wipe_locked(cell, &alone)?;
     remove_rest(cell, &alone)?;
     Ok(report)
 }
 
 /// Proof that no other process is in the cell, and that none comes in.
 #[derive(Debug)]
-pub(crate) struct Alone {
+pub(crate) struct ExclusiveAccess {
     /// Everybody who is announced, all dead but perhaps the caller.
     pub(crate) announced: Vec<Announcement>,
     _lock: Flock<File>,
 }
 
 /// Waits for the lock of the cell, as long as nobody who is announced lives but `own`.
-pub(crate) fn alone(cell: &Cell, own: Option<&Announcement>) -> Result<Alone, WipeError> {
+pub(crate) fn lock_exclusively(
+    cell: &Cell,
+    own: Option<&Announcement>,
+) -> Result<ExclusiveAccess, WipeError> {
     let limit = Instant::now() + PATIENCE;
     loop {
         match attempt(cell, own) {
@@ -94,7 +97,7 @@ pub(crate) fn alone(cell: &Cell, own: Option<&Announcement>) -> Result<Alone, Wi
     }
 }
 
-fn attempt(cell: &Cell, own: Option<&Announcement>) -> Result<Alone, WipeError> {
+fn attempt(cell: &Cell, own: Option<&Announcement>) -> Result<ExclusiveAccess, WipeError> {
     cell.make_folders()?;
     refuse_living(cell, own)?;
     let lock = lock::exclusive(&cell.lock_file()).map_err(|error| match error {
@@ -106,7 +109,7 @@ fn attempt(cell: &Cell, own: Option<&Announcement>) -> Result<Alone, WipeError> 
     })?;
     // Whoever was announced in between is in, or was, and nobody is from now on.
     let announced = refuse_living(cell, own)?;
-    Ok(Alone {
+    Ok(ExclusiveAccess {
         announced,
         _lock: lock,
     })
@@ -145,7 +148,7 @@ fn refuse_living(cell: &Cell, own: Option<&Announcement>) -> Result<Vec<Announce
 }
 
 /// True if `path` names the file that is locked, and not one that somebody made in its place.
-pub(crate) fn names(path: &std::path::Path, locked: &File) -> bool {
+pub(crate) fn is_locked_file(path: &std::path::Path, locked: &File) -> bool {
     use std::os::unix::fs::MetadataExt;
     let of = |found: io::Result<fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
     let named = of(fs::metadata(path));

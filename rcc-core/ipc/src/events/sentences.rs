@@ -1,14 +1,14 @@
 //! Events as sentences: what was lost, what ended and why, and what to do.
 //! Pure.
 
-use super::{Event, Fault, Former, Kind, Origin};
+use super::{CommandFault, Event, EventKind, EventOrigin, Predecessor};
 
 impl Event {
     /// Who says so: `executor`, `driver lwr`.
     #[must_use]
     pub fn who(&self) -> String {
         match self.source.role {
-            Origin::Driver => format!("driver {}", self.source.label),
+            EventOrigin::Driver => format!("driver {}", self.source.label),
             role => role.as_str().to_owned(),
         }
     }
@@ -17,8 +17,10 @@ impl Event {
     #[must_use]
     pub fn executor(&self) -> &str {
         match (&self.what, self.source.role) {
-            (Kind::Loaded { executor, .. } | Kind::Rejected { executor, .. }, _) => executor,
-            (_, Origin::Executor) => &self.source.incarnation,
+            (EventKind::Loaded { executor, .. } | EventKind::Rejected { executor, .. }, _) => {
+                executor
+            }
+            (_, EventOrigin::Executor) => &self.source.incarnation,
             _ => "",
         }
     }
@@ -28,13 +30,13 @@ impl Event {
     pub fn sentence(&self, net: &dyn Fn(&str, u64) -> String) -> String {
         let named = |id: u64| net(self.executor(), id);
         match &self.what {
-            Kind::Command {
+            EventKind::Command {
                 command,
                 state,
                 reason,
                 fault,
             } => command_words(&named(*command), state, reason.as_deref(), fault.as_ref()),
-            Kind::Loaded {
+            EventKind::Loaded {
                 command,
                 primitives,
                 uses,
@@ -46,7 +48,7 @@ impl Event {
                 };
                 format!("{} loaded: {primitives} primitives{uses}", named(*command))
             }
-            Kind::Rejected {
+            EventKind::Rejected {
                 command,
                 code,
                 words,
@@ -60,14 +62,14 @@ impl Event {
                 let net = named(*command);
                 format!("{net} rejected: {code} {words}{more}; correct the text and load it again")
             }
-            Kind::Late { .. } => late_words(&self.what, &named).unwrap_or_default(),
+            EventKind::Late { .. } => late_words(&self.what, &named).unwrap_or_default(),
             other => other.plain(),
         }
     }
 }
 
-fn late_words(late: &Kind, named: &dyn Fn(u64) -> String) -> Option<String> {
-    let Kind::Late {
+fn late_words(late: &EventKind, named: &dyn Fn(u64) -> String) -> Option<String> {
+    let EventKind::Late {
         count,
         first_cycle,
         worst_wake_us,
@@ -97,14 +99,14 @@ fn late_words(late: &Kind, named: &dyn Fn(u64) -> String) -> Option<String> {
     ))
 }
 
-impl Kind {
+impl EventKind {
     /// The sentences that name no net.
     fn plain(&self) -> String {
         match self {
-            Kind::Started { note, predecessor } => started(note, predecessor.as_ref()),
-            Kind::Stopping { why } => format!("stops: {why}"),
-            Kind::HelperEnded { why } => why.clone(),
-            Kind::HelperHangs {
+            EventKind::Started { note, predecessor } => started(note, predecessor.as_ref()),
+            EventKind::Stopping { why } => format!("stops: {why}"),
+            EventKind::HelperEnded { why } => why.clone(),
+            EventKind::HelperHangs {
                 helper,
                 silent_ms,
                 limit_ms,
@@ -112,16 +114,16 @@ impl Kind {
                 "its helper thread `{helper}` makes no turn for {silent_ms} ms, {limit_ms} ms are the most: its supervisor \
                  ends it, devices come to rest, and it is started again"
             ),
-            Kind::LifeUnknown { process, why } => format!(
+            EventKind::LifeUnknown { process, why } => format!(
                 "whether {process} lives is not known ({why}); it counts as living, and is looked at again"
             ),
-            Kind::Suppressed { count } => {
+            EventKind::Suppressed { count } => {
                 format!("{count} more events were not written: too many at once, or no disk")
             }
-            Kind::Acknowledged { late } => {
+            EventKind::Acknowledged { late } => {
                 format!("{late} late cycles are acknowledged: what is latched begins anew")
             }
-            Kind::IncidentWritten {
+            EventKind::IncidentWritten {
                 reason,
                 file,
                 span_ms,
@@ -137,13 +139,13 @@ impl Kind {
                     *span_ms as f64 / 1e3
                 )
             }
-            Kind::IncidentLost { why } => format!("an incident was not written: {why}"),
-            Kind::ExecutorFound { pid, .. } => format!("works with the executor (pid {pid})"),
-            Kind::ExecutorLost { pid, .. } => format!(
+            EventKind::IncidentLost { why } => format!("an incident was not written: {why}"),
+            EventKind::ExecutorFound { pid, .. } => format!("works with the executor (pid {pid})"),
+            EventKind::ExecutorLost { pid, .. } => format!(
                 "the executor (pid {pid}) is gone, and with it every command: load your nets again when it is back"
             ),
-            Kind::ClientCutOff { client, why } => format!("cut off client {client}: {why}"),
-            Kind::CellStarted {
+            EventKind::ClientCutOff { client, why } => format!("cut off client {client}: {why}"),
+            EventKind::CellStarted {
                 config, previous, ..
             } => match previous {
                 None => format!("cell started from {config}"),
@@ -152,8 +154,8 @@ impl Kind {
                     last.time, last.who, last.words
                 ),
             },
-            Kind::CellStopping { why } => format!("the cell stops: {why}"),
-            Kind::Cleaned {
+            EventKind::CellStopping { why } => format!("the cell stops: {why}"),
+            EventKind::Cleaned {
                 half_created,
                 dead_nodes,
                 files,
@@ -168,14 +170,16 @@ impl Kind {
                     "cleaned up after {of}: {dead_nodes} nodes, {files} files, {half_created} half-made"
                 )
             }
-            Kind::FaultInjected { target, what } => format!("fault on purpose: {target} {what}"),
+            EventKind::FaultInjected { target, what } => {
+                format!("fault on purpose: {target} {what}")
+            }
             other => other.of_device().unwrap_or_else(|| other.of_process()),
         }
     }
 
     fn of_device(&self) -> Option<String> {
         Some(match self {
-            Kind::DeviceLost {
+            EventKind::DeviceLost {
                 device,
                 board_age_us,
                 reason,
@@ -194,10 +198,10 @@ impl Kind {
                     "device {device} lost: {why}; its ports are null, a net that commands it ends"
                 )
             }
-            Kind::DeviceFound { device, state, .. } => {
+            EventKind::DeviceFound { device, state, .. } => {
                 format!("device {device} found: {state}, not commanded; nothing moves before START")
             }
-            Kind::DeviceState {
+            EventKind::DeviceState {
                 device,
                 state,
                 was,
@@ -205,24 +209,24 @@ impl Kind {
             } => {
                 format!("device {device}: {was} → {state}{}", because(reason))
             }
-            Kind::DriverAttached {
+            EventKind::DriverAttached {
                 device,
                 pid,
                 driver,
             } => {
                 format!("follows the driver of {device} (pid {pid}, life {driver})")
             }
-            Kind::DriverGone { device, driver } => format!(
+            EventKind::DriverGone { device, driver } => format!(
                 "the driver of {device} is dead (life {driver}); its supervisor starts another, nets do not go on by \
                  themselves"
             ),
-            Kind::DriverState { state, was, reason } if state == was => {
+            EventKind::DriverState { state, was, reason } if state == was => {
                 format!("still {state}{}", because(reason))
             }
-            Kind::DriverState { state, was, reason } => {
+            EventKind::DriverState { state, was, reason } => {
                 format!("{was} → {state}{}", because(reason))
             }
-            Kind::Quality { permille, was } => {
+            EventKind::Quality { permille, was } => {
                 let (now, was) = (f64::from(*permille) / 10.0, f64::from(*was) / 10.0);
                 let advice = if now < was {
                     "; rcc-cli devices shows it"
@@ -231,14 +235,14 @@ impl Kind {
                 };
                 format!("quality of the connection {was:.1} % → {now:.1} %{advice}")
             }
-            Kind::RestBegun { reason } => format!("brings the device to rest: {reason}"),
-            Kind::RestReached { after_ms } => {
+            EventKind::RestBegun { reason } => format!("brings the device to rest: {reason}"),
+            EventKind::RestReached { after_ms } => {
                 format!("the device rests, {after_ms} ms after; it moves again only by START")
             }
-            Kind::Refused { words, .. } => {
+            EventKind::Refused { words, .. } => {
                 format!("refused a set-point, {words}; correct the net's limits or its path")
             }
-            Kind::OutOfRange { channels } => format!(
+            EventKind::OutOfRange { channels } => format!(
                 "{} commanded out of range and released (on_release); correct the net",
                 channels.join(", ")
             ),
@@ -248,7 +252,7 @@ impl Kind {
 
     fn of_process(&self) -> String {
         match self {
-            Kind::OtherBuild {
+            EventKind::BuildMismatch {
                 process,
                 pid,
                 differs,
@@ -257,7 +261,7 @@ impl Kind {
             } => format!(
                 "does not work with {process} (pid {pid}), which was built from another version ({differs}); {remedy}"
             ),
-            Kind::OtherConfiguration {
+            EventKind::ConfigurationMismatch {
                 process,
                 pid,
                 differs,
@@ -267,11 +271,11 @@ impl Kind {
                 "does not work with {process} (pid {pid}), which was started with another configuration ({differs}); \
                  {remedy}"
             ),
-            Kind::ConfigurationChanged { differs, fault } => {
+            EventKind::ConfigurationChanged { differs, fault } => {
                 crate::configuration::changed(differs, fault.as_deref())
             }
-            Kind::ProcessStarted { process, pid } => format!("{process} up (pid {pid})"),
-            Kind::ProcessDied {
+            EventKind::ProcessStarted { process, pid } => format!("{process} up (pid {pid})"),
+            EventKind::ProcessDied {
                 process,
                 pid,
                 how,
@@ -283,7 +287,7 @@ impl Kind {
                 };
                 format!("{process} (pid {pid}) died: {how}{words}")
             }
-            Kind::ProcessRestart {
+            EventKind::ProcessRestart {
                 process,
                 nth,
                 most,
@@ -291,10 +295,10 @@ impl Kind {
             } => format!(
                 "{process} is started again ({nth} of {most} in {within_s} s); nothing moves by that"
             ),
-            Kind::ProcessFailed { process, why } => format!(
+            EventKind::ProcessFailed { process, why } => format!(
                 "{process} failed and is not started again: {why}; end the cell, cure that, start it again"
             ),
-            Kind::WatchdogKill {
+            EventKind::WatchdogKill {
                 process,
                 pid,
                 silent_ms,
@@ -306,7 +310,7 @@ impl Kind {
     }
 }
 
-fn started(note: &str, predecessor: Option<&Former>) -> String {
+fn started(note: &str, predecessor: Option<&Predecessor>) -> String {
     let note = match note {
         "" => String::new(),
         note => format!("; {note}"),
@@ -327,7 +331,12 @@ fn because(reason: &str) -> String {
     }
 }
 
-fn command_words(net: &str, state: &str, reason: Option<&str>, fault: Option<&Fault>) -> String {
+fn command_words(
+    net: &str,
+    state: &str,
+    reason: Option<&str>,
+    fault: Option<&CommandFault>,
+) -> String {
     match (fault, reason) {
         (Some(fault), _) => format!("{net} {state} by a fault, {}", fault.words()),
         (None, Some(reason)) => format!("{net} {state}: {reason}"),
@@ -335,7 +344,7 @@ fn command_words(net: &str, state: &str, reason: Option<&str>, fault: Option<&Fa
     }
 }
 
-impl Fault {
+impl CommandFault {
     /// What was wrong and what to do.
     #[must_use]
     pub fn words(&self) -> String {

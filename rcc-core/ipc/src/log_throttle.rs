@@ -4,25 +4,25 @@
 use std::time::{Duration, Instant};
 
 /// How often something is said at most.
-pub const SELDOM: Duration = Duration::from_secs(1);
+pub const LOG_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Remembers when it was said last, and how often it was kept back since.
 #[derive(Debug, Default)]
-pub struct Seldom {
+pub struct LogThrottle {
     said: Option<Instant>,
-    kept_back: u64,
+    suppressed: u64,
 }
 
-impl Seldom {
+impl LogThrottle {
     /// Whether to say it now: then how often it was kept back since the last time.
-    pub fn say(&mut self, now: Instant) -> Option<u64> {
-        let soon = |said| now.saturating_duration_since(said) < SELDOM;
+    pub fn admit(&mut self, now: Instant) -> Option<u64> {
+        let soon = |said| now.saturating_duration_since(said) < LOG_INTERVAL;
         if self.said.is_some_and(soon) {
-            self.kept_back += 1;
+            self.suppressed += 1;
             return None;
         }
         self.said = Some(now);
-        Some(std::mem::take(&mut self.kept_back))
+        Some(std::mem::take(&mut self.suppressed))
     }
 }
 
@@ -32,13 +32,13 @@ mod tests {
 
     #[test]
     fn of_many_in_a_second_one_is_said_and_the_others_are_counted() {
-        let mut seldom = Seldom::default();
+        let mut throttle = LogThrottle::default();
         let begin = Instant::now();
-        assert_eq!(seldom.say(begin), Some(0));
+        assert_eq!(throttle.admit(begin), Some(0));
         for _ in 0..1000 {
-            assert_eq!(seldom.say(begin + SELDOM / 2), None);
+            assert_eq!(throttle.admit(begin + LOG_INTERVAL / 2), None);
         }
-        assert_eq!(seldom.say(begin + SELDOM), Some(1000));
-        assert_eq!(seldom.say(begin + SELDOM * 3), Some(0));
+        assert_eq!(throttle.admit(begin + LOG_INTERVAL), Some(1000));
+        assert_eq!(throttle.admit(begin + LOG_INTERVAL * 3), Some(0));
     }
 }

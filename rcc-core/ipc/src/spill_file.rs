@@ -8,7 +8,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::life::Life;
+use crate::process_instance::ProcessInstance;
 use crate::request::REQUEST_MAX;
 
 /// First byte of a message: the rest of it is the request.
@@ -22,7 +22,7 @@ const PREFIX: &str = "request-";
 
 /// Why a message is no request, or a long request could not be laid down.
 #[derive(Debug, thiserror::Error)]
-pub enum ParcelError {
+pub enum SpillError {
     /// More bytes than allowed.
     #[error("a message of {size} bytes is longer than {max}")]
     TooLarge {
@@ -61,18 +61,18 @@ pub(crate) fn message(request: &[u8]) -> Vec<u8> {
 }
 
 /// The file of a long request; dropped, it is removed. One whose process dies first is removed by the janitor.
-pub(crate) struct Parcel {
+pub(crate) struct SpillFile {
     path: PathBuf,
 }
 
-impl Parcel {
+impl SpillFile {
     /// Writes the file into `folder`; returns the message that names it.
-    pub(crate) fn lay_down(
+    pub(crate) fn create(
         folder: &Path,
         request: &[u8],
-    ) -> Result<(Vec<u8>, Parcel), ParcelError> {
+    ) -> Result<(Vec<u8>, SpillFile), SpillError> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let life = Life::current().map_err(|source| ParcelError::File {
+        let life = ProcessInstance::current().map_err(|source| SpillError::File {
             path: folder.to_owned(),
             source,
         })?;
@@ -82,21 +82,21 @@ impl Parcel {
         let path = folder.join(name(incarnation, number));
         let mut options = OpenOptions::new();
         options.write(true).create_new(true).mode(0o600);
-        let failed = |source| ParcelError::File {
+        let failed = |source| SpillError::File {
             path: path.clone(),
             source,
         };
         let mut file = options.open(&path).map_err(failed)?;
-        let parcel = Parcel { path: path.clone() };
+        let spill = SpillFile { path: path.clone() };
         file.write_all(request).map_err(failed)?;
         let mut message = vec![NAMED];
         message.extend(incarnation.to_le_bytes());
         message.extend(number.to_le_bytes());
-        Ok((message, parcel))
+        Ok((message, spill))
     }
 }
 
-impl Drop for Parcel {
+impl Drop for SpillFile {
     fn drop(&mut self) {
         // Gone already with the whole folder, when somebody wiped the cell.
         let _ = fs::remove_file(&self.path);
@@ -104,7 +104,7 @@ impl Drop for Parcel {
 }
 
 /// The request that a message carries or names.
-pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, ParcelError> {
+pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, SpillError> {
     let size = message.len();
     match message.split_first() {
         Some((&INLINE, bytes)) => Ok(bytes.to_vec()),
@@ -112,19 +112,19 @@ pub(crate) fn open(folder: &Path, message: &[u8]) -> Result<Vec<u8>, ParcelError
             let number = |bytes: &[u8]| bytes.try_into().map(u64::from_le_bytes).ok();
             let (incarnation, count) = numbers.split_at(8);
             let numbers = number(incarnation).zip(number(count));
-            let (incarnation, count) = numbers.ok_or(ParcelError::Malformed { size })?;
+            let (incarnation, count) = numbers.ok_or(SpillError::Malformed { size })?;
             read(&folder.join(name(incarnation, count)))
         }
-        _ => Err(ParcelError::Malformed { size }),
+        _ => Err(SpillError::Malformed { size }),
     }
 }
 
 /// The life of the process that wrote the file of this name, if it is such a file.
-pub(crate) fn owner_of(file_name: &str) -> Option<Life> {
+pub(crate) fn owner_of(file_name: &str) -> Option<ProcessInstance> {
     let digits = file_name.strip_prefix(PREFIX)?.split('-').next()?;
     u64::from_str_radix(digits, 16)
         .ok()
-        .map(Life::from_incarnation)
+        .map(ProcessInstance::from_incarnation)
 }
 
 fn name(incarnation: u64, number: u64) -> String {
@@ -132,8 +132,8 @@ fn name(incarnation: u64, number: u64) -> String {
 }
 
 /// All of a file, at most [`REQUEST_MAX`] bytes of it: its length may change while it is read.
-fn read(path: &Path) -> Result<Vec<u8>, ParcelError> {
-    let failed = |source| ParcelError::File {
+fn read(path: &Path) -> Result<Vec<u8>, SpillError> {
+    let failed = |source| SpillError::File {
         path: path.to_owned(),
         source,
     };
@@ -146,7 +146,7 @@ fn read(path: &Path) -> Result<Vec<u8>, ParcelError> {
     if !found.is_file() {
         return Err(failed(io::Error::other("it is no plain file")));
     }
-    let too_large = |size| ParcelError::TooLarge {
+    let too_large = |size| SpillError::TooLarge {
         size,
         max: REQUEST_MAX as u64,
     };
@@ -171,7 +171,7 @@ mod tests {
     impl Folder {
         fn new(name: &str) -> Folder {
             let path =
-                std::env::temp_dir().join(format!("rcc-parcel-{}-{name}", std::process::id()));
+                std::env::temp_dir().join(format!("rcc-spill-{}-{name}", std::process::id()));
             assert!(fs::create_dir(&path).is_ok());
             Folder(path)
         }
@@ -184,23 +184,23 @@ mod tests {
     }
 
     #[test]
-    fn a_long_request_comes_back_and_its_file_goes() -> Result<(), ParcelError> {
+    fn a_long_request_comes_back_and_its_file_goes() -> Result<(), SpillError> {
         let folder = Folder::new("long");
         let request = vec![7; REQUEST_MAX];
-        let (message, parcel) = Parcel::lay_down(&folder.0, &request)?;
+        let (message, spill) = SpillFile::create(&folder.0, &request)?;
         assert_eq!(message.len(), NAMED_SIZE);
         assert_eq!(open(&folder.0, &message)?, request);
-        let name = parcel
+        let name = spill
             .path
             .file_name()
             .unwrap_or_default()
             .to_string_lossy()
             .into_owned();
-        assert_eq!(owner_of(&name), Life::current().ok());
-        drop(parcel);
+        assert_eq!(owner_of(&name), ProcessInstance::current().ok());
+        drop(spill);
         assert!(matches!(
             open(&folder.0, &message),
-            Err(ParcelError::File { .. })
+            Err(SpillError::File { .. })
         ));
         assert_eq!(open(&folder.0, &message_of(b"short"))?, b"short");
         Ok(())
@@ -216,7 +216,7 @@ mod tests {
         for message in [&[][..], &[2, 0, 0], &[NAMED], &[NAMED; 16], &[NAMED; 18]] {
             let refused = open(&folder.0, message);
             assert!(
-                matches!(refused, Err(ParcelError::Malformed { .. })),
+                matches!(refused, Err(SpillError::Malformed { .. })),
                 "{message:?}"
             );
         }
@@ -234,25 +234,25 @@ mod tests {
         File::create(long)?.set_len(REQUEST_MAX as u64 + 1)?;
         assert!(matches!(
             open(&folder.0, &message),
-            Err(ParcelError::TooLarge { .. })
+            Err(SpillError::TooLarge { .. })
         ));
         let (link, message) = named(2);
         std::os::unix::fs::symlink("/etc/hostname", link)?;
         assert!(matches!(
             open(&folder.0, &message),
-            Err(ParcelError::File { .. })
+            Err(SpillError::File { .. })
         ));
         let (directory, message) = named(3);
         fs::create_dir(directory)?;
         assert!(matches!(
             open(&folder.0, &message),
-            Err(ParcelError::File { .. })
+            Err(SpillError::File { .. })
         ));
         let (pipe, message) = named(4);
         nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRUSR)?;
         assert!(matches!(
             open(&folder.0, &message),
-            Err(ParcelError::File { .. })
+            Err(SpillError::File { .. })
         ));
         Ok(())
     }
