@@ -4,12 +4,13 @@
 use serde::{Deserialize, Serialize};
 
 mod fault;
+pub mod leg_row;
 mod legs;
-pub mod record;
 
 pub use fault::{MotionFault, Quantity};
 pub use legs::{
-    ArcOrientation, Elbow, LEGS_MAX, Leg, Limits, Pace, PathRequest, Relative, Segment,
+    ArcOrientation, ElbowMotion, LEGS_MAX, Leg, MotionLimits, PathRequest, PathSegment, RelativeTo,
+    SpeedProfile,
 };
 
 use crate::axis::{AxisState, Phases, stop_and_go};
@@ -51,7 +52,7 @@ pub struct PathState {
 
 /// What a net says to a motion in one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drive {
+pub struct SpeedOverride {
     /// Come to rest on the path, for good.
     pub stop: bool,
     /// Come to rest on the path while this is true, and go on afterwards.
@@ -60,18 +61,18 @@ pub struct Drive {
     pub speed: f64,
 }
 
-impl Drive {
+impl SpeedOverride {
     /// Go on, with all that the limits allow.
-    pub const RUN: Drive = Drive {
+    pub const RUN: SpeedOverride = SpeedOverride {
         stop: false,
         pause: false,
         speed: 1.0,
     };
 
     /// Come to rest for good.
-    pub const STOP: Drive = Drive {
+    pub const STOP: SpeedOverride = SpeedOverride {
         stop: true,
-        ..Drive::RUN
+        ..SpeedOverride::RUN
     };
 }
 
@@ -102,20 +103,20 @@ pub trait Motions {
     ///
     /// It never leaves its path, goes forward only, and keeps its limits whatever the drives are. `None`: there is no
     /// such motion.
-    fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState>;
+    fn step(&mut self, index: usize, drive: SpeedOverride) -> Option<MotionState>;
 
     /// The way of one axis from any state to rest at `goal`, as fast as `limits` allow; it keeps nothing.
-    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases;
+    fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases;
 }
 
 impl Motions for () {
     /// A net without motions.
-    fn step(&mut self, _index: usize, _drive: Drive) -> Option<MotionState> {
+    fn step(&mut self, _index: usize, _drive: SpeedOverride) -> Option<MotionState> {
         None
     }
 
     /// Without a planner: to rest first, and on from there.
-    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+    fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         stop_and_go(from, goal, limits)
     }
 }

@@ -13,20 +13,22 @@ use crate::guard::JointLimits;
 use crate::impedance::ImpedanceLimits;
 use crate::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use crate::message::{JOINTS_MAX, Joints, Measurement};
-use crate::path::{Drive, Limits, MotionBuilder, MotionState, Motions, PathRequest, PathState};
+use crate::path::{
+    MotionBuilder, MotionLimits, MotionState, Motions, PathRequest, PathState, SpeedOverride,
+};
 use crate::pose::Pose;
-use crate::primitive::{Entry, Kernel, Operand, Size, Sizes};
+use crate::primitive::{CatalogueEntry, Kernel, Operand, Size, Sizes};
 use crate::primitives;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
 /// A motion that is under way until it is stopped: for tests of what a primitive makes of it.
 #[derive(Default)]
-struct Endless {
+struct EndlessMotion {
     built: bool,
     stopped: bool,
 }
 
-impl MotionBuilder for Endless {
+impl MotionBuilder for EndlessMotion {
     fn path(&mut self, _index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault> {
         assert!(!request.legs.is_empty());
         self.built = true;
@@ -34,8 +36,8 @@ impl MotionBuilder for Endless {
     }
 }
 
-impl Motions for Endless {
-    fn step(&mut self, _index: usize, drive: Drive) -> Option<MotionState> {
+impl Motions for EndlessMotion {
+    fn step(&mut self, _index: usize, drive: SpeedOverride) -> Option<MotionState> {
         self.stopped |= drive.stop;
         let path = PathState {
             done: self.stopped,
@@ -55,7 +57,7 @@ impl Motions for Endless {
         self.built.then_some(state)
     }
 
-    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+    fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         stop_and_go(from, goal, limits)
     }
 }
@@ -139,15 +141,15 @@ pub fn kr6() -> DeviceModel {
 }
 
 /// One primitive with its slots and a cell of one LWR.
-pub struct Bench {
-    entry: &'static Entry,
+pub struct PrimitiveHarness {
+    entry: &'static CatalogueEntry,
     kernel: &'static Kernel,
     reals: Vec<f64>,
     bools: Vec<u8>,
     ints: Vec<i64>,
     operands: Vec<u32>,
     names: Vec<(&'static str, usize)>,
-    motions: Endless,
+    motions: EndlessMotion,
     pub model: DeviceModel,
     pub device: DeviceInput,
     pub output: DeviceOutput,
@@ -157,14 +159,14 @@ pub struct Bench {
     pub terminated: bool,
 }
 
-impl Bench {
+impl PrimitiveHarness {
     /// For a primitive without polymorphic ports, or with joint ports.
-    pub fn new(name: &str) -> Bench {
-        Bench::wide(name, None, JOINTS_MAX as u32 - 1)
+    pub fn new(name: &str) -> PrimitiveHarness {
+        PrimitiveHarness::wide(name, None, JOINTS_MAX as u32 - 1)
     }
 
     /// For a polymorphic primitive.
-    pub fn wide(name: &str, store: Option<Store>, width: u32) -> Bench {
+    pub fn wide(name: &str, store: Option<Store>, width: u32) -> PrimitiveHarness {
         let (_, entry) = primitives::find(name).expect("a primitive of the catalogue");
         let index = [store, None, Some(Store::Real)]
             .into_iter()
@@ -216,7 +218,7 @@ impl Bench {
         }
         let mut measurement = Measurement::zeroed();
         measurement.joints = 7;
-        Bench {
+        PrimitiveHarness {
             entry,
             kernel,
             reals,
@@ -224,7 +226,7 @@ impl Bench {
             ints,
             operands,
             names,
-            motions: Endless::default(),
+            motions: EndlessMotion::default(),
             model: lwr(),
             device: DeviceInput {
                 present: true,
@@ -247,44 +249,44 @@ impl Bench {
         self.operands[*index] as usize
     }
 
-    pub fn set_real(&mut self, name: &str, value: f64) -> &mut Bench {
+    pub fn set_real(&mut self, name: &str, value: f64) -> &mut PrimitiveHarness {
         let slot = self.slot(name);
         self.reals[slot] = value;
         self
     }
 
-    pub fn set_reals(&mut self, name: &str, values: &[f64]) -> &mut Bench {
+    pub fn set_reals(&mut self, name: &str, values: &[f64]) -> &mut PrimitiveHarness {
         let slot = self.slot(name);
         self.reals[slot..slot + values.len()].copy_from_slice(values);
         self
     }
 
-    pub fn set_bool(&mut self, name: &str, value: Option<bool>) -> &mut Bench {
+    pub fn set_bool(&mut self, name: &str, value: Option<bool>) -> &mut PrimitiveHarness {
         let slot = self.slot(name);
         self.bools[slot] = value.map_or(NULL_BOOL, u8::from);
         self
     }
 
-    pub fn set_int(&mut self, name: &str, value: i64) -> &mut Bench {
+    pub fn set_int(&mut self, name: &str, value: i64) -> &mut PrimitiveHarness {
         let slot = self.slot(name);
         self.ints[slot] = value;
         self
     }
 
     /// Sets the state in the arena of `Real`, as a `Start` parameter does; the last slot of that arena.
-    pub fn start_real(&mut self, value: f64) -> &mut Bench {
+    pub fn start_real(&mut self, value: f64) -> &mut PrimitiveHarness {
         *self.reals.last_mut().expect("a state") = value;
         self
     }
 
     /// The same for `Bool`.
-    pub fn start_bool(&mut self, value: bool) -> &mut Bench {
+    pub fn start_bool(&mut self, value: bool) -> &mut PrimitiveHarness {
         *self.bools.last_mut().expect("a state") = u8::from(value);
         self
     }
 
     /// Sets an operand that is no slot, e.g. a channel.
-    pub fn set_index(&mut self, name: &str, value: u32) -> &mut Bench {
+    pub fn set_index(&mut self, name: &str, value: u32) -> &mut PrimitiveHarness {
         let (_, index) = *self
             .names
             .iter()
@@ -330,7 +332,7 @@ impl Bench {
     }
 
     /// One cycle.
-    pub fn step(&mut self) -> &mut Bench {
+    pub fn step(&mut self) -> &mut PrimitiveHarness {
         let mut outputs = Box::new([DeviceOutput::NONE]);
         let mut frame = Frame {
             reals: &mut self.reals,
@@ -368,7 +370,7 @@ fn extend<T: Clone>(arena: &mut Vec<T>, width: usize, null: T) -> u32 {
 pub fn check_binary(name: &str, rows: &[[f64; 3]]) {
     // By the kernel for single values, and by the one for wide values if there is one.
     for width in [1, 3] {
-        let mut bench = Bench::wide(name, Some(Store::Real), width);
+        let mut bench = PrimitiveHarness::wide(name, Some(Store::Real), width);
         for [a, b, out] in rows.iter().copied() {
             let got = bench.set_real("a", a).set_real("b", b).step().real("out");
             assert!(
@@ -386,7 +388,7 @@ pub fn check_binary(name: &str, rows: &[[f64; 3]]) {
 /// Checks an `Int, Int → Int` primitive against rows `[a, b, out]`, and that null propagates.
 pub fn check_int(name: &str, rows: &[[i64; 3]]) {
     for width in [1, 3] {
-        let mut bench = Bench::wide(name, Some(Store::Int), width);
+        let mut bench = PrimitiveHarness::wide(name, Some(Store::Int), width);
         for [a, b, out] in rows.iter().copied() {
             let got = bench.set_int("a", a).set_int("b", b).step().int("out");
             assert_eq!(got, out, "{name}({a}, {b})");
@@ -401,7 +403,7 @@ pub fn check_int(name: &str, rows: &[[i64; 3]]) {
 /// Checks a `Bool, Bool → Bool` primitive: `table[a][b]` for a, b in false, true, null.
 pub fn check_truth_table(name: &str, table: [[Option<bool>; 3]; 3]) {
     let values = [Some(false), Some(true), None];
-    let mut bench = Bench::new(name);
+    let mut bench = PrimitiveHarness::new(name);
     for (a, row) in values.into_iter().zip(table) {
         for (b, out) in values.into_iter().zip(row) {
             assert_eq!(

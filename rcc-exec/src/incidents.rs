@@ -208,7 +208,7 @@ impl IncidentWriter {
     }
 
     fn command_file(&self, id: u64) -> Option<Vec<u8>> {
-        let folder = events::digits(self.context.incarnation);
+        let folder = events::hex_digits(self.context.incarnation);
         let path = self.context.cell.commands_dir().join(folder);
         let path = path.join(format!("{id}.json"));
         rcc_os::file::read(&path, COMMAND_FILE_MAX as u64).ok()
@@ -280,11 +280,11 @@ impl IncidentWriter {
             format: FORMAT,
             build: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned(),
             layout: incident::layout(),
-            catalogue: events::digits(primitives::fingerprint()),
-            configuration: events::digits(self.context.configuration),
+            catalogue: events::hex_digits(primitives::fingerprint()),
+            configuration: events::hex_digits(self.context.configuration),
             cell: self.context.cell.name().to_owned(),
             config: self.context.config.clone(),
-            executor: events::digits(self.context.incarnation),
+            executor: events::hex_digits(self.context.incarnation),
             period_ns: self.context.period_ns,
             devices: self.context.devices.clone(),
             reason: reason.to_owned(),
@@ -405,7 +405,7 @@ impl IncidentWriter {
             EventKind::IncidentWritten {
                 reason: head.reason.clone(),
                 command: head.net,
-                file: events::text(&path.display().to_string()),
+                file: events::event_text(&path.display().to_string()),
                 span_ms: cycles * head.period_ns / 1_000_000,
                 others: head.others,
             },
@@ -418,7 +418,7 @@ impl IncidentWriter {
     fn report_failure(&self, error: &io::Error) -> Recorded {
         let why = format!("{}: {error}", self.folder.display());
         warn!("an incident was not written: {why}");
-        let why = events::text(&why);
+        let why = events::event_text(&why);
         self.tell(0, EventKind::IncidentLost { why: why.clone() });
         RecordingState::Lost { why }
     }

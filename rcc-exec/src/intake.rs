@@ -264,7 +264,7 @@ impl Intake {
 
     /// Tells of a request that was none, seldom enough that nobody can fill the log.
     fn log_error(&mut self, error: &dyn std::fmt::Display) {
-        match self.error_log.say(Instant::now()) {
+        match self.error_log.admit(Instant::now()) {
             Some(0) => warn!("{error}"),
             Some(others) => warn!("{error}; {others} more since the last such line"),
             None => {}
@@ -706,7 +706,7 @@ impl Intake {
         device.attached = None;
         let gone = EventKind::DriverGone {
             device: device.name.clone(),
-            driver: events::digits(incarnation),
+            driver: events::hex_digits(incarnation),
         };
         info!("driver of {} is gone", device.name);
         self.record(gone);
@@ -714,13 +714,13 @@ impl Intake {
 
     /// Whether a driver lives is not known: that is told, and nothing else is done.
     fn report_unknown(&mut self, index: usize, why: &dyn std::fmt::Display) {
-        let Some(others) = self.liveness_log.say(Instant::now()) else {
+        let Some(others) = self.liveness_log.admit(Instant::now()) else {
             return;
         };
         let name = self.devices.get(index).map_or("", |device| &device.name);
         let event = EventKind::LifeUnknown {
             process: format!("driver/{name}"),
-            why: events::text(&why.to_string()),
+            why: events::event_text(&why.to_string()),
         };
         warn!(
             "whether driver/{name} lives is not known ({why}); looked at again; {others} more such looks"
@@ -758,14 +758,14 @@ impl Intake {
                     self.record(EventKind::DriverAttached {
                         device: self.devices[index].name.clone(),
                         pid: driver.pid,
-                        driver: events::digits(incarnation),
+                        driver: events::hex_digits(incarnation),
                     });
                     self.devices[index].attached = Some((incarnation, mine));
                 }
             }
             // Tried again at the next look.
             (Err(error), _) | (_, Err(error)) => {
-                if self.liveness_log.say(Instant::now()).is_some() {
+                if self.liveness_log.admit(Instant::now()).is_some() {
                     let name = &self.devices[index].name;
                     warn!("the board of {name} cannot be opened: {error}");
                 }

@@ -157,10 +157,10 @@ fn execute(arguments: &CellArguments) -> Result<(), ExitError> {
     let predecessor = events::predecessor(&cell, Role::Executor, &announcement.label);
     let announced = cell.announce(&announcement.note(&grants.to_string()))?;
     recorder.tell(EventKind::Started {
-        note: events::text(&grants.to_string()),
+        note: events::event_text(&grants.to_string()),
         predecessor,
     });
-    helpers.go();
+    helpers.start();
     let ended = run_until_stopped(
         &helpers,
         rt,
@@ -205,7 +205,7 @@ fn supervisor(
             // READY may come before the first cycle.
             status.period_ns = period_ns;
         }
-        hangs.look(pulse(&status, grants))
+        hangs.check(pulse(&status, grants))
     })?;
     Ok(SupervisorLink { notifier, grants })
 }
@@ -369,7 +369,7 @@ fn start_rt(
     });
     let thread = thread.map_err(|error| ExitError {
         code: exit::FAILED,
-        words: format!("the system gives no real-time thread ({error}): raise TasksMax= or pids.max of its group"),
+        message: format!("the system gives no real-time thread ({error}): raise TasksMax= or pids.max of its group"),
     })?;
     Ok((RtThread { thread, ended }, grants_receiver.recv()?))
 }
@@ -438,9 +438,9 @@ fn run_until_stopped(
     recorder: &EventRecorder,
 ) -> Result<(), ExitError> {
     let signal = signals.wait();
-    let failed = |words: String| ExitError {
+    let failed = |message: String| ExitError {
         code: exit::FAILED,
-        words,
+        message,
     };
     let mut ended = helpers.conclude();
     if rt.ended.load(Ordering::Acquire) {
@@ -449,9 +449,9 @@ fn run_until_stopped(
         ended = Err(failed(words.to_owned()));
     }
     match &ended {
-        Err(ExitError { words, .. }) => {
+        Err(ExitError { message: words, .. }) => {
             error!("{words}");
-            let why = events::text(words);
+            let why = events::event_text(words);
             recorder.tell(EventKind::HelperEnded { why });
         }
         Ok(()) => {

@@ -189,7 +189,7 @@ impl Pump {
     ) -> EventKind {
         let device = self.device(index).to_owned();
         let [was, state] = [was, state].map(DeviceState::from_number);
-        let driver = (driver != 0).then(|| events::digits(driver));
+        let driver = (driver != 0).then(|| events::hex_digits(driver));
         if state == DeviceState::Offline {
             return EventKind::DeviceLost {
                 reason,

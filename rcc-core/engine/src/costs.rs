@@ -6,15 +6,15 @@
 use std::fmt::Write as _;
 
 use rcc_core::frame::{DeviceInput, DeviceModel};
-use rcc_core::plan::{Delay, MonitorPoint, Plan, Run};
-use rcc_core::primitive::{Entry, Kernel, Size};
+use rcc_core::plan::{Delay, KernelRun, MonitorPoint, Plan};
+use rcc_core::primitive::{CatalogueEntry, Kernel, Size};
 use rcc_core::primitives::{self, CATALOGUE, KERNELS_MAX};
 use rcc_core::types::Store;
 use rcc_ipc::clock::monotonic_ns;
 use rcc_ipc::control::PlanData;
 
-use crate::catalogue;
-use crate::net::{Net, record};
+use crate::kernel_nets;
+use crate::net::{Net, monitor_record};
 
 pub mod cache;
 
@@ -53,7 +53,7 @@ pub struct Costs {
 
 /// What the primitives of one type need in a net.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Share {
+pub struct CostShare {
     /// The type, or what else costs time.
     pub name: &'static str,
     /// How many.
@@ -66,13 +66,13 @@ impl Costs {
     /// Measures everything; takes some 10 to 200 ms of this thread.
     #[must_use]
     pub fn measure() -> Costs {
-        let stage = Stage {
-            models: catalogue::models(),
-            devices: catalogue::devices(),
+        let cost_bench = CostBench {
+            models: kernel_nets::models(),
+            devices: kernel_nets::devices(),
         };
-        let plain = stage.time(many(|_, _| ()));
-        let runs = stage.time(many(not));
-        let delays = stage.time(many(|data, number| {
+        let plain = cost_bench.time(many(|_, _| ()));
+        let runs = cost_bench.time(many(not));
+        let delays = cost_bench.time(many(|data, number| {
             let (from, to) = (number, number + MANY);
             data.delays.push(Delay {
                 store: Store::Bool,
@@ -85,12 +85,12 @@ impl Costs {
             net_ns: plain,
             run_ns: 0.0,
             delay_ns: each(delays - plain),
-            monitor_ns: stage.monitor(),
+            monitor_ns: cost_bench.monitor(),
             kernels: vec![KernelCost::default(); CATALOGUE.len() * KERNELS_MAX],
         };
-        for row in catalogue::rows() {
-            let count = catalogue::count(&row.entry.spec);
-            let (Ok(full), Ok(empty)) = (catalogue::net(&row, count), catalogue::net(&row, 0))
+        for row in kernel_nets::rows() {
+            let count = kernel_nets::count(&row.entry.spec);
+            let (Ok(full), Ok(empty)) = (kernel_nets::net(&row, count), kernel_nets::net(&row, 0))
             else {
                 // By test there is none such; it would cost nothing.
                 continue;
@@ -100,7 +100,8 @@ impl Costs {
                 .runs
                 .first()
                 .and_then(|run| width(&full.plan(), run));
-            let ns = (stage.time_of(full) - stage.time_of(empty)).max(0.0) / f64::from(count);
+            let ns =
+                (cost_bench.time_of(full) - cost_bench.time_of(empty)).max(0.0) / f64::from(count);
             if let Some(place) = costs.kernels.get_mut(usize::from(row.number)) {
                 let width = width.unwrap_or(0);
                 *place = KernelCost { ns, width };
@@ -128,7 +129,7 @@ impl Costs {
 
     /// What a plan is expected to need, by type of primitive, the dearest first.
     #[must_use]
-    pub fn shares(&self, plan: &Plan<'_>) -> Vec<Share> {
+    pub fn shares(&self, plan: &Plan<'_>) -> Vec<CostShare> {
         let mut types = vec![(0_u64, 0.0_f64); CATALOGUE.len()];
         for run in plan.runs {
             let Some((count, ns)) = self.of_run(plan, run) else {
@@ -146,18 +147,18 @@ impl Costs {
             ("Monitor", monitors, monitors as f64 * self.monitor_ns),
         ];
         let types = CATALOGUE.iter().zip(types);
-        let mut shares: Vec<Share> = types
+        let mut shares: Vec<CostShare> = types
             .map(|(entry, (count, ns))| (entry.spec.name, count, ns))
             .chain(others)
             .filter(|(_, count, _)| *count > 0)
-            .map(|(name, count, ns)| Share { name, count, ns })
+            .map(|(name, count, ns)| CostShare { name, count, ns })
             .collect();
         shares.sort_by(|a, b| b.ns.total_cmp(&a.ns));
         shares
     }
 
     /// Number of primitives in a run, and what they need.
-    fn of_run(&self, plan: &Plan<'_>, run: &Run) -> Option<(u64, f64)> {
+    fn of_run(&self, plan: &Plan<'_>, run: &KernelRun) -> Option<(u64, f64)> {
         let each = self.of_primitives(plan, run)?;
         Some((each.len() as u64, self.run_ns + each.iter().sum::<f64>()))
     }
@@ -165,7 +166,7 @@ impl Costs {
     /// What each primitive of a run needs, in their order, ns; without what the run itself takes. `None`: the plan does
     /// not check.
     #[must_use]
-    pub fn of_primitives(&self, plan: &Plan<'_>, run: &Run) -> Option<Vec<f64>> {
+    pub fn of_primitives(&self, plan: &Plan<'_>, run: &KernelRun) -> Option<Vec<f64>> {
         let (entry, kernel) = primitives::kernel(run.kernel)?;
         let group = entry.spec.operands(kernel).count().max(1);
         let operands = plan.operands_of(run)?.chunks_exact(group);
@@ -181,7 +182,7 @@ impl Costs {
 
     /// What one primitive of each kernel costs, ns, with the kernel's name.
     pub fn kernels(&self) -> impl Iterator<Item = (String, f64)> + '_ {
-        catalogue::rows().map(|row| (row.name(), self.kernel(row.number).ns))
+        kernel_nets::rows().map(|row| (row.name(), self.kernel(row.number).ns))
     }
 
     /// As a text, a line each: `net 12.5`, `kernel NUMBER WIDTH NS`.
@@ -240,14 +241,14 @@ fn each(many_ns: f64) -> f64 {
 }
 
 /// Elements of the values of the first primitive of a run, if its kernel has a size.
-fn width(plan: &Plan<'_>, run: &Run) -> Option<u32> {
+fn width(plan: &Plan<'_>, run: &KernelRun) -> Option<u32> {
     let (entry, kernel) = primitives::kernel(run.kernel)?;
     let group = entry.spec.operands(kernel).count();
     size_of(entry, kernel, plan.operands_of(run)?.get(..group)?)
 }
 
 /// What the time of a primitive grows with, if its kernel has a size.
-fn size_of(entry: &Entry, kernel: &Kernel, group: &[u32]) -> Option<u32> {
+fn size_of(entry: &CatalogueEntry, kernel: &Kernel, group: &[u32]) -> Option<u32> {
     let work = entry.spec.sizes_in(kernel, group).work();
     let sized = entry.spec.sizes(kernel).any(|size| size != Size::Cycles);
     sized.then(|| u32::try_from(work).unwrap_or(u32::MAX))
@@ -262,7 +263,7 @@ fn many(add: impl Fn(&mut PlanData, u32)) -> PlanData {
     };
     (0..MANY).for_each(|number| add(&mut data, number));
     let termination = primitives::find("Termination").map_or(0, |(row, _)| row);
-    data.runs.push(Run {
+    data.runs.push(KernelRun {
         kernel: primitives::kernel_number(termination, 0),
         first: data.operands.len() as u32,
         operands: 1,
@@ -274,7 +275,7 @@ fn many(add: impl Fn(&mut PlanData, u32)) -> PlanData {
 /// A run of one `Not` that does not make the first slot true.
 fn not(data: &mut PlanData, number: u32) {
     let row = primitives::find("Not").map_or(0, |(row, _)| row);
-    data.runs.push(Run {
+    data.runs.push(KernelRun {
         kernel: primitives::kernel_number(row, 0),
         first: data.operands.len() as u32,
         operands: 2,
@@ -283,12 +284,12 @@ fn not(data: &mut PlanData, number: u32) {
 }
 
 /// Where nets are measured.
-struct Stage {
+struct CostBench {
     models: Vec<DeviceModel>,
     devices: Vec<DeviceInput>,
 }
 
-impl Stage {
+impl CostBench {
     /// Time of one evaluation, ns; 0 if the plan does not check (by test it does).
     fn time(&self, data: PlanData) -> f64 {
         let holds = vec![None; self.models.len()];
@@ -319,7 +320,7 @@ impl Stage {
         let all_ns = median(|| {
             net.monitors(|monitor, values| {
                 // There is room: everything is taken out again each time.
-                let _ = records.push(record(1, 1, 1, monitor, values));
+                let _ = records.push(monitor_record(1, 1, 1, monitor, values));
             });
             while taken.pop().is_ok() {}
         });
@@ -389,7 +390,7 @@ mod tests {
     fn what_is_measured_is_a_time_of_every_kernel_and_can_be_read_back() {
         let measured = Costs::measure();
         assert!(measured.net_ns > 0.0);
-        for row in catalogue::rows() {
+        for row in kernel_nets::rows() {
             let cost = measured.kernel(row.number);
             assert!(cost.ns.is_finite() && cost.ns >= 0.0, "{}", row.name());
         }

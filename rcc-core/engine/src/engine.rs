@@ -6,9 +6,9 @@
 
 mod admission;
 mod devices;
-mod life;
+mod handover;
+mod lifecycle;
 mod rates;
-mod switch;
 mod timing;
 mod topics;
 
@@ -24,14 +24,14 @@ use rcc_core::plan::Resources;
 use rcc_ipc::BoardReader;
 
 use crate::net::Nets;
-use crate::queue::{Event, Order, Outcome, RtEnds};
+use crate::queue::{EngineEvent, EngineReply, EngineRequest, RtRingEnds};
 use crate::record::Recorder;
-use switch::{Switch, rows};
-use timing::Timekeeper;
-use topics::Topics;
+use handover::{Handover, rows};
+use timing::CycleTimer;
+use topics::PublishedTopics;
 
 /// Orders taken in one cycle.
-pub const ORDERS_PER_CYCLE: usize = 8;
+pub const REQUESTS_PER_CYCLE: usize = 8;
 /// The tables are written when they change and at least once in so long.
 pub const TABLES_EVERY_NS: u64 = 16_000_000;
 /// How long a driver may take to follow its first set-points, and to settle after the last.
@@ -54,12 +54,12 @@ pub struct EngineConfig {
 
 /// One device as the engine sees it.
 #[derive(Debug)]
-struct Device {
+struct EngineDevice {
     guard: Guard,
     /// The command that holds the arm and commands it now, and the number of that engagement.
     engagement: Option<Engagement>,
     /// Guard and engagement as they were before a hand-over was tried.
-    kept: (Guard, Option<Engagement>),
+    before_handover: (Guard, Option<Engagement>),
     /// Set-point of this cycle.
     output: DeviceOutput,
     image: Box<CommandImage>,
@@ -78,7 +78,7 @@ struct Engagement {
 
 /// A row that was started or terminated and waits for something.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Pending {
+enum PendingTransition {
     Nothing,
     /// The first evaluation, in the net's next cycle, decides about START.
     Start {
@@ -97,33 +97,33 @@ pub struct Engine {
     dt_s: f64,
     /// In cycles, at least 1.
     tables_every: u64,
-    ends: RtEnds,
+    rings: RtRingEnds,
     inputs: Vec<DeviceInput>,
-    devices: Vec<Device>,
+    devices: Vec<EngineDevice>,
     boards: Vec<Option<(u64, Box<BoardReader<Measurement>>)>>,
     nets: Box<Nets>,
-    pending: [Pending; COMMANDS_MAX],
+    pending: [PendingTransition; COMMANDS_MAX],
     /// Bit r: row r is active or waits for something; no other row has anything to do in a cycle.
     busy: u64,
     /// Bit r: the net in row r, ready or active, shows values of others.
     subscribers: u64,
-    topics: Box<Topics>,
+    topics: Box<PublishedTopics>,
     /// A hand-over that is tried before the rows are evaluated, as soon as all that begin are due.
-    switch: Option<Switch>,
+    handover: Option<Handover>,
     status: CycleStatus,
     tables: Box<Tables>,
     tables_changed: bool,
     next_id: u64,
     next_engagement: u64,
     next_record: u64,
-    time: Timekeeper,
+    time: CycleTimer,
     stopping: bool,
     recorder: Option<Box<Recorder>>,
 }
 
 impl Engine {
     /// All memory of the real-time thread. `first_id` is the first command id that will be given out.
-    pub fn new(config: EngineConfig, ends: RtEnds) -> Engine {
+    pub fn new(config: EngineConfig, rings: RtRingEnds) -> Engine {
         let mut status = CycleStatus::zeroed();
         status.magic = MAGIC;
         status.incarnation = config.incarnation;
@@ -140,8 +140,8 @@ impl Engine {
             let guard = Guard::new(model.limits, model.first_tolerance_rad)
                 .with_impedance(model.impedance)
                 .with_workspace(model.arm, model.workspace);
-            Device {
-                kept: (guard.clone(), None),
+            EngineDevice {
+                before_handover: (guard.clone(), None),
                 guard,
                 engagement: None,
                 output: DeviceOutput::NONE,
@@ -151,23 +151,23 @@ impl Engine {
         Engine {
             dt_s: config.period_ns as f64 / 1e9,
             tables_every: (TABLES_EVERY_NS / config.period_ns.max(1)).max(1),
-            ends,
+            rings,
             inputs: vec![absent; config.models.len()],
             devices: config.models.iter().take(DEVICES_MAX).map(device).collect(),
             boards: config.models.iter().map(|_| None).collect(),
             nets: Box::new([const { None }; COMMANDS_MAX]),
-            pending: [Pending::Nothing; COMMANDS_MAX],
+            pending: [PendingTransition::Nothing; COMMANDS_MAX],
             busy: 0,
             subscribers: 0,
-            topics: Topics::new(),
-            switch: None,
+            topics: PublishedTopics::new(),
+            handover: None,
             status,
             tables,
             tables_changed: true,
             next_id: 1,
             next_engagement: 1,
             next_record: 1,
-            time: Timekeeper::new(config.period_ns),
+            time: CycleTimer::new(config.period_ns),
             stopping: false,
             recorder: None,
             config,
@@ -259,10 +259,10 @@ impl Engine {
         for device in &mut self.devices {
             device.output = DeviceOutput::NONE;
         }
-        self.take_orders();
+        self.take_requests();
         self.deliver(self.busy);
-        let begun = self.run_switch(now_ns);
-        for row in rows(self.busy & !begun) {
+        let started_rows = self.try_handover(now_ns);
+        for row in rows(self.busy & !started_rows) {
             self.run_row(row, now_ns);
         }
         self.move_on_sampling();
@@ -270,31 +270,31 @@ impl Engine {
         self.write_tables();
     }
 
-    fn take_orders(&mut self) {
-        for _ in 0..ORDERS_PER_CYCLE {
+    fn take_requests(&mut self) {
+        for _ in 0..REQUESTS_PER_CYCLE {
             // Each order has at most three outcomes now or later; without room none is taken, and none is lost.
-            if self.ends.outcomes.slots() < COMMANDS_MAX + 3 {
+            if self.rings.replies.slots() < COMMANDS_MAX + 3 {
                 return;
             }
-            match self.ends.orders.pop() {
+            match self.rings.requests.pop() {
                 // What comes behind a hand-over is obeyed after it was tried.
-                Ok(order @ Order::Switch { .. }) => return self.obey(order),
-                Ok(order) => self.obey(order),
+                Ok(request @ EngineRequest::Handover { .. }) => return self.execute(request),
+                Ok(request) => self.execute(request),
                 Err(_) => return,
             }
         }
     }
 
-    /// Hands something to the intake thread. There is room: see [`Engine::take_orders`].
-    fn give_back(&mut self, outcome: Outcome) {
-        if let Err(rtrb::PushError::Full(outcome)) = self.ends.outcomes.push(outcome) {
+    /// Hands something to the intake thread. There is room: see [`Engine::take_requests`].
+    fn give_back(&mut self, reply: EngineReply) {
+        if let Err(rtrb::PushError::Full(reply)) = self.rings.replies.push(reply) {
             // Unreachable by the rule above; leaking is the one reaction that does not free memory here.
-            std::mem::forget(outcome);
+            std::mem::forget(reply);
         }
     }
 
-    fn log(&mut self, event: Event) {
-        if self.ends.events.push(event).is_err() {
+    fn log(&mut self, event: EngineEvent) {
+        if self.rings.events.push(event).is_err() {
             self.status.dropped_records += 1;
         }
     }
@@ -328,7 +328,7 @@ impl Engine {
         for row in rows(self.busy) {
             let entry = self.tables.commands.get(row);
             let active = entry.is_some_and(|entry| is_active(entry.state));
-            if !active && self.pending.get(row) == Some(&Pending::Nothing) {
+            if !active && self.pending.get(row) == Some(&PendingTransition::Nothing) {
                 self.busy &= !(1 << row);
             }
         }

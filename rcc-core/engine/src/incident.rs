@@ -6,7 +6,7 @@
 //! plans with their start values, the records of the ring ([`crate::record::entry`]), and a checksum of all of it
 //! ([`crate::record::hash`], as of Ints).
 
-mod words;
+mod word_format;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -18,11 +18,11 @@ use rcc_core::primitives;
 use rcc_ipc::events;
 use serde::{Deserialize, Serialize};
 
-use crate::net::Origin;
+use crate::net::NetOrigin;
 use crate::record::entry;
-use crate::record::hash::Sum;
-use crate::record::ring::Ring;
-use words::{Damaged, Words};
+use crate::record::hash::WordChecksum;
+use crate::record::ring::RecordRing;
+use word_format::{DamagedFile, WordReader};
 
 /// What the names of incident files end in.
 pub const EXTENSION: &str = "rcc-incident";
@@ -39,7 +39,7 @@ const FILE_MAX: u64 = 3 << 30;
 
 /// What is known of an incident without reading all of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Head {
+pub struct IncidentHead {
     /// [`FORMAT`].
     pub format: u32,
     /// Version of the executor.
@@ -125,33 +125,33 @@ pub enum IncidentError {
     Checksum,
     /// Something in it cannot be.
     #[error(transparent)]
-    Damaged(#[from] Damaged),
+    Damaged(#[from] DamagedFile),
 }
 
 /// What goes into a file beside its head.
 #[derive(Clone, Copy, Debug)]
-pub struct Parts<'a> {
+pub struct IncidentParts<'a> {
     /// Command files by id, as the loader wrote them.
     pub files: &'a [(u64, &'a [u8])],
     /// The devices.
     pub models: &'a [DeviceModel],
     /// The nets by id.
-    pub nets: &'a [(u64, &'a Origin)],
+    pub nets: &'a [(u64, &'a NetOrigin)],
     /// The recording.
-    pub ring: &'a Ring,
+    pub ring: &'a RecordRing,
 }
 
 /// An incident, read whole.
 #[derive(Debug)]
 pub struct Incident {
     /// Its head.
-    pub head: Head,
+    pub head: IncidentHead,
     /// Command files by id.
     pub files: BTreeMap<u64, Vec<u8>>,
     /// The devices.
     pub models: Vec<DeviceModel>,
     /// The nets by id.
-    pub nets: BTreeMap<u64, Origin>,
+    pub nets: BTreeMap<u64, NetOrigin>,
     /// The records.
     pub records: Vec<u64>,
     /// Fingerprint of the devices' configuration.
@@ -160,7 +160,7 @@ pub struct Incident {
 
 /// What a ring has, at a glance.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Overview {
+pub struct RingOverview {
     /// Nets that were evaluated.
     pub nets: BTreeSet<u64>,
     /// First cycle, 0 = none.
@@ -170,13 +170,13 @@ pub struct Overview {
 }
 
 /// Looks through a ring that is not written any more.
-pub fn overview(ring: &Ring) -> Overview {
+pub fn overview(ring: &RecordRing) -> RingOverview {
     let [first, second] = ring.newest();
     let word = |at: usize| match first.get(at) {
         Some(word) => Some(*word),
         None => second.get(at - first.len()).copied(),
     };
-    let (mut at, mut found) = (0, Overview::default());
+    let (mut at, mut found) = (0, RingOverview::default());
     while let Some(head) = word(at) {
         let about = word(at + 1).unwrap_or(0);
         if entry::is_cycle(head) {
@@ -192,18 +192,18 @@ pub fn overview(ring: &Ring) -> Overview {
     found
 }
 
-/// The layout of this build, as in [`Head::layout`].
+/// The layout of this build, as in [`IncidentHead::layout`].
 pub fn layout() -> String {
     String::from_utf8_lossy(&MAGIC.to_le_bytes()).into_owned()
 }
 
 /// Writes words and sums them up.
-struct Out<W: Write> {
+struct ChecksumWriter<W: Write> {
     out: BufWriter<W>,
-    sum: Sum,
+    sum: WordChecksum,
 }
 
-impl<W: Write> Out<W> {
+impl<W: Write> ChecksumWriter<W> {
     fn words(&mut self, words: &[u64]) -> io::Result<()> {
         for word in words {
             self.sum.take(*word);
@@ -229,16 +229,16 @@ impl<W: Write> Out<W> {
 ///
 /// # Errors
 /// What the system says.
-pub fn write(out: impl Write, mut head: Head, parts: &Parts<'_>) -> io::Result<()> {
+pub fn write(out: impl Write, mut head: IncidentHead, parts: &IncidentParts<'_>) -> io::Result<()> {
     head.files = parts
         .files
         .iter()
         .map(|(id, file)| (*id, file.len() as u64))
         .collect();
     head.nets = parts.nets.iter().map(|(id, _)| *id).collect();
-    let mut out = Out {
+    let mut out = ChecksumWriter {
         out: BufWriter::with_capacity(1 << 16, out),
-        sum: Sum::default(),
+        sum: WordChecksum::default(),
     };
     let text = serde_json::to_vec(&head)?;
     out.words(&[MARK, text.len() as u64])?;
@@ -246,9 +246,9 @@ pub fn write(out: impl Write, mut head: Head, parts: &Parts<'_>) -> io::Result<(
     for (_, file) in parts.files {
         out.bytes(file, 0)?;
     }
-    out.words(&words::of_models(parts.models))?;
+    out.words(&word_format::of_models(parts.models))?;
     for (_, origin) in parts.nets {
-        out.words(&words::of_origin(origin))?;
+        out.words(&word_format::of_origin(origin))?;
     }
     let [first, second] = parts.ring.newest();
     out.words(&[(first.len() + second.len()) as u64])?;
@@ -263,7 +263,7 @@ pub fn write(out: impl Write, mut head: Head, parts: &Parts<'_>) -> io::Result<(
 ///
 /// # Errors
 /// It cannot be read, or is no incident.
-pub fn read_head(path: &Path) -> Result<(Head, Option<Vec<u8>>), IncidentError> {
+pub fn read_head(path: &Path) -> Result<(IncidentHead, Option<Vec<u8>>), IncidentError> {
     let mut file = rcc_os::file::open(path)?;
     let mut start = [0; 16];
     file.read_exact(&mut start)
@@ -288,12 +288,12 @@ pub fn read_head(path: &Path) -> Result<(Head, Option<Vec<u8>>), IncidentError> 
     Ok((head, None))
 }
 
-fn parse_head(text: &[u8]) -> Result<Head, IncidentError> {
-    let head: Head = serde_json::from_slice(text).map_err(|_| Damaged("the head"))?;
+fn parse_head(text: &[u8]) -> Result<IncidentHead, IncidentError> {
+    let head: IncidentHead = serde_json::from_slice(text).map_err(|_| DamagedFile("the head"))?;
     if head.format == FORMAT {
         return Ok(head);
     }
-    let Head {
+    let IncidentHead {
         build,
         format,
         layout,
@@ -339,17 +339,17 @@ impl Incident {
         if body.first() != Some(&MARK) {
             return Err(IncidentError::NotOne);
         }
-        let mut summed = Sum::default();
+        let mut summed = WordChecksum::default();
         body.iter().for_each(|word| summed.take(*word));
         if summed.end() != *sum {
             return Err(IncidentError::Checksum);
         }
-        let mut words = Words(body);
+        let mut words = WordReader(body);
         let [_, length] = words.some("the head")?;
         let head = parse_head(&bytes(&mut words, length, "the head")?)?;
         let (theirs, ours) = (
             head.catalogue.clone(),
-            events::digits(primitives::fingerprint()),
+            events::hex_digits(primitives::fingerprint()),
         );
         let build = head.build.clone();
         if head.layout != layout() {
@@ -368,18 +368,18 @@ impl Incident {
             });
         }
         let configuration = u64::from_str_radix(&head.configuration, 16);
-        let configuration = configuration.map_err(|_| Damaged("the configuration's number"))?;
+        let configuration = configuration.map_err(|_| DamagedFile("the configuration's number"))?;
         let files = head.files.iter().map(|(id, length)| {
             let file = bytes(&mut words, *length, "a command file")?;
             Ok((*id, file))
         });
-        let files = files.collect::<Result<_, Damaged>>()?;
-        let models = words::models(&mut words)?;
+        let files = files.collect::<Result<_, DamagedFile>>()?;
+        let models = word_format::models(&mut words)?;
         let nets = head
             .nets
             .iter()
-            .map(|id| Ok((*id, words::origin(&mut words)?)));
-        let nets = nets.collect::<Result<_, Damaged>>()?;
+            .map(|id| Ok((*id, word_format::origin(&mut words)?)));
+        let nets = nets.collect::<Result<_, DamagedFile>>()?;
         let records = words.list("the records")?.to_vec();
         Ok(Incident {
             head,
@@ -392,8 +392,12 @@ impl Incident {
     }
 }
 
-fn bytes(words: &mut Words<'_>, length: u64, what: &'static str) -> Result<Vec<u8>, Damaged> {
-    let length = usize::try_from(length).map_err(|_| Damaged(what))?;
+fn bytes(
+    words: &mut WordReader<'_>,
+    length: u64,
+    what: &'static str,
+) -> Result<Vec<u8>, DamagedFile> {
+    let length = usize::try_from(length).map_err(|_| DamagedFile(what))?;
     let taken = words.take(length.div_ceil(8), what)?;
     let bytes = taken.iter().flat_map(|word| word.to_le_bytes());
     Ok(bytes.take(length).collect())

@@ -9,7 +9,7 @@ use crate::net::Nets;
 
 /// The slots of a net.
 #[derive(Debug)]
-pub struct Arenas<'a> {
+pub struct ArenaSlices<'a> {
     /// `Real`.
     pub reals: &'a mut [f64],
     /// `Bool`.
@@ -20,30 +20,30 @@ pub struct Arenas<'a> {
 
 /// What lies ready for the inputs of a net.
 #[derive(Debug)]
-pub struct Inputs {
-    places: Box<[Place]>,
+pub struct NetInputs {
+    buffers: Box<[InputBuffer]>,
     words: Box<[u64]>,
-    /// [`Inputs::bind`] was called for this version of what is published.
+    /// [`NetInputs::bind`] was called for this version of what is published.
     bound: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct InputBuffer {
     first: usize,
     width: usize,
-    ready: Ready,
-    feed: Option<Feed>,
-    /// Cycle in which `feed` computed what came last.
-    seen: Option<u64>,
+    staged: StagedValue,
+    source: Option<TopicSource>,
+    /// Cycle in which `source` computed what came last.
+    source_cycle: Option<u64>,
     /// What came last came from another net that ran then.
-    fed: bool,
+    from_topic: bool,
     /// Evaluations of this net in which what is ready could have been seen before; it began later.
     late: u16,
 }
 
 /// The value of another net that an input shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Feed {
+pub struct TopicSource {
     /// The net's row.
     pub row: usize,
     /// Index in its plan.
@@ -51,34 +51,34 @@ pub struct Feed {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Ready {
+enum StagedValue {
     Nothing,
     /// For the next evaluation.
-    Waits,
+    Waiting,
     /// The first evaluation has taken it; if that does not count, it waits again.
     TakenFirst,
 }
 
-impl Inputs {
+impl NetInputs {
     /// Room for the inputs of a checked plan. Not for the real-time thread.
-    pub fn of(points: &[InputPoint]) -> Inputs {
+    pub fn of(points: &[InputPoint]) -> NetInputs {
         let mut first = 0;
         let place = |point: &InputPoint| {
             let width = point.width as usize;
             first += width;
-            Place {
+            InputBuffer {
                 first: first - width,
                 width,
-                ready: Ready::Nothing,
-                feed: None,
-                seen: None,
-                fed: false,
+                staged: StagedValue::Nothing,
+                source: None,
+                source_cycle: None,
+                from_topic: false,
                 late: 0,
             }
         };
-        let places = points.iter().map(place).collect();
-        Inputs {
-            places,
+        let buffers = points.iter().map(place).collect();
+        NetInputs {
+            buffers,
             words: vec![0; first].into(),
             bound: 0,
         }
@@ -89,15 +89,15 @@ impl Inputs {
         &mut self,
         points: &[InputPoint],
         version: u64,
-        find: impl Fn(&InputPoint) -> Option<Feed>,
+        find: impl Fn(&InputPoint) -> Option<TopicSource>,
     ) {
         if std::mem::replace(&mut self.bound, version) == version {
             return;
         }
-        for (place, point) in self.places.iter_mut().zip(points) {
-            let feed = find(point);
-            if place.feed != feed {
-                (place.feed, place.seen) = (feed, None);
+        for (place, point) in self.buffers.iter_mut().zip(points) {
+            let source = find(point);
+            if place.source != source {
+                (place.source, place.source_cycle) = (source, None);
             }
         }
     }
@@ -105,29 +105,30 @@ impl Inputs {
     /// Lays ready what other nets have computed since the last time, and null for what no net gives any more. `cycle` is
     /// the executor's, `every` how many there are from one evaluation of this net to the next.
     pub fn receive(&mut self, points: &[InputPoint], nets: &Nets, cycle: u64, every: u32) {
-        let places = self.places.iter_mut().zip(points);
-        for (place, point) in places.filter(|(_, point)| point.topic.is_some()) {
+        let buffers = self.buffers.iter_mut().zip(points);
+        for (place, point) in buffers.filter(|(_, point)| point.topic.is_some()) {
             let Some(room) = self.words.get_mut(place.first..place.first + place.width) else {
                 continue;
             };
-            let feed = place.feed;
-            let net = feed.and_then(|feed| Some((nets.get(feed.row)?.as_ref()?, feed.publish)));
+            let source = place.source;
+            let net =
+                source.and_then(|source| Some((nets.get(source.row)?.as_ref()?, source.publish)));
             match net {
-                Some((net, _)) if place.seen == Some(net.evaluated_cycle) => continue,
+                Some((net, _)) if place.source_cycle == Some(net.evaluated_cycle) => continue,
                 Some((net, publish)) => {
-                    net.give(publish, point, room);
-                    (place.seen, place.fed) = (Some(net.evaluated_cycle), true);
+                    net.copy_published(publish, point, room);
+                    (place.source_cycle, place.from_topic) = (Some(net.evaluated_cycle), true);
                     let since = cycle.saturating_sub(net.evaluated_cycle + 1);
                     let late = since.checked_div(u64::from(every)).unwrap_or(0);
                     place.late = u16::try_from(late).unwrap_or(u16::MAX);
                 }
-                None if place.fed => {
+                None if place.from_topic => {
                     room.fill(null(point.store));
-                    (place.fed, place.late) = (false, 0);
+                    (place.from_topic, place.late) = (false, 0);
                 }
                 None => continue,
             }
-            place.ready = Ready::Waits;
+            place.staged = StagedValue::Waiting;
         }
     }
 
@@ -150,49 +151,50 @@ impl Inputs {
             fault.map_err(|fault| Refusal::Input { input, fault })?;
         }
         for value in values {
-            self.lay(value.input, &value.words, 0);
+            self.stage_value(value.input, &value.words, 0);
         }
         Ok(())
     }
 
     /// Lays one value ready, as it was checked before; words that do not fit are passed over. `late`: so many evaluations
     /// of the net could have seen it.
-    pub fn lay(&mut self, input: u32, words: &[u64], late: u16) {
-        let Some(place) = self.places.get_mut(input as usize) else {
+    pub fn stage_value(&mut self, input: u32, words: &[u64], late: u16) {
+        let Some(place) = self.buffers.get_mut(input as usize) else {
             return;
         };
         let room = self.words.get_mut(place.first..place.first + place.width);
         if let Some(room) = room.filter(|room| room.len() == words.len()) {
             room.copy_from_slice(words);
-            (place.ready, place.late) = (Ready::Waits, late);
+            (place.staged, place.late) = (StagedValue::Waiting, late);
         }
     }
 
     /// What waits for the next evaluation, with how late it is.
-    pub fn waiting(&self) -> impl Iterator<Item = (u32, &[u64], u16)> {
-        let places = self.places.iter().zip(0u32..);
-        let places = places.filter(|(place, _)| place.ready == Ready::Waits);
-        places.filter_map(|(place, input)| {
+    pub fn staged_values(&self) -> impl Iterator<Item = (u32, &[u64], u16)> {
+        let buffers = self.buffers.iter().zip(0u32..);
+        let buffers = buffers.filter(|(place, _)| place.staged == StagedValue::Waiting);
+        buffers.filter_map(|(place, input)| {
             let words = self.words.get(place.first..place.first + place.width)?;
             Some((input, words, place.late))
         })
     }
 
     /// What waits is forgotten.
-    pub fn forget(&mut self) {
-        for place in &mut self.places {
-            place.ready = Ready::Nothing;
+    pub fn discard_staged(&mut self) {
+        for place in &mut self.buffers {
+            place.staged = StagedValue::Nothing;
         }
     }
 
     /// The first evaluation did not count: what it took waits again. What another net published comes again by itself, if
     /// it still is published then.
-    pub fn wait_again(&mut self, points: &[InputPoint]) {
-        for (place, point) in self.places.iter_mut().zip(points) {
+    pub fn restore_first(&mut self, points: &[InputPoint]) {
+        for (place, point) in self.buffers.iter_mut().zip(points) {
             if point.topic.is_some() {
-                (place.ready, place.seen, place.fed) = (Ready::Nothing, None, false);
-            } else if place.ready == Ready::TakenFirst {
-                place.ready = Ready::Waits;
+                (place.staged, place.source_cycle, place.from_topic) =
+                    (StagedValue::Nothing, None, false);
+            } else if place.staged == StagedValue::TakenFirst {
+                place.staged = StagedValue::Waiting;
             }
         }
     }
@@ -202,15 +204,15 @@ impl Inputs {
     pub fn begin(
         &mut self,
         points: &[InputPoint],
-        arenas: &mut Arenas<'_>,
+        arenas: &mut ArenaSlices<'_>,
         first: bool,
         step_s: f64,
     ) {
-        for (point, place) in points.iter().zip(&mut self.places) {
+        for (point, place) in points.iter().zip(&mut self.buffers) {
             let Some(since) = arenas.ints.get_mut(point.since as usize) else {
                 continue;
             };
-            let waits = place.ready == Ready::Waits;
+            let waits = place.staged == StagedValue::Waiting;
             *since = match (waits, *since) {
                 (true, _) => i64::from(place.late),
                 (false, NULL_INT) => continue,
@@ -221,10 +223,10 @@ impl Inputs {
                 *age = since as f64 * step_s;
             }
             if waits {
-                place.ready = if first {
-                    Ready::TakenFirst
+                place.staged = if first {
+                    StagedValue::TakenFirst
                 } else {
-                    Ready::Nothing
+                    StagedValue::Nothing
                 };
                 let words = self.words.get(place.first..place.first + place.width);
                 arenas.write(point, words.unwrap_or_default());
@@ -236,7 +238,7 @@ impl Inputs {
     }
 }
 
-impl Arenas<'_> {
+impl ArenaSlices<'_> {
     fn write(&mut self, point: &InputPoint, words: &[u64]) {
         let (slot, width) = (point.slot as usize, point.width as usize);
         match point.store {
@@ -263,16 +265,16 @@ impl Arenas<'_> {
         let (slot, width) = (point.slot as usize, point.width as usize);
         match point.store {
             Store::Real => {
-                let places = self.reals.iter_mut().skip(slot).take(width);
-                places.for_each(|place| *place = NULL_REAL);
+                let buffers = self.reals.iter_mut().skip(slot).take(width);
+                buffers.for_each(|place| *place = NULL_REAL);
             }
             Store::Bool => {
-                let places = self.bools.iter_mut().skip(slot).take(width);
-                places.for_each(|place| *place = NULL_BOOL);
+                let buffers = self.bools.iter_mut().skip(slot).take(width);
+                buffers.for_each(|place| *place = NULL_BOOL);
             }
             Store::Int => {
-                let places = self.ints.iter_mut().skip(slot).take(width);
-                places.for_each(|place| *place = NULL_INT);
+                let buffers = self.ints.iter_mut().skip(slot).take(width);
+                buffers.for_each(|place| *place = NULL_INT);
             }
         }
     }

@@ -4,11 +4,11 @@
 //! a cycle is a step.
 #![forbid(unsafe_code)]
 
-pub mod catalogue;
 pub mod costs;
 pub mod engine;
 pub mod incident;
 pub mod input;
+pub mod kernel_nets;
 pub mod net;
 pub mod queue;
 pub mod record;

@@ -7,17 +7,18 @@ use rcc_core::axis::{AxisState, Phases};
 use rcc_core::cycle::{cycle, cycle_timed};
 use rcc_core::frame::{DeviceInput, DeviceModel, DeviceOutput, Frame, Preparation, PrepareFault};
 use rcc_core::message::{COMMANDS_MAX, FaultCode, Joints, MONITOR_WIDTH_MAX, MonitorRecord};
-use rcc_core::path::{Drive, Limits, MotionState, Motions};
+use rcc_core::path::{MotionLimits, MotionState, Motions, SpeedOverride};
 use rcc_core::plan::{
-    Checked, InputPoint, MonitorPoint, Plan, PublishPoint, Rate, Resources, Run, ValuePoint,
+    CheckedPlan, InputPoint, KernelRun, MonitorPoint, Plan, PublishPoint, Rate, Resources,
+    ValuePoint,
 };
 use rcc_core::primitives;
 use rcc_core::types::{NULL_BOOL, Store};
 use rcc_ipc::control::{InputValue, PlanData, Refusal};
-use rcc_motion::{Builder, MotionSet};
+use rcc_motion::{MotionSet, MotionSetBuilder};
 
-use crate::input::{Arenas, Feed, Inputs, null};
-use crate::queue::Reading;
+use crate::input::{ArenaSlices, NetInputs, TopicSource, null};
+use crate::queue::ValueReading;
 use crate::record::entry::Snapshot;
 
 /// A net that can be run. All memory it needs is in it.
@@ -26,14 +27,14 @@ pub struct Net {
     // Shared with who writes incident files; the last one of them is never dropped by the real-time thread, which
     // gives the whole net back.
     data: Arc<PlanData>,
-    checked: Checked,
+    checked: CheckedPlan,
     reals: Box<[f64]>,
     bools: Box<[u8]>,
     ints: Box<[i64]>,
     motions: MotionSet,
     /// Where the arms rested when its start values were computed, and the period that it was built for.
-    begun: Begun,
-    inputs: Inputs,
+    start_conditions: StartConditions,
+    inputs: NetInputs,
     outputs: Box<[DeviceOutput]>,
     /// Primitives in each run.
     run_lengths: Box<[u32]>,
@@ -52,22 +53,22 @@ pub struct Net {
 
 /// What a net begins from: the same gives the same net.
 #[derive(Clone, Debug)]
-pub struct Origin {
+pub struct NetOrigin {
     /// The plan, with start values.
     pub data: Arc<PlanData>,
     /// What its start values depend on.
-    pub begun: Begun,
+    pub start_conditions: StartConditions,
 }
 
 /// What start values depend on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Begun {
+pub struct StartConditions {
     /// The hold set-point of each device, `None` if it was not known.
     pub holds: Arc<[Option<Joints>]>,
     /// The executor's period, s.
     pub dt_s: f64,
     /// How many times it was prepared anew because its arms rested elsewhere at START; counted modulo 256.
-    pub anew: u8,
+    pub prepared_again: u8,
 }
 
 /// What one evaluation came to.
@@ -111,16 +112,16 @@ impl Net {
             .map_err(Refusal::Plan)?;
         let step_s = step_s(dt_s, data.rate);
         let motions = prepare(&mut data, models, holds, step_s).map_err(Refusal::Prepare)?;
-        let begun = Begun {
+        let start_conditions = StartConditions {
             holds: holds.into(),
             dt_s,
-            anew: 0,
+            prepared_again: 0,
         };
-        Ok(Net::made(
+        Ok(Net::assemble(
             Arc::new(data),
             checked,
             motions,
-            begun,
+            start_conditions,
             models.len(),
         ))
     }
@@ -131,14 +132,18 @@ impl Net {
     /// # Errors
     /// The plan does not check, or its start values cannot be computed.
     pub fn rebuild(
-        origin: &Origin,
+        origin: &NetOrigin,
         models: &[DeviceModel],
         configuration: u64,
     ) -> Result<Box<Net>, Refusal> {
-        let Begun { holds, dt_s, anew } = &origin.begun;
+        let StartConditions {
+            holds,
+            dt_s,
+            prepared_again,
+        } = &origin.start_conditions;
         let data = (*origin.data).clone();
         let mut net = Net::build(data, models, configuration, holds, *dt_s)?;
-        net.begun.anew = *anew;
+        net.start_conditions.prepared_again = *prepared_again;
         Ok(net)
     }
 
@@ -146,21 +151,28 @@ impl Net {
     ///
     /// # Errors
     /// Its start values cannot be computed from there.
-    pub fn anew(
-        origin: &Origin,
+    pub fn prepare_again(
+        origin: &NetOrigin,
         models: &[DeviceModel],
         configuration: u64,
         holds: &[Option<Joints>],
     ) -> Result<Box<Net>, Refusal> {
         let data = (*origin.data).clone();
-        let mut net = Net::build(data, models, configuration, holds, origin.begun.dt_s)?;
-        net.begun.anew = origin.begun.anew.wrapping_add(1);
+        let mut net = Net::build(
+            data,
+            models,
+            configuration,
+            holds,
+            origin.start_conditions.dt_s,
+        )?;
+        net.start_conditions.prepared_again =
+            origin.start_conditions.prepared_again.wrapping_add(1);
         Ok(net)
     }
 
-    /// How many times it was prepared anew, as [`Begun::anew`].
-    pub fn times_anew(&self) -> u8 {
-        self.begun.anew
+    /// How many times it was prepared anew, as [`StartConditions::prepared_again`].
+    pub fn prepared_again(&self) -> u8 {
+        self.start_conditions.prepared_again
     }
 
     /// Number of its primitives.
@@ -171,23 +183,23 @@ impl Net {
             .sum()
     }
 
-    fn made(
+    fn assemble(
         data: Arc<PlanData>,
-        checked: Checked,
+        checked: CheckedPlan,
         motions: MotionSet,
-        begun: Begun,
+        start_conditions: StartConditions,
         devices: usize,
     ) -> Box<Net> {
         Box::new(Net {
             reals: data.reals.clone().into(),
             bools: data.bools.clone().into(),
             ints: data.ints.clone().into(),
-            inputs: Inputs::of(&data.inputs),
+            inputs: NetInputs::of(&data.inputs),
             outputs: vec![DeviceOutput::NONE; devices].into(),
             run_lengths: data.runs.iter().map(primitives_in).collect(),
             expected_ns: 0,
             motions,
-            begun,
+            start_conditions,
             checked,
             data,
             cycles: 0,
@@ -199,10 +211,10 @@ impl Net {
     }
 
     /// What the net begins from. Not for the real-time thread.
-    pub fn origin(&self) -> Origin {
-        Origin {
+    pub fn origin(&self) -> NetOrigin {
+        NetOrigin {
             data: Arc::clone(&self.data),
-            begun: self.begun.clone(),
+            start_conditions: self.start_conditions.clone(),
         }
     }
 
@@ -268,7 +280,7 @@ impl Net {
     ///
     /// # Errors
     /// A value lies outside of the net.
-    pub fn read(&self, reading: &mut Reading) -> Result<(), Refusal> {
+    pub fn read(&self, reading: &mut ValueReading) -> Result<(), Refusal> {
         let mut room = reading.values.words.iter_mut();
         for (point, value) in reading.points.iter().zip(0u32..) {
             self.copy(*point, &mut room)
@@ -287,7 +299,7 @@ impl Net {
 
     /// Gives a value of it to another net; one of another width or kind of slot, which a plan that lies about its types has,
     /// is null.
-    pub fn give(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
+    pub fn copy_published(&self, publish: usize, to: &InputPoint, room: &mut [u64]) {
         room.fill(null(to.store));
         let point = self.data.publishes.get(publish);
         let fits = |point: &&PublishPoint| point.store == to.store && point.width == to.width;
@@ -308,7 +320,7 @@ impl Net {
         &mut self,
         (cycle, version): (u64, u64),
         nets: &Nets,
-        find: impl Fn(&InputPoint) -> Option<Feed>,
+        find: impl Fn(&InputPoint) -> Option<TopicSource>,
     ) {
         let points = &self.data.inputs;
         self.inputs.bind(points, version, find);
@@ -317,9 +329,9 @@ impl Net {
     }
 
     /// The first evaluation did not count: the state after `build`, and what was set waits again.
-    pub fn begin_again(&mut self) {
+    pub fn reset_after_refused_start(&mut self) {
         self.reset();
-        self.inputs.wait_again(&self.data.inputs);
+        self.inputs.restore_first(&self.data.inputs);
     }
 
     /// It shows values of other nets.
@@ -367,12 +379,12 @@ impl Net {
     }
 
     /// What is set from outside and waits for the next evaluation.
-    pub fn inputs(&self) -> &Inputs {
+    pub fn inputs(&self) -> &NetInputs {
         &self.inputs
     }
 
     /// The same, to be changed.
-    pub fn inputs_mut(&mut self) -> &mut Inputs {
+    pub fn inputs_mut(&mut self) -> &mut NetInputs {
         &mut self.inputs
     }
 
@@ -399,7 +411,7 @@ impl Net {
     }
 
     /// As [`Net::evaluate`], and tells `seen` the index and the state of each motion that is stepped.
-    pub fn evaluate_seen(
+    pub fn evaluate_observed(
         &mut self,
         models: &[DeviceModel],
         devices: &[DeviceInput],
@@ -407,7 +419,7 @@ impl Net {
         seen: impl FnMut(usize, &MotionState),
     ) -> Evaluation {
         self.evaluate_with(models, devices, dt_s, |plan, frame| {
-            let mut motions = Seen {
+            let mut motions = ObservedMotions {
                 motions: &mut *frame.motions,
                 seen,
             };
@@ -473,7 +485,7 @@ impl Net {
     ) -> Evaluation {
         self.outputs.fill(DeviceOutput::NONE);
         let step_s = step_s(dt_s, self.data.rate);
-        let mut arenas = Arenas {
+        let mut arenas = ArenaSlices {
             reals: &mut self.reals,
             bools: &mut self.bools,
             ints: &mut self.ints,
@@ -556,20 +568,20 @@ impl Net {
 }
 
 /// Motions whose states are shown to somebody.
-struct Seen<'a, F> {
+struct ObservedMotions<'a, F> {
     motions: &'a mut dyn Motions,
     seen: F,
 }
 
-impl<F: FnMut(usize, &MotionState)> Motions for Seen<'_, F> {
-    fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState> {
+impl<F: FnMut(usize, &MotionState)> Motions for ObservedMotions<'_, F> {
+    fn step(&mut self, index: usize, drive: SpeedOverride) -> Option<MotionState> {
         let state = self.motions.step(index, drive)?;
         (self.seen)(index, &state);
         Some(state)
     }
 
-    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
-        self.motions.way(from, goal, limits)
+    fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
+        self.motions.plan_axis(from, goal, limits)
     }
 }
 
@@ -583,7 +595,7 @@ fn step_s(dt_s: f64, rate: Rate) -> f64 {
 }
 
 /// Fills a monitor record.
-pub fn record(
+pub fn monitor_record(
     cycle: u64,
     stamp_ns: u64,
     command: u64,
@@ -613,7 +625,7 @@ fn prepare(
     holds: &[Option<Joints>],
     dt_s: f64,
 ) -> Result<MotionSet, PrepareFault> {
-    let mut motions = Builder::new(models, holds, dt_s, data.clocks);
+    let mut motions = MotionSetBuilder::new(models, holds, dt_s, data.clocks);
     for run in &data.runs {
         let Some((entry, kernel)) = primitives::kernel(run.kernel) else {
             continue;
@@ -640,7 +652,7 @@ fn prepare(
 }
 
 /// Number of primitives in a run.
-fn primitives_in(run: &Run) -> u32 {
+fn primitives_in(run: &KernelRun) -> u32 {
     let group = primitives::kernel(run.kernel)
         .map_or(1, |(entry, kernel)| entry.spec.operands(kernel).count());
     run.operands / (group.max(1) as u32)
@@ -656,7 +668,7 @@ pub(crate) mod tests {
     /// A net of one `Termination` that never ends.
     pub(crate) fn endless() -> Box<Net> {
         let (termination, _) = primitives::find("Termination").unwrap();
-        let run = Run {
+        let run = KernelRun {
             kernel: primitives::kernel_number(termination, 0),
             first: 0,
             operands: 1,

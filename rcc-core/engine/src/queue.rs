@@ -5,24 +5,24 @@ use rcc_core::message::{FaultRecord, Measurement, MonitorRecord};
 use rcc_core::plan::ValuePoint;
 use rcc_core::timing::LateCycle;
 use rcc_ipc::BoardReader;
-use rcc_ipc::control::{Answer, InputValue, Refusal, SWITCH_MAX, Values};
+use rcc_ipc::control::{Answer, InputValue, NetValues, Refusal, SWITCH_MAX};
 use rtrb::{Consumer, Producer};
 
 use crate::net::Net;
 
 /// Orders to the real-time thread that may wait.
-pub const ORDERS: usize = 256;
+pub const REQUESTS_MAX: usize = 256;
 /// Outcomes that may wait for the intake thread; the real-time thread takes no order without room for its outcomes.
-pub const OUTCOMES: usize = 1024;
+pub const REPLIES_MAX: usize = 1024;
 /// Monitor records that may wait for the pump thread.
-pub const RECORDS: usize = 16_384;
+pub const RECORDS_MAX: usize = 16_384;
 /// Events that may wait for the pump thread.
-pub const EVENTS: usize = 4096;
+pub const EVENTS_MAX: usize = 4096;
 
 /// To the real-time thread. `ticket` names the caller who waits for the answer.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
-pub enum Order {
+pub enum EngineRequest {
     /// Gives out a row of the command table.
     Reserve { ticket: u64 },
     /// Makes a loading command ready.
@@ -35,7 +35,7 @@ pub enum Order {
     /// START.
     Start { ticket: u64, id: u64 },
     /// Hand-over: stops and starts commands between the same two cycles, or changes nothing; 0 names none.
-    Switch {
+    Handover {
         ticket: u64,
         stop: [u64; SWITCH_MAX],
         start: [u64; SWITCH_MAX],
@@ -56,7 +56,7 @@ pub enum Order {
     Read {
         ticket: u64,
         id: u64,
-        reading: Reading,
+        reading: ValueReading,
     },
     /// Freezes the flight recorder.
     Record { ticket: u64 },
@@ -74,35 +74,35 @@ pub enum Order {
 
 /// What is to be read, with room for it.
 #[derive(Debug)]
-pub struct Reading {
+pub struct ValueReading {
     /// Where it is.
     pub points: Vec<ValuePoint>,
     /// What is read.
-    pub values: Values,
+    pub values: NetValues,
 }
 
-impl Reading {
+impl ValueReading {
     /// With as much room as the points need. Not for the real-time thread.
-    pub fn of(points: Vec<ValuePoint>) -> Reading {
+    pub fn of(points: Vec<ValuePoint>) -> ValueReading {
         let elements: usize = points.iter().map(|point| point.width as usize).sum();
-        let values = Values {
+        let values = NetValues {
             words: vec![0; elements],
-            ..Values::default()
+            ..NetValues::default()
         };
-        Reading { points, values }
+        ValueReading { points, values }
     }
 }
 
 /// From the real-time thread to the intake thread.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Debug)]
-pub enum Outcome {
+pub enum EngineReply {
     /// An order is done or refused.
     Answer { ticket: u64, answer: Answer },
     /// What was read, or why not.
     Read {
         ticket: u64,
-        reading: Reading,
+        reading: ValueReading,
         refused: Option<Refusal>,
     },
     /// A net that is not needed any more.
@@ -116,7 +116,7 @@ pub enum Outcome {
 /// From the real-time thread to the log.
 #[allow(missing_docs)] // The fields are named in the sentence of their variant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Event {
+pub enum EngineEvent {
     /// A command changed its state (numbers of `CommandState` and `EndReason`).
     Command {
         cycle: u64,
@@ -146,47 +146,47 @@ pub enum Event {
 
 /// The real-time thread's ends of all rings.
 #[derive(Debug)]
-pub struct RtEnds {
+pub struct RtRingEnds {
     /// Orders in.
-    pub orders: Consumer<Order>,
+    pub requests: Consumer<EngineRequest>,
     /// Outcomes out.
-    pub outcomes: Producer<Outcome>,
+    pub replies: Producer<EngineReply>,
     /// Monitor records out.
     pub records: Producer<MonitorRecord>,
     /// Events out.
-    pub events: Producer<Event>,
+    pub events: Producer<EngineEvent>,
 }
 
 /// The helper threads' ends.
 #[derive(Debug)]
-pub struct HelperEnds {
+pub struct HelperRingEnds {
     /// Orders out.
-    pub orders: Producer<Order>,
+    pub requests: Producer<EngineRequest>,
     /// Outcomes in.
-    pub outcomes: Consumer<Outcome>,
+    pub replies: Consumer<EngineReply>,
     /// Monitor records in.
     pub records: Consumer<MonitorRecord>,
     /// Events in.
-    pub events: Consumer<Event>,
+    pub events: Consumer<EngineEvent>,
 }
 
 /// Makes all rings.
-pub fn rings() -> (RtEnds, HelperEnds) {
-    let (order_in, orders) = rtrb::RingBuffer::new(ORDERS);
-    let (outcomes, outcome_out) = rtrb::RingBuffer::new(OUTCOMES);
-    let (records, record_out) = rtrb::RingBuffer::new(RECORDS);
-    let (events, event_out) = rtrb::RingBuffer::new(EVENTS);
-    let rt = RtEnds {
-        orders,
-        outcomes,
+pub fn rings() -> (RtRingEnds, HelperRingEnds) {
+    let (request_in, requests) = rtrb::RingBuffer::new(REQUESTS_MAX);
+    let (replies, reply_out) = rtrb::RingBuffer::new(REPLIES_MAX);
+    let (records, record_out) = rtrb::RingBuffer::new(RECORDS_MAX);
+    let (events, event_out) = rtrb::RingBuffer::new(EVENTS_MAX);
+    let rt = RtRingEnds {
+        requests,
+        replies,
         records,
         events,
     };
     (
         rt,
-        HelperEnds {
-            orders: order_in,
-            outcomes: outcome_out,
+        HelperRingEnds {
+            requests: request_in,
+            replies: reply_out,
             records: record_out,
             events: event_out,
         },

@@ -15,9 +15,12 @@ use rcc_core::message::{COMMANDS_MAX, CommandState, DEVICES_MAX, EndReason, Faul
 use rtrb::{Consumer, Producer};
 
 use crate::net::{Evaluation, Net};
-use crate::queue::Order;
-use entry::{BEGINS, CANCEL, MEASUREMENT_WORDS, OrderKind, Tag, anew_flags, head, outcome_number};
-use ring::Ring;
+use crate::queue::EngineRequest;
+use entry::{
+    BEGINS, CANCEL, MEASUREMENT_WORDS, RecordTag, RequestKind, head, outcome_number,
+    prepared_again_flags,
+};
+use ring::RecordRing;
 
 /// So long the recording goes on after what freezes it, ns.
 pub const POST_TRIGGER_NS: u64 = 200_000_000;
@@ -39,7 +42,7 @@ pub struct RecorderConfig {
 
 /// Why a recording was frozen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reason {
+pub enum TriggerReason {
     /// A net ended by a fault.
     Fault {
         /// Its id.
@@ -57,7 +60,7 @@ pub enum Reason {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trigger {
     /// Why.
-    pub reason: Reason,
+    pub reason: TriggerReason,
     /// In which cycle.
     pub cycle: u64,
     /// CLOCK_MONOTONIC of that cycle.
@@ -68,9 +71,9 @@ pub struct Trigger {
 
 /// A recording that is over.
 #[derive(Debug)]
-pub struct Recording {
+pub struct FrozenRecording {
     /// What was recorded.
-    pub ring: Box<Ring>,
+    pub ring: Box<RecordRing>,
     /// Why it ended.
     pub trigger: Trigger,
 }
@@ -79,20 +82,20 @@ pub struct Recording {
 #[derive(Debug)]
 pub struct RecorderHelper {
     /// Recordings that are over.
-    pub recordings: Consumer<Recording>,
+    pub recordings: Consumer<FrozenRecording>,
     /// Rings that were written to disk.
-    pub spare: Producer<Box<Ring>>,
+    pub spare: Producer<Box<RecordRing>>,
 }
 
 #[derive(Debug)]
-struct Pending {
+struct PendingTrigger {
     trigger: Trigger,
     due_cycle: u64,
 }
 
 /// What is known to stand in the ring about a device.
 #[derive(Clone, Copy, Debug)]
-struct Written {
+struct WrittenInput {
     present: bool,
     words: [u64; MEASUREMENT_WORDS],
     /// In this cycle it was written already.
@@ -102,11 +105,11 @@ struct Written {
 /// The real-time thread's part of the flight recorder.
 #[derive(Debug)]
 pub struct Recorder {
-    ring: Box<Ring>,
-    spare: Option<Box<Ring>>,
-    recordings: Producer<Recording>,
-    spares: Consumer<Box<Ring>>,
-    devices: Box<[Written]>,
+    ring: Box<RecordRing>,
+    spare: Option<Box<RecordRing>>,
+    recordings: Producer<FrozenRecording>,
+    spares: Consumer<Box<RecordRing>>,
+    devices: Box<[WrittenInput]>,
     /// Bit r: the net in row r is due for a snapshot.
     due: u64,
     snapshot_step: u64,
@@ -122,7 +125,7 @@ pub struct Recorder {
     busy: bool,
     /// All devices are written in the next cycle: a new ring knows nothing.
     blank: bool,
-    pending: Option<Pending>,
+    pending: Option<PendingTrigger>,
 }
 
 impl Recorder {
@@ -133,15 +136,15 @@ impl Recorder {
         let words = config.memory / 2 / size_of::<u64>();
         let (recording_in, recordings) = rtrb::RingBuffer::new(2);
         let (spare, spares) = rtrb::RingBuffer::new(2);
-        let ring = Ring::new(words, cycles);
+        let ring = RecordRing::new(words, cycles);
         let recorder = Recorder {
             snapshot_words_max: ring.capacity() / 8,
-            spare: Some(Ring::new(words, cycles)),
+            spare: Some(RecordRing::new(words, cycles)),
             ring,
             recordings: recording_in,
             spares,
             devices: vec![
-                Written {
+                WrittenInput {
                     present: false,
                     words: [0; MEASUREMENT_WORDS],
                     fresh: false,
@@ -168,7 +171,8 @@ impl Recorder {
     pub fn begin(&mut self, cycle: u64, woke_ns: u64, inputs: &[DeviceInput]) {
         (self.cycle, self.woke_ns, self.busy) = (cycle, woke_ns, false);
         self.ring.begin_cycle();
-        self.ring.push(&[head(Tag::Cycle, 0, 0, 2), cycle, woke_ns]);
+        self.ring
+            .push(&[head(RecordTag::Cycle, 0, 0, 2), cycle, woke_ns]);
         if cycle.checked_rem(self.snapshot_step) == Some(0) {
             let row = cycle.checked_div(self.snapshot_step).unwrap_or(0) % COMMANDS_MAX as u64;
             self.due |= 1 << row;
@@ -203,9 +207,10 @@ impl Recorder {
     }
 
     /// An order is obeyed or refused in this cycle.
-    pub fn order(&mut self, order: &Order) {
-        let (kind, id) = kind_of(order);
-        self.ring.push(&[head(Tag::Order, kind as u8, 0, 1), id]);
+    pub fn request(&mut self, request: &EngineRequest) {
+        let (kind, id) = kind_of(request);
+        self.ring
+            .push(&[head(RecordTag::EngineRequest, kind as u8, 0, 1), id]);
     }
 
     /// A command changed its state; a fault freezes the recording.
@@ -214,23 +219,23 @@ impl Recorder {
         let words: &[u64; WORDS] = bytemuck::cast_ref(fault);
         let states = u64::from(state) | u64::from(reason) << 32;
         self.ring
-            .push(&[head(Tag::State, 0, 0, 2 + WORDS), id, states]);
+            .push(&[head(RecordTag::State, 0, 0, 2 + WORDS), id, states]);
         self.ring.push(words);
         if state == CommandState::Terminated as u32 && reason == EndReason::Fault as u32 {
-            self.trigger(Reason::Fault { id, fault: *fault });
+            self.trigger(TriggerReason::Fault { id, fault: *fault });
         }
     }
 
     /// A net is about to be evaluated, and sees this value from now on.
     pub fn set(&mut self, id: u64, input: u32, words: &[u64], late: u16) {
-        let head = head(Tag::Set, 0, late, 2 + words.len());
+        let head = head(RecordTag::Set, 0, late, 2 + words.len());
         self.ring.push(&[head, id, u64::from(input)]);
         self.ring.push(words);
     }
 
     /// A net was evaluated: `begins` from its initial state, with `cancel` as it saw it.
-    pub fn net(&mut self, evaluated: Evaluated<'_>) {
-        let Evaluated {
+    pub fn net(&mut self, evaluated: EvaluationRecord<'_>) {
+        let EvaluationRecord {
             row,
             id,
             net,
@@ -245,11 +250,11 @@ impl Recorder {
             self.due &= !bit;
         }
         let flags = if begins { BEGINS } else { 0 } | if cancel { CANCEL } else { 0 };
-        let flags = flags | anew_flags(net.times_anew());
+        let flags = flags | prepared_again_flags(net.prepared_again());
         let outcome = outcome_number(evaluation);
         let (reals, bools, ints) = net.arenas();
         self.ring.push(&[
-            head(Tag::Net, outcome, flags, 4),
+            head(RecordTag::Net, outcome, flags, 4),
             id,
             net.cycles,
             dt_s.to_bits(),
@@ -267,14 +272,14 @@ impl Recorder {
         let packed = bools.len().div_ceil(8);
         let words = 5 + reals.len() + ints.len() + packed + net.motions().words();
         if words > self.snapshot_words_max {
-            let head = head(Tag::TooLarge, 0, 0, 2);
+            let head = head(RecordTag::TooLarge, 0, 0, 2);
             self.ring.push(&[head, id, words as u64]);
             return;
         }
         self.inputs_again();
         let lengths = [reals.len() as u64, ints.len() as u64, packed as u64];
         let [reals_len, ints_len, bools_len] = lengths;
-        let head = head(Tag::Snapshot, 0, flags, words);
+        let head = head(RecordTag::Snapshot, 0, flags, words);
         self.ring
             .push(&[head, id, net.cycles, reals_len, ints_len, bools_len]);
         self.ring.push(bytemuck::cast_slice(reals));
@@ -288,10 +293,10 @@ impl Recorder {
     }
 
     /// Freezes the recording, soon.
-    pub fn trigger(&mut self, reason: Reason) {
+    pub fn trigger(&mut self, reason: TriggerReason) {
         let after = self.cycle + self.post_cycles;
         let due_cycle = match reason {
-            Reason::Request => after,
+            TriggerReason::Request => after,
             _ => after.max(self.earliest_cycle),
         };
         if let Some(pending) = &mut self.pending {
@@ -305,12 +310,12 @@ impl Recorder {
             stamp_ns: self.woke_ns,
             others: 0,
         };
-        self.pending = Some(Pending { trigger, due_cycle });
+        self.pending = Some(PendingTrigger { trigger, due_cycle });
     }
 
     /// The cycle is over: how it went, and if a frozen recording is due, the other ring takes its place.
     pub fn end(&mut self, wake_ns: u64, exec_ns: u64, skipped: u64) {
-        let head = head(Tag::Times, 0, 0, 3);
+        let head = head(RecordTag::Times, 0, 0, 3);
         self.ring.push(&[head, wake_ns, exec_ns, skipped]);
         if self.spare.is_none() {
             self.spare = self.spares.pop().ok();
@@ -338,7 +343,7 @@ impl Recorder {
         };
         let ring = std::mem::replace(&mut self.ring, spare);
         let trigger = pending.trigger;
-        let full = self.recordings.push(Recording { ring, trigger });
+        let full = self.recordings.push(FrozenRecording { ring, trigger });
         if let Err(rtrb::PushError::Full(recording)) = full {
             // Unreachable: there was room.
             self.spare = Some(recording.ring);
@@ -350,7 +355,7 @@ impl Recorder {
 
 /// What is recorded of an evaluation.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluated<'a> {
+pub struct EvaluationRecord<'a> {
     /// Row of the command table.
     pub row: usize,
     /// Id of the command.
@@ -367,30 +372,30 @@ pub struct Evaluated<'a> {
     pub dt_s: f64,
 }
 
-fn push_input(ring: &mut Ring, index: usize, device: &Written) {
+fn push_input(ring: &mut RecordRing, index: usize, device: &WrittenInput) {
     let index = index as u8;
     if device.present {
-        ring.push(&[head(Tag::Input, index, 0, MEASUREMENT_WORDS)]);
+        ring.push(&[head(RecordTag::Input, index, 0, MEASUREMENT_WORDS)]);
         ring.push(&device.words);
     } else {
-        ring.push(&[head(Tag::Input, index, 0, 0)]);
+        ring.push(&[head(RecordTag::Input, index, 0, 0)]);
     }
 }
 
-fn kind_of(order: &Order) -> (OrderKind, u64) {
-    match order {
-        Order::Install { id, .. } => (OrderKind::Install, *id),
-        Order::Renew { id, .. } => (OrderKind::Renew, *id),
-        Order::Reject { id, .. } => (OrderKind::Reject, *id),
-        Order::Start { id, .. } => (OrderKind::Start, *id),
-        Order::Cancel { id, .. } => (OrderKind::Cancel, *id),
-        Order::Abort { id, .. } => (OrderKind::Abort, *id),
-        Order::Unload { id, .. } => (OrderKind::Unload, *id),
-        Order::Attach { device, .. } => (OrderKind::Attach, *device as u64),
-        Order::Detach { device, .. } => (OrderKind::Detach, *device as u64),
-        Order::Set { id, .. } => (OrderKind::Set, *id),
-        Order::Read { id, .. } => (OrderKind::Read, *id),
-        Order::Record { .. } => (OrderKind::Record, 0),
-        _ => (OrderKind::Other, 0),
+fn kind_of(request: &EngineRequest) -> (RequestKind, u64) {
+    match request {
+        EngineRequest::Install { id, .. } => (RequestKind::Install, *id),
+        EngineRequest::Renew { id, .. } => (RequestKind::Renew, *id),
+        EngineRequest::Reject { id, .. } => (RequestKind::Reject, *id),
+        EngineRequest::Start { id, .. } => (RequestKind::Start, *id),
+        EngineRequest::Cancel { id, .. } => (RequestKind::Cancel, *id),
+        EngineRequest::Abort { id, .. } => (RequestKind::Abort, *id),
+        EngineRequest::Unload { id, .. } => (RequestKind::Unload, *id),
+        EngineRequest::Attach { device, .. } => (RequestKind::Attach, *device as u64),
+        EngineRequest::Detach { device, .. } => (RequestKind::Detach, *device as u64),
+        EngineRequest::Set { id, .. } => (RequestKind::Set, *id),
+        EngineRequest::Read { id, .. } => (RequestKind::Read, *id),
+        EngineRequest::Record { .. } => (RequestKind::Record, 0),
+        _ => (RequestKind::Other, 0),
     }
 }

@@ -13,13 +13,15 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::message::{DeviceState, Joints, MAGIC, Measurement};
 use rcc_core::path::MotionState;
 use rcc_ipc::control::{InputValue, Refusal};
-use rcc_ipc::rehearsal::{Foreseen, Place, RehearsalEnd, Rehearsed, Rounding};
+use rcc_ipc::rehearsal::{
+    LegPosition, PredictedViolation, RehearsalEnd, RehearsalReport, ShortenedBlend,
+};
 
 use crate::net::{Evaluation, Net};
 
-mod watch;
+mod arm_monitor;
 
-use watch::Watch;
+use arm_monitor::ArmMonitor;
 
 /// Virtual time that is rehearsed, s.
 pub const TIME_MAX_S: f64 = 20.0;
@@ -30,7 +32,7 @@ pub const WAITS_S: f64 = 3.0;
 
 /// What a net is rehearsed in.
 #[derive(Clone, Copy, Debug)]
-pub struct Scene<'a> {
+pub struct RehearsalScene<'a> {
     /// The devices of the cell.
     pub models: &'a [DeviceModel],
     /// What they measure now; one that is not present is quiet.
@@ -47,55 +49,58 @@ pub struct Scene<'a> {
 ///
 /// # Errors
 /// [`Refusal::Foreseen`]: the first limit that it would break.
-pub fn rehearse(net: &mut Net, scene: &Scene<'_>) -> Result<Option<Rehearsed>, Refusal> {
+pub fn rehearse(
+    net: &mut Net,
+    scene: &RehearsalScene<'_>,
+) -> Result<Option<RehearsalReport>, Refusal> {
     let arms = net.resources().arms;
     if arms == 0 {
         return Ok(None);
     }
-    let begun = Instant::now();
+    let started = Instant::now();
     let (shortened, most_shortened) = shortened(net);
-    let stage = Stage::new(arms, scene);
-    let mut result = match stage {
-        Some(mut stage) => {
+    let virtual_devices = VirtualDevices::new(arms, scene);
+    let mut result = match virtual_devices {
+        Some(mut virtual_devices) => {
             // One that is refused was refused when it was set, too.
             let _ = net.set(scene.values);
-            let result = stage.run(net, scene);
+            let result = virtual_devices.run(net, scene);
             net.reset();
-            net.inputs_mut().forget();
+            net.inputs_mut().discard_staged();
             result
         }
         None => Ok(elsewhere()),
     };
     if let Ok(rehearsed) = &mut result {
         (rehearsed.shortened, rehearsed.most_shortened) = (shortened, most_shortened);
-        rehearsed.took_ns = begun.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
+        rehearsed.took_ns = started.elapsed().as_nanos().try_into().unwrap_or(u64::MAX);
     }
     result.map(Some).map_err(Refusal::Foreseen)
 }
 
 /// How many roundings are smaller than asked for, and the one that lacks most.
-fn shortened(net: &Net) -> (u32, Option<Rounding>) {
+fn shortened(net: &Net) -> (u32, Option<ShortenedBlend>) {
     let roundings = net
         .motions()
         .shortened()
-        .map(|(motion, shortened)| Rounding {
+        .map(|(motion, shortened)| ShortenedBlend {
             motion: motion as u32,
             leg: shortened.leg,
             asked_m: shortened.asked_m,
             made_m: shortened.made_m,
         });
-    let lacks = |rounding: &Rounding| rounding.asked_m - rounding.made_m;
+    let lacks = |rounding: &ShortenedBlend| rounding.asked_m - rounding.made_m;
     roundings.fold((0, None), |(count, most), next| match most {
         Some(most) if lacks(&most) >= lacks(&next) => (count + 1, Some(most)),
         _ => (count + 1, Some(next)),
     })
 }
 
-fn elsewhere() -> Rehearsed {
-    Rehearsed {
+fn elsewhere() -> RehearsalReport {
+    RehearsalReport {
         time_s: 0.0,
         end: RehearsalEnd::Elsewhere,
-        peaks: watch::NO_PEAKS,
+        peaks: arm_monitor::NO_PEAKS,
         singularity: f64::NAN,
         shortened: 0,
         most_shortened: None,
@@ -104,21 +109,21 @@ fn elsewhere() -> Rehearsed {
 }
 
 /// The devices in virtual time, who watches the arms, and where the motions are.
-struct Stage {
+struct VirtualDevices {
     inputs: Vec<DeviceInput>,
-    watches: Vec<Watch>,
+    monitors: Vec<ArmMonitor>,
     /// By index of the motion: the last path parameter.
     reached: Vec<f64>,
 }
 
 /// Where the motion that is under way was when the first rule was broken, and its path parameter there.
-type At = Option<(Place, f64)>;
+type ActiveMotion = Option<(LegPosition, f64)>;
 
-impl Stage {
+impl VirtualDevices {
     /// `None` if it is not known where an arm rests.
-    fn new(arms: u64, scene: &Scene<'_>) -> Option<Stage> {
+    fn new(arms: u64, scene: &RehearsalScene<'_>) -> Option<VirtualDevices> {
         let mut inputs = Vec::with_capacity(scene.models.len());
-        let mut watches = Vec::new();
+        let mut monitors = Vec::new();
         for (index, model) in scene.models.iter().enumerate() {
             let input = scene.devices.get(index).filter(|input| input.present);
             let mut measurement = input.map_or_else(|| quiet(model), |input| input.measurement);
@@ -126,43 +131,49 @@ impl Stage {
                 let hold = scene.holds.get(index).copied().flatten()?;
                 (measurement.hold, measurement.position) = (hold, hold);
                 measurement.state = DeviceState::Ready as u32;
-                watches.push(Watch::new(index, *model, hold));
+                monitors.push(ArmMonitor::new(index, *model, hold));
             }
             inputs.push(DeviceInput {
                 present: true,
                 measurement,
             });
         }
-        Some(Stage {
+        Some(VirtualDevices {
             inputs,
-            watches,
+            monitors,
             reached: Vec::new(),
         })
     }
 
-    fn run(&mut self, net: &mut Net, scene: &Scene<'_>) -> Result<Rehearsed, Foreseen> {
+    fn run(
+        &mut self,
+        net: &mut Net,
+        scene: &RehearsalScene<'_>,
+    ) -> Result<RehearsalReport, PredictedViolation> {
         let steps = steps_max(net, scene.dt_s);
         let waits = (WAITS_S / scene.dt_s) as u64;
         let (mut end, mut step, mut still) = (RehearsalEnd::TooLong, 0, 0);
-        let mut first: Option<(Foreseen, At)> = None;
+        let mut first: Option<(PredictedViolation, ActiveMotion)> = None;
         while step < steps {
             let time_s = step as f64 * scene.dt_s;
             let (evaluation, at) = self.evaluate(net, scene);
             if let Evaluation::Fault(code) = evaluation {
-                first = first.or(Some((watch::fault(code, time_s), at)));
+                first = first.or(Some((arm_monitor::fault(code, time_s), at)));
                 break;
             }
             let mut moved = false;
-            for watch in &mut self.watches {
-                let Some(output) = net.outputs().get(watch.device()) else {
+            for monitor in &mut self.monitors {
+                let Some(output) = net.outputs().get(monitor.device()) else {
                     continue;
                 };
-                let seen = watch.see(output, step == 0, scene.dt_s);
+                let seen = monitor.see(output, step == 0, scene.dt_s);
                 if seen.is_elsewhere {
                     return Ok(elsewhere());
                 }
                 moved |= seen.moves;
-                let broken = seen.broken.map(|broken| watch::foreseen(broken, time_s));
+                let broken = seen
+                    .violation
+                    .map(|broken| arm_monitor::foreseen(broken, time_s));
                 first = first.or(broken.map(|broken| (broken, at)));
             }
             self.follow(net, scene.dt_s);
@@ -177,20 +188,21 @@ impl Stage {
                 break;
             }
         }
-        let peaks = watch::peaks(&self.watches);
+        let peaks = arm_monitor::peaks(&self.monitors);
         match first {
-            Some((foreseen, at)) => Err(Foreseen {
-                speed: watch::speed(&peaks),
-                near: watch::near(&self.watches),
+            Some((foreseen, at)) => Err(PredictedViolation {
+                speed: arm_monitor::speed(&peaks),
+                near: arm_monitor::near(&self.monitors),
                 place: at.map(|(place, s)| self.placed(place, s)),
                 ..foreseen
             }),
-            None => Ok(Rehearsed {
+            None => Ok(RehearsalReport {
                 // What it waited for at the end is not a part of what was checked.
                 time_s: (step - still.min(step)) as f64 * scene.dt_s,
                 end,
                 peaks,
-                singularity: watch::near(&self.watches).map_or(f64::NAN, |near| near.distance),
+                singularity: arm_monitor::near(&self.monitors)
+                    .map_or(f64::NAN, |near| near.distance),
                 shortened: 0,
                 most_shortened: None,
                 took_ns: 0,
@@ -199,8 +211,12 @@ impl Stage {
     }
 
     /// One cycle, and where the motion is that is under way.
-    fn evaluate(&mut self, net: &mut Net, scene: &Scene<'_>) -> (Evaluation, At) {
-        let mut at: At = None;
+    fn evaluate(
+        &mut self,
+        net: &mut Net,
+        scene: &RehearsalScene<'_>,
+    ) -> (Evaluation, ActiveMotion) {
+        let mut at: ActiveMotion = None;
         let (inputs, reached) = (&self.inputs, &mut self.reached);
         let seen = |index: usize, state: &MotionState| {
             if reached.len() <= index {
@@ -209,7 +225,7 @@ impl Stage {
             reached[index] = state.path.s;
             let moves = state.path.velocity > 0.0;
             if moves || at.is_none() {
-                let place = Place {
+                let place = LegPosition {
                     motion: index as u32,
                     leg: state.leg,
                     fraction: f64::NAN,
@@ -218,15 +234,15 @@ impl Stage {
                 at = Some((place, state.path.s));
             }
         };
-        let evaluation = net.evaluate_seen(scene.models, inputs, scene.dt_s, seen);
+        let evaluation = net.evaluate_observed(scene.models, inputs, scene.dt_s, seen);
         (evaluation, at)
     }
 
     /// With the part of the way that the motion went until the rehearsal ended.
-    fn placed(&self, place: Place, s: f64) -> Place {
+    fn placed(&self, place: LegPosition, s: f64) -> LegPosition {
         let whole = self.reached.get(place.motion as usize).copied();
         let whole = whole.filter(|whole| *whole > 0.0);
-        Place {
+        LegPosition {
             fraction: whole.map_or(f64::NAN, |whole| s / whole),
             ..place
         }

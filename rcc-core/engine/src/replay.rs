@@ -11,19 +11,19 @@ use rcc_core::types::Store;
 
 use rcc_ipc::control::Refusal;
 
-use crate::net::{Evaluation, Net, Origin};
-use crate::record::entry::{Entries, Entry, NoRecord, Snapshot, input_of};
+use crate::net::{Evaluation, Net, NetOrigin};
+use crate::record::entry::{RecordEntries, RecordEntry, Snapshot, UnknownRecord, input_of};
 use crate::record::hash::{hash, real_word};
 
 /// What is replayed.
 #[derive(Clone, Copy, Debug)]
-pub struct Source<'a> {
+pub struct ReplaySource<'a> {
     /// The devices.
     pub models: &'a [DeviceModel],
     /// Fingerprint of the configuration that the plans were made for.
     pub configuration: u64,
     /// The nets by id.
-    pub nets: &'a BTreeMap<u64, Origin>,
+    pub nets: &'a BTreeMap<u64, NetOrigin>,
     /// The records.
     pub words: &'a [u64],
 }
@@ -33,7 +33,7 @@ pub struct Source<'a> {
 pub enum ReplayError {
     /// The recording is damaged.
     #[error(transparent)]
-    NoRecord(#[from] NoRecord),
+    UnknownRecord(#[from] UnknownRecord),
     /// A net cannot be evaluated by this build.
     #[error(
         "the plan of net {id} does not check here ({error:?}): replay it with the build that recorded it"
@@ -62,14 +62,14 @@ pub struct Mismatch {
     /// Cycle of the net, from 1.
     pub net_cycle: u64,
     /// What differs.
-    pub what: Different,
+    pub what: MismatchKind,
     /// The first slot that differs, if a later snapshot tells.
     pub slot: Option<SlotDifference>,
 }
 
 /// What differs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Different {
+pub enum MismatchKind {
     /// At least one slot.
     Slots,
     /// What came of the evaluation.
@@ -108,7 +108,7 @@ pub struct SlotDifference {
 
 /// What came of the replay of one net.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Replayed {
+pub struct NetReplayResult {
     /// Its id.
     pub id: u64,
     /// Cycles in which it was evaluated, according to the recording.
@@ -129,7 +129,7 @@ pub struct Replayed {
 
 /// One evaluation in a replay.
 #[derive(Clone, Copy, Debug)]
-pub struct Step<'a> {
+pub struct ReplayStep<'a> {
     /// Executor cycle.
     pub cycle: u64,
     /// CLOCK_MONOTONIC at which it woke.
@@ -142,11 +142,11 @@ pub struct Step<'a> {
     pub same: bool,
 }
 
-struct Track {
+struct NetReplay {
     net: Option<Box<Net>>,
     /// The net has a state that was recorded or follows from one.
     known: bool,
-    result: Replayed,
+    result: NetReplayResult,
 }
 
 /// Replays all records up to and with cycle `until` and shows each evaluation to `watch`.
@@ -154,30 +154,32 @@ struct Track {
 /// # Errors
 /// The recording cannot be read, or this build cannot evaluate its nets.
 pub fn replay(
-    source: &Source<'_>,
+    source: &ReplaySource<'_>,
     until: Option<u64>,
-    mut watch: impl FnMut(Step<'_>),
-) -> Result<Vec<Replayed>, ReplayError> {
+    mut watch: impl FnMut(ReplayStep<'_>),
+) -> Result<Vec<NetReplayResult>, ReplayError> {
     let absent = input_of(None);
     let mut inputs: Vec<DeviceInput> = vec![absent; source.models.len()];
-    let mut tracks: BTreeMap<u64, Track> = BTreeMap::new();
+    let mut net_replays: BTreeMap<u64, NetReplay> = BTreeMap::new();
     let (mut cycle, mut woke_ns) = (0, 0);
-    for entry in Entries::new(source.words) {
+    for entry in RecordEntries::new(source.words) {
         match entry? {
-            Entry::Cycle { cycle: next, .. } if until.is_some_and(|until| next > until) => break,
-            Entry::Cycle {
+            RecordEntry::Cycle { cycle: next, .. } if until.is_some_and(|until| next > until) => {
+                break;
+            }
+            RecordEntry::Cycle {
                 cycle: next,
                 woke_ns: at,
             } => (cycle, woke_ns) = (next, at),
-            Entry::Input { device, words } => {
+            RecordEntry::Input { device, words } => {
                 let place = inputs.get_mut(device);
                 *place.ok_or(ReplayError::NoDevice { cycle, device })? = input_of(words);
             }
-            entry @ Entry::Net { id, .. } => {
-                let track = track(&mut tracks, source, id)?;
-                let same = track.evaluate(source, &inputs, cycle, &entry);
-                if let (Some(same), Some(net)) = (same, &track.net) {
-                    watch(Step {
+            entry @ RecordEntry::Net { id, .. } => {
+                let net_replay = net_replay_of(&mut net_replays, source, id)?;
+                let same = net_replay.evaluate(source, &inputs, cycle, &entry);
+                if let (Some(same), Some(net)) = (same, &net_replay.net) {
+                    watch(ReplayStep {
                         cycle,
                         woke_ns,
                         id,
@@ -186,35 +188,43 @@ pub fn replay(
                     });
                 }
             }
-            Entry::Set {
+            RecordEntry::Set {
                 id,
                 input,
                 words,
                 late,
             } => {
-                if let Some(net) = &mut track(&mut tracks, source, id)?.net {
-                    net.inputs_mut().lay(input, words, late);
+                if let Some(net) = &mut net_replay_of(&mut net_replays, source, id)?.net {
+                    net.inputs_mut().stage_value(input, words, late);
                 }
             }
-            Entry::Snapshot(snapshot) => {
-                track(&mut tracks, source, snapshot.id)?.meet(&snapshot, cycle);
+            RecordEntry::Snapshot(snapshot) => {
+                net_replay_of(&mut net_replays, source, snapshot.id)?
+                    .compare_with_snapshot(&snapshot, cycle);
             }
-            Entry::TooLarge { id, words } => {
-                track(&mut tracks, source, id)?.result.too_large = words;
+            RecordEntry::TooLarge { id, words } => {
+                net_replay_of(&mut net_replays, source, id)?
+                    .result
+                    .too_large = words;
             }
-            Entry::Order { .. } | Entry::State { .. } | Entry::Times { .. } => {}
+            RecordEntry::EngineRequest { .. }
+            | RecordEntry::State { .. }
+            | RecordEntry::Times { .. } => {}
         }
     }
-    Ok(tracks.into_values().map(|track| track.result).collect())
+    Ok(net_replays
+        .into_values()
+        .map(|net_replay| net_replay.result)
+        .collect())
 }
 
-fn track<'t>(
-    tracks: &'t mut BTreeMap<u64, Track>,
-    source: &Source<'_>,
+fn net_replay_of<'t>(
+    net_replays: &'t mut BTreeMap<u64, NetReplay>,
+    source: &ReplaySource<'_>,
     id: u64,
-) -> Result<&'t mut Track, ReplayError> {
+) -> Result<&'t mut NetReplay, ReplayError> {
     use std::collections::btree_map::Entry as Place;
-    let place = match tracks.entry(id) {
+    let place = match net_replays.entry(id) {
         Place::Occupied(place) => return Ok(place.into_mut()),
         Place::Vacant(place) => place,
     };
@@ -225,7 +235,7 @@ fn track<'t>(
             Some(net.map_err(|error| ReplayError::Plan { id, error })?)
         }
     };
-    let result = Replayed {
+    let result = NetReplayResult {
         id,
         recorded: 0,
         compared: 0,
@@ -235,26 +245,26 @@ fn track<'t>(
         has_plan: net.is_some(),
         too_large: 0,
     };
-    Ok(place.insert(Track {
+    Ok(place.insert(NetReplay {
         net,
         known: false,
         result,
     }))
 }
 
-impl Track {
+impl NetReplay {
     /// Evaluates and compares; `None` while the state is not known.
     fn evaluate(
         &mut self,
-        source: &Source<'_>,
+        source: &ReplaySource<'_>,
         inputs: &[DeviceInput],
         cycle: u64,
-        entry: &Entry<'_>,
+        entry: &RecordEntry<'_>,
     ) -> Option<bool> {
-        let &Entry::Net {
+        let &RecordEntry::Net {
             begins,
             cancel,
-            anew,
+            prepared_again,
             evaluation,
             dt_s,
             cycles,
@@ -266,10 +276,10 @@ impl Track {
         };
         self.result.recorded += 1;
         let net = self.net.as_mut()?;
-        if anew != net.times_anew() {
+        if prepared_again != net.prepared_again() {
             // A START that was refused, before the net was prepared anew; what it saw is recorded again when it is seen
             // again.
-            net.inputs_mut().forget();
+            net.inputs_mut().discard_staged();
             return None;
         }
         if begins {
@@ -277,7 +287,7 @@ impl Track {
             self.known = true;
         }
         if !self.known {
-            net.inputs_mut().forget();
+            net.inputs_mut().discard_staged();
             return None;
         }
         net.cancel_requested = cancel;
@@ -285,12 +295,12 @@ impl Track {
         let (reals, bools, ints) = net.arenas();
         let different = if replayed != evaluation {
             let recorded = evaluation;
-            Some(Different::Evaluation { recorded, replayed })
+            Some(MismatchKind::Evaluation { recorded, replayed })
         } else if net.cycles != cycles {
             let (recorded, replayed) = (cycles, net.cycles);
-            Some(Different::Cycles { recorded, replayed })
+            Some(MismatchKind::Cycles { recorded, replayed })
         } else {
-            (hash(reals, bools, ints) != recorded).then_some(Different::Slots)
+            (hash(reals, bools, ints) != recorded).then_some(MismatchKind::Slots)
         };
         let result = &mut self.result;
         result.compared += 1;
@@ -310,7 +320,7 @@ impl Track {
     }
 
     /// At a snapshot: where the first difference is, if there was one; from here on the recorded state counts.
-    fn meet(&mut self, snapshot: &Snapshot<'_>, cycle: u64) {
+    fn compare_with_snapshot(&mut self, snapshot: &Snapshot<'_>, cycle: u64) {
         let Some(net) = &mut self.net else { return };
         if let Some(mismatch) = &mut self.result.mismatch
             && mismatch.slot.is_none()

@@ -4,7 +4,7 @@
 mod common;
 
 use bytemuck::Zeroable;
-use common::{Bench, HOLD, PERIOD_NS, Plan, line_net, model, output_net};
+use common::{EngineFixture, HOLD, PERIOD_NS, TestPlan, line_net, model, output_net};
 use rcc_core::message::{
     CommandState, DeviceState, EndReason, FaultCode, MAGIC, Measurement, SET_POINTS, SetPoint,
 };
@@ -29,29 +29,31 @@ const SENSELESS: [(&str, Spoil); 12] = [
     ("held nowhere", |m| m.hold[3] = f64::NAN),
 ];
 
-fn newest(bench: &Bench, device: usize) -> SetPoint {
-    let image = bench.engine.image(device).expect("a device");
+fn newest(fixture: &EngineFixture, device: usize) -> SetPoint {
+    let image = fixture.engine.image(device).expect("a device");
     *image.at(image.head.sequence).expect("the newest")
 }
 
 /// One cycle in which the arm's board holds `measurement`.
-fn cycle_with(bench: &mut Bench, measurement: Measurement) {
-    bench.now_ns += PERIOD_NS;
-    bench.engine.latch(0, Some((1, measurement)), bench.now_ns);
-    for (index, other) in bench.others.iter_mut().enumerate() {
-        other.stamp_ns = bench.now_ns;
+fn cycle_with(fixture: &mut EngineFixture, measurement: Measurement) {
+    fixture.now_ns += PERIOD_NS;
+    fixture
+        .engine
+        .latch(0, Some((1, measurement)), fixture.now_ns);
+    for (index, other) in fixture.others.iter_mut().enumerate() {
+        other.stamp_ns = fixture.now_ns;
         other.sequence += 1;
-        bench
+        fixture
             .engine
-            .latch(index + 1, Some((2, *other)), bench.now_ns);
+            .latch(index + 1, Some((2, *other)), fixture.now_ns);
     }
-    bench.engine.cycle(bench.now_ns);
-    bench.engine.account(0, 1000, 0);
+    fixture.engine.cycle(fixture.now_ns);
+    fixture.engine.account(0, 1000, 0);
 }
 
-fn fresh(bench: &Bench) -> Measurement {
-    let mut measurement = bench.driver.measurement;
-    measurement.stamp_ns = bench.now_ns + PERIOD_NS;
+fn fresh(fixture: &EngineFixture) -> Measurement {
+    let mut measurement = fixture.driver.measurement;
+    measurement.stamp_ns = fixture.now_ns + PERIOD_NS;
     measurement.sequence += 1;
     measurement
 }
@@ -61,56 +63,56 @@ fn a_board_that_makes_no_sense_loses_its_device_and_nothing_else() {
     for (words, spoil) in SENSELESS {
         let mut io = model();
         (io.joints, io.arm) = (0, None);
-        let mut bench = Bench::of_cell(vec![model(), io], 5, HOLD);
-        let arm = bench.load(line_net());
+        let mut fixture = EngineFixture::of_cell(vec![model(), io], 5, HOLD);
+        let arm = fixture.load(line_net());
         let mut other = output_net(1);
         // The same net, on the second device.
         other.operands[2] = 1;
-        let other = bench.load(other);
-        bench.start(other);
-        bench.start(arm);
-        bench.steps(30);
-        assert_eq!(bench.state(arm), CommandState::Running, "{words}");
-        let mut measurement = fresh(&bench);
+        let other = fixture.load(other);
+        fixture.start(other);
+        fixture.start(arm);
+        fixture.steps(30);
+        assert_eq!(fixture.state(arm), CommandState::Running, "{words}");
+        let mut measurement = fresh(&fixture);
         spoil(&mut measurement);
-        cycle_with(&mut bench, measurement);
+        cycle_with(&mut fixture, measurement);
         assert_eq!(
-            bench.engine.tables().devices[0].state,
+            fixture.engine.tables().devices[0].state,
             DeviceState::Offline as u32,
             "{words}"
         );
-        assert_eq!(bench.reason(arm), EndReason::Fault, "{words}");
+        assert_eq!(fixture.reason(arm), EndReason::Fault, "{words}");
         assert_eq!(
-            bench.entry(arm).fault.code,
+            fixture.entry(arm).fault.code,
             FaultCode::DeviceLost as u32,
             "{words}"
         );
-        assert_eq!(newest(&bench, 0).has_position, 0, "{words}");
-        assert_eq!(bench.state(other), CommandState::Running, "{words}");
-        assert_eq!(newest(&bench, 1).digital_commanded, 0b10, "{words}");
+        assert_eq!(newest(&fixture, 0).has_position, 0, "{words}");
+        assert_eq!(fixture.state(other), CommandState::Running, "{words}");
+        assert_eq!(newest(&fixture, 1).digital_commanded, 0b10, "{words}");
     }
 }
 
 #[test]
 fn exchanges_counted_backwards_stay_lost_until_the_driver_lives_anew() {
-    let mut bench = Bench::new();
-    bench.steps(10);
-    let mut measurement = fresh(&bench);
+    let mut fixture = EngineFixture::new();
+    fixture.steps(10);
+    let mut measurement = fresh(&fixture);
     measurement.sequence = 3;
     for _ in 0..3 {
-        measurement.stamp_ns = bench.now_ns + PERIOD_NS;
+        measurement.stamp_ns = fixture.now_ns + PERIOD_NS;
         measurement.sequence += 1;
-        cycle_with(&mut bench, measurement);
+        cycle_with(&mut fixture, measurement);
         assert_eq!(
-            bench.engine.tables().devices[0].state,
+            fixture.engine.tables().devices[0].state,
             DeviceState::Offline as u32
         );
     }
-    bench.driver.incarnation = 9;
-    bench.driver.measurement.sequence = 0;
-    bench.steps(2);
+    fixture.driver.incarnation = 9;
+    fixture.driver.measurement.sequence = 0;
+    fixture.steps(2);
     assert_eq!(
-        bench.engine.tables().devices[0].state,
+        fixture.engine.tables().devices[0].state,
         DeviceState::Ready as u32
     );
 }
@@ -118,23 +120,23 @@ fn exchanges_counted_backwards_stay_lost_until_the_driver_lives_anew() {
 #[test]
 fn a_measured_value_that_is_not_finite_is_null() {
     for value in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN] {
-        let mut bench = Bench::new();
-        let mut plan = Plan::new();
+        let mut fixture = EngineFixture::new();
+        let mut plan = TestPlan::new();
         let no = plan.bool(0);
         let [fx, fy, fz, tx, ty, tz] = [(); 6].map(|()| plan.reals(&[f64::NAN]));
         let wrench = plan.reals(&[f64::NAN; 6]);
         plan.add("ForceTorque", &[fx, fy, fz, tx, ty, tz, wrench, 0]);
         plan.add("Termination", &[no]);
         plan.monitor(Store::Real, fz, 1, 1);
-        let id = bench.load(plan.data);
-        bench.start(id);
-        let mut measurement = fresh(&bench);
+        let id = fixture.load(plan.data);
+        fixture.start(id);
+        let mut measurement = fresh(&fixture);
         measurement.wrench = [1.0, value, 3.0, 4.0, 5.0, 6.0];
-        bench.records();
-        cycle_with(&mut bench, measurement);
-        let record = bench.records().pop().expect("a record");
+        fixture.records();
+        cycle_with(&mut fixture, measurement);
+        let record = fixture.records().pop().expect("a record");
         assert!(record.values[0].is_nan(), "{value}");
-        assert_eq!(bench.state(id), CommandState::Running);
+        assert_eq!(fixture.state(id), CommandState::Running);
     }
 }
 
@@ -184,19 +186,19 @@ fn whatever_a_board_holds_no_set_point_leaves_the_limits_and_the_engine_goes_on(
     let limits = model().limits;
     let (mut moved, mut chance) = (0_u32, Chance(20_261_121));
     for _ in 0..300 {
-        let mut bench = Bench::new();
-        let id = bench.load(line_net());
-        bench.start(id);
-        bench.steps(1 + (chance.next() % 40) as usize);
-        let mut before = newest(&bench, 0);
+        let mut fixture = EngineFixture::new();
+        let id = fixture.load(line_net());
+        fixture.start(id);
+        fixture.steps(1 + (chance.next() % 40) as usize);
+        let mut before = newest(&fixture, 0);
         for _ in 0..100 {
-            let mut honest = fresh(&bench);
+            let mut honest = fresh(&fixture);
             // As if it followed, so that the net goes on while the rest of the board is nonsense.
             honest.hold = before.position;
             let measurement = random_measurement(&mut chance, &honest);
-            bench.driver.measurement.sequence = honest.sequence;
-            cycle_with(&mut bench, measurement);
-            let now = newest(&bench, 0);
+            fixture.driver.measurement.sequence = honest.sequence;
+            cycle_with(&mut fixture, measurement);
+            let now = newest(&fixture, 0);
             if now.has_position == 1 {
                 moved += 1;
                 for joint in 0..limits.joints {
@@ -214,8 +216,8 @@ fn whatever_a_board_holds_no_set_point_leaves_the_limits_and_the_engine_goes_on(
             }
             before = now;
         }
-        let image = bench.engine.image(0).expect("the arm");
-        assert_eq!(image.head.sequence, bench.engine.status().cycle);
+        let image = fixture.engine.image(0).expect("the arm");
+        assert_eq!(image.head.sequence, fixture.engine.status().cycle);
         assert_eq!(image.set_points.len(), SET_POINTS);
     }
     assert!(moved > 100, "the test tests nothing: {moved}");

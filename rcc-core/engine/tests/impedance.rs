@@ -2,17 +2,17 @@
 
 mod common;
 
-use common::{Bench, HOLD, Plan, drift_net, model};
+use common::{EngineFixture, HOLD, TestPlan, drift_net, model};
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::{ViolationKind, axis};
-use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
+use rcc_core::impedance::{Impedance, ImpedanceLimits, ControlStrategy};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
 use rcc_engine::net::Net;
-use rcc_engine::rehearsal::{Scene, rehearse};
+use rcc_engine::rehearsal::{RehearsalScene, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_ipc::rehearsal::Rule;
+use rcc_ipc::rehearsal::RehearsalRule;
 
-const CARTESIAN: u64 = Strategy::CartesianImpedance as u64;
+const CARTESIAN: u64 = ControlStrategy::CartesianImpedance as u64;
 
 const LIMITS: ImpedanceLimits = ImpedanceLimits {
     translation: [0.01, 5000.0],
@@ -26,18 +26,18 @@ const LIMITS: ImpedanceLimits = ImpedanceLimits {
 };
 
 /// An arm in Cartesian impedance.
-fn bench() -> Bench {
-    let mut bench = Bench::with(DeviceModel {
+fn fixture() -> EngineFixture {
+    let mut fixture = EngineFixture::with(DeviceModel {
         impedance: Some(LIMITS),
         ..model()
     });
-    bench.driver.measurement.strategy = CARTESIAN;
-    bench
+    fixture.driver.measurement.strategy = CARTESIAN;
+    fixture
 }
 
 /// Holds the arm; along z it is `from` (N/m) soft, and that changes by `rate` (N/m/s). Its wrench is `fz` along z.
 fn soft_net(from: f64, rate: f64, fz: f64) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let no = plan.bool(0);
     let [from, rate, time, way] =
         [from, rate, f64::NAN, f64::NAN].map(|value| plan.reals(&[value]));
@@ -73,11 +73,11 @@ fn refused(answer: Answer) -> (u32, f64, f64, ViolationKind) {
 
 #[test]
 fn springs_and_wrench_leave_with_the_position() {
-    let mut bench = bench();
-    let id = bench.load(soft_net(500.0, 1000.0, -5.0));
-    assert!(matches!(bench.start(id), Answer::Done { .. }));
-    bench.steps(100);
-    let told = bench.told();
+    let mut fixture = fixture();
+    let id = fixture.load(soft_net(500.0, 1000.0, -5.0));
+    assert!(matches!(fixture.start(id), Answer::Done { .. }));
+    fixture.steps(100);
+    let told = fixture.told();
     assert_eq!((told.has_position, told.impedance.strategy), (1, CARTESIAN));
     assert_eq!(told.impedance.added[2], -5.0);
     // 1000 N/m/s for 100 ms.
@@ -85,19 +85,19 @@ fn springs_and_wrench_leave_with_the_position() {
         (told.impedance.stiffness[2] - 600.0).abs() < 1e-6,
         "{told:?}"
     );
-    assert_eq!(bench.state(id), CommandState::Running);
+    assert_eq!(fixture.state(id), CommandState::Running);
 }
 
 #[test]
 fn a_net_for_another_strategy_is_refused_and_nothing_leaves() {
-    let mut soft = bench();
+    let mut soft = fixture();
     let id = soft.load(drift_net(HOLD[0], 0.0));
     let (joint, value, limit, kind) = refused(soft.start(id));
     assert_eq!((joint, kind), (0, ViolationKind::Strategy));
     assert_eq!((value, limit), (0.0, 1.0));
     assert_eq!(soft.state(id), CommandState::Ready);
     assert_eq!(soft.told().has_position, 0);
-    let mut stiff = bench();
+    let mut stiff = fixture();
     stiff.driver.measurement.strategy = 0;
     let id = stiff.load(soft_net(500.0, 0.0, 0.0));
     let (_, value, limit, kind) = refused(stiff.start(id));
@@ -110,16 +110,16 @@ fn a_net_for_another_strategy_is_refused_and_nothing_leaves() {
 
 #[test]
 fn a_controller_that_changes_its_strategy_ends_the_net() {
-    let mut bench = bench();
-    let id = bench.load(soft_net(500.0, 0.0, 0.0));
-    bench.start(id);
-    bench.steps(20);
-    bench.driver.measurement.strategy = 2;
-    assert_eq!(bench.until_terminated(id, 2), EndReason::Fault);
-    let fault = bench.entry(id).fault;
+    let mut fixture = fixture();
+    let id = fixture.load(soft_net(500.0, 0.0, 0.0));
+    fixture.start(id);
+    fixture.steps(20);
+    fixture.driver.measurement.strategy = 2;
+    assert_eq!(fixture.until_terminated(id, 2), EndReason::Fault);
+    let fault = fixture.entry(id).fault;
     assert_eq!(fault.code, FaultCode::Limit as u32);
     assert_eq!(fault.violation, ViolationKind::Strategy.number());
-    assert_eq!((bench.told().has_position, fault.joint), (0, 0));
+    assert_eq!((fixture.told().has_position, fault.joint), (0, 0));
 }
 
 #[test]
@@ -129,9 +129,9 @@ fn what_is_out_of_range_is_refused_with_its_axis() {
         (0.0, 0.0, ViolationKind::Stiffness, 0.01),
         (500.0, -50.5, ViolationKind::Added, -50.0),
     ] {
-        let mut bench = bench();
-        let id = bench.load(soft_net(from, 0.0, fz));
-        let (joint, value, allowed, broken) = refused(bench.start(id));
+        let mut fixture = fixture();
+        let id = fixture.load(soft_net(from, 0.0, fz));
+        let (joint, value, allowed, broken) = refused(fixture.start(id));
         assert_eq!((broken, allowed), (kind, limit));
         assert_eq!(value, if fz == 0.0 { from } else { fz });
         assert_eq!(axis(joint as usize - 1), Some("z"));
@@ -142,12 +142,16 @@ fn what_is_out_of_range_is_refused_with_its_axis() {
 fn a_stiffness_that_changes_faster_than_its_rate_ends_the_net() {
     // Twice a second all of 5000 N/m.
     for (rate, ends) in [(9_990.0, false), (10_010.0, true), (-10_010.0, true)] {
-        let mut bench = bench();
-        let id = bench.load(soft_net(1000.0, rate, 0.0));
-        assert!(matches!(bench.start(id), Answer::Done { .. }));
-        bench.steps(10);
-        assert_eq!(bench.state(id) == CommandState::Terminated, ends, "{rate}");
-        let fault = bench.entry(id).fault;
+        let mut fixture = fixture();
+        let id = fixture.load(soft_net(1000.0, rate, 0.0));
+        assert!(matches!(fixture.start(id), Answer::Done { .. }));
+        fixture.steps(10);
+        assert_eq!(
+            fixture.state(id) == CommandState::Terminated,
+            ends,
+            "{rate}"
+        );
+        let fault = fixture.entry(id).fault;
         if ends {
             assert_eq!(fault.violation, ViolationKind::StiffnessRate.number());
             assert!((fault.value - rate).abs() < 1e-3, "{fault:?}");
@@ -158,33 +162,33 @@ fn a_stiffness_that_changes_faster_than_its_rate_ends_the_net() {
 
 #[test]
 fn a_hand_over_continues_the_stiffness_too() {
-    let mut bench = bench();
-    let old = bench.load(soft_net(500.0, 0.0, 0.0));
-    bench.start(old);
-    bench.steps(20);
-    let jumps = bench.load(soft_net(600.0, 0.0, 0.0));
-    let Answer::RefusedFor { refusal, .. } = bench.switch(&[old], &[jumps]) else {
+    let mut fixture = fixture();
+    let old = fixture.load(soft_net(500.0, 0.0, 0.0));
+    fixture.start(old);
+    fixture.steps(20);
+    let jumps = fixture.load(soft_net(600.0, 0.0, 0.0));
+    let Answer::RefusedFor { refusal, .. } = fixture.switch(&[old], &[jumps]) else {
         panic!("not refused")
     };
     let Refusal::Continuation { violation, .. } = refusal else {
         panic!("{refusal:?}")
     };
     assert_eq!(violation, ViolationKind::StiffnessRate.number());
-    assert_eq!(bench.state(old), CommandState::Running);
-    let goes_on = bench.load(soft_net(505.0, 0.0, 0.0));
-    let handed = bench.switch(&[old], &[goes_on]);
+    assert_eq!(fixture.state(old), CommandState::Running);
+    let goes_on = fixture.load(soft_net(505.0, 0.0, 0.0));
+    let handed = fixture.switch(&[old], &[goes_on]);
     assert!(matches!(handed, Answer::Done { .. }), "{handed:?}");
-    assert_eq!(bench.told().impedance.stiffness[2], 505.0);
+    assert_eq!(fixture.told().impedance.stiffness[2], 505.0);
 }
 
 #[test]
 fn a_null_wrench_lets_the_arm_go() {
-    let mut bench = bench();
-    let id = bench.load(soft_net(500.0, 0.0, f64::NAN));
-    bench.start(id);
-    bench.steps(5);
-    assert_eq!(bench.state(id), CommandState::Running);
-    let told = bench.told();
+    let mut fixture = fixture();
+    let id = fixture.load(soft_net(500.0, 0.0, f64::NAN));
+    fixture.start(id);
+    fixture.steps(5);
+    assert_eq!(fixture.state(id), CommandState::Running);
+    let told = fixture.told();
     assert_eq!((told.has_position, told.impedance), (0, Impedance::NONE));
 }
 
@@ -195,7 +199,7 @@ fn foreseen(plan: PlanData) -> Option<(ViolationKind, &'static str, f64, f64)> {
         ..model()
     }];
     let mut net = Net::build(plan, &models, 5, &[Some(HOLD)], 1e-3).expect("a good plan");
-    let scene = Scene {
+    let scene = RehearsalScene {
         models: &models,
         devices: &[],
         holds: &[Some(HOLD)],
@@ -205,7 +209,7 @@ fn foreseen(plan: PlanData) -> Option<(ViolationKind, &'static str, f64, f64)> {
     match rehearse(&mut net, &scene) {
         Ok(_) => None,
         Err(Refusal::Foreseen(foreseen)) => {
-            let Rule::Impedance { kind } = foreseen.rule else {
+            let RehearsalRule::Impedance { kind } = foreseen.rule else {
                 panic!("{foreseen:?}");
             };
             let axis = axis(foreseen.joint as usize - 1).expect("an axis");

@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::path::Path;
 
 use common::{
-    Bench, HOLD, Plan, drift_net, endless_net, input_net, line_net, named, output_net,
+    EngineFixture, HOLD, TestPlan, drift_net, endless_net, input_net, line_net, named, output_net,
     publishing_net, subscribing_net,
 };
 use rcc_config::CellConfig;
@@ -15,7 +15,7 @@ use rcc_core::message::{CommandState, DeviceState, EndReason};
 use rcc_core::plan::{Rate, ValuePoint};
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
-use rcc_engine::queue::{Order, Reading};
+use rcc_engine::queue::{EngineRequest, ValueReading};
 use rcc_engine::record::{Recorder, RecorderConfig};
 use rcc_ipc::control::{Answer, InputValue, PlanData};
 
@@ -65,13 +65,13 @@ fn operations(work: impl FnOnce()) -> u64 {
 }
 
 /// Gives an order and runs cycles without a heap operation; answers are taken back outside of the count.
-fn obey(bench: &mut Bench, order: impl FnOnce(u64) -> Order, cycles: usize) {
-    bench.ends.orders.push(order(0)).unwrap();
-    let count = operations(|| bench.steps(cycles));
+fn obey(fixture: &mut EngineFixture, order: impl FnOnce(u64) -> EngineRequest, cycles: usize) {
+    fixture.ends.requests.push(order(0)).unwrap();
+    let count = operations(|| fixture.steps(cycles));
     assert_eq!(count, 0, "heap operations in {cycles} cycles");
-    while bench.ends.outcomes.pop().is_ok() {}
-    bench.records();
-    while bench.ends.events.pop().is_ok() {}
+    while fixture.ends.replies.pop().is_ok() {}
+    fixture.records();
+    while fixture.ends.events.pop().is_ok() {}
 }
 
 #[test]
@@ -82,30 +82,50 @@ fn the_count_counts() {
 #[test]
 fn values_from_net_to_net_make_none() {
     let topic = Topic::new("tool/force", "Real", "N");
-    let mut bench = Bench::new();
-    let gives = bench.load(publishing_net(topic, Rate::EVERY_CYCLE));
-    let again = bench.load(publishing_net(topic, Rate::EVERY_CYCLE));
-    let takes = bench.load(subscribing_net(topic, Rate::EVERY_CYCLE, 3));
+    let mut fixture = EngineFixture::new();
+    let gives = fixture.load(publishing_net(topic, Rate::EVERY_CYCLE));
+    let again = fixture.load(publishing_net(topic, Rate::EVERY_CYCLE));
+    let takes = fixture.load(subscribing_net(topic, Rate::EVERY_CYCLE, 3));
     let ticket = 0;
     for id in [takes, gives, again] {
-        obey(&mut bench, |_| Order::Start { ticket, id }, 20);
+        obey(&mut fixture, |_| EngineRequest::Start { ticket, id }, 20);
     }
-    obey(&mut bench, |_| Order::Abort { ticket, id: gives }, 20);
-    obey(&mut bench, |_| Order::Start { ticket, id: again }, 20);
-    let shown = bench.read(takes, &[]).expect("it runs");
+    obey(
+        &mut fixture,
+        |_| EngineRequest::Abort { ticket, id: gives },
+        20,
+    );
+    obey(
+        &mut fixture,
+        |_| EngineRequest::Start { ticket, id: again },
+        20,
+    );
+    let shown = fixture.read(takes, &[]).expect("it runs");
     assert!(shown.evaluations > 80, "{shown:?}");
 }
 
 #[test]
 fn a_whole_life_makes_no_heap_operation() {
-    let mut bench = Bench::new();
+    let mut fixture = EngineFixture::new();
     for _ in 0..2 {
-        let id = bench.load(line_net());
-        obey(&mut bench, |ticket| Order::Start { ticket, id }, 300);
-        obey(&mut bench, |ticket| Order::Cancel { ticket, id }, 1000);
-        assert_eq!(bench.reason(id), EndReason::Canceled);
-        obey(&mut bench, |ticket| Order::Unload { ticket, id }, 10);
-        bench.driver.measurement.hold = HOLD;
+        let id = fixture.load(line_net());
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Start { ticket, id },
+            300,
+        );
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Cancel { ticket, id },
+            1000,
+        );
+        assert_eq!(fixture.reason(id), EndReason::Canceled);
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Unload { ticket, id },
+            10,
+        );
+        fixture.driver.measurement.hold = HOLD;
     }
 }
 
@@ -117,18 +137,30 @@ fn the_flight_recorder_makes_none() {
         period_ns: 1_000_000,
     };
     let (recorder, mut helper) = Recorder::new(config, 1);
-    let mut bench = Bench::new().recorded_by(recorder);
+    let mut fixture = EngineFixture::new().recorded_by(recorder);
     let mut incidents = 0;
     for round in 0..6 {
-        let id = bench.load(line_net());
-        obey(&mut bench, |ticket| Order::Start { ticket, id }, 300);
-        obey(&mut bench, |ticket| Order::Record { ticket }, 300);
-        bench.driver.alive = round % 2 == 0;
-        obey(&mut bench, |ticket| Order::Cancel { ticket, id }, 6000);
-        bench.driver.alive = true;
-        bench.driver.measurement.state = DeviceState::Ready as u32;
-        bench.driver.measurement.hold = HOLD;
-        obey(&mut bench, |ticket| Order::Unload { ticket, id }, 10);
+        let id = fixture.load(line_net());
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Start { ticket, id },
+            300,
+        );
+        obey(&mut fixture, |ticket| EngineRequest::Record { ticket }, 300);
+        fixture.driver.alive = round % 2 == 0;
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Cancel { ticket, id },
+            6000,
+        );
+        fixture.driver.alive = true;
+        fixture.driver.measurement.state = DeviceState::Ready as u32;
+        fixture.driver.measurement.hold = HOLD;
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Unload { ticket, id },
+            10,
+        );
         while let Ok(recording) = helper.recordings.pop() {
             incidents += 1;
             let mut ring = recording.ring;
@@ -141,39 +173,79 @@ fn the_flight_recorder_makes_none() {
 
 #[test]
 fn loading_while_another_net_runs_makes_none_either() {
-    let mut bench = Bench::new();
-    let first = bench.load(output_net(0));
-    obey(&mut bench, |ticket| Order::Start { ticket, id: first }, 10);
-    let Answer::Reserved { id } = bench.ask(|ticket| Order::Reserve { ticket }) else {
+    let mut fixture = EngineFixture::new();
+    let first = fixture.load(output_net(0));
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id: first },
+        10,
+    );
+    let Answer::Reserved { id } = fixture.ask(|ticket| EngineRequest::Reserve { ticket }) else {
         panic!()
     };
-    let net = bench.build(line_net()).unwrap();
-    obey(&mut bench, |ticket| Order::Install { ticket, id, net }, 10);
+    let net = fixture.build(line_net()).unwrap();
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Install { ticket, id, net },
+        10,
+    );
 }
 
 #[test]
 fn refusals_and_faults_make_none() {
-    let mut bench = Bench::new();
+    let mut fixture = EngineFixture::new();
     let (line, holder, rival) = (
-        bench.load(line_net()),
-        bench.load(endless_net(1)),
-        bench.load(endless_net(1)),
+        fixture.load(line_net()),
+        fixture.load(endless_net(1)),
+        fixture.load(endless_net(1)),
     );
-    bench.driver.measurement.hold[0] += 0.1;
-    obey(&mut bench, |ticket| Order::Start { ticket, id: line }, 3);
-    bench.driver.measurement.hold = HOLD;
-    obey(&mut bench, |ticket| Order::Start { ticket, id: holder }, 3);
-    obey(&mut bench, |ticket| Order::Start { ticket, id: rival }, 3);
-    obey(&mut bench, |ticket| Order::Cancel { ticket, id: holder }, 3);
-    obey(&mut bench, |ticket| Order::Start { ticket, id: 12345 }, 3);
-    obey(&mut bench, |ticket| Order::Start { ticket, id: line }, 100);
-    bench.driver.alive = false;
-    obey(&mut bench, |ticket| Order::Cancel { ticket, id: 999 }, 100);
-    obey(&mut bench, |ticket| Order::Acknowledge { ticket }, 100);
-    assert_eq!(bench.reason(line), EndReason::Fault);
-    let late = operations(|| (0..10).for_each(|_| bench.engine.account(1, 5_000_000, 5)));
+    fixture.driver.measurement.hold[0] += 0.1;
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id: line },
+        3,
+    );
+    fixture.driver.measurement.hold = HOLD;
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id: holder },
+        3,
+    );
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id: rival },
+        3,
+    );
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Cancel { ticket, id: holder },
+        3,
+    );
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id: 12345 },
+        3,
+    );
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id: line },
+        100,
+    );
+    fixture.driver.alive = false;
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Cancel { ticket, id: 999 },
+        100,
+    );
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Acknowledge { ticket },
+        100,
+    );
+    assert_eq!(fixture.reason(line), EndReason::Fault);
+    let late = operations(|| (0..10).for_each(|_| fixture.engine.account(1, 5_000_000, 5)));
     assert_eq!(late, 0);
-    assert_eq!(bench.reason(holder), EndReason::Fault);
+    assert_eq!(fixture.reason(holder), EndReason::Fault);
 }
 
 #[test]
@@ -184,8 +256,8 @@ fn setting_and_reading_values_makes_none() {
         period_ns: 1_000_000,
     };
     let (recorder, _helper) = Recorder::new(config, 1);
-    let mut bench = Bench::new().recorded_by(recorder);
-    let id = bench.load(input_net(0.5, 5));
+    let mut fixture = EngineFixture::new().recorded_by(recorder);
+    let id = fixture.load(input_net(0.5, 5));
     for round in 0..20 {
         let value = |input, words| InputValue { input, words };
         let values = match round % 3 {
@@ -193,28 +265,36 @@ fn setting_and_reading_values_makes_none() {
             1 => vec![value(0, vec![2.0f64.to_bits()])],
             _ => vec![value(7, vec![])],
         };
-        obey(&mut bench, |ticket| Order::Set { ticket, id, values }, 10);
+        obey(
+            &mut fixture,
+            |ticket| EngineRequest::Set { ticket, id, values },
+            10,
+        );
         let point = |slot| ValuePoint {
             store: Store::Real,
             slot,
             width: 2,
         };
-        let reading = Reading::of(vec![point(0), point(round % 5)]);
-        let read = |ticket| Order::Read {
+        let reading = ValueReading::of(vec![point(0), point(round % 5)]);
+        let read = |ticket| EngineRequest::Read {
             ticket,
             id,
             reading,
         };
-        obey(&mut bench, read, 2);
+        obey(&mut fixture, read, 2);
         if round == 3 {
-            obey(&mut bench, |ticket| Order::Start { ticket, id }, 3);
+            obey(
+                &mut fixture,
+                |ticket| EngineRequest::Start { ticket, id },
+                3,
+            );
         }
     }
 }
 
 #[test]
 fn an_unreachable_pose_and_null_inputs_make_none() {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let (no, nothing) = (plan.bool(0), plan.bool(2));
     let pose = plan.reals(&[9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0]);
     let joints = plan.reals(&[f64::NAN; 7]);
@@ -224,16 +304,24 @@ fn an_unreachable_pose_and_null_inputs_make_none() {
     plan.add("JointPositionCommand", &[joints, 0, 7]);
     plan.add("DigitalOutput", &[nothing, 0, 0]);
     plan.add("Termination", &[no]);
-    let mut bench = Bench::new();
-    let id = bench.load(plan.data);
-    obey(&mut bench, |ticket| Order::Start { ticket, id }, 100);
-    bench.driver.measurement.state = DeviceState::Online as u32;
-    obey(&mut bench, |ticket| Order::Abort { ticket, id }, 3);
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(plan.data);
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Start { ticket, id },
+        100,
+    );
+    fixture.driver.measurement.state = DeviceState::Online as u32;
+    obey(
+        &mut fixture,
+        |ticket| EngineRequest::Abort { ticket, id },
+        3,
+    );
 }
 
 /// A net that commands the arm to stay, watched in every cycle.
 fn stay() -> PlanData {
-    let mut plan = Plan {
+    let mut plan = TestPlan {
         data: drift_net(HOLD[0], 0.0),
     };
     plan.monitor(Store::Real, 0, 1, 1);
@@ -241,60 +329,80 @@ fn stay() -> PlanData {
 }
 
 /// One round of everything: nets start, end, are cancelled, aborted, handed over, refused, and fault; cycles are late.
-fn live(bench: &mut Bench) {
-    let ids = [line_net(), stay(), stay(), drift_net(0.0, 0.0)].map(|plan| bench.load(plan));
-    let outputs = [output_net(1), output_net(1), endless_net(2)].map(|plan| bench.load(plan));
+fn live(fixture: &mut EngineFixture) {
+    let ids = [line_net(), stay(), stay(), drift_net(0.0, 0.0)].map(|plan| fixture.load(plan));
+    let outputs = [output_net(1), output_net(1), endless_net(2)].map(|plan| fixture.load(plan));
     let [line, stay, again, elsewhere] = ids;
     let [lamp, other, endless] = outputs;
-    obey(bench, |ticket| Order::Start { ticket, id: lamp }, 10);
-    obey(bench, |ticket| Order::Start { ticket, id: line }, 150);
-    obey(bench, |ticket| Order::Cancel { ticket, id: line }, 600);
-    assert_eq!(bench.reason(line), EndReason::Canceled);
-    bench.driver.measurement.hold = HOLD;
+    obey(
+        fixture,
+        |ticket| EngineRequest::Start { ticket, id: lamp },
+        10,
+    );
+    obey(
+        fixture,
+        |ticket| EngineRequest::Start { ticket, id: line },
+        150,
+    );
+    obey(
+        fixture,
+        |ticket| EngineRequest::Cancel { ticket, id: line },
+        600,
+    );
+    assert_eq!(fixture.reason(line), EndReason::Canceled);
+    fixture.driver.measurement.hold = HOLD;
     let switch = |stop: &[u64], start: &[u64]| {
         let (stop, start) = (named(stop), named(start));
-        move |ticket| Order::Switch {
+        move |ticket| EngineRequest::Handover {
             ticket,
             stop,
             start,
         }
     };
-    obey(bench, switch(&[lamp], &[other, stay, endless]), 50);
-    assert_eq!(bench.reason(lamp), EndReason::Aborted);
-    obey(bench, switch(&[stay], &[elsewhere]), 20);
-    obey(bench, switch(&[lamp], &[again]), 20);
-    assert_eq!(bench.state(stay), CommandState::Running);
-    obey(bench, switch(&[stay], &[again]), 50);
-    assert_eq!(bench.state(again), CommandState::Running);
-    obey(bench, |ticket| Order::Start { ticket, id: 12345 }, 5);
-    obey(bench, |ticket| Order::Record { ticket }, 5);
+    obey(fixture, switch(&[lamp], &[other, stay, endless]), 50);
+    assert_eq!(fixture.reason(lamp), EndReason::Aborted);
+    obey(fixture, switch(&[stay], &[elsewhere]), 20);
+    obey(fixture, switch(&[lamp], &[again]), 20);
+    assert_eq!(fixture.state(stay), CommandState::Running);
+    obey(fixture, switch(&[stay], &[again]), 50);
+    assert_eq!(fixture.state(again), CommandState::Running);
+    obey(
+        fixture,
+        |ticket| EngineRequest::Start { ticket, id: 12345 },
+        5,
+    );
+    obey(fixture, |ticket| EngineRequest::Record { ticket }, 5);
     // Each of the others ends by a fault: the device is lost.
-    bench.driver.alive = false;
-    obey(bench, |ticket| Order::Cancel { ticket, id: 999 }, 100);
-    assert_eq!(bench.reason(again), EndReason::Fault);
-    bench.driver.alive = true;
-    bench.driver.measurement.state = DeviceState::Ready as u32;
-    let late = operations(|| (0..10).for_each(|_| bench.engine.account(5_000_000, 1, 5)));
+    fixture.driver.alive = false;
+    obey(
+        fixture,
+        |ticket| EngineRequest::Cancel { ticket, id: 999 },
+        100,
+    );
+    assert_eq!(fixture.reason(again), EndReason::Fault);
+    fixture.driver.alive = true;
+    fixture.driver.measurement.state = DeviceState::Ready as u32;
+    let late = operations(|| (0..10).for_each(|_| fixture.engine.account(5_000_000, 1, 5)));
     assert_eq!(late, 0);
     for id in ids.into_iter().chain(outputs) {
-        obey(bench, |ticket| Order::Unload { ticket, id }, 3);
+        obey(fixture, |ticket| EngineRequest::Unload { ticket, id }, 3);
     }
 }
 
 #[test]
 fn a_hundred_thousand_cycles_of_everything_with_the_flight_recorder_make_none() {
-    let mut bench = Bench::new();
+    let mut fixture = EngineFixture::new();
     let config = RecorderConfig {
         span_ns: 1_000_000_000,
         memory: 4 << 20,
-        period_ns: bench.period_ns,
+        period_ns: fixture.period_ns,
     };
     let (recorder, mut helper) = Recorder::new(config, 1);
-    bench.engine = bench.engine.recorded_by(recorder);
+    fixture.engine = fixture.engine.recorded_by(recorder);
     let mut incidents = 0;
     // One cycle in a hundred is one in which something is loaded, which is not counted.
-    while bench.engine.status().cycle < 102_000 {
-        live(&mut bench);
+    while fixture.engine.status().cycle < 102_000 {
+        live(&mut fixture);
         // The helper's work: a ring that was handed over goes back.
         while let Ok(recording) = helper.recordings.pop() {
             incidents += 1;
@@ -311,7 +419,7 @@ const DEMO_START: [f64; 8] = {
 };
 
 /// Loads every net of `configs/nets` into a cell of its own, and gives it to `live`.
-fn with_example_nets(live: impl Fn(&str, &mut Bench, u64)) {
+fn with_example_nets(live: impl Fn(&str, &mut EngineFixture, u64)) {
     let configs = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs"));
     let config = CellConfig::load_offline(&configs.join("cells/demo.yaml")).unwrap();
     let files = std::fs::read_dir(configs.join("nets")).unwrap();
@@ -321,9 +429,9 @@ fn with_example_nets(live: impl Fn(&str, &mut Bench, u64)) {
         let text = std::fs::read_to_string(&path).unwrap();
         let compiled = rcc_language::compile(&text, &name, &config);
         let plan = compiled.unwrap_or_else(|faults| panic!("{faults}")).plan;
-        let mut bench = Bench::of_cell(config.models(), config.fingerprint(), DEMO_START);
-        let id = bench.load(plan);
-        live(&name, &mut bench, id);
+        let mut fixture = EngineFixture::of_cell(config.models(), config.fingerprint(), DEMO_START);
+        let id = fixture.load(plan);
+        live(&name, &mut fixture, id);
         count += 1;
     }
     assert!(count >= 3, "{count} example nets");
@@ -331,49 +439,49 @@ fn with_example_nets(live: impl Fn(&str, &mut Bench, u64)) {
 
 #[test]
 fn no_example_net_makes_any_from_start_to_cancel_or_abort() {
-    with_example_nets(|name, bench, id| {
-        obey(bench, |ticket| Order::Start { ticket, id }, 300);
-        assert_ne!(bench.state(id), CommandState::Ready, "{name} runs");
+    with_example_nets(|name, fixture, id| {
+        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 300);
+        assert_ne!(fixture.state(id), CommandState::Ready, "{name} runs");
         // Whatever happens while a net runs: forces, inputs that change and that are not known.
         for force in [20.0, -20.0, f64::NAN, 0.0] {
-            bench.driver.measurement.wrench = [force; 6];
-            for other in &mut bench.others {
+            fixture.driver.measurement.wrench = [force; 6];
+            for other in &mut fixture.others {
                 other.digital = !other.digital;
                 other.digital_known = !other.digital_known;
                 other.analog = [force; 16];
             }
-            obey(bench, |ticket| Order::Start { ticket, id }, 50);
+            obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 50);
         }
-        obey(bench, |ticket| Order::Cancel { ticket, id }, 3000);
-        obey(bench, |ticket| Order::Abort { ticket, id }, 30);
-        assert_eq!(bench.state(id), CommandState::Terminated, "{name}");
-        obey(bench, |ticket| Order::Unload { ticket, id }, 3);
+        obey(fixture, |ticket| EngineRequest::Cancel { ticket, id }, 3000);
+        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
+        assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
+        obey(fixture, |ticket| EngineRequest::Unload { ticket, id }, 3);
     });
 }
 
 #[test]
 fn no_example_net_makes_any_to_its_end_or_through_a_fault() {
-    with_example_nets(|_, bench, id| {
-        obey(bench, |ticket| Order::Start { ticket, id }, 5000);
-        obey(bench, |ticket| Order::Abort { ticket, id }, 30);
+    with_example_nets(|_, fixture, id| {
+        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 5000);
+        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 30);
     });
-    with_example_nets(|name, bench, id| {
-        obey(bench, |ticket| Order::Start { ticket, id }, 100);
-        bench.driver.alive = false;
-        obey(bench, |ticket| Order::Start { ticket, id }, 100);
-        bench.driver.alive = true;
-        obey(bench, |ticket| Order::Abort { ticket, id }, 100);
-        assert_eq!(bench.state(id), CommandState::Terminated, "{name}");
+    with_example_nets(|name, fixture, id| {
+        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        fixture.driver.alive = false;
+        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        fixture.driver.alive = true;
+        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
+        assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
     });
-    with_example_nets(|name, bench, id| {
+    with_example_nets(|name, fixture, id| {
         // Refused: the arm is elsewhere, then too many late cycles.
-        bench.driver.measurement.hold[0] += 0.1;
-        obey(bench, |ticket| Order::Start { ticket, id }, 3);
-        bench.driver.measurement.hold = DEMO_START;
-        obey(bench, |ticket| Order::Start { ticket, id }, 100);
-        let late = operations(|| (0..10).for_each(|_| bench.engine.account(1, 5_000_000, 5)));
+        fixture.driver.measurement.hold[0] += 0.1;
+        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 3);
+        fixture.driver.measurement.hold = DEMO_START;
+        obey(fixture, |ticket| EngineRequest::Start { ticket, id }, 100);
+        let late = operations(|| (0..10).for_each(|_| fixture.engine.account(1, 5_000_000, 5)));
         assert_eq!(late, 0, "{name}");
-        obey(bench, |ticket| Order::Abort { ticket, id }, 100);
-        assert_eq!(bench.state(id), CommandState::Terminated, "{name}");
+        obey(fixture, |ticket| EngineRequest::Abort { ticket, id }, 100);
+        assert_eq!(fixture.state(id), CommandState::Terminated, "{name}");
     });
 }

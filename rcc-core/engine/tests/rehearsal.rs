@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{Bench, HOLD, Plan, drift_net, input_net, line_net, model, motion_net, output_net};
+use common::{
+    EngineFixture, HOLD, TestPlan, drift_net, input_net, line_net, model, motion_net, output_net,
+};
 use rcc_core::axis::AXIS_WORDS;
 use rcc_core::frame::{DeviceInput, DeviceModel, PrepareFault};
 use rcc_core::kinematics::SingularityKind;
@@ -10,10 +12,10 @@ use rcc_core::message::{CommandState, EndReason};
 use rcc_core::path::MotionFault;
 use rcc_core::workspace::Workspace;
 use rcc_engine::net::Net;
-use rcc_engine::queue::Order;
-use rcc_engine::rehearsal::{Scene, TIME_MAX_S, rehearse};
+use rcc_engine::queue::EngineRequest;
+use rcc_engine::rehearsal::{RehearsalScene, TIME_MAX_S, rehearse};
 use rcc_ipc::control::{Answer, PlanData, Refusal};
-use rcc_ipc::rehearsal::{Foreseen, RehearsalEnd, Rehearsed, Rule};
+use rcc_ipc::rehearsal::{PredictedViolation, RehearsalEnd, RehearsalReport, RehearsalRule};
 
 const DT_S: f64 = 1e-3;
 /// Where `line_net` has y of its goal, and the limits of its speed, acceleration and jerk.
@@ -25,8 +27,11 @@ fn build(plan: PlanData, models: &[DeviceModel]) -> Box<Net> {
 }
 
 /// Rehearses with an arm that rests at `HOLD`.
-fn rehearsed(net: &mut Net, models: &[DeviceModel]) -> Result<Option<Rehearsed>, Foreseen> {
-    let scene = Scene {
+fn rehearsed(
+    net: &mut Net,
+    models: &[DeviceModel],
+) -> Result<Option<RehearsalReport>, PredictedViolation> {
+    let scene = RehearsalScene {
         models,
         devices: &[],
         holds: &[Some(HOLD)],
@@ -107,7 +112,7 @@ fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not
     assert!(
         matches!(
             foreseen.rule,
-            Rule::Velocity | Rule::Acceleration | Rule::Jerk
+            RehearsalRule::Velocity | RehearsalRule::Acceleration | RehearsalRule::Jerk
         ),
         "{foreseen:?}"
     );
@@ -131,7 +136,7 @@ fn a_joint_that_would_be_too_fast_is_told_with_the_place_and_a_speed_that_is_not
 
 /// Joint 1 follows a goal that goes away from where it is held by 0.1 rad/s, and is another one in each cycle.
 fn moving_goal_net() -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let [no, done] = [0, 2].map(|value| plan.bool(value));
     let reals = [HOLD[0], 0.1, 1.0, 1.0, 5.0, 50.0];
     let [from, rate, speed, velocity, acceleration, jerk] = reals.map(|value| plan.reals(&[value]));
@@ -177,7 +182,10 @@ fn a_joint_beyond_its_range_is_told_with_the_limit() {
     let models = [narrow];
     let drift = drift_net(HOLD[0], 1e-6);
     let foreseen = rehearsed(&mut build(drift, &models), &models).unwrap_err();
-    assert_eq!((foreseen.rule, foreseen.joint), (Rule::Position, 1));
+    assert_eq!(
+        (foreseen.rule, foreseen.joint),
+        (RehearsalRule::Position, 1)
+    );
     assert_eq!(foreseen.limit, HOLD[0] + 1e-5);
     assert!((foreseen.time_s - 10.0).abs() < 0.01, "{foreseen:?}");
     assert_eq!(foreseen.place, None, "no motion is under way");
@@ -193,7 +201,10 @@ fn a_flange_that_leaves_the_workspace_is_told_with_the_axis_and_the_bound() {
     bounded.workspace = Some(space);
     let models = [bounded];
     let foreseen = rehearsed(&mut build(line(0.1, SLOW), &models), &models).unwrap_err();
-    assert_eq!((foreseen.rule, foreseen.joint), (Rule::Workspace, 2));
+    assert_eq!(
+        (foreseen.rule, foreseen.joint),
+        (RehearsalRule::Workspace, 2)
+    );
     assert!(
         (foreseen.value - foreseen.limit).abs() < 1e-3,
         "{foreseen:?}"
@@ -226,7 +237,7 @@ fn an_arm_that_comes_too_near_to_a_singular_position_is_told_with_its_kind() {
     space.singularity_min = (nearest + rests) / 2.0;
     let models = [at(space)];
     let foreseen = rehearsed(&mut build(line(0.1, SLOW), &models), &models).unwrap_err();
-    assert_eq!(foreseen.rule, Rule::Singularity);
+    assert_eq!(foreseen.rule, RehearsalRule::Singularity);
     assert!(
         SingularityKind::from_number(foreseen.joint).is_some(),
         "{foreseen:?}"
@@ -248,7 +259,7 @@ fn a_net_that_lets_go_of_its_arm_on_the_way_is_told_where() {
     narrow.limits.upper[0] = HOLD[0] + 0.05;
     let models = [narrow];
     let foreseen = rehearsed(&mut build(line(0.1, SLOW), &[model()]), &models).unwrap_err();
-    assert_eq!(foreseen.rule, Rule::LetsGo, "{foreseen:?}");
+    assert_eq!(foreseen.rule, RehearsalRule::LetsGo, "{foreseen:?}");
     let place = foreseen.place.expect("a motion is under way");
     assert!(
         place.distance_m > 0.005 && place.distance_m < 0.1,
@@ -286,7 +297,7 @@ fn what_does_not_begin_where_the_arm_rests_is_left_to_start() {
     let told = rehearsed(&mut net, &models).unwrap().unwrap();
     assert_eq!(told.end, RehearsalEnd::Elsewhere);
     let mut net = build(line_net(), &models);
-    let scene = Scene {
+    let scene = RehearsalScene {
         models: &models,
         devices: &[],
         holds: &[None],
@@ -319,64 +330,65 @@ fn a_net_that_commands_no_arm_is_not_rehearsed() {
 }
 
 /// Made anew from where the arm rests now, as START has it made.
-fn renew(bench: &mut Bench, id: u64, plan: PlanData) {
-    let loaded = Net::build(plan, &bench.models, 5, &[Some(HOLD)], DT_S).expect("a good plan");
-    let holds = [Some(bench.driver.measurement.hold)];
-    let net = Net::anew(&loaded.origin(), &bench.models, 5, &holds).expect("from there, too");
-    bench.order(|_| Order::Renew { id, net });
+fn renew(fixture: &mut EngineFixture, id: u64, plan: PlanData) {
+    let loaded = Net::build(plan, &fixture.models, 5, &[Some(HOLD)], DT_S).expect("a good plan");
+    let holds = [Some(fixture.driver.measurement.hold)];
+    let net =
+        Net::prepare_again(&loaded.origin(), &fixture.models, 5, &holds).expect("from there, too");
+    fixture.order(|_| EngineRequest::Renew { id, net });
 }
 
 #[test]
 fn nets_that_were_loaded_in_advance_start_one_after_the_other_where_the_arm_rests() {
-    let mut bench = Bench::new();
+    let mut fixture = EngineFixture::new();
     let (out, back) = (line(0.1, SLOW), line(0.02, SLOW));
-    let (first, second) = (bench.load(out), bench.load(back.clone()));
-    assert!(matches!(bench.start(first), Answer::Done { .. }));
-    assert_eq!(bench.until_terminated(first, 2000), EndReason::Finished);
-    let rests = bench.driver.measurement.hold;
-    let refused = bench.start(second);
+    let (first, second) = (fixture.load(out), fixture.load(back.clone()));
+    assert!(matches!(fixture.start(first), Answer::Done { .. }));
+    assert_eq!(fixture.until_terminated(first, 2000), EndReason::Finished);
+    let rests = fixture.driver.measurement.hold;
+    let refused = fixture.start(second);
     assert!(
         matches!(refused, Answer::Refused(Refusal::FirstSetPoint { .. })),
         "{refused:?}"
     );
-    renew(&mut bench, second, back);
-    assert!(matches!(bench.start(second), Answer::Done { .. }));
-    let begins = bench.told().position;
+    renew(&mut fixture, second, back);
+    assert!(matches!(fixture.start(second), Answer::Done { .. }));
+    let begins = fixture.told().position;
     assert!(begins.iter().zip(rests).all(|(a, b)| (a - b).abs() < 1e-12));
-    assert_eq!(bench.until_terminated(second, 2000), EndReason::Finished);
+    assert_eq!(fixture.until_terminated(second, 2000), EndReason::Finished);
     let arm = model().arm.unwrap();
     let y = arm.forward(&HOLD).position[1];
-    let ends = bench.driver.measurement.hold;
+    let ends = fixture.driver.measurement.hold;
     assert!((arm.forward(&ends).position[1] - (y + 0.02)).abs() < 1e-9);
 }
 
 #[test]
 fn what_was_set_waits_in_the_net_that_takes_the_place() {
-    let mut bench = Bench::new();
-    let id = bench.load(input_net(1.0, 0));
-    bench.set(id, &[(0, &[4.5])]);
-    renew(&mut bench, id, input_net(1.0, 0));
-    assert!(matches!(bench.start(id), Answer::Done { .. }));
-    assert_eq!(bench.told().analog[0], 4.5);
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(input_net(1.0, 0));
+    fixture.set(id, &[(0, &[4.5])]);
+    renew(&mut fixture, id, input_net(1.0, 0));
+    assert!(matches!(fixture.start(id), Answer::Done { .. }));
+    assert_eq!(fixture.told().analog[0], 4.5);
 }
 
 #[test]
 fn a_net_is_only_replaced_while_it_is_ready() {
-    let mut bench = Bench::new();
-    let id = bench.load(line_net());
-    bench.start(id);
-    bench.steps(50);
-    let before = bench.entry(id).cycles;
-    renew(&mut bench, id, line_net());
-    bench.step();
-    assert_eq!(bench.entry(id).cycles, before + 1, "it goes on");
-    assert_eq!(bench.until_terminated(id, 2000), EndReason::Finished);
-    renew(&mut bench, id, line_net());
-    bench.step();
-    assert_eq!(bench.state(id), CommandState::Terminated);
-    bench.order(|_| Order::Renew {
+    let mut fixture = EngineFixture::new();
+    let id = fixture.load(line_net());
+    fixture.start(id);
+    fixture.steps(50);
+    let before = fixture.entry(id).cycles;
+    renew(&mut fixture, id, line_net());
+    fixture.step();
+    assert_eq!(fixture.entry(id).cycles, before + 1, "it goes on");
+    assert_eq!(fixture.until_terminated(id, 2000), EndReason::Finished);
+    renew(&mut fixture, id, line_net());
+    fixture.step();
+    assert_eq!(fixture.state(id), CommandState::Terminated);
+    fixture.order(|_| EngineRequest::Renew {
         id: 999,
         net: build(line_net(), &[model()]),
     });
-    bench.step();
+    fixture.step();
 }

@@ -6,18 +6,20 @@ mod random;
 
 use std::collections::BTreeMap;
 
-use common::{Bench, HOLD, line_net, model, output_net, time_net};
+use common::{EngineFixture, HOLD, line_net, model, output_net, time_net};
 use random::Random;
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{CommandState, DeviceState, EndReason, Measurement};
 use rcc_core::plan::Rate;
 use rcc_core::types::Store;
-use rcc_engine::incident::{self, Head, Incident, Parts};
-use rcc_engine::net::{Net, Origin};
-use rcc_engine::queue::Order;
-use rcc_engine::record::hash::Sum;
-use rcc_engine::record::{Reason, Recorder, RecorderConfig, RecorderHelper, Recording};
-use rcc_engine::replay::{Different, Replayed, Source, replay};
+use rcc_engine::incident::{self, Incident, IncidentHead, IncidentParts};
+use rcc_engine::net::{Net, NetOrigin};
+use rcc_engine::queue::EngineRequest;
+use rcc_engine::record::hash::WordChecksum;
+use rcc_engine::record::{
+    FrozenRecording, Recorder, RecorderConfig, RecorderHelper, TriggerReason,
+};
+use rcc_engine::replay::{MismatchKind, NetReplayResult, ReplaySource, replay};
 use rcc_ipc::control::{Answer, PlanData};
 
 const CONFIGURATION: u64 = 5;
@@ -25,15 +27,15 @@ const ROOM: usize = 64 << 20;
 
 /// A bench whose engine is recorded, and the origins of its nets.
 struct Recorded {
-    bench: Bench,
+    fixture: EngineFixture,
     helper: RecorderHelper,
-    nets: BTreeMap<u64, Origin>,
+    nets: BTreeMap<u64, NetOrigin>,
 }
 
 /// What a helper thread would write to a file.
 struct Tape {
     words: Vec<u64>,
-    recording: Recording,
+    recording: FrozenRecording,
 }
 
 impl Recorded {
@@ -47,15 +49,15 @@ impl Recorded {
     }
 
     fn of(models: Vec<DeviceModel>, memory: usize) -> Recorded {
-        let bench = Bench::of_cell(models, CONFIGURATION, HOLD);
+        let fixture = EngineFixture::of_cell(models, CONFIGURATION, HOLD);
         let config = RecorderConfig {
             span_ns: 10_000_000_000,
             memory,
-            period_ns: bench.period_ns,
+            period_ns: fixture.period_ns,
         };
-        let (recorder, helper) = Recorder::new(config, bench.models.len());
+        let (recorder, helper) = Recorder::new(config, fixture.models.len());
         Recorded {
-            bench: bench.recorded_by(recorder),
+            fixture: fixture.recorded_by(recorder),
             helper,
             nets: BTreeMap::new(),
         }
@@ -63,24 +65,28 @@ impl Recorded {
 
     /// Makes a net ready; `None`: its start values do not exist.
     fn load(&mut self, plan: PlanData) -> Option<u64> {
-        let net = self.bench.build(plan).ok()?;
+        let net = self.fixture.build(plan).ok()?;
         let origin = net.origin();
-        let Answer::Reserved { id } = self.bench.ask(|ticket| Order::Reserve { ticket }) else {
+        let Answer::Reserved { id } = self.fixture.ask(|ticket| EngineRequest::Reserve { ticket })
+        else {
             panic!("no row")
         };
-        self.bench.ask(|ticket| Order::Install { ticket, id, net });
+        self.fixture
+            .ask(|ticket| EngineRequest::Install { ticket, id, net });
         self.nets.insert(id, origin);
         Some(id)
     }
 
     fn start(&mut self, id: u64) {
-        self.bench.order(|ticket| Order::Start { ticket, id });
+        self.fixture
+            .order(|ticket| EngineRequest::Start { ticket, id });
     }
 
     /// Freezes the recording and takes it.
     fn freeze(&mut self) -> Tape {
-        self.bench.order(|ticket| Order::Record { ticket });
-        self.bench.steps(202);
+        self.fixture
+            .order(|ticket| EngineRequest::Record { ticket });
+        self.fixture.steps(202);
         self.tape().expect("a recording")
     }
 
@@ -97,9 +103,9 @@ impl Recorded {
         self.helper.spare.push(ring).expect("room for both rings");
     }
 
-    fn replay(&self, words: &[u64]) -> Vec<Replayed> {
-        let source = Source {
-            models: &self.bench.models,
+    fn replay(&self, words: &[u64]) -> Vec<NetReplayResult> {
+        let source = ReplaySource {
+            models: &self.fixture.models,
             configuration: CONFIGURATION,
             nets: &self.nets,
             words,
@@ -109,7 +115,7 @@ impl Recorded {
 }
 
 /// Of one recording: nets, compared cycles, and that all are the same.
-fn identical(results: &[Replayed], seed: u64) -> u64 {
+fn identical(results: &[NetReplayResult], seed: u64) -> u64 {
     for result in results {
         assert_eq!(result.mismatch, None, "seed {seed}: {result:?}");
         assert!(result.has_plan, "seed {seed}");
@@ -127,8 +133,8 @@ fn a_thousand_random_nets_are_replayed_to_the_bit() {
         let mut stage = Recorded::new(4 << 20);
         let mut ids = Vec::new();
         while ids.len() < 8 {
-            let plan = random::net(&mut random, &stage.bench.models, CONFIGURATION);
-            let checked = plan.plan().check(&stage.bench.models, CONFIGURATION);
+            let plan = random::net(&mut random, &stage.fixture.models, CONFIGURATION);
+            let checked = plan.plan().check(&stage.fixture.models, CONFIGURATION);
             assert!(checked.is_ok(), "seed {seed}: {checked:?}");
             with_motion += usize::from(plan.clocks > 0);
             ids.extend(stage.load(plan));
@@ -150,7 +156,7 @@ fn a_thousand_random_nets_are_replayed_to_the_bit() {
             );
             stage.give_back(tape);
         }
-        let over = |id: &&u64| stage.bench.state(**id) == CommandState::Terminated;
+        let over = |id: &&u64| stage.fixture.state(**id) == CommandState::Terminated;
         ended += ids.iter().filter(over).count();
     }
     println!(
@@ -166,22 +172,22 @@ fn a_thousand_random_nets_are_replayed_to_the_bit() {
 /// Some cycles with random inputs, losses and orders.
 fn live(random: &mut Random, stage: &mut Recorded, ids: &[u64]) {
     for _ in 0..100 + random.below(100) {
-        let bench = &mut stage.bench;
-        random::measure(random, &mut bench.driver.measurement);
-        bench
+        let fixture = &mut stage.fixture;
+        random::measure(random, &mut fixture.driver.measurement);
+        fixture
             .others
             .iter_mut()
             .for_each(|other| random::measure(random, other));
-        bench.driver.alive = !random.once_in(300);
+        fixture.driver.alive = !random.once_in(300);
         if random.once_in(20) {
-            bench.driver.measurement.state = DeviceState::Ready as u32;
+            fixture.driver.measurement.state = DeviceState::Ready as u32;
         }
         if random.once_in(40) {
             let id = ids[random.below(ids.len())];
             match random.below(3) {
-                0 => bench.order(|ticket| Order::Cancel { ticket, id }),
-                1 => bench.order(|ticket| Order::Start { ticket, id }),
-                _ => bench.order(|ticket| Order::Abort { ticket, id }),
+                0 => fixture.order(|ticket| EngineRequest::Cancel { ticket, id }),
+                1 => fixture.order(|ticket| EngineRequest::Start { ticket, id }),
+                _ => fixture.order(|ticket| EngineRequest::Abort { ticket, id }),
             };
         }
         let (id, plan) = stage
@@ -192,14 +198,14 @@ fn live(random: &mut Random, stage: &mut Recorded, ids: &[u64]) {
         if random.once_in(3)
             && let Some(value) = random::value(random, &plan.data.inputs)
         {
-            bench.order(|ticket| Order::Set {
+            fixture.order(|ticket| EngineRequest::Set {
                 ticket,
                 id: *id,
                 values: vec![value],
             });
         }
-        bench.step();
-        while bench.ends.outcomes.pop().is_ok() {}
+        fixture.step();
+        while fixture.ends.replies.pop().is_ok() {}
     }
 }
 
@@ -208,11 +214,13 @@ fn a_motion_is_replayed_from_start_through_cancel_to_its_end() {
     let mut stage = Recorded::new(ROOM);
     let id = stage.load(line_net()).expect("a line");
     stage.start(id);
-    stage.bench.steps(300);
-    stage.bench.order(|ticket| Order::Cancel { ticket, id });
-    stage.bench.steps(500);
-    assert_eq!(stage.bench.reason(id), EndReason::Canceled);
-    let cycles = stage.bench.entry(id).cycles;
+    stage.fixture.steps(300);
+    stage
+        .fixture
+        .order(|ticket| EngineRequest::Cancel { ticket, id });
+    stage.fixture.steps(500);
+    assert_eq!(stage.fixture.reason(id), EndReason::Canceled);
+    let cycles = stage.fixture.entry(id).cycles;
     let tape = stage.freeze();
     let results = stage.replay(&tape.words);
     assert_eq!(identical(&results, 0), cycles);
@@ -223,11 +231,13 @@ fn a_motion_is_replayed_from_a_snapshot_on_its_way() {
     let mut stage = Recorded::new(ROOM);
     let id = stage.load(line_net()).expect("a line");
     stage.start(id);
-    stage.bench.steps(50);
+    stage.fixture.steps(50);
     let first = stage.freeze();
     stage.give_back(first);
-    stage.bench.order(|ticket| Order::Cancel { ticket, id });
-    stage.bench.steps(500);
+    stage
+        .fixture
+        .order(|ticket| EngineRequest::Cancel { ticket, id });
+    stage.fixture.steps(500);
     let tape = stage.freeze();
     let results = stage.replay(&tape.words);
     assert!(identical(&results, 0) > 50, "{results:?}");
@@ -245,11 +255,11 @@ fn a_full_ring_keeps_the_newest_cycles() {
         .load(time_net(Rate { every: 3, phase: 1 }))
         .expect("a net");
     stage.start(id);
-    stage.bench.steps(20_000);
+    stage.fixture.steps(20_000);
     let tape = stage.freeze();
     let results = stage.replay(&tape.words);
     assert!(identical(&results, 0) > 100, "{results:?}");
-    let last = stage.bench.engine.status().cycle;
+    let last = stage.fixture.engine.status().cycle;
     assert!(results[0].span[1] + 5 > last, "{results:?}, now {last}");
     assert!(results[0].span[0] > 10_000, "{results:?}");
 }
@@ -259,29 +269,29 @@ fn a_fault_freezes_the_recording_and_a_storm_of_them_makes_one_more() {
     let mut stage = Recorded::new(ROOM);
     let line = stage.load(line_net()).expect("a line");
     stage.start(line);
-    stage.bench.steps(100);
-    stage.bench.driver.alive = false;
-    stage.bench.steps(400);
+    stage.fixture.steps(100);
+    stage.fixture.driver.alive = false;
+    stage.fixture.steps(400);
     let tape = stage.tape().expect("an incident");
-    let Reason::Fault { id, fault } = tape.recording.trigger.reason else {
+    let TriggerReason::Fault { id, fault } = tape.recording.trigger.reason else {
         panic!("{:?}", tape.recording.trigger)
     };
     assert_eq!((id, fault.device), (line, 0));
     assert_eq!(fault.cycle, tape.recording.trigger.cycle);
     stage.give_back(tape);
-    stage.bench.driver.alive = true;
+    stage.fixture.driver.alive = true;
     for _ in 0..20 {
         let net = stage.load(output_net(0)).expect("a net");
         stage.start(net);
-        stage.bench.steps(5);
-        stage.bench.driver.alive = false;
-        stage.bench.steps(60);
-        assert_eq!(stage.bench.reason(net), EndReason::Fault);
-        stage.bench.driver.alive = true;
-        stage.bench.steps(5);
+        stage.fixture.steps(5);
+        stage.fixture.driver.alive = false;
+        stage.fixture.steps(60);
+        assert_eq!(stage.fixture.reason(net), EndReason::Fault);
+        stage.fixture.driver.alive = true;
+        stage.fixture.steps(5);
     }
     assert!(stage.tape().is_none(), "they wait for their time");
-    stage.bench.steps(5000);
+    stage.fixture.steps(5000);
     let tape = stage.tape().expect("one for all of them");
     assert_eq!(tape.recording.trigger.others, 19);
     assert!(identical(&stage.replay(&tape.words), 0) > 0);
@@ -292,11 +302,13 @@ fn a_fault_freezes_the_recording_and_a_storm_of_them_makes_one_more() {
 fn while_no_ring_is_free_a_trigger_waits_for_one() {
     let mut stage = Recorded::new(ROOM);
     let tape = stage.freeze();
-    stage.bench.order(|ticket| Order::Record { ticket });
-    stage.bench.steps(1000);
+    stage
+        .fixture
+        .order(|ticket| EngineRequest::Record { ticket });
+    stage.fixture.steps(1000);
     assert!(stage.tape().is_none());
     stage.give_back(tape);
-    stage.bench.steps(2);
+    stage.fixture.steps(2);
     assert!(stage.tape().is_some());
 }
 
@@ -314,7 +326,7 @@ fn records(words: &[u64], tag: u8) -> Vec<usize> {
 
 /// A net that shows an analog input through a delay and an addition.
 fn analog_net() -> PlanData {
-    let mut plan = common::Plan::new();
+    let mut plan = common::TestPlan::new();
     let (no, value) = (plan.bool(0), plan.reals(&[f64::NAN]));
     let (before, sum) = (plan.reals(&[0.0]), plan.reals(&[f64::NAN]));
     plan.add("AnalogInput", &[value, 1, 2]);
@@ -335,8 +347,8 @@ fn analog_tape() -> (Recorded, Tape) {
     let id = stage.load(analog_net()).expect("a net");
     stage.start(id);
     for cycle in 0..1500 {
-        stage.bench.others[0].analog[2] = f64::from(cycle);
-        stage.bench.step();
+        stage.fixture.others[0].analog[2] = f64::from(cycle);
+        stage.fixture.step();
     }
     let tape = stage.freeze();
     (stage, tape)
@@ -360,7 +372,10 @@ fn a_changed_input_is_found_at_its_cycle_and_a_snapshot_names_the_slot() {
     let cycle = tape.words[cycle + 1];
     let results = stage.replay(&tape.words);
     let mismatch = results[0].mismatch.expect("it is found");
-    assert_eq!((mismatch.cycle, mismatch.what), (cycle, Different::Slots));
+    assert_eq!(
+        (mismatch.cycle, mismatch.what),
+        (cycle, MismatchKind::Slots)
+    );
     let slot = mismatch.slot.expect("a later snapshot names it");
     assert_eq!((slot.store, slot.writer), (Store::Real, Some("Add")));
     assert!(slot.cycle > cycle);
@@ -383,16 +398,16 @@ fn file(stage: &Recorded, tape: &Tape) -> Vec<u64> {
         .iter()
         .map(|(id, origin)| (*id, origin))
         .collect();
-    let head = Head {
+    let head = IncidentHead {
         format: incident::FORMAT,
         layout: incident::layout(),
-        catalogue: rcc_ipc::events::digits(rcc_core::primitives::fingerprint()),
-        configuration: rcc_ipc::events::digits(CONFIGURATION),
-        ..Head::default()
+        catalogue: rcc_ipc::events::hex_digits(rcc_core::primitives::fingerprint()),
+        configuration: rcc_ipc::events::hex_digits(CONFIGURATION),
+        ..IncidentHead::default()
     };
-    let parts = Parts {
+    let parts = IncidentParts {
         files: &[(1, b"{\"net\": \"odd length\"}")],
-        models: &stage.bench.models,
+        models: &stage.fixture.models,
         nets: &nets,
         ring: &tape.recording.ring,
     };
@@ -404,9 +419,9 @@ fn file(stage: &Recorded, tape: &Tape) -> Vec<u64> {
     words.map(u64::from_le_bytes).collect()
 }
 
-fn replay_file(words: &[u64]) -> Result<Vec<Replayed>, String> {
+fn replay_file(words: &[u64]) -> Result<Vec<NetReplayResult>, String> {
     let incident = Incident::parse(words).map_err(|error| error.to_string())?;
-    let source = Source {
+    let source = ReplaySource {
         models: &incident.models,
         configuration: incident.configuration,
         nets: &incident.nets,
@@ -422,7 +437,7 @@ fn an_incident_file_is_replayed_as_the_recording_was() {
         let mut stage = Recorded::new(4 << 20);
         let mut ids = Vec::new();
         while ids.len() < 4 {
-            let plan = random::net(&mut random, &stage.bench.models, CONFIGURATION);
+            let plan = random::net(&mut random, &stage.fixture.models, CONFIGURATION);
             ids.extend(stage.load(plan));
         }
         ids.extend(stage.load(line_net()));
@@ -471,7 +486,7 @@ fn a_damaged_file_is_refused_and_a_hostile_one_does_no_harm() {
                 _ => random.below(1000) as u64,
             };
         }
-        let mut sum = Sum::default();
+        let mut sum = WordChecksum::default();
         let (last, body) = bad.split_last_mut().expect("a file");
         body.iter().for_each(|word| sum.take(*word));
         *last = sum.end();
@@ -496,8 +511,8 @@ fn a_damaged_recording_is_an_error_or_a_difference_and_never_a_panic() {
                 _ => u64::MAX,
             };
         }
-        let source = Source {
-            models: &stage.bench.models,
+        let source = ReplaySource {
+            models: &stage.fixture.models,
             configuration: CONFIGURATION,
             nets: &stage.nets,
             words: &words,
@@ -512,17 +527,22 @@ fn what_ran_before_a_net_was_made_anew_is_not_compared_with_it() {
     let mut stage = Recorded::new(4 << 20);
     let id = stage.load(line_net()).expect("a good plan");
     // The arm rests elsewhere by now: refused, after the first evaluation.
-    let hold = &mut stage.bench.driver.measurement.hold;
+    let hold = &mut stage.fixture.driver.measurement.hold;
     hold[0] += 0.1;
     let holds = [Some(*hold), None];
     stage.start(id);
-    stage.bench.steps(2);
-    let net = Net::anew(&stage.nets[&id], &stage.bench.models, CONFIGURATION, &holds);
+    stage.fixture.steps(2);
+    let net = Net::prepare_again(
+        &stage.nets[&id],
+        &stage.fixture.models,
+        CONFIGURATION,
+        &holds,
+    );
     let net = net.expect("from there, too");
     stage.nets.insert(id, net.origin());
-    stage.bench.order(|_| Order::Renew { id, net });
+    stage.fixture.order(|_| EngineRequest::Renew { id, net });
     stage.start(id);
-    stage.bench.steps(300);
+    stage.fixture.steps(300);
     let tape = stage.freeze();
     let results = stage.replay(&tape.words);
     let result = &results[0];

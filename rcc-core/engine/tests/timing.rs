@@ -5,12 +5,12 @@ mod common;
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, VecDeque};
 
-use common::{Bench, PERIOD_NS, endless_net, line_net, output_net};
+use common::{EngineFixture, PERIOD_NS, endless_net, line_net, output_net};
 use rcc_core::message::{CommandState, EndReason, FaultCode};
 use rcc_core::primitives::CATALOGUE;
 use rcc_core::timing::LateCause;
 use rcc_engine::net::Net;
-use rcc_engine::queue::{Event, Order};
+use rcc_engine::queue::{EngineEvent, EngineRequest};
 use rcc_ipc::control::Answer;
 
 /// The clock goes on by so much at a look, if nothing else is said.
@@ -28,43 +28,43 @@ fn clock() -> u64 {
     NOW_NS.get()
 }
 
-fn bench() -> Bench {
-    let mut bench = Bench::new();
-    bench.engine = bench.engine.with_clock(clock);
-    bench
+fn fixture() -> EngineFixture {
+    let mut fixture = EngineFixture::new();
+    fixture.engine = fixture.engine.with_clock(clock);
+    fixture
 }
 
-fn start(bench: &mut Bench, id: u64) {
-    let answer = bench.start(id);
+fn start(fixture: &mut EngineFixture, id: u64) {
+    let answer = fixture.start(id);
     assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
 }
 
-fn acknowledge(bench: &mut Bench) {
-    let answer = bench.ask(|ticket| Order::Acknowledge { ticket });
+fn acknowledge(fixture: &mut EngineFixture) {
+    let answer = fixture.ask(|ticket| EngineRequest::Acknowledge { ticket });
     assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
 }
 
 #[test]
 fn first_and_last_late_cycle_are_latched_with_cause_and_dearest_net() {
-    let mut bench = bench();
-    let (cheap, dear) = (bench.load(endless_net(0)), bench.load(endless_net(1)));
-    start(&mut bench, cheap);
-    start(&mut bench, dear);
+    let mut fixture = fixture();
+    let (cheap, dear) = (fixture.load(endless_net(0)), fixture.load(endless_net(1)));
+    start(&mut fixture, cheap);
+    start(&mut fixture, dear);
     // Two nets look at most six times; the last look ends the second one.
     STEPS_NS.with_borrow_mut(|steps| steps.extend([LOOK_NS; 5]));
-    bench.steps(1);
-    let first_cycle = bench.engine.status().cycle;
-    bench.engine.account(300, 1_400_000, 1);
-    let first = bench.engine.status().first_late;
+    fixture.steps(1);
+    let first_cycle = fixture.engine.status().cycle;
+    fixture.engine.account(300, 1_400_000, 1);
+    let first = fixture.engine.status().first_late;
     assert_eq!(
         (first.cycle, first.cause),
         (first_cycle, LateCause::ComputedLong as u32)
     );
     assert!(first.command == cheap || first.command == dear);
     assert!(first.command_ns > 0);
-    bench.steps(5);
-    bench.engine.account(2_500_000, 900, 2);
-    let status = bench.engine.status();
+    fixture.steps(5);
+    fixture.engine.account(2_500_000, 900, 2);
+    let status = fixture.engine.status();
     assert_eq!(status.first_late, first, "the first stays");
     assert_eq!(status.last_late.cycle, first_cycle + 5);
     assert_eq!(status.last_late.cause, LateCause::WokenLate as u32);
@@ -73,73 +73,73 @@ fn first_and_last_late_cycle_are_latched_with_cause_and_dearest_net() {
 
 #[test]
 fn the_dearest_net_of_a_late_cycle_is_that_which_computed_longest_in_it() {
-    let mut bench = bench();
-    let (first, second) = (bench.load(endless_net(0)), bench.load(endless_net(1)));
-    start(&mut bench, first);
-    start(&mut bench, second);
+    let mut fixture = fixture();
+    let (first, second) = (fixture.load(endless_net(0)), fixture.load(endless_net(1)));
+    start(&mut fixture, first);
+    start(&mut fixture, second);
     // Whichever of the two is timed in detail, the looks of the first net are at most four.
     for (looks, dear) in [
         ([9_000, 9_000, 9_000, 1, 1, 1], first),
         ([1, 1, 1, 1, 9_000, 9_000], second),
     ] {
         STEPS_NS.with_borrow_mut(|steps| steps.extend(looks));
-        bench.steps(1);
-        bench.engine.account(0, 2_000_000, 1);
-        assert_eq!(bench.engine.status().last_late.command, dear);
+        fixture.steps(1);
+        fixture.engine.account(0, 2_000_000, 1);
+        assert_eq!(fixture.engine.status().last_late.command, dear);
         STEPS_NS.with_borrow_mut(VecDeque::clear);
     }
 }
 
 #[test]
 fn an_acknowledgement_begins_anew_and_is_told() {
-    let mut bench = bench();
-    bench.engine.account(5_000, 2_000_000, 1);
-    bench.engine.account(5_000, 2_000_000, 1);
-    acknowledge(&mut bench);
-    let status = *bench.engine.status();
+    let mut fixture = fixture();
+    fixture.engine.account(5_000, 2_000_000, 1);
+    fixture.engine.account(5_000, 2_000_000, 1);
+    acknowledge(&mut fixture);
+    let status = *fixture.engine.status();
     assert_eq!(
         (status.late, status.late_acknowledged),
         (2, 2),
         "the whole count stays"
     );
     assert_eq!((status.first_late.cycle, status.last_late.cycle), (0, 0));
-    let timing = bench.engine.timing();
+    let timing = fixture.engine.timing();
     assert_eq!(timing.acknowledged_cycle, status.cycle);
     assert!(timing.exec.max() < 2_000_000 && timing.exec.count() <= 1);
-    let told = std::iter::from_fn(|| bench.ends.events.pop().ok())
-        .any(|event| matches!(event, Event::Acknowledged { late: 2, .. }));
+    let told = std::iter::from_fn(|| fixture.ends.events.pop().ok())
+        .any(|event| matches!(event, EngineEvent::Acknowledged { late: 2, .. }));
     assert!(told);
 }
 
 #[test]
 fn nets_are_not_ended_for_cycles_that_were_woken_late() {
-    let mut bench = bench();
-    let id = bench.load(endless_net(0));
-    start(&mut bench, id);
-    (0..100).for_each(|_| bench.engine.account(3_000_000, 2_000, 3));
-    assert_eq!(bench.state(id), CommandState::Running);
+    let mut fixture = fixture();
+    let id = fixture.load(endless_net(0));
+    start(&mut fixture, id);
+    (0..100).for_each(|_| fixture.engine.account(3_000_000, 2_000, 3));
+    assert_eq!(fixture.state(id), CommandState::Running);
     // Between those that computed long they neither count nor end the row.
     for _ in 0..2 {
-        bench.engine.account(0, 2_000_000, 1);
-        bench.engine.account(3_000_000, 2_000, 3);
+        fixture.engine.account(0, 2_000_000, 1);
+        fixture.engine.account(3_000_000, 2_000, 3);
     }
-    assert_eq!(bench.state(id), CommandState::Running);
-    bench.engine.account(0, 2_000_000, 1);
-    assert_eq!(bench.reason(id), EndReason::Fault);
-    assert_eq!(bench.entry(id).fault.code, FaultCode::Overrun as u32);
+    assert_eq!(fixture.state(id), CommandState::Running);
+    fixture.engine.account(0, 2_000_000, 1);
+    assert_eq!(fixture.reason(id), EndReason::Fault);
+    assert_eq!(fixture.entry(id).fault.code, FaultCode::Overrun as u32);
 }
 
 #[test]
 fn without_a_net_too_many_late_cycles_end_nothing() {
-    let mut bench = bench();
-    let id = bench.load(endless_net(0));
-    (0..100).for_each(|_| bench.engine.account(0, 2_000_000, 1));
-    assert_eq!(bench.state(id), CommandState::Ready);
+    let mut fixture = fixture();
+    let id = fixture.load(endless_net(0));
+    (0..100).for_each(|_| fixture.engine.account(0, 2_000_000, 1));
+    assert_eq!(fixture.state(id), CommandState::Ready);
 }
 
 /// Runs timed so far, by type.
-fn timed(bench: &Bench) -> BTreeMap<&'static str, u64> {
-    let rows = CATALOGUE.iter().zip(&bench.engine.timing().primitives);
+fn timed(fixture: &EngineFixture) -> BTreeMap<&'static str, u64> {
+    let rows = CATALOGUE.iter().zip(&fixture.engine.timing().primitives);
     rows.filter(|(_, row)| row.runs > 0)
         .map(|(entry, row)| (entry.spec.name, row.runs))
         .collect()
@@ -147,15 +147,15 @@ fn timed(bench: &Bench) -> BTreeMap<&'static str, u64> {
 
 #[test]
 fn every_run_of_every_active_net_is_timed_in_turn() {
-    let mut bench = bench();
-    let (first, second) = (bench.load(output_net(0)), bench.load(endless_net(1)));
-    start(&mut bench, first);
-    start(&mut bench, second);
-    acknowledge(&mut bench);
-    bench.steps(3 * 5 - 1);
+    let mut fixture = fixture();
+    let (first, second) = (fixture.load(output_net(0)), fixture.load(endless_net(1)));
+    start(&mut fixture, first);
+    start(&mut fixture, second);
+    acknowledge(&mut fixture);
+    fixture.steps(3 * 5 - 1);
     let wanted = [("Cancel", 3), ("DigitalOutput", 6), ("Termination", 6)];
-    assert_eq!(timed(&bench), BTreeMap::from(wanted));
-    let rows = bench.engine.timing().primitives;
+    assert_eq!(timed(&fixture), BTreeMap::from(wanted));
+    let rows = fixture.engine.timing().primitives;
     let sum_ns: u64 = rows.iter().map(|row| row.sum_ns).sum();
     assert_eq!(
         sum_ns,
@@ -166,29 +166,29 @@ fn every_run_of_every_active_net_is_timed_in_turn() {
 
 #[test]
 fn the_turn_goes_past_nets_that_are_over() {
-    let mut bench = bench();
-    let (first, second) = (bench.load(output_net(0)), bench.load(endless_net(1)));
-    start(&mut bench, first);
-    start(&mut bench, second);
-    bench.ask(|ticket| Order::Abort { ticket, id: first });
-    acknowledge(&mut bench);
-    bench.steps(9);
+    let mut fixture = fixture();
+    let (first, second) = (fixture.load(output_net(0)), fixture.load(endless_net(1)));
+    start(&mut fixture, first);
+    start(&mut fixture, second);
+    fixture.ask(|ticket| EngineRequest::Abort { ticket, id: first });
+    acknowledge(&mut fixture);
+    fixture.steps(9);
     assert_eq!(
-        timed(&bench),
+        timed(&fixture),
         BTreeMap::from([("DigitalOutput", 5), ("Termination", 5)])
     );
 }
 
 #[test]
 fn a_timed_run_computes_the_same() {
-    let bench = Bench::new();
-    let mut plain = bench.build(line_net()).expect("a good plan");
-    let mut detailed = bench.build(line_net()).expect("a good plan");
+    let fixture = EngineFixture::new();
+    let mut plain = fixture.build(line_net()).expect("a good plan");
+    let mut detailed = fixture.build(line_net()).expect("a good plan");
     let runs = detailed.runs();
     for cycle in 0..3 * (runs + 1) {
-        let plainly = plain.evaluate(&bench.models, &[], 1e-3);
+        let plainly = plain.evaluate(&fixture.models, &[], 1e-3);
         let timed = (cycle % (runs + 1), clock as fn() -> u64);
-        let (evaluation, time) = detailed.evaluate_timed(&bench.models, &[], 1e-3, timed);
+        let (evaluation, time) = detailed.evaluate_timed(&fixture.models, &[], 1e-3, timed);
         assert_eq!(plainly, evaluation);
         let position = |net: &Net| net.outputs()[0].position.map(f64::to_bits);
         assert_eq!(position(&plain), position(&detailed));
@@ -202,11 +202,11 @@ fn a_timed_run_computes_the_same() {
 
 #[test]
 fn histograms_have_every_cycle() {
-    let mut bench = bench();
-    acknowledge(&mut bench);
-    bench.steps(49);
-    bench.engine.account(700, 40_000, 0);
-    let timing = bench.engine.timing();
+    let mut fixture = fixture();
+    acknowledge(&mut fixture);
+    fixture.steps(49);
+    fixture.engine.account(700, 40_000, 0);
+    let timing = fixture.engine.timing();
     // The cycle of the acknowledgement is the first of the new count; one is told twice here.
     assert_eq!((timing.exec.count(), timing.wake.count()), (51, 51));
     assert_eq!((timing.exec.max(), timing.wake.max()), (40_000, 700));
@@ -219,12 +219,12 @@ fn histograms_have_every_cycle() {
 
 #[test]
 fn timing_is_written_ten_times_a_second_and_when_acknowledged() {
-    let mut bench = bench();
+    let mut fixture = fixture();
     let due = (0..1000).filter(|_| {
-        bench.step();
-        bench.engine.timing_due()
+        fixture.step();
+        fixture.engine.timing_due()
     });
     assert_eq!(due.count(), 10);
-    acknowledge(&mut bench);
-    assert!(bench.engine.timing_due());
+    acknowledge(&mut fixture);
+    assert!(fixture.engine.timing_due());
 }

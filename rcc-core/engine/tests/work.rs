@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, Plan, endless_net};
+use common::{EngineFixture, TestPlan, endless_net};
 use rcc_core::plan::{Delay, PlanError};
 use rcc_core::types::Store;
 use rcc_ipc::control::Refusal;
@@ -11,26 +11,26 @@ const WIDTH: u32 = 1 << 19;
 
 #[test]
 fn a_plan_whose_primitives_would_take_for_ever_is_refused() {
-    let bench = Bench::new();
-    let mut plan = Plan::new();
+    let fixture = EngineFixture::new();
+    let mut plan = TestPlan::new();
     plan.data = endless_net(0);
     let wide = plan.reals(&vec![0.0; WIDTH as usize]);
     plan.add("Select", &[0, wide, wide, wide, WIDTH]);
     assert!(
-        bench.build(plan.data.clone()).is_ok(),
+        fixture.build(plan.data.clone()).is_ok(),
         "one of them is no harm"
     );
     for _ in 0..64 {
         plan.add("Select", &[0, wide, wide, wide, WIDTH]);
     }
-    let refused = bench.build(plan.data).map(|_| ());
+    let refused = fixture.build(plan.data).map(|_| ());
     assert_eq!(refused, Err(Refusal::Plan(PlanError::TooLarge)));
 }
 
 #[test]
 fn a_plan_whose_delayed_links_would_take_for_ever_is_refused() {
-    let bench = Bench::new();
-    let mut plan = Plan::new();
+    let fixture = EngineFixture::new();
+    let mut plan = TestPlan::new();
     plan.data = endless_net(0);
     let from = plan.reals(&vec![0.0; WIDTH as usize]);
     let delay = Delay {
@@ -40,6 +40,6 @@ fn a_plan_whose_delayed_links_would_take_for_ever_is_refused() {
         width: WIDTH,
     };
     plan.data.delays = vec![delay; 64];
-    let refused = bench.build(plan.data).map(|_| ());
+    let refused = fixture.build(plan.data).map(|_| ());
     assert_eq!(refused, Err(Refusal::Plan(PlanError::TooLarge)));
 }

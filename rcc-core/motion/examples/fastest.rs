@@ -4,14 +4,19 @@
 #[path = "../tests/motions/mod.rs"]
 mod motions;
 
-use motions::{Kind, compared, robots};
+use motions::{MotionKind, compared, robots};
 
 fn main() {
     let count = std::env::args().nth(1).and_then(|count| count.parse().ok());
     println!(
         "kind       robot        motions  time of the even one: median     p10     p90   built in, ms: even fastest"
     );
-    for kind in [Kind::Line, Kind::Circle, Kind::Spline, Kind::Sequence] {
+    for kind in [
+        MotionKind::Line,
+        MotionKind::Circle,
+        MotionKind::Spline,
+        MotionKind::Sequence,
+    ] {
         for robot in &robots() {
             let mut ratios = Vec::new();
             let mut built_s = [0.0; 2];

@@ -5,7 +5,7 @@
 #[path = "../tests/motions/mod.rs"]
 mod motions;
 
-use motions::{KINDS, Outcome, Worst, case, robots};
+use motions::{KINDS, RunOutcome, WorstCase, case, robots};
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
@@ -26,19 +26,19 @@ fn main() {
         let robots = robots();
         for robot in (robots.iter()).filter(|of| robot.as_ref().is_none_or(|name| of.name == *name))
         {
-            let (mut worst, mut ran, mut refused, mut broken) = (Worst::default(), 0, 0, 0);
+            let (mut worst, mut ran, mut refused, mut broken) = (WorstCase::default(), 0, 0, 0);
             // As many motions as were asked for, whatever is refused on the way.
             for seed in 0.. {
                 if ran >= count.div_ceil(robots.len() as u64) || refused > 20 * count {
                     break;
                 }
                 match case(kind, robot, seed) {
-                    Outcome::Ran(motion) => {
+                    RunOutcome::Ran(motion) => {
                         ran += 1;
                         worst.and(motion);
                     }
-                    Outcome::Refused => refused += 1,
-                    Outcome::Broken(fault) => {
+                    RunOutcome::Refused => refused += 1,
+                    RunOutcome::Broken(fault) => {
                         broken += 1;
                         ran += 1;
                         if broken <= 5 {

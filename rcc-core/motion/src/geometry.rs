@@ -1,7 +1,7 @@
 //! Paths as curves: where the flange or the joints are at s, with derivatives by s up to the third.
 //! Built off the real-time thread; `at` is evaluated by it, allocates nothing and takes a bounded number of steps.
 //!
-//! s runs in metres: a turn counts its angle times the [radius](Metric) that makes the angular limits as tight as the
+//! s runs in metres: a turn counts its angle times the [radius](PathMetric) that makes the angular limits as tight as the
 //! linear ones, and the greater of both ways is the length. Every shape is smooth inside; a [`chain::Chain`] joins shapes
 //! so that position, first and second derivative by s are continuous (C2), or tells where the motion has to rest.
 
@@ -10,7 +10,7 @@ pub mod chain;
 pub mod circle;
 pub mod jet;
 pub mod line;
-mod natural;
+mod natural_spline;
 pub mod quintic;
 pub mod spline;
 
@@ -25,7 +25,7 @@ use jet::{Jet, Scalar};
 pub const COINCIDENT_M: f64 = 1e-6;
 
 /// Below this a line has no length and a turn no angle (m, rad).
-pub const NOTHING: f64 = 1e-9;
+pub const LENGTH_MIN: f64 = 1e-9;
 
 /// Why three points or poses are no path.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -70,17 +70,17 @@ pub enum GeometryError {
 
 /// How far a turn counts beside a way.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Metric {
+pub struct PathMetric {
     /// Metres that one radian counts (> 0): the velocity limit over the angular velocity limit.
     pub radius_m: f64,
 }
 
-impl Metric {
+impl PathMetric {
     /// The length of a path of `way_m` that turns by `angle_rad`: whichever leads.
     #[must_use]
     pub fn length(self, way_m: f64, angle_rad: f64) -> f64 {
         let length = way_m.max(angle_rad * self.radius_m);
-        if way_m > NOTHING || angle_rad > NOTHING {
+        if way_m > LENGTH_MIN || angle_rad > LENGTH_MIN {
             length
         } else {
             0.0
@@ -110,7 +110,7 @@ impl<T: Scalar> Placement<T> {
 
 /// What a rigid body does along a path: derivatives by s of position and of orientation (as rates about outer axes).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rates {
+pub struct PlacementDerivatives {
     /// x', x'', x''' of the origin: m, m, m per unit of s, its square, its cube.
     pub linear: [Vector; 3],
     /// ω, ω', ω'': angular velocity by s and its derivatives, rad.
@@ -120,7 +120,7 @@ pub struct Rates {
 impl Placement<Jet> {
     /// The derivatives as rates.
     #[must_use]
-    pub fn rates(&self) -> Rates {
+    pub fn rates(&self) -> PlacementDerivatives {
         let linear = [1, 2, 3].map(|order| self.position.map(|x| x.derivative(order)));
         let [q, q1, q2, q3] =
             [0, 1, 2, 3].map(|order| self.orientation.map(|x| x.derivative(order)));
@@ -130,7 +130,7 @@ impl Placement<Jet> {
             [2.0 * x, 2.0 * y, 2.0 * z]
         };
         let third = rcc_core::vector::add(spin(q3, q), spin(q2, q1));
-        Rates {
+        PlacementDerivatives {
             linear,
             angular: [spin(q1, q), spin(q2, q), third],
         }

@@ -6,8 +6,8 @@
 //! way takes about a second; what it finds is judged by what it does. Where it finds nothing good the axis brakes to rest
 //! and goes on from there, in closed form.
 
-use rcc_core::axis::{AxisState, Phases, rest_to_rest, stop_and_go, to_velocity, usable};
-use rcc_core::path::Limits;
+use rcc_core::axis::{AxisState, Phases, rest_to_rest, stop_and_go, to_velocity, limits_are_valid};
+use rcc_core::path::MotionLimits;
 use rsruckig::block::Block;
 use rsruckig::position_third_step1::PositionThirdOrderStep1;
 use rsruckig::prelude::Profile;
@@ -20,7 +20,7 @@ const NEAR_LIMIT: f64 = 1e-6;
 
 /// How a way was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Found {
+pub enum GoalPlanKind {
     /// The fastest one that keeps the limits.
     Fastest,
     /// To rest first: rsruckig had nothing that keeps the limits, or nothing faster.
@@ -30,18 +30,18 @@ pub enum Found {
 /// From `from` to rest at `goal`, as fast as `limits` allow.
 ///
 /// A state beyond the limits (they were lowered) is brought within them first. Limits that are no use
-/// ([`rcc_core::axis::usable`]), or a state or goal that is not finite, give a way without phases.
+/// ([`rcc_core::axis::limits_are_valid`]), or a state or goal that is not finite, give a way without phases.
 #[must_use]
-pub fn plan(from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+pub fn plan(from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
     plan_to(from, &AxisState::at_rest(goal), limits).0
 }
 
 /// The same to a goal that is reached with a velocity and an acceleration, within the limits. After a stop it is reached
 /// at rest.
 #[must_use]
-pub fn plan_to(from: &AxisState, to: &AxisState, limits: &Limits) -> (Phases, Found) {
-    if !(usable(limits) && from.is_finite() && to.is_finite()) {
-        return (Phases::default(), Found::AfterStop);
+pub fn plan_to(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> (Phases, GoalPlanKind) {
+    if !(limits_are_valid(limits) && from.is_finite() && to.is_finite()) {
+        return (Phases::default(), GoalPlanKind::AfterStop);
     }
     // From 0 on: a position far away would cost the digits of a short way.
     let beginning = from.position;
@@ -51,11 +51,11 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &Limits) -> (Phases, Fo
     };
     let (from, to) = (&at(from), &at(to));
     if !to.is_finite() {
-        return (Phases::default(), Found::AfterStop);
+        return (Phases::default(), GoalPlanKind::AfterStop);
     }
     if from.rests() && to.rests() {
         let way = rest_to_rest(to.position, limits);
-        return (Phases::of(&[&way]), Found::Fastest);
+        return (Phases::of(&[&way]), GoalPlanKind::Fastest);
     }
     let found = fastest(from, to, limits).filter(|way| keeps(way, from, to, limits));
     // At the velocity limit rounding decides which profiles rsruckig sees, and its brake may lead back.
@@ -72,9 +72,12 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &Limits) -> (Phases, Fo
     };
     let best = ways.reduce(|a, b| if better(&b, &a) { b } else { a });
     match best {
-        Some(way) if Some(way) != stop => (way, Found::Fastest),
-        Some(way) => (way, Found::AfterStop),
-        None => (stop_and_go(from, to.position, limits), Found::AfterStop),
+        Some(way) if Some(way) != stop => (way, GoalPlanKind::Fastest),
+        Some(way) => (way, GoalPlanKind::AfterStop),
+        None => (
+            stop_and_go(from, to.position, limits),
+            GoalPlanKind::AfterStop,
+        ),
     }
 }
 
@@ -82,7 +85,7 @@ pub fn plan_to(from: &AxisState, to: &AxisState, limits: &Limits) -> (Phases, Fo
 /// acceleration that then leads beyond rest: fast, but nobody who lowers a speed wants the axis to go back.
 fn turns_back(way: &Phases, from: &AxisState) -> bool {
     let direction = from.velocity.signum();
-    let velocities = || way.corners(*from).map(|state| state.velocity * direction);
+    let velocities = || way.extrema(*from).map(|state| state.velocity * direction);
     let (least, most) = velocities().fold((0.0_f64, 0.0_f64), |(least, most), velocity| {
         (least.min(velocity), most.max(velocity))
     });
@@ -90,8 +93,8 @@ fn turns_back(way: &Phases, from: &AxisState) -> bool {
 }
 
 /// Into the velocity limit and from there on; `None` if that keeps no limit.
-fn brake_first(from: &AxisState, to: &AxisState, limits: &Limits) -> Option<Phases> {
-    let Limits { velocity, jerk, .. } = *limits;
+fn brake_first(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Phases> {
+    let MotionLimits { velocity, jerk, .. } = *limits;
     let left = from.coasting(jerk);
     let cruise = if left.abs() > velocity * (1.0 - NEAR_LIMIT) {
         velocity.copysign(left)
@@ -108,9 +111,9 @@ fn brake_first(from: &AxisState, to: &AxisState, limits: &Limits) -> Option<Phas
 }
 
 /// What rsruckig finds. Of a long way at constant speed it is asked for a short one, which is then drawn out again.
-fn fastest(from: &AxisState, to: &AxisState, limits: &Limits) -> Option<Phases> {
-    let task = Task::of(from, to, limits);
-    let Scaled {
+fn fastest(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> Option<Phases> {
+    let task = GoalProblem::of(from, to, limits);
+    let ScaledProblem {
         from: (v0, a0),
         to: (vf, af),
         way,
@@ -152,15 +155,15 @@ fn fastest(from: &AxisState, to: &AxisState, limits: &Limits) -> Option<Phases> 
 const CRUISE: usize = 5;
 
 /// A task in units in which it takes about a second and goes about as far as 1.
-struct Task {
-    scaled: Scaled,
+struct GoalProblem {
+    scaled: ScaledProblem,
     /// The unit of time, s; a power of two, so that nothing is rounded.
     unit_s: f64,
     /// Time at the greatest speed that was cut out of the way, s.
     cut_s: f64,
 }
 
-struct Scaled {
+struct ScaledProblem {
     /// Velocity and acceleration.
     from: (f64, f64),
     /// The same at the goal.
@@ -169,9 +172,9 @@ struct Scaled {
     limits: [f64; 3],
 }
 
-impl Task {
-    fn of(from: &AxisState, to: &AxisState, limits: &Limits) -> Task {
-        let &Limits {
+impl GoalProblem {
+    fn of(from: &AxisState, to: &AxisState, limits: &MotionLimits) -> GoalProblem {
+        let &MotionLimits {
             velocity,
             acceleration,
             jerk,
@@ -202,8 +205,8 @@ impl Task {
                 .max(from.acceleration.abs())
                 .max(to.acceleration.abs()),
         );
-        Task {
-            scaled: Scaled {
+        GoalProblem {
+            scaled: ScaledProblem {
                 from: (
                     of_velocity(from.velocity),
                     of_acceleration(from.acceleration),
@@ -223,7 +226,7 @@ impl Task {
 }
 
 /// The limit, or what the state makes inevitable.
-fn most_velocity(from: &AxisState, limits: &Limits) -> f64 {
+fn most_velocity(from: &AxisState, limits: &MotionLimits) -> f64 {
     let inevitable = from.velocity.abs().max(from.coasting(limits.jerk).abs());
     limits.velocity.max(inevitable)
 }
@@ -240,15 +243,15 @@ fn power_of_two(value: f64) -> f64 {
 }
 
 /// Whether a way ends at its goal and keeps the limits, but for what its beginning makes inevitable.
-fn keeps(way: &Phases, from: &AxisState, to: &AxisState, limits: &Limits) -> bool {
-    let &Limits {
+fn keeps(way: &Phases, from: &AxisState, to: &AxisState, limits: &MotionLimits) -> bool {
+    let &MotionLimits {
         acceleration, jerk, ..
     } = limits;
     let most_acceleration = acceleration.max(from.acceleration.abs());
     let most_velocity = most_velocity(from, limits);
     let within = |value: f64, limit: f64| value.abs() <= limit * (1.0 + TOLERANCE);
     let steps = way.0.iter().all(|(t, j)| *t >= 0.0 && within(*j, jerk));
-    let corners = way.corners(*from).all(|corner| {
+    let corners = way.extrema(*from).all(|corner| {
         within(corner.velocity, most_velocity) && within(corner.acceleration, most_acceleration)
     });
     let end = way.end(*from);

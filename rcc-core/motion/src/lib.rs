@@ -7,15 +7,15 @@
 
 pub mod geometry;
 pub mod goal;
+mod jerk_profile;
 mod motion;
 mod path_clock;
-mod profile;
-mod rest;
-mod track;
+mod planned_path;
+mod stop_trajectory;
 
-pub use motion::{Builder, Motion, MotionSet};
+pub use motion::{Motion, MotionSet, MotionSetBuilder};
 pub use path_clock::{
     CLOCK_WORDS, PathBounds, PathClock, PathLimitsError, PathPiece, duration_s, stop_time,
 };
-pub use rest::{Rest, RestFault, RestLimits, RestLimitsError};
-pub use track::Shortened;
+pub use planned_path::ReducedBlend;
+pub use stop_trajectory::{StopFault, StopLimits, StopLimitsError, StopTrajectory};

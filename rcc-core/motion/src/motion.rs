@@ -5,21 +5,21 @@ use rcc_core::axis::{AxisState, Phases};
 use rcc_core::frame::{DeviceModel, PrepareFault, arm_at_rest};
 use rcc_core::message::Joints;
 use rcc_core::path::{
-    Drive, LEGS_MAX, Limits, MotionBuilder, MotionFault, MotionState, Motions, PathRequest,
-    PathState,
+    LEGS_MAX, MotionBuilder, MotionFault, MotionLimits, MotionState, Motions, PathRequest,
+    PathState, SpeedOverride,
 };
 
 use crate::goal;
 use crate::path_clock::{CLOCK_WORDS, PathClock};
-use crate::track::bounds::Stop;
-use crate::track::{Place, Section, Shortened, Track, Traveller, build};
+use crate::planned_path::speed_limits::BrakingLimits;
+use crate::planned_path::{ArmStart, MotionSection, PathPoint, PlannedPath, ReducedBlend, build};
 
 /// A motion along a path.
 #[derive(Debug, Clone)]
 pub struct Motion {
-    track: Box<Track>,
+    planned_path: Box<PlannedPath>,
     /// Parts from rest to rest, in order; at least one.
-    sections: Box<[Section]>,
+    sections: Box<[MotionSection]>,
     section: usize,
     clock: PathClock,
     /// The clock counts the way itself and brings it to rest, instead of the time of the section's law.
@@ -45,7 +45,7 @@ impl Motion {
         (self.section, self.clock, self.braking) = (0, PathClock::new(), None);
     }
 
-    fn step(&mut self, drive: Drive) -> MotionState {
+    fn step(&mut self, drive: SpeedOverride) -> MotionState {
         let stopping = drive.stop || self.clock.last().stopping;
         if stopping && let Some(state) = self.brake() {
             return state;
@@ -53,15 +53,15 @@ impl Motion {
         let Some(section) = self.sections.get(self.section) else {
             return self.state(Default::default());
         };
-        let Section { begin, bounds, .. } = section;
-        let by_law = section.stops.is_some();
-        if by_law {
-            self.clock.roll(bounds, drive);
+        let MotionSection { begin, bounds, .. } = section;
+        let timed = section.stops.is_some();
+        if timed {
+            self.clock.start_rolling(bounds, drive);
         }
         let mut path = self.clock.step(bounds, drive);
         let next = self.sections.get(self.section + 1);
         let end = next.map_or(self.length, |next| next.begin);
-        if by_law && path.s >= section.length {
+        if timed && path.s >= section.length {
             path = rest(path, section.length);
         }
         // The sum may be one rounding beyond where the next section begins.
@@ -77,37 +77,40 @@ impl Motion {
     /// Stops the way of a law by a clock of its own, from the first cycle on in which the law is slow enough for its limits:
     /// a law goes on to speed up while its time is slowed down.
     fn brake(&mut self) -> Option<MotionState> {
-        let Section { begin, stops, .. } = self.sections.get(self.section)?;
+        let MotionSection { begin, stops, .. } = self.sections.get(self.section)?;
         let (begin, stops) = (*begin, stops.as_ref()?);
-        let begin_s = self.track.begins_at(begin);
+        let begin_s = self.planned_path.begins_at(begin);
         if self.braking.is_none() {
             let now = self.clock.last();
             let rates = [now.velocity, now.acceleration];
-            let mut way = self.track.way_at(begin + now.s, rates);
+            let mut way = self.planned_path.way_at(begin + now.s, rates);
             way.position -= begin_s;
             let mut near = stops.iter();
-            let allows = |stop: &Stop| stop.begins_at(way.position) && stop.bounds.allows_stop(way);
+            let allows =
+                |stop: &BrakingLimits| stop.begins_at(way.position) && stop.bounds.allows_stop(way);
             let stop = near.position(allows).filter(|_| !now.done)?;
             let counted = begin + now.s;
             self.braking = Some(Braking { counted, stop });
             self.clock = PathClock::moving(way);
         }
         let Braking { counted, stop } = self.braking?;
-        let way = self.clock.step(&stops.get(stop)?.bounds, Drive::STOP);
+        let way = self
+            .clock
+            .step(&stops.get(stop)?.bounds, SpeedOverride::STOP);
         let s = begin_s + way.s;
         let path = PathState {
             // There and back is not exact.
-            s: self.track.counted(begin, s).max(counted),
+            s: self.planned_path.counted(begin, s).max(counted),
             ..way
         };
-        Some(self.at(path, self.track.on_way(s)))
+        Some(self.at(path, self.planned_path.on_way(s)))
     }
 
     fn state(&self, path: PathState) -> MotionState {
-        self.at(path, self.track.at(path.s))
+        self.at(path, self.planned_path.at(path.s))
     }
 
-    fn at(&self, path: PathState, place: Place) -> MotionState {
+    fn at(&self, path: PathState, place: PathPoint) -> MotionState {
         let progress = if self.length > 0.0 {
             path.s / self.length
         } else {
@@ -145,10 +148,10 @@ pub struct MotionSet(Vec<Motion>);
 
 impl MotionSet {
     /// The roundings that are smaller than asked for, each with the index of its motion.
-    pub fn shortened(&self) -> impl Iterator<Item = (usize, Shortened)> {
+    pub fn shortened(&self) -> impl Iterator<Item = (usize, ReducedBlend)> {
         let motions = self.0.iter().enumerate();
         motions.flat_map(|(index, motion)| {
-            let shortened = motion.track.shortened().iter();
+            let shortened = motion.planned_path.shortened().iter();
             shortened.map(move |shortened| (index, *shortened))
         })
     }
@@ -197,25 +200,25 @@ impl MotionSet {
 }
 
 impl Motions for MotionSet {
-    fn step(&mut self, index: usize, drive: Drive) -> Option<MotionState> {
+    fn step(&mut self, index: usize, drive: SpeedOverride) -> Option<MotionState> {
         self.0.get_mut(index).map(|motion| motion.step(drive))
     }
 
-    fn way(&mut self, from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+    fn plan_axis(&mut self, from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
         goal::plan(from, goal, limits)
     }
 }
 
 /// Builds the motions of one net.
 #[derive(Debug)]
-pub struct Builder<'a> {
+pub struct MotionSetBuilder<'a> {
     models: &'a [DeviceModel],
     holds: &'a [Option<Joints>],
     dt_s: f64,
     motions: Vec<Option<Motion>>,
 }
 
-impl<'a> Builder<'a> {
+impl<'a> MotionSetBuilder<'a> {
     /// For a net of `count` motions that is evaluated every `dt_s` (s), with arms that rest at `holds`.
     #[must_use]
     pub fn new(
@@ -223,8 +226,8 @@ impl<'a> Builder<'a> {
         holds: &'a [Option<Joints>],
         dt_s: f64,
         count: u32,
-    ) -> Builder<'a> {
-        Builder {
+    ) -> MotionSetBuilder<'a> {
+        MotionSetBuilder {
             models,
             holds,
             dt_s,
@@ -249,8 +252,8 @@ impl<'a> Builder<'a> {
     }
 }
 
-impl Builder<'_> {
-    fn motion(&self, request: &PathRequest<'_>) -> Result<Motion, Fault> {
+impl MotionSetBuilder<'_> {
+    fn motion(&self, request: &PathRequest<'_>) -> Result<Motion, MotionBuildFault> {
         let count = request.legs.len();
         if count == 0 || count > LEGS_MAX {
             let count = u32::try_from(count).unwrap_or(u32::MAX);
@@ -259,13 +262,13 @@ impl Builder<'_> {
         let (arm, hold) = arm_at_rest(self.models, self.holds, request.device)?;
         let model = self.models.get(request.device as usize);
         let model = model.ok_or((0, MotionFault::NoMotion))?;
-        let traveller = Traveller::starting(model, arm, hold, request.from);
-        let traveller = traveller.map_err(|fault| (0, fault))?;
-        let (track, sections) = build(traveller, (request.legs, request.pace), self.dt_s)?;
+        let arm_start = ArmStart::starting(model, arm, hold, request.from);
+        let arm_start = arm_start.map_err(|fault| (0, fault))?;
+        let (planned_path, sections) = build(arm_start, (request.legs, request.pace), self.dt_s)?;
         let last = sections.last();
         Ok(Motion {
             length: last.map_or(0.0, |section| section.begin + section.length),
-            track: Box::new(track),
+            planned_path: Box::new(planned_path),
             sections,
             section: 0,
             clock: PathClock::new(),
@@ -275,26 +278,26 @@ impl Builder<'_> {
 }
 
 /// Why a motion cannot be made.
-enum Fault {
+enum MotionBuildFault {
     /// The arm.
     Arm(PrepareFault),
     /// A leg.
     Leg(u32, MotionFault),
 }
 
-impl From<PrepareFault> for Fault {
+impl From<PrepareFault> for MotionBuildFault {
     fn from(fault: PrepareFault) -> Self {
         Self::Arm(fault)
     }
 }
 
-impl From<(u32, MotionFault)> for Fault {
+impl From<(u32, MotionFault)> for MotionBuildFault {
     fn from((leg, fault): (u32, MotionFault)) -> Self {
         Self::Leg(leg, fault)
     }
 }
 
-impl MotionBuilder for Builder<'_> {
+impl MotionBuilder for MotionSetBuilder<'_> {
     fn path(&mut self, index: u32, request: &PathRequest<'_>) -> Result<(), PrepareFault> {
         let fault = |leg, fault| PrepareFault::Motion {
             motion: index,
@@ -302,8 +305,8 @@ impl MotionBuilder for Builder<'_> {
             fault,
         };
         let motion = self.motion(request).map_err(|error| match error {
-            Fault::Arm(error) => error,
-            Fault::Leg(leg, error) => fault(leg, error),
+            MotionBuildFault::Arm(error) => error,
+            MotionBuildFault::Leg(leg, error) => fault(leg, error),
         })?;
         let place = self.motions.get_mut(index as usize);
         *place.ok_or(fault(0, MotionFault::NoMotion))? = Some(motion);

@@ -9,17 +9,19 @@
 //! builds up and holds its deceleration no other motion is slower, and where it lets it go, −a = √(2Jv), no other may
 //! brake harder at the same velocity. So whatever is being done, a stop on the way needs no look-ahead.
 
-use rcc_core::path::{Drive, PathLimits, PathState};
+use rcc_core::path::{PathLimits, PathState, SpeedOverride};
 
-use crate::profile::{Agility, Change, Profile, State, settled};
+use crate::jerk_profile::{
+    AccelerationLimits, JerkProfile, KinematicState, VelocityChange, coasting_velocity,
+};
 
 mod approach;
-mod bounds;
-mod words;
+mod path_bounds;
+mod state_words;
 
-use approach::{Aim, Approach, approach};
-pub use bounds::{PathBounds, PathLimitsError, PathPiece};
-pub use words::CLOCK_WORDS;
+use approach::{Approach, ApproachTarget, approach};
+pub use path_bounds::{PathBounds, PathLimitsError, PathPiece};
+pub use state_words::CLOCK_WORDS;
 
 /// A speed below this part of the limits is none.
 const SPEED_MIN: f64 = 1e-6;
@@ -32,7 +34,7 @@ const ENDS_MAX: usize = 8;
 
 /// What a clock was told.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-enum Demand {
+enum ClockCommand {
     /// Nothing yet.
     #[default]
     None,
@@ -44,8 +46,8 @@ enum Demand {
     Stop,
 }
 
-impl Demand {
-    fn of(drive: Drive) -> Self {
+impl ClockCommand {
+    fn of(drive: SpeedOverride) -> Self {
         if drive.stop {
             Self::Stop
         } else if drive.pause || drive.speed.is_nan() || drive.speed < SPEED_MIN {
@@ -58,12 +60,12 @@ impl Demand {
 
 /// How the motion being made ends.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-enum End {
+enum MotionEnd {
     /// At rest, wherever that is.
     #[default]
     Rest,
     /// At the end of a piece, without acceleration, at a velocity from which the rest of the path can be kept.
-    Station {
+    PieceEnd {
         /// Place and velocity.
         s: f64,
         velocity: f64,
@@ -74,20 +76,21 @@ enum End {
 
 /// A motion, and when it is to be replaced.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Making {
-    profile: Profile,
-    end: End,
+struct PlannedMotion {
+    profile: JerkProfile,
+    end: MotionEnd,
     /// When something new is made, s from its beginning: at its end, or where a faster piece begins.
     until_s: f64,
 }
 
-impl Making {
+impl PlannedMotion {
     /// The fastest stop.
-    fn stop(start: State, limits: Agility) -> Self {
-        let profile = Change::new(start.velocity, start.acceleration, limits).profile(start);
+    fn stop(start: KinematicState, limits: AccelerationLimits) -> Self {
+        let profile =
+            VelocityChange::new(start.velocity, start.acceleration, limits).profile(start);
         Self {
             profile,
-            end: End::Rest,
+            end: MotionEnd::Rest,
             until_s: profile.duration_s(),
         }
     }
@@ -99,8 +102,8 @@ impl Making {
 /// continuous motion that keeps the limits, so its finite differences keep them too.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PathClock {
-    demand: Demand,
-    making: Making,
+    command: ClockCommand,
+    planned: PlannedMotion,
     /// When the motion being made began, s before the cycle from which `cycle` counts.
     offset_s: f64,
     /// Cycles since then.
@@ -116,9 +119,9 @@ impl PathClock {
     }
 
     /// A clock that goes on from a state into which something else has brought the path.
-    pub(crate) fn moving(from: State) -> Self {
+    pub(crate) fn moving(from: KinematicState) -> Self {
         Self {
-            demand: Demand::Run(1.0),
+            command: ClockCommand::Run(1.0),
             last: PathState {
                 s: from.position,
                 velocity: from.velocity,
@@ -141,8 +144,10 @@ impl PathClock {
 
     /// For a path that rests at its beginning whatever its clock does: a clock that has not begun does so at the speed that
     /// it may have, instead of speeding up from none. Nothing if it has begun.
-    pub fn roll(&mut self, bounds: &PathBounds, drive: Drive) {
-        if let (Demand::None, Demand::Run(speed)) = (self.demand, Demand::of(drive)) {
+    pub fn start_rolling(&mut self, bounds: &PathBounds, drive: SpeedOverride) {
+        if let (ClockCommand::None, ClockCommand::Run(speed)) =
+            (self.command, ClockCommand::of(drive))
+        {
             self.last.velocity = speed * bounds.least_velocity();
         }
     }
@@ -152,7 +157,7 @@ impl PathClock {
     /// `bounds` are the same in every step. A `stop` cannot be taken back; a pause can, and so can any speed: it scales
     /// every velocity limit (0..1, below 10⁻⁶ or NaN: a pause). At the end s is exactly the length; after a stop it
     /// stays where the stop ended.
-    pub fn step(&mut self, bounds: &PathBounds, drive: Drive) -> PathState {
+    pub fn step(&mut self, bounds: &PathBounds, drive: SpeedOverride) -> PathState {
         self.advance(bounds, drive, |_, _, _| ())
     }
 
@@ -160,41 +165,41 @@ impl PathClock {
     fn advance(
         &mut self,
         bounds: &PathBounds,
-        drive: Drive,
-        mut made: impl FnMut(&Profile, f64, f64),
+        drive: SpeedOverride,
+        mut made: impl FnMut(&JerkProfile, f64, f64),
     ) -> PathState {
         let stopping = self.last.stopping || drive.stop;
         self.last.stopping = stopping;
         if self.last.done {
             return self.last;
         }
-        let demand = Demand::of(Drive {
+        let command = ClockCommand::of(SpeedOverride {
             stop: stopping,
             ..drive
         });
-        let first = self.demand == Demand::None;
-        if demand != self.demand {
-            self.hear(bounds, demand);
+        let first = self.command == ClockCommand::None;
+        if command != self.command {
+            self.apply_command(bounds, command);
         }
         let mut from_s = self.elapsed_s(bounds);
         self.cycle = self.cycle.saturating_add(u64::from(!first));
         for _ in 0..ENDS_MAX {
-            let (t_s, until_s) = (self.elapsed_s(bounds), self.making.until_s);
+            let (t_s, until_s) = (self.elapsed_s(bounds), self.planned.until_s);
             if t_s < until_s {
-                made(&self.making.profile, from_s, t_s);
-                let (state, jerk) = self.making.profile.sample(t_s);
-                return self.tell(bounds, state, jerk);
+                made(&self.planned.profile, from_s, t_s);
+                let (state, jerk) = self.planned.profile.sample(t_s);
+                return self.report(bounds, state, jerk);
             }
             if from_s < until_s {
-                made(&self.making.profile, from_s, until_s);
+                made(&self.planned.profile, from_s, until_s);
             }
-            if let Some(rest) = self.turn(bounds, t_s - until_s) {
+            if let Some(rest) = self.next_motion(bounds, t_s - until_s) {
                 return rest;
             }
             from_s = self.elapsed_s(bounds) - (t_s - until_s);
         }
-        let (state, jerk) = self.making.profile.sample(self.making.until_s);
-        self.tell(bounds, state, jerk)
+        let (state, jerk) = self.planned.profile.sample(self.planned.until_s);
+        self.report(bounds, state, jerk)
     }
 
     /// Time since the motion being made began, s.
@@ -205,76 +210,77 @@ impl PathClock {
     }
 
     /// Makes what is demanded from the last state on, if it was not what is being made already.
-    fn hear(&mut self, bounds: &PathBounds, demand: Demand) {
-        let before = std::mem::replace(&mut self.demand, demand);
-        let start = State {
+    fn apply_command(&mut self, bounds: &PathBounds, command: ClockCommand) {
+        let before = std::mem::replace(&mut self.command, command);
+        let start = KinematicState {
             position: self.last.s,
             velocity: self.last.velocity,
             acceleration: self.last.acceleration,
         };
-        let new = match demand {
-            Demand::Run(speed) => {
-                let slower = !matches!((before, self.making.end),
-                    (Demand::Run(before), End::Station { .. }) if before <= speed);
-                let ways = Ways {
+        let new = match command {
+            ClockCommand::Run(speed) => {
+                let slower = !matches!((before, self.planned.end),
+                    (ClockCommand::Run(before), MotionEnd::PieceEnd { .. }) if before <= speed);
+                let planner = MotionPlanner {
                     bounds,
                     start,
                     speed,
                 };
-                let new = ways.best();
-                new.or_else(|| ways.slowing().filter(|_| slower))
+                let new = planner.fastest_motion();
+                new.or_else(|| planner.slowing().filter(|_| slower))
             }
-            _ if before == Demand::Pause => None,
-            _ => Some(Making::stop(start, bounds.agility())),
+            _ if before == ClockCommand::Pause => None,
+            _ => Some(PlannedMotion::stop(start, bounds.acceleration_limits())),
         };
         // Without a better one the motion being made goes on; at the beginning that is a rest at 0.
         if let Some(new) = new {
-            (self.making, self.offset_s, self.cycle) = (new, 0.0, 0);
+            (self.planned, self.offset_s, self.cycle) = (new, 0.0, 0);
         }
     }
 
     /// The motion being made is over, or enters a faster piece, since `over_s`: makes the next one, or tells the rest.
-    fn turn(&mut self, bounds: &PathBounds, over_s: f64) -> Option<PathState> {
-        let Making {
+    fn next_motion(&mut self, bounds: &PathBounds, over_s: f64) -> Option<PathState> {
+        let PlannedMotion {
             profile,
             end,
             until_s,
-        } = self.making;
+        } = self.planned;
         let passing = until_s < profile.duration_s();
         let state = match end {
-            End::Station { s, velocity } if !passing => State {
+            MotionEnd::PieceEnd { s, velocity } if !passing => KinematicState {
                 position: s,
                 velocity,
                 acceleration: 0.0,
             },
-            End::Rest => State {
+            MotionEnd::Rest => KinematicState {
                 position: profile.end_position(),
-                ..State::default()
+                ..KinematicState::default()
             },
             _ => profile.sample(until_s).0,
         };
         let at_end = state.position >= bounds.length() - bounds.slack();
-        let resting = end == End::Rest || at_end;
-        let speed = match self.demand {
-            Demand::Run(speed) if !at_end => speed,
+        let resting = end == MotionEnd::Rest || at_end;
+        let speed = match self.command {
+            ClockCommand::Run(speed) if !at_end => speed,
             _ if resting => return Some(self.rest(bounds, state.position, at_end)),
             // A pause is a way to rest.
-            _ => return Some(self.tell(bounds, state, 0.0)),
+            _ => return Some(self.report(bounds, state, 0.0)),
         };
-        let ways = Ways {
+        let planner = MotionPlanner {
             bounds,
             start: state,
             speed,
         };
-        let new = match (ways.best(), end) {
-            (None, End::Station { .. }) if passing => {
+        let new = match (planner.fastest_motion(), end) {
+            (None, MotionEnd::PieceEnd { .. }) if passing => {
                 // What is being made goes on to the end.
-                self.making.until_s = profile.duration_s();
+                self.planned.until_s = profile.duration_s();
                 return None;
             }
-            (new, _) => new.or_else(|| ways.slowing()),
+            (new, _) => new.or_else(|| planner.slowing()),
         };
-        self.making = new.unwrap_or_else(|| Making::stop(state, bounds.agility()));
+        self.planned =
+            new.unwrap_or_else(|| PlannedMotion::stop(state, bounds.acceleration_limits()));
         (self.offset_s, self.cycle) = (over_s, 0);
         None
     }
@@ -282,16 +288,16 @@ impl PathClock {
     /// At rest at `s`.
     fn rest(&mut self, bounds: &PathBounds, s: f64, at_end: bool) -> PathState {
         let position = if at_end { bounds.length() } else { s };
-        self.last.done = at_end || self.demand == Demand::Stop;
-        let rest = State {
+        self.last.done = at_end || self.command == ClockCommand::Stop;
+        let rest = KinematicState {
             position,
-            ..State::default()
+            ..KinematicState::default()
         };
-        self.tell(bounds, rest, 0.0)
+        self.report(bounds, rest, 0.0)
     }
 
     /// Rounding may neither lead backwards nor beyond the end.
-    fn tell(&mut self, bounds: &PathBounds, state: State, jerk: f64) -> PathState {
+    fn report(&mut self, bounds: &PathBounds, state: KinematicState, jerk: f64) -> PathState {
         self.last = PathState {
             s: state.position.min(bounds.length()).max(self.last.s),
             velocity: state.velocity.max(0.0),
@@ -307,12 +313,12 @@ impl PathClock {
 #[must_use]
 pub fn duration_s(bounds: &PathBounds) -> f64 {
     let mut clock = PathClock::new();
-    clock.hear(bounds, Demand::Run(1.0));
+    clock.apply_command(bounds, ClockCommand::Run(1.0));
     let mut sum_s = 0.0;
     // Each piece is entered once; what cannot be gone on with comes to rest and starts again.
     for _ in 0..4 * bounds.pieces() + 4 {
-        sum_s += clock.making.until_s;
-        if clock.turn(bounds, 0.0).is_some() {
+        sum_s += clock.planned.until_s;
+        if clock.next_motion(bounds, 0.0).is_some() {
             break;
         }
     }
@@ -322,22 +328,22 @@ pub fn duration_s(bounds: &PathBounds) -> f64 {
 /// The greatest velocity of a motion along a whole path of one piece.
 pub(crate) fn peak(bounds: &PathBounds) -> f64 {
     let mut clock = PathClock::new();
-    clock.hear(bounds, Demand::Run(1.0));
-    let corners = clock.making.profile.corners();
+    clock.apply_command(bounds, ClockCommand::Run(1.0));
+    let corners = clock.planned.profile.corners();
     corners.map(|corner| corner.velocity).fold(0.0, f64::max)
 }
 
 /// Most cycles for which a rolling clock is watched: a quarter of an hour at 1 kHz.
 const ROLLING_MAX: usize = 1_000_000;
 
-/// How long it takes a clock that rolls ([`PathClock::roll`]) to pass `end` at full speed, s; infinite if it does not, or
+/// How long it takes a clock that rolls ([`PathClock::start_rolling`]) to pass `end` at full speed, s; infinite if it does not, or
 /// not within [`ROLLING_MAX`] cycles: a path that crawls past a singular position may take days.
-pub(crate) fn rolling_s(bounds: &PathBounds, end: f64) -> f64 {
+pub(crate) fn rolling_duration_s(bounds: &PathBounds, end: f64) -> f64 {
     let mut clock = PathClock::new();
-    clock.roll(bounds, Drive::RUN);
+    clock.start_rolling(bounds, SpeedOverride::RUN);
     let mut time_s = 0.0;
     for _ in 0..ROLLING_MAX {
-        if clock.step(bounds, Drive::RUN).s >= end {
+        if clock.step(bounds, SpeedOverride::RUN).s >= end {
             return time_s;
         }
         time_s += bounds.dt_s();
@@ -352,83 +358,88 @@ pub(crate) fn rolling_s(bounds: &PathBounds, end: f64) -> f64 {
 /// A clock that is told to stop is at rest after this time, rounded up to a cycle. NaN in, NaN out.
 #[must_use]
 pub fn stop_time(velocity: f64, acceleration: f64, limits: &PathLimits) -> f64 {
-    let agility = Agility {
+    let acceleration_limits = AccelerationLimits {
         acceleration: limits.acceleration,
         jerk: limits.jerk,
     };
-    Change::new(velocity, acceleration, agility).duration_s()
+    VelocityChange::new(velocity, acceleration, acceleration_limits).duration_s()
 }
 
 /// The ways on from a state at a speed.
 #[derive(Debug, Clone, Copy)]
-struct Ways<'a> {
+struct MotionPlanner<'a> {
     bounds: &'a PathBounds,
-    start: State,
+    start: KinematicState,
     speed: f64,
 }
 
-impl Ways<'_> {
+impl MotionPlanner<'_> {
     /// The fastest motion known to keep every limit up to where it ends, and from there on.
-    fn best(&self) -> Option<Making> {
+    fn fastest_motion(&self) -> Option<PlannedMotion> {
         let here = self.bounds.piece_at(self.start.position);
         let piece = self.bounds.piece(here)?;
         let cruise = self.speed * piece.velocity;
-        let too_fast = match self.to(piece.station, cruise)? {
-            Ok(making) => return Some(making),
+        let too_fast = match self.to_piece_end(piece.braking_piece, cruise)? {
+            Ok(planned) => return Some(planned),
             Err(too_fast) => too_fast,
         };
-        if let Some(Ok(making)) = self.to(too_fast, cruise) {
-            return Some(making);
+        if let Some(Ok(planned)) = self.to_piece_end(too_fast, cruise) {
+            return Some(planned);
         }
-        let caps = (here..piece.station).filter_map(|index| self.bounds.piece(index));
+        let caps = (here..piece.braking_piece).filter_map(|index| self.bounds.piece(index));
         let least = caps.fold(piece.velocity, |least, piece| least.min(piece.cap));
-        self.to(piece.station, self.speed * least)?.ok()
+        self.to_piece_end(piece.braking_piece, self.speed * least)?
+            .ok()
     }
 
-    /// To the velocity at the end of piece `station`, cruising with `cruise`; or the piece whose end would be passed
+    /// To the velocity at the end of piece `braking_piece`, cruising with `cruise`; or the piece whose end would be passed
     /// too fast.
-    fn to(&self, station: usize, cruise: f64) -> Option<Result<Making, usize>> {
-        let piece = self.bounds.piece(station)?;
-        let aim = Aim {
-            way: (piece.end_s - self.start.position).max(0.0),
+    fn to_piece_end(
+        &self,
+        braking_piece: usize,
+        cruise: f64,
+    ) -> Option<Result<PlannedMotion, usize>> {
+        let piece = self.bounds.piece(braking_piece)?;
+        let target = ApproachTarget {
+            distance: (piece.end_s - self.start.position).max(0.0),
             cruise,
             exit: self.speed * piece.exit,
             slack: self.bounds.slack(),
         };
-        let found = approach(self.start, &aim, self.bounds.agility())?;
+        let found = approach(self.start, &target, self.bounds.acceleration_limits())?;
         let profile = found.profile(self.start);
-        let making = |until_s| Making {
+        let planned = |until_s| PlannedMotion {
             profile,
-            end: End::Station {
+            end: MotionEnd::PieceEnd {
                 s: piece.end_s,
                 velocity: found.exit,
             },
             until_s,
         };
-        Some(match self.faster(&found, &profile, station, cruise) {
-            Ok(faster_s) => Ok(making(faster_s.unwrap_or(profile.duration_s()))),
+        Some(match self.faster(&found, &profile, braking_piece, cruise) {
+            Ok(faster_s) => Ok(planned(faster_s.unwrap_or(profile.duration_s()))),
             Err(too_fast) => Err(too_fast),
         })
     }
 
-    /// When the motion to `station` enters a piece that allows more than it was made for; or the piece whose end it
+    /// When the motion to `braking_piece` enters a piece that allows more than it was made for; or the piece whose end it
     /// passes faster than that or the next one allows.
     fn faster(
         &self,
         found: &Approach,
-        profile: &Profile,
-        station: usize,
+        profile: &JerkProfile,
+        braking_piece: usize,
         cruise: f64,
     ) -> Result<Option<f64>, usize> {
-        let State {
+        let KinematicState {
             velocity,
             acceleration,
             ..
         } = self.start;
-        let settled = settled(velocity, acceleration, self.bounds.jerk());
-        let fastest = velocity.max(settled).max(found.between);
+        let coasting_velocity = coasting_velocity(velocity, acceleration, self.bounds.jerk());
+        let fastest = velocity.max(coasting_velocity).max(found.between);
         // Who begins too fast for the speed keeps the limits themselves.
-        let scale = if velocity.max(settled) > cruise {
+        let scale = if velocity.max(coasting_velocity) > cruise {
             1.0
         } else {
             self.speed
@@ -436,7 +447,7 @@ impl Ways<'_> {
         let braking_from_s = found.braking_from_s();
         let limited = found.between >= cruise * (1.0 - SAME);
         let mut faster_s = None;
-        for index in self.bounds.piece_at(self.start.position)..station {
+        for index in self.bounds.piece_at(self.start.position)..braking_piece {
             let (Some(piece), Some(next)) =
                 (self.bounds.piece(index), self.bounds.piece(index + 1))
             else {
@@ -468,7 +479,7 @@ impl Ways<'_> {
 
     /// For who is too fast for the speed and too close to the end of its piece: slows down as fast as possible, and
     /// passes that end while it does. `None` if that exceeds what the next pieces allow, or there are none.
-    fn slowing(&self) -> Option<Making> {
+    fn slowing(&self) -> Option<PlannedMotion> {
         let bounds = self.bounds;
         let here = bounds.piece_at(self.start.position);
         if bounds.is_last(here) {
@@ -476,22 +487,26 @@ impl Ways<'_> {
         }
         let piece = bounds.piece(here)?;
         let target = self.speed * piece.exit;
-        if let Some(Ok(making)) = self.to(here, target) {
-            return Some(making);
+        if let Some(Ok(planned)) = self.to_piece_end(here, target) {
+            return Some(planned);
         }
-        let State {
+        let KinematicState {
             velocity,
             acceleration,
             ..
         } = self.start;
-        let change = Change::new(velocity - target, acceleration, bounds.agility());
+        let change = VelocityChange::new(
+            velocity - target,
+            acceleration,
+            bounds.acceleration_limits(),
+        );
         let profile = change.profile(self.start);
         let until_s = profile.time_at(piece.end_s);
         let (passing, _) = profile.sample(until_s);
         let kept = passing.velocity <= piece.exit * (1.0 + SAME) && passing.acceleration <= 0.0;
-        kept.then_some(Making {
+        kept.then_some(PlannedMotion {
             profile,
-            end: End::Passing,
+            end: MotionEnd::Passing,
             until_s,
         })
     }

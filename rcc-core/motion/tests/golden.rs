@@ -7,9 +7,9 @@
 
 use std::collections::BTreeMap;
 
-use rcc_core::axis::{AxisState, Follower, Phases, stop_and_go, to_velocity};
-use rcc_core::path::Limits;
-use rcc_motion::goal::{Found, plan, plan_to};
+use rcc_core::axis::{AxisFollower, AxisState, Phases, stop_and_go, to_velocity};
+use rcc_core::path::MotionLimits;
+use rcc_motion::goal::{GoalPlanKind, plan, plan_to};
 use serde_json::Value;
 
 fn axes(name: &str) -> Vec<Value> {
@@ -59,7 +59,7 @@ fn every_axis_takes_as_long_as_the_official_one_and_is_where_it_is() {
     for axis in axes("ruckig_axes.json") {
         let [velocity, acceleration, jerk] = numbers(&axis["limits"]);
         let (from, to) = (state(numbers(&axis["from"])), state(numbers(&axis["to"])));
-        let limits = Limits {
+        let limits = MotionLimits {
             velocity,
             acceleration,
             jerk,
@@ -68,7 +68,7 @@ fn every_axis_takes_as_long_as_the_official_one_and_is_where_it_is() {
             Phases::of(&[&to_velocity(&from, to.velocity, &limits)])
         } else {
             let (way, found) = plan_to(&from, &to, &limits);
-            assert_eq!(found, Found::Fastest, "{axis}");
+            assert_eq!(found, GoalPlanKind::Fastest, "{axis}");
             way
         };
         let difference = (way.duration_s() - axis["duration"].as_f64().unwrap()).abs();
@@ -117,7 +117,7 @@ fn every_axis_takes_as_long_as_the_official_one_and_is_where_it_is() {
 fn states_at_their_goal_within_rounding_always_have_a_way() {
     for axis in axes("near_target.json") {
         let [velocity, acceleration, jerk, p, v, a, goal] = numbers(&axis);
-        let limits = Limits {
+        let limits = MotionLimits {
             velocity,
             acceleration,
             jerk,
@@ -128,18 +128,18 @@ fn states_at_their_goal_within_rounding_always_have_a_way() {
         assert!(way.duration_s() <= longest_s, "{axis}");
         let end = way.end(from);
         assert!((end.position - goal).abs() < 1e-12, "{end:?} {axis}");
-        assert!(way.corners(from).all(|state| state.is_finite()));
+        assert!(way.extrema(from).all(|state| state.is_finite()));
     }
 }
 
 #[test]
 fn a_follower_disturbed_within_rounding_arrives_again() {
-    let limits = Limits {
+    let limits = MotionLimits {
         velocity: 1.0,
         acceleration: 10.0,
         jerk: 500.0,
     };
-    let mut follower = Follower::at_rest(0.3);
+    let mut follower = AxisFollower::at_rest(0.3);
     for goal in [0.3, 0.3 + 1e-16, 0.3 - 1e-12, 0.3 + 1e-9, 0.3] {
         for _ in 0..20 {
             follower.step(Some(goal), &limits, 1e-3, plan);

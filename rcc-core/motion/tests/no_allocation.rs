@@ -2,17 +2,18 @@
 //! A program of its own, because it replaces the allocator: any heap operation within `assert_no_alloc` aborts it.
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
-use rcc_core::axis::{AxisState, usable};
+use rcc_core::axis::{AxisState, limits_are_valid};
 use rcc_core::frame::DeviceModel;
 use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, SrsArm};
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::path::{
-    Drive, Leg, Limits, MotionBuilder, Motions, Pace, PathLimits, PathRequest, Segment,
+    Leg, MotionBuilder, MotionLimits, Motions, PathLimits, PathRequest, PathSegment, SpeedOverride,
+    SpeedProfile,
 };
 use rcc_core::pose::Pose;
-use rcc_motion::goal::{Found, plan_to};
-use rcc_motion::{Builder, MotionSet, Rest, RestLimits, stop_time};
+use rcc_motion::goal::{GoalPlanKind, plan_to};
+use rcc_motion::{MotionSet, MotionSetBuilder, StopLimits, StopTrajectory, stop_time};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -52,7 +53,7 @@ fn lines() -> MotionSet {
     };
     let hold = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
     let start = ARM.forward(&hold);
-    let limits = Limits {
+    let limits = MotionLimits {
         velocity: LINE.velocity,
         acceleration: LINE.acceleration,
         jerk: LINE.jerk,
@@ -63,17 +64,17 @@ fn lines() -> MotionSet {
         legs: &[Leg {
             line: limits,
             turn: limits,
-            ..Leg::new(Segment::Line {
+            ..Leg::new(PathSegment::Line {
                 to: start.compose(&Pose::from_xyz_rpy(
                     [LINE.length, 0.0, 0.0],
                     [0.0, 0.1, 0.0],
                 )),
             })
         }],
-        pace: Pace::Even,
+        pace: SpeedProfile::Even,
     };
     let (models, holds) = ([model], [Some(hold)]);
-    let mut builder = Builder::new(&models, &holds, DT, 3);
+    let mut builder = MotionSetBuilder::new(&models, &holds, DT, 3);
     (0..3).for_each(|index| builder.path(index, &request).unwrap());
     builder.finish().unwrap()
 }
@@ -89,7 +90,7 @@ fn a_motion_runs_stops_and_begins_again_without_the_heap() {
                 std::hint::black_box(words);
             });
             let ran = (0..20_000).any(|cycle| {
-                let drive = Drive {
+                let drive = SpeedOverride {
                     stop: cycle >= stop_at,
                     pause: cycle % 500 > 450,
                     speed: 1.0 - (cycle % 70) as f64 / 100.0,
@@ -99,7 +100,7 @@ fn a_motion_runs_stops_and_begins_again_without_the_heap() {
             });
             done += u32::from(ran);
         }
-        let none = motions.step(3, Drive::RUN);
+        let none = motions.step(3, SpeedOverride::RUN);
         std::hint::black_box((none, stop_time(0.2, f64::NAN, &LINE)));
         done
     });
@@ -108,13 +109,13 @@ fn a_motion_runs_stops_and_begins_again_without_the_heap() {
 
 #[test]
 fn joints_come_to_rest_without_the_heap_and_so_do_refusals() {
-    let limits = RestLimits {
+    let limits = StopLimits {
         velocity_max: [2.0; JOINTS_MAX],
         acceleration_max: [5.0; JOINTS_MAX],
         jerk_max: [50.0; JOINTS_MAX],
         joints: 7,
     };
-    let mut rest = Rest::new(limits, DT).unwrap();
+    let mut rest = StopTrajectory::new(limits, DT).unwrap();
     let (resting, refused) = assert_no_alloc(|| {
         let refused = rest.begin(&[f64::NAN; 7], &[0.0; 7], &[0.0; 7]).is_err();
         let begun = rest
@@ -135,9 +136,9 @@ fn random(state: &mut u64) -> f64 {
 
 /// Limits within a factor of 10^spread of those of a robot's joint; a state within, and one in ten beyond them; a goal at
 /// any distance, down to nothing but rounding.
-fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState, Limits) {
+fn task(random: &mut impl FnMut() -> f64, spread: f64) -> (AxisState, AxisState, MotionLimits) {
     let mut decade = |middle: f64, spread: f64| 10.0_f64.powf(middle + spread * random());
-    let limits = Limits {
+    let limits = MotionLimits {
         velocity: decade(0.0, spread),
         acceleration: decade(1.0, spread),
         jerk: decade(2.5, spread),
@@ -163,13 +164,13 @@ fn two_million_ways_to_goals_need_no_heap() {
         let (mut asked, mut refused, mut beyond) = (0_u32, 0_u32, 0_u32);
         while asked < 1_000_000 {
             let (from, to, limits) = task(&mut random, spread);
-            if !usable(&limits) {
+            if !limits_are_valid(&limits) {
                 continue;
             }
             asked += 1;
             let (way, found) = assert_no_alloc(|| plan_to(&from, &to, &limits));
             assert!(way.end(from).is_finite(), "{from:?} {to:?} {limits:?}");
-            if found == Found::AfterStop {
+            if found == GoalPlanKind::AfterStop {
                 let fastest = from.velocity.abs().max(from.coasting(limits.jerk).abs());
                 let within =
                     fastest <= limits.velocity && from.acceleration.abs() <= limits.acceleration;

@@ -3,7 +3,7 @@
 
 mod motions;
 
-use motions::{KINDS, Kind, Outcome, Worst, case, compared, robots};
+use motions::{KINDS, MotionKind, RunOutcome, WorstCase, case, compared, robots};
 
 /// Motions of each kind and robot.
 const EACH: u64 = 100;
@@ -12,16 +12,16 @@ const EACH: u64 = 100;
 fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_told() {
     for kind in KINDS {
         let (mut ran, mut refused, mut broken) = (0, 0, 0);
-        let mut worst = Worst::default();
+        let mut worst = WorstCase::default();
         for robot in robots() {
             for seed in 0..EACH {
                 match case(kind, &robot, seed) {
-                    Outcome::Ran(motion) => {
+                    RunOutcome::Ran(motion) => {
                         ran += 1;
                         worst.and(motion);
                     }
-                    Outcome::Refused => refused += 1,
-                    Outcome::Broken(fault) => {
+                    RunOutcome::Refused => refused += 1,
+                    RunOutcome::Broken(fault) => {
                         broken += 1;
                         println!("{kind:?} of {}, seed {seed}: {fault}", robot.name);
                     }
@@ -38,16 +38,16 @@ fn random_motions_stay_on_their_path_and_within_their_limits_whatever_they_are_t
 }
 
 /// Motions that broke a promise once, found among 100,000 of their kind: robot by its place in the list, and seed.
-const FOUND: [(Kind, usize, u64); 5] = [
+const FOUND: [(MotionKind, usize, u64); 5] = [
     // The joints turned by 75 rad/m where a rounding of 4 mm ends, and their derivatives there were 9 % off.
-    (Kind::Sequence, 0, 11_383),
+    (MotionKind::Sequence, 0, 11_383),
     // Curves so sharp that the reference must look at them from nearer than a micrometre.
-    (Kind::Spline, 0, 34_427),
-    (Kind::Sequence, 1, 34_269),
+    (MotionKind::Spline, 0, 34_427),
+    (MotionKind::Sequence, 1, 34_269),
     // Where the joints' third derivatives rose by 2.8 from one of 4,096 steps to the next, and the law did not know it.
-    (Kind::Fastest, 0, 46_223),
+    (MotionKind::Fastest, 0, 46_223),
     // A leg of the wrist: the flange goes 230 m for one of s, and the reference's places were 0.1 mm apart.
-    (Kind::Elbow, 0, 60_092),
+    (MotionKind::Elbow, 0, 60_092),
 ];
 
 #[test]
@@ -56,7 +56,7 @@ fn what_was_broken_once_is_kept() {
     for (kind, robot, seed) in FOUND {
         let outcome = case(kind, &robots[robot], seed);
         assert!(
-            matches!(outcome, Outcome::Ran(_)),
+            matches!(outcome, RunOutcome::Ran(_)),
             "{kind:?} of {}, seed {seed}: {outcome:?}",
             robots[robot].name
         );
@@ -65,7 +65,7 @@ fn what_was_broken_once_is_kept() {
 
 #[test]
 fn time_optimal_motions_are_never_later_at_their_end_and_most_are_sooner() {
-    for kind in [Kind::Spline, Kind::Sequence] {
+    for kind in [MotionKind::Spline, MotionKind::Sequence] {
         let (mut sooner, mut ran) = (0, 0);
         for robot in robots() {
             for seed in 0..20 {

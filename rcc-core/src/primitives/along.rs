@@ -2,8 +2,8 @@
 //! The real-time thread.
 
 use crate::frame::{Frame, Preparation};
-use crate::path::{Drive, Elbow, Pace, record};
-use crate::primitive::{Literal, Parameter, ParameterKind, Port, PortType, UnitRule};
+use crate::path::{ElbowMotion, SpeedOverride, SpeedProfile, leg_row};
+use crate::primitive::{DefaultValue, Parameter, ParameterKind, Port, PortType, UnitRule};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Type};
 use crate::unit::Unit;
 
@@ -13,18 +13,18 @@ pub(super) const INPUTS: &[Port] = &[
         "stop",
         "brings the motion to rest on the path; once true, it stays stopped",
     )
-    .default(Literal::Bool(false)),
+    .default(DefaultValue::Bool(false)),
     Port::bool(
         "pause",
         "brings the motion to rest on the path; when it is false again, the motion goes on",
     )
-    .default(Literal::Bool(false)),
+    .default(DefaultValue::Bool(false)),
     Port::real(
         "speed",
         UnitRule::ONE,
         "part of the speed, at any time; what is computed above 1 counts as 1, and 0 or less is a pause",
     )
-    .default(Literal::Real(1.0)).within(0.0, 1.0),
+    .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
 ];
 
 /// What null at the inputs means.
@@ -87,7 +87,7 @@ pub(super) const SCALE: Parameter = Parameter::real(
     UnitRule::ONE,
     "part of velocity, acceleration and jerk of each joint that the motion may use",
 )
-.default(Literal::Real(1.0))
+.default(DefaultValue::Real(1.0))
 .above(0.0)
 .at_most(1.0);
 
@@ -96,7 +96,7 @@ pub(super) const TIME_OPTIMAL: Parameter = Parameter::bool(
     "time_optimal",
     "looks for the speed at every place with which the end is reached soonest within all limits; a given velocity is a limit then, no promise",
 )
-.default(Literal::Bool(false));
+.default(DefaultValue::Bool(false));
 
 /// The arm angle at the end.
 pub(super) const ARM_ANGLE: Parameter = Parameter::new(
@@ -104,27 +104,27 @@ pub(super) const ARM_ANGLE: Parameter = Parameter::new(
     ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
     "of seven joints: the arm angle at the end, to which the elbow turns along the path, the shorter way round; without it as `elbow` says",
 )
-.default(Literal::Null);
+.default(DefaultValue::Null);
 
 /// What the elbow does.
 pub(super) const ELBOW: Parameter = Parameter::new(
     "elbow",
-    ParameterKind::Word(record::ELBOWS),
+    ParameterKind::Word(leg_row::ELBOWS),
     "stays: the arm angle is that of the start; middle: the elbow turns along the path to the middle of what the joint limits allow at the end",
 )
-.default(Literal::Word("stays"));
+.default(DefaultValue::Word("stays"));
 
 /// What both say.
-pub(super) fn elbow(preparation: &Preparation<'_>, [arm_angle, elbow]: [u32; 2]) -> Elbow {
+pub(super) fn elbow(preparation: &Preparation<'_>, [arm_angle, elbow]: [u32; 2]) -> ElbowMotion {
     let [arm_angle] = preparation.reals(arm_angle);
-    record::elbow(arm_angle, preparation.int(elbow) as f64)
+    leg_row::elbow(arm_angle, preparation.int(elbow) as f64)
 }
 
 /// What `time_optimal` says.
-pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> Pace {
+pub(super) fn pace(preparation: &Preparation<'_>, slot: u32) -> SpeedProfile {
     match preparation.bool(slot) {
-        1 => Pace::Fastest,
-        _ => Pace::Even,
+        1 => SpeedProfile::Fastest,
+        _ => SpeedProfile::Even,
     }
 }
 
@@ -168,7 +168,7 @@ const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
         ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Is(unit)),
         doc,
     )
-    .default(Literal::Null)
+    .default(DefaultValue::Null)
     .above(0.0)
 }
 
@@ -187,7 +187,7 @@ pub(super) fn step(frame: &mut Frame<'_>, ports: [u32; PORTS], motion: u32, widt
         acceleration,
         leg,
     ] = ports;
-    let drive = Drive {
+    let drive = SpeedOverride {
         stop: frame.bool(stop) != 0,
         pause: frame.bool(pause) != 0,
         speed: frame.real(speed),

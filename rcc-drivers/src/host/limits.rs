@@ -5,7 +5,7 @@ use rcc_config::DeviceConfig;
 use rcc_core::guard::JointLimits;
 use rcc_core::impedance::ImpedanceLimits;
 use rcc_core::message::{JOINTS_MAX, Joints};
-use rcc_motion::RestLimits;
+use rcc_motion::StopLimits;
 
 /// The limits of an arm; elements beyond its joints are 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +36,8 @@ impl ArmLimits {
 
     /// What coming to rest may use.
     #[must_use]
-    pub fn rest(&self) -> RestLimits {
-        RestLimits {
+    pub fn rest(&self) -> StopLimits {
+        StopLimits {
             velocity_max: self.joints.velocity_max,
             acceleration_max: self.joints.acceleration_max,
             jerk_max: self.jerk_max,

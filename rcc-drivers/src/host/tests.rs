@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Instant;
 
 use rcc_config::OnRelease;
-use rcc_core::impedance::Strategy;
+use rcc_core::impedance::ControlStrategy;
 use rcc_core::message::DeviceState;
 use rcc_core::message::{JOINTS_MAX, SetPoint};
 use rcc_core::primitive::ChannelKind;
@@ -16,12 +16,12 @@ use crate::conformance::hosted::{LIMIT, TestCell};
 use crate::driver::{DriverError, Exchange, Outputs};
 
 /// A device with one output, whose period is 1 ms; absent while `absent` is set.
-struct Device {
+struct FakeDevice {
     told: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
 }
 
-impl Driver for Device {
+impl Driver for FakeDevice {
     fn open(_: &DeviceConfig) -> Result<Self, DriverError> {
         unreachable!("made by the test")
     }
@@ -32,7 +32,7 @@ impl Driver for Device {
             return Err(LinkError::Lost { reason: 100 });
         }
         Ok(Exchange {
-            strategy: Strategy::Position,
+            strategy: ControlStrategy::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],
@@ -54,29 +54,29 @@ impl Driver for Device {
 }
 
 /// A host with that device in a cell of its own.
-struct Bench {
+struct HostFixture {
     cell: TestCell,
     told: Arc<Mutex<Outputs>>,
     absent: Arc<AtomicBool>,
 }
 
-impl Bench {
+impl HostFixture {
     fn new() -> Self {
         let safe = Some(OnRelease::Safe(0.0));
         let output = ("lamp", ChannelKind::DigitalOutput, 1.into(), safe, None);
         let device = conformance::device("none", serde_json::json!({}), &[output]);
-        let mut bench = Self {
+        let mut fixture = Self {
             cell: TestCell::new(&device),
             told: Arc::new(Mutex::new(Outputs::NONE)),
             absent: Arc::default(),
         };
-        let driver = bench.driver();
-        bench.cell.run(driver, &[]);
-        bench
+        let driver = fixture.driver();
+        fixture.cell.run(driver, &[]);
+        fixture
     }
 
-    fn driver(&self) -> Box<Device> {
-        Box::new(Device {
+    fn driver(&self) -> Box<FakeDevice> {
+        Box::new(FakeDevice {
             told: Arc::clone(&self.told),
             absent: Arc::clone(&self.absent),
         })
@@ -115,28 +115,28 @@ fn is(measured: &Measurement, state: DeviceState) -> bool {
 
 #[test]
 fn a_device_is_online_without_and_ready_with_an_executor() {
-    let mut bench = Bench::new();
-    bench.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
-    bench.cell.start_executor();
-    let incarnation = bench.cell.executor;
-    bench.until(
-        |bench| bench.command(None),
+    let mut fixture = HostFixture::new();
+    fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
+    fixture.cell.start_executor();
+    let incarnation = fixture.cell.executor;
+    fixture.until(
+        |fixture| fixture.command(None),
         |_, measured| is(measured, DeviceState::Ready) && measured.executor == incarnation,
     );
 }
 
 #[test]
 fn outputs_are_passed_on_told_of_and_released_when_the_executor_stops_writing() {
-    let mut bench = Bench::new();
-    bench.cell.start_executor();
-    bench.until(
-        |bench| bench.command(Some(true)),
+    let mut fixture = HostFixture::new();
+    fixture.cell.start_executor();
+    fixture.until(
+        |fixture| fixture.command(Some(true)),
         |told, measured| {
             let tells = (measured.digital_out, measured.digital_out_known);
             (told.digital, told.digital_set) == (1, 1) && tells == (1, 1)
         },
     );
-    bench.until(
+    fixture.until(
         |_| {},
         |told, measured| {
             let tells = (measured.digital_out, measured.digital_out_known);
@@ -147,32 +147,32 @@ fn outputs_are_passed_on_told_of_and_released_when_the_executor_stops_writing() 
 
 #[test]
 fn a_lost_device_is_offline_with_its_reason_and_comes_back() {
-    let mut bench = Bench::new();
-    bench.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
-    bench.absent.store(true, Ordering::Relaxed);
-    bench.until(
+    let mut fixture = HostFixture::new();
+    fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
+    fixture.absent.store(true, Ordering::Relaxed);
+    fixture.until(
         |_| {},
         |_, measured| is(measured, DeviceState::Offline) && measured.reason == 100,
     );
-    bench.absent.store(false, Ordering::Relaxed);
-    bench.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
+    fixture.absent.store(false, Ordering::Relaxed);
+    fixture.until(|_| {}, |_, measured| is(measured, DeviceState::Online));
 }
 
 /// An executor that commands the lamp is not followed, and the driver says why.
 fn assert_not_followed(executors: Option<CellConfig>) {
-    let mut bench = Bench::new();
-    bench.cell.executors = executors;
-    bench.cell.start_executor();
-    bench.until(
-        |bench| bench.command(Some(true)),
+    let mut fixture = HostFixture::new();
+    fixture.cell.executors = executors;
+    fixture.cell.start_executor();
+    fixture.until(
+        |fixture| fixture.command(Some(true)),
         |told, measured| {
             assert_eq!(told.digital, 0, "the lamp is on");
             measured.reason == reason::OTHER_CONFIGURATION
         },
     );
-    let known = bench.cell.measured().sequence;
-    bench.until(
-        |bench| bench.command(Some(true)),
+    let known = fixture.cell.measured().sequence;
+    fixture.until(
+        |fixture| fixture.command(Some(true)),
         |told, measured| {
             assert_eq!(told.digital, 0, "the lamp is on");
             is(measured, DeviceState::Online) && measured.sequence > known + 200
@@ -182,7 +182,11 @@ fn assert_not_followed(executors: Option<CellConfig>) {
 
 #[test]
 fn an_executor_that_means_another_wire_by_a_channel_is_not_followed() {
-    let mut other = Bench::new().cell.executors.take().expect("a configuration");
+    let mut other = HostFixture::new()
+        .cell
+        .executors
+        .take()
+        .expect("a configuration");
     other.devices[0].channels[0].address = 2.into();
     assert_not_followed(Some(other));
 }
@@ -194,26 +198,26 @@ fn an_executor_that_announces_no_configuration_is_not_followed() {
 
 #[test]
 fn a_second_driver_for_the_device_is_refused() {
-    let bench = Bench::new();
+    let fixture = HostFixture::new();
     assert!(matches!(
-        bench.cell.join(bench.driver(), &[]).err(),
+        fixture.cell.join(fixture.driver(), &[]).err(),
         Some(HostError::Announce(AnnounceError::AlreadyRunning { .. }))
     ));
 }
 
 #[test]
 fn at_its_end_it_releases_outputs_and_takes_its_announcement_back() {
-    let mut bench = Bench::new();
-    bench.cell.start_executor();
-    bench.until(
-        |bench| bench.command(Some(true)),
+    let mut fixture = HostFixture::new();
+    fixture.cell.start_executor();
+    fixture.until(
+        |fixture| fixture.command(Some(true)),
         |told, _| told.digital == 1,
     );
-    bench.cell.end();
-    assert_eq!(bench.told.lock().expect("no panic").digital, 0);
-    let announced = bench
+    fixture.cell.end();
+    assert_eq!(fixture.told.lock().expect("no panic").digital, 0);
+    let announced = fixture
         .cell
         .cell
-        .announced(Role::Driver, &bench.cell.device.name);
+        .announced(Role::Driver, &fixture.cell.device.name);
     assert_eq!(announced.expect("a folder"), None);
 }

@@ -22,7 +22,7 @@ const PREFIX: &str = "costs-";
 
 /// Where costs come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Origin {
+pub enum CostsSource {
     /// Read from this file.
     Read(PathBuf),
     /// Measured now and written to this file.
@@ -33,29 +33,29 @@ pub enum Origin {
 
 /// The costs of this machine: from the file if it is there and whole and `refresh` is false, else measured and written.
 #[must_use]
-pub fn costs(refresh: bool) -> (Costs, Origin) {
+pub fn costs(refresh: bool) -> (Costs, CostsSource) {
     let Some(folder) = folder() else {
         let why = "there is no cache folder: set RCC_CACHE_DIR".to_owned();
-        return (Costs::measure(), Origin::NotKept(why));
+        return (Costs::measure(), CostsSource::NotKept(why));
     };
     costs_in(&folder, refresh)
 }
 
 /// As [`costs`], with another folder.
 #[must_use]
-pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, Origin) {
+pub fn costs_in(folder: &Path, refresh: bool) -> (Costs, CostsSource) {
     let key = key();
     let path = folder.join(format!("{PREFIX}{:016x}", fnv(&key)));
     let kept = rcc_os::file::read_text(&path, BYTES_MAX).ok();
     if let Some(costs) = kept.filter(|_| !refresh).and_then(|text| read(&text, &key)) {
-        return (costs, Origin::Read(path));
+        return (costs, CostsSource::Read(path));
     }
     let costs = Costs::measure();
     match write(folder, &path, &key, &costs) {
-        Ok(()) => (costs, Origin::Measured(path)),
+        Ok(()) => (costs, CostsSource::Measured(path)),
         Err(error) => (
             costs,
-            Origin::NotKept(format!("{}: {error}", path.display())),
+            CostsSource::NotKept(format!("{}: {error}", path.display())),
         ),
     }
 }
@@ -170,10 +170,10 @@ mod tests {
         }
     }
 
-    fn file(origin: &Origin) -> PathBuf {
+    fn file(origin: &CostsSource) -> PathBuf {
         match origin {
-            Origin::Read(path) | Origin::Measured(path) => path.clone(),
-            Origin::NotKept(why) => panic!("{why}"),
+            CostsSource::Read(path) | CostsSource::Measured(path) => path.clone(),
+            CostsSource::NotKept(why) => panic!("{why}"),
         }
     }
 
@@ -181,10 +181,10 @@ mod tests {
     fn costs_are_measured_once_and_again_when_the_file_is_damaged() {
         let folder = Folder::new("damaged");
         let (measured, origin) = costs_in(&folder.0, false);
-        assert!(matches!(origin, Origin::Measured(_)), "{origin:?}");
+        assert!(matches!(origin, CostsSource::Measured(_)), "{origin:?}");
         let path = file(&origin);
         let (read, origin) = costs_in(&folder.0, false);
-        assert_eq!((read, origin), (measured, Origin::Read(path.clone())));
+        assert_eq!((read, origin), (measured, CostsSource::Read(path.clone())));
         let good = fs::read_to_string(&path).unwrap();
         let (half, digit) = (&good[..good.len() / 2], good.replacen("net ", "net 9", 1));
         for bad in [
@@ -195,10 +195,10 @@ mod tests {
         ] {
             fs::write(&path, bad).unwrap();
             let (_, origin) = costs_in(&folder.0, false);
-            assert!(matches!(origin, Origin::Measured(_)), "{origin:?}");
+            assert!(matches!(origin, CostsSource::Measured(_)), "{origin:?}");
         }
         let (_, origin) = costs_in(&folder.0, true);
-        assert!(matches!(origin, Origin::Measured(_)), "refreshed");
+        assert!(matches!(origin, CostsSource::Measured(_)), "refreshed");
         assert_eq!(
             fs::read_dir(&folder.0).unwrap().count(),
             1,
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn a_folder_that_cannot_be_written_costs_only_time() {
         let (_, origin) = costs_in(Path::new("/proc/rcc"), false);
-        assert!(matches!(origin, Origin::NotKept(_)), "{origin:?}");
+        assert!(matches!(origin, CostsSource::NotKept(_)), "{origin:?}");
     }
 
     #[test]

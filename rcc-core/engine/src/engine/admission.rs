@@ -4,7 +4,7 @@ use rcc_core::message::COMMANDS_MAX;
 use rcc_core::plan::Rate;
 use rcc_ipc::control::Refusal;
 
-use super::{Engine, Pending, is_active};
+use super::{Engine, PendingTransition, is_active};
 
 impl Engine {
     /// The same engine with a limit to what nets may need together in one cycle, ns; 0 = none.
@@ -46,8 +46,8 @@ impl Engine {
     fn is_evaluated(&self, row: usize) -> bool {
         let entry = self.tables.commands.get(row);
         match self.pending.get(row) {
-            Some(Pending::Start { .. }) => true,
-            Some(Pending::Nothing) => entry.is_some_and(|entry| is_active(entry.state)),
+            Some(PendingTransition::Start { .. }) => true,
+            Some(PendingTransition::Nothing) => entry.is_some_and(|entry| is_active(entry.state)),
             _ => false,
         }
     }

@@ -9,7 +9,7 @@ use rcc_core::message::{DeviceState, FaultCode, FaultRecord, JOINTS_MAX, MAGIC, 
 use rcc_ipc::BoardReader;
 
 use super::{Engagement, Engine, SETTLE_MAX_NS};
-use crate::queue::{Event, Outcome};
+use crate::queue::{EngineEvent, EngineReply};
 
 impl Engine {
     /// Latches a device for this cycle: the incarnation of its driver and its newest measurement, or `None` without a
@@ -74,7 +74,7 @@ impl Engine {
             self.tables_changed = true;
             let cycle = self.status.cycle + 1;
             let reason = measurement.reason;
-            self.log(Event::Device {
+            self.log(EngineEvent::Device {
                 cycle,
                 device: index as u32,
                 state: state as u32,
@@ -103,7 +103,7 @@ impl Engine {
             None => Some(board),
         };
         if let Some(board) = old {
-            self.give_back(Outcome::Board(board));
+            self.give_back(EngineReply::Board(board));
         }
     }
 
@@ -113,7 +113,7 @@ impl Engine {
             return;
         };
         if let Some((_, board)) = place.take_if(|(attached, _)| *attached == incarnation) {
-            self.give_back(Outcome::Board(board));
+            self.give_back(EngineReply::Board(board));
         }
     }
 

@@ -10,8 +10,8 @@ use rcc_core::plan::Rate;
 use rcc_ipc::control::{Answer, Refusal};
 
 use super::devices::merge;
-use super::{Engine, Pending};
-use crate::queue::Outcome;
+use super::{Engine, PendingTransition};
+use crate::queue::EngineReply;
 
 impl Engine {
     pub(super) fn rate(&self, row: usize) -> Rate {
@@ -41,9 +41,9 @@ impl Engine {
     /// A started net whose first cycle has not come yet: an executor that stops starts nothing any more.
     pub(super) fn await_first_cycle(&mut self, row: usize, ticket: u64) {
         if self.stopping {
-            self.pending[row] = Pending::Nothing;
+            self.pending[row] = PendingTransition::Nothing;
             let answer = Answer::Refused(Refusal::Stopping);
-            self.give_back(Outcome::Answer { ticket, answer });
+            self.give_back(EngineReply::Answer { ticket, answer });
         }
     }
 
@@ -62,12 +62,12 @@ impl Engine {
         let Some(row) = rows.position(|entry| entry.id == id && id != 0) else {
             return false;
         };
-        let Some(&Pending::Start { ticket }) = self.pending.get(row) else {
+        let Some(&PendingTransition::Start { ticket }) = self.pending.get(row) else {
             return false;
         };
         let state = CommandState::Terminated as u32;
         let answer = Answer::Refused(Refusal::WrongState { state });
-        self.give_back(Outcome::Answer { ticket, answer });
+        self.give_back(EngineReply::Answer { ticket, answer });
         self.end(row, EndReason::Aborted, FaultRecord::NONE);
         true
     }

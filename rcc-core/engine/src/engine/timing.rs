@@ -7,27 +7,27 @@ use rcc_core::frame::{DeviceInput, DeviceModel};
 use rcc_core::histogram::Histogram;
 use rcc_core::message::{COMMANDS_MAX, EndReason, FaultCode, MAGIC};
 use rcc_core::primitives::{self, KERNELS_MAX};
-use rcc_core::timing::{LateCause, LateCycle, PrimitiveTime, Timing};
+use rcc_core::timing::{CycleTiming, LateCause, LateCycle, PrimitiveTime};
 use rcc_ipc::clock::monotonic_ns;
 
-use super::switch::rows;
+use super::handover::rows;
 use super::{Engine, is_active};
 use crate::net::{Evaluation, Net, RunTime};
-use crate::queue::Event;
-use crate::record::Reason;
+use crate::queue::EngineEvent;
+use crate::record::TriggerReason;
 
 /// The timing board is written so often.
 const TIMING_EVERY_NS: u64 = 100_000_000;
 /// Looks at the clock for the cost of one.
-const CLOCK_LOOKS: usize = 1000;
+const CLOCK_READS: usize = 1000;
 
 /// What the engine knows about time.
 #[derive(Debug)]
-pub(super) struct Timekeeper {
-    timing: Box<Timing>,
+pub(super) struct CycleTimer {
+    timing: Box<CycleTiming>,
     clock: fn() -> u64,
     /// What one look at the clock costs.
-    look_ns: u64,
+    clock_read_ns: u64,
     woke_ns: u64,
     /// The row of the command table whose net is timed next.
     next_row: usize,
@@ -35,27 +35,27 @@ pub(super) struct Timekeeper {
     next_runs: [usize; COMMANDS_MAX],
     sampled: bool,
     /// The command that computed longest in this cycle, and how long.
-    dearest: (u64, u64),
+    most_expensive: (u64, u64),
     /// Late cycles since the last one in time that were late because of what they computed.
     late_in_a_row: u32,
     every: u64,
     due: bool,
 }
 
-impl Timekeeper {
-    pub(super) fn new(period_ns: u64) -> Timekeeper {
-        let mut timing: Box<Timing> = bytemuck::zeroed_box();
+impl CycleTimer {
+    pub(super) fn new(period_ns: u64) -> CycleTimer {
+        let mut timing: Box<CycleTiming> = bytemuck::zeroed_box();
         timing.magic = MAGIC;
         timing.catalogue = primitives::fingerprint();
-        Timekeeper {
+        CycleTimer {
             timing,
             clock: monotonic_ns,
-            look_ns: cost_of_a_look(monotonic_ns),
+            clock_read_ns: clock_read_cost(monotonic_ns),
             woke_ns: 0,
             next_row: 0,
             next_runs: [0; COMMANDS_MAX],
             sampled: false,
-            dearest: (0, 0),
+            most_expensive: (0, 0),
             late_in_a_row: 0,
             every: TIMING_EVERY_NS.checked_div(period_ns).unwrap_or(1).max(1),
             due: false,
@@ -68,7 +68,7 @@ impl Timekeeper {
             self.timing.length.add(now_ns.saturating_sub(self.woke_ns));
         }
         self.woke_ns = now_ns;
-        self.dearest = (0, 0);
+        self.most_expensive = (0, 0);
         self.due = false;
     }
 
@@ -93,7 +93,7 @@ impl Timekeeper {
         if turn {
             self.sampled = true;
             if let Some(time) = time {
-                self.take_in(time);
+                self.add_run_time(time);
             }
             let last = run + 1 >= net.runs();
             if let Some(next) = self.next_runs.get_mut(row) {
@@ -104,10 +104,10 @@ impl Timekeeper {
         (evaluation, exec_ns)
     }
 
-    fn take_in(&mut self, time: RunTime) {
+    fn add_run_time(&mut self, time: RunTime) {
         let place = usize::from(time.kernel) / KERNELS_MAX;
         if let Some(row) = self.timing.primitives.get_mut(place) {
-            let ns = time.ns.saturating_sub(self.look_ns);
+            let ns = time.ns.saturating_sub(self.clock_read_ns);
             row.runs += 1;
             row.primitives += u64::from(time.primitives);
             row.sum_ns += ns;
@@ -117,8 +117,8 @@ impl Timekeeper {
 
     /// A command computed so long in this cycle.
     pub(super) fn remember(&mut self, id: u64, exec_ns: u64) {
-        if exec_ns >= self.dearest.1 {
-            self.dearest = (id, exec_ns);
+        if exec_ns >= self.most_expensive.1 {
+            self.most_expensive = (id, exec_ns);
         }
     }
 }
@@ -128,12 +128,12 @@ impl Engine {
     #[must_use]
     pub fn with_clock(mut self, clock: fn() -> u64) -> Engine {
         self.time.clock = clock;
-        self.time.look_ns = 0;
+        self.time.clock_read_ns = 0;
         self
     }
 
     /// Histograms and what primitives cost.
-    pub fn timing(&self) -> &Timing {
+    pub fn timing(&self) -> &CycleTiming {
         &self.time.timing
     }
 
@@ -177,7 +177,7 @@ impl Engine {
             self.time.late_in_a_row = 0;
             return;
         }
-        let (command, command_ns) = self.time.dearest;
+        let (command, command_ns) = self.time.most_expensive;
         let cause = LateCause::of(wake_ns, exec_ns);
         let late = LateCycle {
             cycle: status.cycle,
@@ -195,14 +195,14 @@ impl Engine {
         if status.first_late.cycle == 0 {
             status.first_late = late;
         }
-        self.log(Event::Late(late));
+        self.log(EngineEvent::Late(late));
         // That it was woken late is no net's fault: such a cycle neither counts nor ends the row.
         if cause == LateCause::ComputedLong {
             self.time.late_in_a_row += 1;
             if self.time.late_in_a_row == self.config.late_in_a_row_max {
                 self.time.late_in_a_row = 0;
                 if let Some(recorder) = &mut self.recorder {
-                    recorder.trigger(Reason::Late);
+                    recorder.trigger(TriggerReason::Late);
                 }
                 self.end_most_expensive();
             }
@@ -224,7 +224,7 @@ impl Engine {
         timing.primitives.fill(PrimitiveTime::zeroed());
         timing.acknowledged_cycle = cycle;
         self.time.due = true;
-        self.log(Event::Acknowledged { cycle, late });
+        self.log(EngineEvent::Acknowledged { cycle, late });
     }
 
     /// Ends the net that took longest in its last cycle: too many cycles were late because of what nets compute.
@@ -245,8 +245,8 @@ impl Engine {
 }
 
 /// The shortest of many: what is between two looks at the clock if nothing is between them.
-fn cost_of_a_look(clock: fn() -> u64) -> u64 {
-    let differences = (0..CLOCK_LOOKS).map(|_| {
+fn clock_read_cost(clock: fn() -> u64) -> u64 {
+    let differences = (0..CLOCK_READS).map(|_| {
         let before_ns = clock();
         clock().saturating_sub(before_ns)
     });

@@ -10,8 +10,8 @@ use rcc_core::topic::Topic;
 use rcc_ipc::control::Refusal;
 
 use super::Engine;
-use super::switch::rows;
-use crate::input::Feed;
+use super::handover::rows;
+use crate::input::TopicSource;
 use crate::net::Net;
 
 /// Room for the topics of all nets.
@@ -19,29 +19,29 @@ const PUBLISHED_MAX: usize = COMMANDS_MAX * TOPICS_MAX;
 
 /// What running nets publish, by topic.
 #[derive(Debug)]
-pub(super) struct Topics {
-    published: [(Topic, Feed); PUBLISHED_MAX],
+pub(super) struct PublishedTopics {
+    published: [(Topic, TopicSource); PUBLISHED_MAX],
     count: usize,
     /// Another one whenever that changes.
     version: u64,
 }
 
-impl Topics {
-    pub(super) fn new() -> Box<Topics> {
+impl PublishedTopics {
+    pub(super) fn new() -> Box<PublishedTopics> {
         let topic = Topic { key: 0, kind: 0 };
-        let feed = Feed { row: 0, publish: 0 };
-        Box::new(Topics {
+        let feed = TopicSource { row: 0, publish: 0 };
+        Box::new(PublishedTopics {
             published: [(topic, feed); PUBLISHED_MAX],
             count: 0,
             version: 1,
         })
     }
 
-    fn active(&self) -> &[(Topic, Feed)] {
+    fn active(&self) -> &[(Topic, TopicSource)] {
         self.published.get(..self.count).unwrap_or(&[])
     }
 
-    fn find(&self, topic: Topic) -> Option<Feed> {
+    fn find(&self, topic: Topic) -> Option<TopicSource> {
         let active = self.active();
         let found = active.binary_search_by_key(&topic.key, |(known, _)| known.key);
         let (known, feed) = active.get(found.ok()?)?;
@@ -52,7 +52,7 @@ impl Topics {
     fn add(&mut self, row: usize, net: &Net) {
         for (point, publish) in net.plan().publishes.iter().zip(0..) {
             if let Some(place) = self.published.get_mut(self.count) {
-                *place = (point.topic, Feed { row, publish });
+                *place = (point.topic, TopicSource { row, publish });
                 self.count += 1;
             }
         }
@@ -123,7 +123,7 @@ impl Engine {
         let Some(own) = net(row) else {
             return Err(Refusal::UnknownCommand);
         };
-        for (row, other) in self.beside(row, leave, arrive) {
+        for (row, other) in self.other_active(row, leave, arrive) {
             let clash = net(row).and_then(|net| clash(own, net).or_else(|| clash(net, own)));
             if let Some(Topic { key, .. }) = clash {
                 return Err(Refusal::OtherTopic { other, key });

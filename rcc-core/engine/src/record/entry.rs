@@ -13,10 +13,10 @@ pub const MEASUREMENT_WORDS: usize = size_of::<Measurement>() / 8;
 /// What kind of record it is, in the lowest byte of its head.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub(super) enum Tag {
+pub(super) enum RecordTag {
     Cycle = 1,
     Input = 2,
-    Order = 3,
+    EngineRequest = 3,
     State = 4,
     Net = 5,
     Snapshot = 6,
@@ -25,31 +25,36 @@ pub(super) enum Tag {
     Set = 9,
 }
 
-const TAGS: [Tag; 9] = [
-    Tag::Cycle,
-    Tag::Input,
-    Tag::Order,
-    Tag::State,
-    Tag::Net,
-    Tag::Snapshot,
-    Tag::TooLarge,
-    Tag::Times,
-    Tag::Set,
+const RECORD_TAGS: [RecordTag; 9] = [
+    RecordTag::Cycle,
+    RecordTag::Input,
+    RecordTag::EngineRequest,
+    RecordTag::State,
+    RecordTag::Net,
+    RecordTag::Snapshot,
+    RecordTag::TooLarge,
+    RecordTag::Times,
+    RecordTag::Set,
 ];
 
 /// The head of a record: tag, a small number, flags, and how many words follow.
-pub(super) const fn head(tag: Tag, small: u8, flags: u16, words: usize) -> u64 {
+pub(super) const fn head(tag: RecordTag, small: u8, flags: u16, words: usize) -> u64 {
     tag as u64 | (small as u64) << 8 | (flags as u64) << 16 | (words as u64) << 32
 }
 
 /// The head of a record is that of a cycle; its number follows.
 pub(crate) fn is_cycle(head: u64) -> bool {
-    head as u8 == Tag::Cycle as u8
+    head as u8 == RecordTag::Cycle as u8
 }
 
 /// The head of a record is that of a net's evaluation or state; its id follows.
 pub(crate) fn is_of_net(head: u64) -> bool {
-    [Tag::Net as u8, Tag::Snapshot as u8, Tag::TooLarge as u8].contains(&(head as u8))
+    [
+        RecordTag::Net as u8,
+        RecordTag::Snapshot as u8,
+        RecordTag::TooLarge as u8,
+    ]
+    .contains(&(head as u8))
 }
 
 /// In the flags of a net: it began in this cycle, from its initial state.
@@ -59,14 +64,14 @@ pub(super) const CANCEL: u16 = 2;
 
 /// The flags of a net say how many times it was prepared anew (the lowest bits of it): only an evaluation of the net that
 /// an incident has can be compared.
-pub(super) fn anew_flags(anew: u8) -> u16 {
-    u16::from(anew) << 8
+pub(super) fn prepared_again_flags(prepared_again: u8) -> u16 {
+    u16::from(prepared_again) << 8
 }
 
 /// An order as a number, with what it is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum OrderKind {
+pub enum RequestKind {
     /// LOAD, its second half.
     Install = 2,
     /// A load that failed.
@@ -117,7 +122,7 @@ fn outcome_of(number: u8) -> Option<Evaluation> {
 
 /// One record, as read.
 #[derive(Clone, Copy, Debug)]
-pub enum Entry<'a> {
+pub enum RecordEntry<'a> {
     /// A cycle begins.
     Cycle {
         /// Its number.
@@ -133,8 +138,8 @@ pub enum Entry<'a> {
         words: Option<&'a [u64; MEASUREMENT_WORDS]>,
     },
     /// An order was obeyed or refused.
-    Order {
-        /// [`OrderKind`].
+    EngineRequest {
+        /// [`RequestKind`].
         kind: u8,
         /// Id of the command, or index of the device.
         id: u64,
@@ -158,8 +163,8 @@ pub enum Entry<'a> {
         begins: bool,
         /// CANCEL was requested.
         cancel: bool,
-        /// How many times it was prepared anew, as [`crate::net::Begun::anew`].
-        anew: u8,
+        /// How many times it was prepared anew, as [`crate::net::StartConditions::prepared_again`].
+        prepared_again: u8,
         /// What came of it.
         evaluation: Evaluation,
         /// The engine's period, s.
@@ -222,27 +227,27 @@ pub struct Snapshot<'a> {
 /// Words that are no record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("word {at} of the recording is no record that this build knows")]
-pub struct NoRecord {
+pub struct UnknownRecord {
     /// Where.
     pub at: usize,
 }
 
 /// Reads the records of a ring one after the other.
 #[derive(Clone, Debug)]
-pub struct Entries<'a> {
+pub struct RecordEntries<'a> {
     words: &'a [u64],
     at: usize,
 }
 
-impl<'a> Entries<'a> {
+impl<'a> RecordEntries<'a> {
     /// The records in these words.
-    pub fn new(words: &'a [u64]) -> Entries<'a> {
-        Entries { words, at: 0 }
+    pub fn new(words: &'a [u64]) -> RecordEntries<'a> {
+        RecordEntries { words, at: 0 }
     }
 }
 
-impl<'a> Iterator for Entries<'a> {
-    type Item = Result<Entry<'a>, NoRecord>;
+impl<'a> Iterator for RecordEntries<'a> {
+    type Item = Result<RecordEntry<'a>, UnknownRecord>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let head = *self.words.get(self.at)?;
@@ -254,48 +259,48 @@ impl<'a> Iterator for Entries<'a> {
             Some(_) => at + 1 + length,
             None => self.words.len(),
         };
-        Some(entry.ok_or(NoRecord { at }))
+        Some(entry.ok_or(UnknownRecord { at }))
     }
 }
 
-fn read(head: u64, words: &[u64]) -> Option<Entry<'_>> {
-    let tag = TAGS.get((head as u8).checked_sub(1)? as usize)?;
+fn read(head: u64, words: &[u64]) -> Option<RecordEntry<'_>> {
+    let tag = RECORD_TAGS.get((head as u8).checked_sub(1)? as usize)?;
     let (small, flags) = ((head >> 8) as u8, (head >> 16) as u16);
     Some(match (tag, words) {
-        (Tag::Cycle, &[cycle, woke_ns]) => Entry::Cycle { cycle, woke_ns },
-        (Tag::Input, words) => Entry::Input {
+        (RecordTag::Cycle, &[cycle, woke_ns]) => RecordEntry::Cycle { cycle, woke_ns },
+        (RecordTag::Input, words) => RecordEntry::Input {
             device: usize::from(small),
             words: match words {
                 [] => None,
                 words => Some(words.try_into().ok()?),
             },
         },
-        (Tag::Order, &[id]) => Entry::Order { kind: small, id },
-        (Tag::State, &[id, state, ref fault @ ..]) => Entry::State {
+        (RecordTag::EngineRequest, &[id]) => RecordEntry::EngineRequest { kind: small, id },
+        (RecordTag::State, &[id, state, ref fault @ ..]) => RecordEntry::State {
             id,
             state: state as u32,
             reason: (state >> 32) as u32,
             fault: bytemuck::try_pod_read_unaligned(bytemuck::cast_slice(fault)).ok()?,
         },
-        (Tag::Net, &[id, cycles, dt_s, hash]) => Entry::Net {
+        (RecordTag::Net, &[id, cycles, dt_s, hash]) => RecordEntry::Net {
             id,
             begins: flags & BEGINS != 0,
             cancel: flags & CANCEL != 0,
-            anew: (flags >> 8) as u8,
+            prepared_again: (flags >> 8) as u8,
             evaluation: outcome_of(small)?,
             dt_s: f64::from_bits(dt_s),
             cycles,
             hash,
         },
-        (Tag::Set, &[id, input, ref words @ ..]) => Entry::Set {
+        (RecordTag::Set, &[id, input, ref words @ ..]) => RecordEntry::Set {
             id,
             input: u32::try_from(input).ok()?,
             words,
             late: flags,
         },
-        (Tag::Snapshot, words) => Entry::Snapshot(snapshot(flags, words)?),
-        (Tag::TooLarge, &[id, words]) => Entry::TooLarge { id, words },
-        (Tag::Times, &[wake_ns, exec_ns, skipped]) => Entry::Times {
+        (RecordTag::Snapshot, words) => RecordEntry::Snapshot(snapshot(flags, words)?),
+        (RecordTag::TooLarge, &[id, words]) => RecordEntry::TooLarge { id, words },
+        (RecordTag::Times, &[wake_ns, exec_ns, skipped]) => RecordEntry::Times {
             wake_ns,
             exec_ns,
             skipped,

@@ -98,19 +98,19 @@ pub fn packed(bytes: &[u8]) -> u64 {
 
 /// The same hash of Ints alone, word by word: the checksum of files.
 #[derive(Clone, Copy, Debug)]
-pub struct Sum {
+pub struct WordChecksum {
     lanes: [u64; LANES],
     count: u64,
 }
 
-impl Default for Sum {
-    fn default() -> Sum {
+impl Default for WordChecksum {
+    fn default() -> WordChecksum {
         let lanes = lanes();
-        Sum { lanes, count: 0 }
+        WordChecksum { lanes, count: 0 }
     }
 }
 
-impl Sum {
+impl WordChecksum {
     /// The next word.
     pub fn take(&mut self, word: u64) {
         if let Some(lane) = self.lanes.get_mut((self.count % LANES as u64) as usize) {
@@ -184,7 +184,7 @@ mod tests {
     fn a_sum_is_the_hash_of_ints() {
         let ints: Vec<i64> = (0..100).map(|i| i * i - 50).collect();
         for count in 0..ints.len() {
-            let mut sum = Sum::default();
+            let mut sum = WordChecksum::default();
             ints[..count]
                 .iter()
                 .for_each(|value| sum.take(value.cast_unsigned()));

@@ -8,7 +8,7 @@ pub const WORDS_MIN: usize = 1 << 12;
 
 /// Records of the last cycles.
 #[derive(Debug)]
-pub struct Ring {
+pub struct RecordRing {
     words: Box<[u64]>,
     /// Where the next word goes.
     place: usize,
@@ -20,12 +20,12 @@ pub struct Ring {
     cycles: u64,
 }
 
-impl Ring {
+impl RecordRing {
     /// A ring of so many words that remembers at most so many cycles; both are brought into what is possible. Touches
     /// all of its memory. Not for the real-time thread.
-    pub fn new(words: usize, cycles: usize) -> Box<Ring> {
+    pub fn new(words: usize, cycles: usize) -> Box<RecordRing> {
         // All ones, so that the system gives the pages now and not when they are first written.
-        Box::new(Ring {
+        Box::new(RecordRing {
             words: vec![u64::MAX; words.clamp(WORDS_MIN, WORDS_MAX)].into(),
             place: 0,
             written: 0,
@@ -112,13 +112,13 @@ impl Ring {
 mod tests {
     use super::*;
 
-    fn all(ring: &Ring) -> Vec<u64> {
+    fn all(ring: &RecordRing) -> Vec<u64> {
         ring.newest().concat()
     }
 
     #[test]
     fn an_overfull_ring_keeps_the_newest_whole_cycles() {
-        let mut ring = Ring::new(WORDS_MIN, 10_000);
+        let mut ring = RecordRing::new(WORDS_MIN, 10_000);
         let mut next = 0;
         for cycle in 0..5000 {
             ring.begin_cycle();
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn it_remembers_at_most_so_many_cycles() {
-        let mut ring = Ring::new(WORDS_MIN, 3);
+        let mut ring = RecordRing::new(WORDS_MIN, 3);
         for cycle in 0..10 {
             ring.begin_cycle();
             ring.push(&[cycle, cycle]);
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn long_records_wrap_and_too_long_ones_are_refused() {
-        let mut ring = Ring::new(WORDS_MIN, 100);
+        let mut ring = RecordRing::new(WORDS_MIN, 100);
         let long: Vec<u64> = (0..3000).collect();
         for _ in 0..5 {
             ring.begin_cycle();
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_cleared_ring_is_empty() {
-        let mut ring = Ring::new(WORDS_MIN, 100);
+        let mut ring = RecordRing::new(WORDS_MIN, 100);
         ring.begin_cycle();
         ring.push(&[1]);
         ring.clear();

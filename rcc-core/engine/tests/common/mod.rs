@@ -9,15 +9,15 @@ use rcc_core::message::{
     CommandEntry, CommandState, DeviceState, EndReason, Joints, MAGIC, Measurement, MonitorRecord,
     SetPoint,
 };
-use rcc_core::plan::{InputPoint, MonitorPoint, PublishPoint, Rate, Run, ValuePoint};
+use rcc_core::plan::{InputPoint, KernelRun, MonitorPoint, PublishPoint, Rate, ValuePoint};
 use rcc_core::primitives;
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_engine::engine::{Engine, EngineConfig};
 use rcc_engine::net::Net;
-use rcc_engine::queue::{HelperEnds, Order, Outcome, Reading, rings};
+use rcc_engine::queue::{EngineReply, EngineRequest, HelperRingEnds, ValueReading, rings};
 use rcc_engine::record::Recorder;
-use rcc_ipc::control::{Answer, InputValue, PlanData, Refusal, SWITCH_MAX, Values};
+use rcc_ipc::control::{Answer, InputValue, NetValues, PlanData, Refusal, SWITCH_MAX};
 
 pub const PERIOD_NS: u64 = 1_000_000;
 pub const HOLD: Joints = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
@@ -51,7 +51,7 @@ pub fn model() -> DeviceModel {
 }
 
 /// A driver that plays set-points after a delay of some cycles, as the host does.
-pub struct Driver {
+pub struct SimulatedDriver {
     pub measurement: Measurement,
     pub delay: u64,
     pub alive: bool,
@@ -59,7 +59,7 @@ pub struct Driver {
     waited: u64,
 }
 
-impl Driver {
+impl SimulatedDriver {
     fn exchange(&mut self, engine: &Engine, now_ns: u64) {
         if !self.alive {
             return;
@@ -92,10 +92,10 @@ impl Driver {
 }
 
 /// The engine, the helpers' ends of its rings, and virtual time.
-pub struct Bench {
+pub struct EngineFixture {
     pub engine: Engine,
-    pub ends: HelperEnds,
-    pub driver: Driver,
+    pub ends: HelperRingEnds,
+    pub driver: SimulatedDriver,
     pub now_ns: u64,
     pub period_ns: u64,
     pub models: Vec<DeviceModel>,
@@ -105,23 +105,23 @@ pub struct Bench {
     next_ticket: u64,
 }
 
-impl Bench {
-    pub fn new() -> Bench {
-        Bench::with(model())
+impl EngineFixture {
+    pub fn new() -> EngineFixture {
+        EngineFixture::with(model())
     }
 
-    pub fn with(model: DeviceModel) -> Bench {
-        Bench::of_cell(vec![model], 5, HOLD)
+    pub fn with(model: DeviceModel) -> EngineFixture {
+        EngineFixture::of_cell(vec![model], 5, HOLD)
     }
 
     /// As `new`, with another period.
-    pub fn at_period(period_ns: u64) -> Bench {
-        Bench::of_cell_at(vec![model()], 5, HOLD, period_ns)
+    pub fn at_period(period_ns: u64) -> EngineFixture {
+        EngineFixture::of_cell_at(vec![model()], 5, HOLD, period_ns)
     }
 
     /// The devices of a cell, the arm first; it is held at `hold`.
-    pub fn of_cell(models: Vec<DeviceModel>, configuration: u64, hold: Joints) -> Bench {
-        Bench::of_cell_at(models, configuration, hold, PERIOD_NS)
+    pub fn of_cell(models: Vec<DeviceModel>, configuration: u64, hold: Joints) -> EngineFixture {
+        EngineFixture::of_cell_at(models, configuration, hold, PERIOD_NS)
     }
 
     fn of_cell_at(
@@ -129,7 +129,7 @@ impl Bench {
         configuration: u64,
         hold: Joints,
         period_ns: u64,
-    ) -> Bench {
+    ) -> EngineFixture {
         let (rt, ends) = rings();
         let config = EngineConfig {
             incarnation: 7,
@@ -145,14 +145,14 @@ impl Bench {
         measurement.joints = 7;
         measurement.hold = hold;
         measurement.position = hold;
-        let driver = Driver {
+        let driver = SimulatedDriver {
             measurement,
             delay: 10,
             alive: true,
             incarnation: 1,
             waited: 0,
         };
-        let mut bench = Bench {
+        let mut fixture = EngineFixture {
             engine: Engine::new(config, rt),
             ends,
             driver,
@@ -163,14 +163,14 @@ impl Bench {
             configuration,
             next_ticket: 1,
         };
-        bench.step();
-        bench
+        fixture.step();
+        fixture
     }
 
     /// With a flight recorder in its engine.
-    pub fn recorded_by(self, recorder: Recorder) -> Bench {
+    pub fn recorded_by(self, recorder: Recorder) -> EngineFixture {
         let engine = self.engine.recorded_by(recorder);
-        Bench { engine, ..self }
+        EngineFixture { engine, ..self }
     }
 
     /// One cycle: the driver exchanges, then the executor.
@@ -201,23 +201,23 @@ impl Bench {
     }
 
     /// Gives an order without waiting for its answer; returns its ticket.
-    pub fn order(&mut self, order: impl FnOnce(u64) -> Order) -> u64 {
+    pub fn order(&mut self, order: impl FnOnce(u64) -> EngineRequest) -> u64 {
         let ticket = self.next_ticket;
         self.next_ticket += 1;
-        self.ends.orders.push(order(ticket)).expect("room");
+        self.ends.requests.push(order(ticket)).expect("room");
         ticket
     }
 
     /// Gives an order, runs one cycle and returns the answer.
-    pub fn ask(&mut self, order: impl FnOnce(u64) -> Order) -> Answer {
+    pub fn ask(&mut self, order: impl FnOnce(u64) -> EngineRequest) -> Answer {
         let ticket = self.order(order);
         self.step();
         self.answer(ticket).expect("an answer in the same cycle")
     }
 
     pub fn answer(&mut self, wanted: u64) -> Option<Answer> {
-        while let Ok(outcome) = self.ends.outcomes.pop() {
-            if let Outcome::Answer { ticket, answer } = outcome
+        while let Ok(reply) = self.ends.replies.pop() {
+            if let EngineReply::Answer { ticket, answer } = reply
                 && ticket == wanted
             {
                 return Some(answer);
@@ -236,22 +236,22 @@ impl Bench {
     /// Reserves a row and makes the plan ready in it.
     pub fn load(&mut self, plan: PlanData) -> u64 {
         let net = self.build(plan).expect("a good plan");
-        let Answer::Reserved { id } = self.ask(|ticket| Order::Reserve { ticket }) else {
+        let Answer::Reserved { id } = self.ask(|ticket| EngineRequest::Reserve { ticket }) else {
             panic!("no row")
         };
-        let answer = self.ask(|ticket| Order::Install { ticket, id, net });
+        let answer = self.ask(|ticket| EngineRequest::Install { ticket, id, net });
         assert!(matches!(answer, Answer::Done { .. }), "{answer:?}");
         id
     }
 
     pub fn start(&mut self, id: u64) -> Answer {
-        self.ask(|ticket| Order::Start { ticket, id })
+        self.ask(|ticket| EngineRequest::Start { ticket, id })
     }
 
     /// Asks for a hand-over and runs one cycle.
     pub fn switch(&mut self, stop: &[u64], start: &[u64]) -> Answer {
         let (stop, start) = (named(stop), named(start));
-        self.ask(|ticket| Order::Switch {
+        self.ask(|ticket| EngineRequest::Handover {
             ticket,
             stop,
             start,
@@ -265,22 +265,22 @@ impl Bench {
             words: values.iter().map(|value| value.to_bits()).collect(),
         };
         let values = values.iter().map(value).collect();
-        self.ask(|ticket| Order::Set { ticket, id, values })
+        self.ask(|ticket| EngineRequest::Set { ticket, id, values })
     }
 
     /// Reads values as the cycle before left them, and runs one cycle.
-    pub fn read(&mut self, id: u64, points: &[ValuePoint]) -> Result<Values, Refusal> {
-        let reading = Reading::of(points.to_vec());
-        self.order(|ticket| Order::Read {
+    pub fn read(&mut self, id: u64, points: &[ValuePoint]) -> Result<NetValues, Refusal> {
+        let reading = ValueReading::of(points.to_vec());
+        self.order(|ticket| EngineRequest::Read {
             ticket,
             id,
             reading,
         });
         self.step();
-        while let Ok(outcome) = self.ends.outcomes.pop() {
-            if let Outcome::Read {
+        while let Ok(reply) = self.ends.replies.pop() {
+            if let EngineReply::Read {
                 reading, refused, ..
-            } = outcome
+            } = reply
             {
                 return refused.map_or(Ok(reading.values), Err);
             }
@@ -337,18 +337,18 @@ pub fn named(ids: &[u64]) -> [u64; SWITCH_MAX] {
 
 /// Collects primitives into a plan; slots are given by hand.
 #[derive(Default)]
-pub struct Plan {
+pub struct TestPlan {
     pub data: PlanData,
 }
 
-impl Plan {
-    pub fn new() -> Plan {
+impl TestPlan {
+    pub fn new() -> TestPlan {
         let data = PlanData {
             catalogue: primitives::fingerprint(),
             configuration: 5,
             ..PlanData::default()
         };
-        Plan { data }
+        TestPlan { data }
     }
 
     pub fn reals(&mut self, values: &[f64]) -> u32 {
@@ -374,7 +374,7 @@ impl Plan {
         };
         let kernel = row.kernels.iter().position(fits).expect("whole groups");
         let kernel = primitives::kernel_number(entry, kernel);
-        self.data.runs.push(Run {
+        self.data.runs.push(KernelRun {
             kernel,
             first,
             operands: operands.len() as u32,
@@ -413,7 +413,7 @@ impl Plan {
 
 /// Writes a digital output until CANCEL.
 pub fn output_net(channel: u32) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let (requested, on) = (plan.bool(2), plan.bool(1));
     plan.add("Cancel", &[requested]);
     plan.add("DigitalOutput", &[on, 0, channel]);
@@ -424,7 +424,7 @@ pub fn output_net(channel: u32) -> PlanData {
 
 /// Shows its logical time in each evaluation and writes it to analog output 0, until CANCEL.
 pub fn time_net(rate: Rate) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let requested = plan.bool(2);
     let time = plan.reals(&[f64::NAN]);
     plan.add("Cancel", &[requested]);
@@ -439,7 +439,7 @@ pub fn time_net(rate: Rate) -> PlanData {
 /// Two inputs, of one element and of three, shown in each evaluation with the first one's age; the first one is written
 /// to analog output 0. Until CANCEL.
 pub fn input_net(initial: f64, expires: u32) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let requested = plan.bool(2);
     let one = plan.input(&[initial], expires);
     let three = plan.input(&[f64::NAN; 3], 0);
@@ -454,7 +454,7 @@ pub fn input_net(initial: f64, expires: u32) -> PlanData {
 
 /// Publishes its logical time in each evaluation. Until CANCEL.
 pub fn publishing_net(topic: Topic, rate: Rate) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let requested = plan.bool(2);
     let time = plan.reals(&[f64::NAN]);
     let out = plan.reals(&[f64::NAN]);
@@ -474,7 +474,7 @@ pub fn publishing_net(topic: Topic, rate: Rate) -> PlanData {
 
 /// Shows what is published under a topic, and its age, in each evaluation. Until CANCEL.
 pub fn subscribing_net(topic: Topic, rate: Rate, expires: u32) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let requested = plan.bool(2);
     let value = plan.input(&[f64::NAN], expires);
     plan.data.inputs[0].topic = Some(topic);
@@ -488,7 +488,7 @@ pub fn subscribing_net(topic: Topic, rate: Rate, expires: u32) -> PlanData {
 
 /// As `output_net`, without `Cancel`: it never ends by itself.
 pub fn endless_net(channel: u32) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let (no, on) = (plan.bool(0), plan.bool(1));
     plan.add("DigitalOutput", &[on, 0, channel]);
     plan.add("Termination", &[no]);
@@ -505,7 +505,7 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
     let start = model().arm.expect("an arm").forward(&HOLD);
     let mut goal = start;
     goal.position[1] += 0.1;
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let (requested, done) = (plan.bool(2), plan.bool(2));
     let pose = plan.reals(&[f64::NAN; 7]);
     let [distance, speed, acceleration] = [(); 3].map(|()| plan.reals(&[f64::NAN]));
@@ -548,7 +548,7 @@ pub fn motion_net(from: Option<[f64; 7]>) -> PlanData {
 
 /// Commands joint 1 to `from` + `velocity`·t (rad, rad/s) and the others to where the arm is held; never ends.
 pub fn drift_net(from: f64, velocity: f64) -> PlanData {
-    let mut plan = Plan::new();
+    let mut plan = TestPlan::new();
     let no = plan.bool(0);
     let [from, velocity, time, way] =
         [from, velocity, f64::NAN, f64::NAN].map(|value| plan.reals(&[value]));

@@ -2,9 +2,9 @@
 
 use rcc_core::frame::DeviceModel;
 use rcc_core::message::{DeviceState, MAGIC, Measurement};
-use rcc_core::plan::{Delay, InputPoint, PublishPoint, Rate, Run};
+use rcc_core::plan::{Delay, InputPoint, KernelRun, PublishPoint, Rate};
 use rcc_core::primitive::{ChannelKind, Operand, PortType, Role, Size, Sizes};
-use rcc_core::primitives::{self, CATALOGUE, Entry};
+use rcc_core::primitives::{self, CATALOGUE, CatalogueEntry};
 use rcc_core::topic::Topic;
 use rcc_core::types::{NULL_INT, Store};
 use rcc_ipc::control::{InputValue, PlanData};
@@ -65,7 +65,7 @@ struct Block {
     width: u32,
 }
 
-struct Maker<'a> {
+struct RandomPlanBuilder<'a> {
     random: &'a mut Random,
     models: &'a [DeviceModel],
     data: PlanData,
@@ -76,7 +76,7 @@ struct Maker<'a> {
     arm_taken: bool,
 }
 
-/// A net of 3 to 40 random primitives that keeps every rule of `Plan::check`; its start values may not exist.
+/// A net of 3 to 40 random primitives that keeps every rule of `TestPlan::check`; its start values may not exist.
 pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> PlanData {
     let data = PlanData {
         catalogue: primitives::fingerprint(),
@@ -84,7 +84,7 @@ pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> P
         survives_device_loss: !random.once_in(3),
         ..PlanData::default()
     };
-    let mut maker = Maker {
+    let mut builder = RandomPlanBuilder {
         random,
         models,
         data,
@@ -93,17 +93,17 @@ pub fn net(random: &mut Random, models: &[DeviceModel], configuration: u64) -> P
         claimed: Vec::new(),
         arm_taken: false,
     };
-    for _ in 0..maker.random.below(4) {
-        maker.add_input();
+    for _ in 0..builder.random.below(4) {
+        builder.add_input();
     }
-    for _ in 0..3 + maker.random.below(38) {
-        maker.add_any();
+    for _ in 0..3 + builder.random.below(38) {
+        builder.add_any();
     }
-    maker.add_topics();
-    maker.end()
+    builder.add_topics();
+    builder.end()
 }
 
-impl Maker<'_> {
+impl RandomPlanBuilder<'_> {
     fn add_any(&mut self) {
         let number = self.random.below(CATALOGUE.len());
         let entry = CATALOGUE[number];
@@ -169,7 +169,7 @@ impl Maker<'_> {
         }
     }
 
-    fn add(&mut self, number: usize, entry: &Entry) {
+    fn add(&mut self, number: usize, entry: &CatalogueEntry) {
         let kernel = self.random.below(entry.kernels.len());
         let ports = || entry.spec.inputs.iter().chain(entry.spec.outputs);
         let kernel_of = &entry.kernels[kernel];
@@ -222,7 +222,7 @@ impl Maker<'_> {
         let first = self.data.operands.len() as u32;
         self.data.operands.extend(operands);
         let operands = operands.len() as u32;
-        self.data.runs.push(Run {
+        self.data.runs.push(KernelRun {
             kernel,
             first,
             operands,

@@ -8,7 +8,7 @@ use rcc_core::rotation::{self, Quaternion};
 
 use super::Placement;
 use super::jet::{self, Jet, Scalar};
-use super::quintic::{End, Quintic};
+use super::quintic::{Quintic, QuinticEnd};
 
 /// A rounding of the flange: position, and orientation in modified Rodrigues parameters relative to its beginning.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,6 +72,6 @@ impl JointBlend {
     }
 }
 
-fn ends<const N: usize>(values: [Jet; N]) -> End<N> {
+fn ends<const N: usize>(values: [Jet; N]) -> QuinticEnd<N> {
     [0, 1, 2].map(|order| values.map(|x| x.derivative(order)))
 }

@@ -6,7 +6,7 @@ use super::circle::Circle;
 use super::jet::{Jet, Scalar};
 use super::line::{JointLine, Line};
 use super::spline::Spline;
-use super::{NOTHING, Placement};
+use super::{LENGTH_MIN, Placement};
 
 /// One shape.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +27,7 @@ pub enum Shape {
 
 /// What a shape says at s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Where<T> {
+pub enum ShapePoint<T> {
     /// The flange is here.
     Flange(Placement<T>),
     /// The joints are here, rad.
@@ -37,14 +37,14 @@ pub enum Where<T> {
 impl Shape {
     /// Where it is after `s` of its own way.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Where<T> {
+    pub fn at<T: Scalar>(&self, s: T) -> ShapePoint<T> {
         match self {
-            Shape::Line(line) => Where::Flange(line.at(s)),
-            Shape::Circle(circle) => Where::Flange(circle.at(s)),
-            Shape::Spline(spline) => Where::Flange(spline.at(s)),
-            Shape::PoseBlend(blend) => Where::Flange(blend.at(s)),
-            Shape::Joints(line) => Where::Joints(line.at(s)),
-            Shape::JointBlend(blend) => Where::Joints(blend.at(s)),
+            Shape::Line(line) => ShapePoint::Flange(line.at(s)),
+            Shape::Circle(circle) => ShapePoint::Flange(circle.at(s)),
+            Shape::Spline(spline) => ShapePoint::Flange(spline.at(s)),
+            Shape::PoseBlend(blend) => ShapePoint::Flange(blend.at(s)),
+            Shape::Joints(line) => ShapePoint::Joints(line.at(s)),
+            Shape::JointBlend(blend) => ShapePoint::Joints(blend.at(s)),
         }
     }
 
@@ -83,7 +83,7 @@ impl Shape {
 
 /// A shape of a chain and how it goes over into the next one.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Link {
+pub struct ChainLink {
     /// The shape.
     pub shape: Shape,
     /// How long before its end and behind the next one's beginning the rounding is, in s of each: 0 = none, the motion rests
@@ -93,7 +93,7 @@ pub struct Link {
 
 /// A part of a chain on which one shape is followed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Piece {
+pub struct ChainPiece {
     /// Where it begins, s of the chain.
     pub begin: f64,
     /// Where it ends, s of the chain.
@@ -110,10 +110,10 @@ pub struct Piece {
     pub rest: bool,
 }
 
-impl Piece {
+impl ChainPiece {
     /// Where it is at s of the chain.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Where<T> {
+    pub fn at<T: Scalar>(&self, s: T) -> ShapePoint<T> {
         self.shape.at(s + T::constant(self.offset - self.begin))
     }
 
@@ -144,7 +144,7 @@ impl Piece {
 /// Shapes one after the other.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Chain {
-    pieces: Vec<Piece>,
+    pieces: Vec<ChainPiece>,
 }
 
 impl Chain {
@@ -154,34 +154,35 @@ impl Chain {
     /// # Errors
     /// What `joints` says. A rounding that cannot be made (it turns by more than 4 rad) is left out: the motion rests there.
     pub fn new<E>(
-        links: Vec<Link>,
+        links: Vec<ChainLink>,
         mut joints: impl FnMut(usize, &Shape, f64) -> Result<[Jet; 8], E>,
     ) -> Result<Self, E> {
-        let mut pieces: Vec<Piece> = Vec::new();
+        let mut pieces: Vec<ChainPiece> = Vec::new();
         let (mut begin, mut offset) = (0.0, 0.0);
         let mut links = links.into_iter().enumerate().peekable();
-        while let Some((link, Link { shape, zone })) = links.next() {
+        while let Some((link, ChainLink { shape, zone })) = links.next() {
             let length = shape.length();
             let next = links.peek().map(|(_, next)| &next.shape);
             let [before, behind] = next.map_or([0.0; 2], |next| {
                 [zone[0].min(length / 2.0), zone[1].min(next.length() / 2.0)]
             });
             let mut blend = None;
-            if before > NOTHING && behind > NOTHING {
+            if before > LENGTH_MIN && behind > LENGTH_MIN {
                 let (from, over) = (length - before, before + behind);
                 blend = match (next, shape.at(Jet::variable(from))) {
                     (None, _) => None,
-                    (Some(next), Where::Flange(place)) => match next.at(Jet::variable(behind)) {
-                        Where::Flange(to) => {
+                    (Some(next), ShapePoint::Flange(place)) => match next.at(Jet::variable(behind))
+                    {
+                        ShapePoint::Flange(to) => {
                             PoseBlend::between(&place, &to, over).map(Shape::PoseBlend)
                         }
-                        Where::Joints(to) => {
+                        ShapePoint::Joints(to) => {
                             let from = joints(link, &shape, from)?;
                             let blend = JointBlend::between(from, to, over);
                             Some(Shape::JointBlend(blend))
                         }
                     },
-                    (Some(next), Where::Joints(from)) => {
+                    (Some(next), ShapePoint::Joints(from)) => {
                         let to = joints(link + 1, next, behind)?;
                         let blend = JointBlend::between(from, to, over);
                         Some(Shape::JointBlend(blend))
@@ -191,7 +192,7 @@ impl Chain {
             let over = blend.as_ref().map(|_| [before, behind]);
             let [before, behind] = over.unwrap_or([0.0; 2]);
             let end = begin + (length - before - offset).max(0.0);
-            pieces.push(Piece {
+            pieces.push(ChainPiece {
                 begin,
                 end,
                 offset,
@@ -204,7 +205,7 @@ impl Chain {
             offset = behind;
             if let Some(shape) = blend {
                 let end = begin + before + behind;
-                pieces.push(Piece {
+                pieces.push(ChainPiece {
                     begin,
                     end,
                     offset: 0.0,
@@ -221,7 +222,7 @@ impl Chain {
 
     /// Its pieces in order.
     #[must_use]
-    pub fn pieces(&self) -> &[Piece] {
+    pub fn pieces(&self) -> &[ChainPiece] {
         &self.pieces
     }
 
@@ -241,7 +242,7 @@ impl Chain {
 
     /// Where it is at s in [0, length]; `None` if it has no pieces.
     #[inline]
-    pub fn at<T: Scalar>(&self, s: T) -> Option<Where<T>> {
+    pub fn at<T: Scalar>(&self, s: T) -> Option<ShapePoint<T>> {
         let piece = self.pieces.get(self.number(s.value()));
         piece.map(|piece| piece.at(s))
     }

@@ -5,8 +5,8 @@ use rcc_core::pose::Pose;
 use rcc_core::vector::{self, Vector};
 
 use super::jet::Scalar;
-use super::line::{Turn, distance};
-use super::{COINCIDENT_M, GeometryError, Metric, Placement, finite};
+use super::line::{AxisRotation, distance};
+use super::{COINCIDENT_M, GeometryError, PathMetric, Placement, finite};
 
 /// Three points whose triangle has a sine below this lie on a line: its radius would be more than 2000 times the way, and what
 /// rounding leaves of its derivatives would slow a motion down to a crawl.
@@ -33,7 +33,7 @@ pub struct Circle {
     side: Vector,
     /// How far around, rad (> 0).
     angle: f64,
-    turn: Turn,
+    turn: AxisRotation,
     length: f64,
 }
 
@@ -49,7 +49,7 @@ impl Circle {
         via: Vector,
         to: &Pose,
         (orientation, angle): (CircleOrientation, Option<f64>),
-        metric: Metric,
+        metric: PathMetric,
     ) -> Result<Self, GeometryError> {
         finite(from)?;
         finite(to)?;
@@ -101,9 +101,9 @@ impl Circle {
         };
         let angle = angle.unwrap_or(around);
         let turn = match orientation {
-            CircleOrientation::Even => Turn::between(from.orientation, to.orientation)?,
-            CircleOrientation::Constant => Turn::none(from.orientation),
-            CircleOrientation::Path => Turn::about(from.orientation, axis, angle),
+            CircleOrientation::Even => AxisRotation::between(from.orientation, to.orientation)?,
+            CircleOrientation::Constant => AxisRotation::none(from.orientation),
+            CircleOrientation::Path => AxisRotation::about(from.orientation, axis, angle),
         };
         let way_m = vector::norm(out) * libm::fabs(angle);
         Ok(Self {

@@ -7,21 +7,21 @@ use rcc_core::rotation::{self, Quaternion};
 use rcc_core::vector::{self, Vector};
 
 use super::jet::{self, Scalar};
-use super::{GeometryError, Metric, NOTHING, Placement, angle_of, finite};
+use super::{GeometryError, LENGTH_MIN, PathMetric, Placement, angle_of, finite};
 
 /// Below this cosine of half the angle a turn is half a turn.
 const HALF_TURN_COSINE: f64 = 1e-9;
 
 /// A turn from one orientation to another by the short way about one axis (slerp).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Turn {
+pub struct AxisRotation {
     from: Quaternion,
     axis: Vector,
     /// rad, in [0, π).
     pub angle: f64,
 }
 
-impl Turn {
+impl AxisRotation {
     /// No turn.
     #[must_use]
     pub fn none(from: Quaternion) -> Self {
@@ -64,7 +64,7 @@ impl Turn {
 pub struct Line {
     from: Vector,
     to: Vector,
-    turn: Turn,
+    turn: AxisRotation,
     length: f64,
 }
 
@@ -73,10 +73,10 @@ impl Line {
     ///
     /// # Errors
     /// They are half a turn apart, or not finite.
-    pub fn new(from: &Pose, to: &Pose, metric: Metric) -> Result<Self, GeometryError> {
+    pub fn new(from: &Pose, to: &Pose, metric: PathMetric) -> Result<Self, GeometryError> {
         finite(from)?;
         finite(to)?;
-        let turn = Turn::between(from.orientation, to.orientation)?;
+        let turn = AxisRotation::between(from.orientation, to.orientation)?;
         Ok(Self {
             from: from.position,
             to: to.position,
@@ -92,14 +92,14 @@ impl Line {
     }
 
     /// Makes it at least so long in s.
-    pub fn stretch(&mut self, length: f64) {
+    pub fn extend_to(&mut self, length: f64) {
         self.length = self.length.max(length);
     }
 
     /// It leads somewhere, or turns.
     #[must_use]
     pub fn moves(&self) -> bool {
-        distance(self.from, self.to) > NOTHING || self.turn.angle > NOTHING
+        distance(self.from, self.to) > LENGTH_MIN || self.turn.angle > LENGTH_MIN
     }
 
     /// Metres of way per unit of s.
@@ -149,7 +149,7 @@ impl JointLine {
             return Err(GeometryError::NotFinite);
         }
         let longest = ways.fold(0.0, f64::max);
-        let length = if longest > super::NOTHING {
+        let length = if longest > super::LENGTH_MIN {
             longest * metres_per_rad
         } else {
             0.0

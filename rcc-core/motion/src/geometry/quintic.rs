@@ -4,7 +4,7 @@
 use super::jet::Scalar;
 
 /// Value, first and second derivative at one end.
-pub type End<const N: usize> = [[f64; N]; 3];
+pub type QuinticEnd<const N: usize> = [[f64; N]; 3];
 
 /// A curve of the fifth degree over [0, length].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Quintic<const N: usize> {
 impl<const N: usize> Quintic<N> {
     /// The curve with value, first and second derivative of both ends; `length` > 0.
     #[must_use]
-    pub fn between(from: End<N>, to: End<N>, length: f64) -> Self {
+    pub fn between(from: QuinticEnd<N>, to: QuinticEnd<N>, length: f64) -> Self {
         let h = length;
         let mut coefficients = [[0.0; 6]; N];
         for (axis, row) in coefficients.iter_mut().enumerate() {

@@ -11,9 +11,9 @@ use rcc_core::rotation::{self, Quaternion};
 
 use super::jet::{self, Jet, Scalar};
 use super::line::{angle_between, distance};
-use super::natural::natural;
+use super::natural_spline::natural;
 use super::quintic::Quintic;
-use super::{COINCIDENT_M, GeometryError, Metric, Placement, finite};
+use super::{COINCIDENT_M, GeometryError, PathMetric, Placement, finite};
 
 /// Steps of the table of arc length between two points.
 const STEPS: usize = 16;
@@ -51,7 +51,7 @@ impl Spline {
     /// # Errors
     /// Fewer than two poses, poses that coincide, are half a turn apart from the next, or turn by more than 4 rad from the
     /// middle one; something not finite.
-    pub fn new(poses: &[Pose], metric: Metric) -> Result<Self, GeometryError> {
+    pub fn new(poses: &[Pose], metric: PathMetric) -> Result<Self, GeometryError> {
         poses.iter().try_for_each(finite)?;
         let middle = poses.get(poses.len() / 2).ok_or(GeometryError::NotFinite)?;
         let (mut knots, mut values) = (Vec::new(), Vec::new());

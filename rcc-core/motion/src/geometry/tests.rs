@@ -3,28 +3,28 @@
 use proptest::prelude::*;
 use rcc_core::pose::Pose;
 
-use super::chain::{Chain, Link, Shape, Where};
+use super::chain::{Chain, ChainLink, Shape, ShapePoint};
 use super::circle::{Circle, CircleOrientation};
 use super::jet::{Jet, Scalar};
 use super::line::{JointLine, Line, distance};
 use super::spline::Spline;
 use super::*;
 
-const METRIC: Metric = Metric { radius_m: 0.25 };
+const METRIC: PathMetric = PathMetric { radius_m: 0.25 };
 
 fn pose(xyz: [f64; 3], rpy: [f64; 3]) -> Pose {
     Pose::from_xyz_rpy(xyz, rpy)
 }
 
 /// Values and derivatives of a shape, as numbers: position and orientation, or joints.
-fn numbers(at: Where<Jet>) -> Vec<Jet> {
+fn numbers(at: ShapePoint<Jet>) -> Vec<Jet> {
     match at {
-        Where::Flange(place) => place
+        ShapePoint::Flange(place) => place
             .position
             .into_iter()
             .chain(place.orientation)
             .collect(),
-        Where::Joints(joints) => joints.to_vec(),
+        ShapePoint::Joints(joints) => joints.to_vec(),
     }
 }
 
@@ -47,8 +47,8 @@ fn derivatives_are_right(shape: &Shape, s: f64) {
     }
     let value = numbers(shape.at(Jet::variable(s)));
     let plain = match shape.at(s) {
-        Where::Flange(place) => place.pose().to_slots().to_vec(),
-        Where::Joints(joints) => joints.to_vec(),
+        ShapePoint::Flange(place) => place.pose().to_slots().to_vec(),
+        ShapePoint::Joints(joints) => joints.to_vec(),
     };
     for (jet, plain) in value.iter().zip(plain) {
         assert!((jet.value() - plain).abs() < 1e-15 * (1.0 + plain.abs()));
@@ -179,7 +179,7 @@ fn a_spline_is_smooth_to_the_second_derivative_at_its_points() {
     let points = spline.points();
     for s in &points[1..points.len() - 1] {
         let h = 1e-9;
-        let numbers = |s| numbers(Where::Flange(spline.at(Jet::variable(s))));
+        let numbers = |s| numbers(ShapePoint::Flange(spline.at(Jet::variable(s))));
         for (before, behind) in numbers(s - h).iter().zip(numbers(s + h)) {
             for order in 0..3 {
                 let step = (before.derivative(order) - behind.derivative(order)).abs();
@@ -228,7 +228,7 @@ fn chain(zone: f64) -> Chain {
         Shape::Circle(arc),
         Shape::Spline(spline),
     ];
-    let links = shapes.map(|shape| Link {
+    let links = shapes.map(|shape| ChainLink {
         shape,
         zone: [zone; 2],
     });
@@ -278,7 +278,7 @@ fn a_rounding_takes_at_most_half_of_the_shorter_shape_and_stays_near_the_corner(
     for piece in wide.pieces().iter().filter(|piece| piece.blend) {
         for i in 0..=100 {
             let s = piece.begin + piece.length() * f64::from(i) / 100.0;
-            let Where::Flange(place) = piece.at(Jet::variable(s)) else {
+            let ShapePoint::Flange(place) = piece.at(Jet::variable(s)) else {
                 panic!("joints")
             };
             let speed = rcc_core::vector::norm(place.rates().linear[0]);
@@ -293,14 +293,14 @@ fn a_rounding_of_two_lines_is_never_faster_than_they_are() {
     for corner in [[0.3, 0.2], [0.2, 0.3], [0.0, 0.0], [0.1, -0.1]] {
         let line = |a: &Pose, b: &Pose| Shape::Line(Line::new(a, b, METRIC).unwrap());
         let (a, b, c) = (at(0.0, 0.0), at(0.3, 0.0), at(corner[0], corner[1]));
-        let links = [line(&a, &b), line(&b, &c)].map(|shape| Link {
+        let links = [line(&a, &b), line(&b, &c)].map(|shape| ChainLink {
             shape,
             zone: [0.05; 2],
         });
         let chain = Chain::new(links.to_vec(), |_, _, _| Err(())).unwrap();
         for i in 0..=1000 {
             let s = Jet::variable(chain.length() * f64::from(i) / 1e3);
-            let Some(Where::Flange(place)) = chain.at(s) else {
+            let Some(ShapePoint::Flange(place)) = chain.at(s) else {
                 panic!("no place")
             };
             let speed = rcc_core::vector::norm(place.rates().linear[0]);
@@ -352,13 +352,13 @@ proptest! {
 fn a_rounding_between_joints_and_a_line_is_one_of_joints() {
     let line = JointLine::new(&[0.0; 8], &[0.5; 8], 1.0).unwrap();
     let other = JointLine::new(&[0.5; 8], &[0.1, 0.9, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5], 1.0).unwrap();
-    let links = [line, other].map(|line| Link {
+    let links = [line, other].map(|line| ChainLink {
         shape: Shape::Joints(line),
         zone: [0.1, 0.05],
     });
     let joints = |_: usize, shape: &Shape, s: f64| match shape.at(Jet::variable(s)) {
-        Where::Joints(joints) => Ok::<_, ()>(joints),
-        Where::Flange(_) => Err(()),
+        ShapePoint::Joints(joints) => Ok::<_, ()>(joints),
+        ShapePoint::Flange(_) => Err(()),
     };
     let chain = Chain::new(links.to_vec(), joints).unwrap();
     assert_eq!(chain.pieces().len(), 3);

@@ -1,6 +1,6 @@
 //! Random goals, stops and speeds: what an axis does is judged by its states alone.
 
-use rcc_core::axis::Follower;
+use rcc_core::axis::AxisFollower;
 
 use super::*;
 
@@ -29,9 +29,9 @@ impl Random {
 }
 
 /// One cycle in which velocity, acceleration and jerk keep the limits and position follows from them.
-fn checked(follower: &mut Follower, goal: Option<f64>, speed: f64, limits: &Limits) {
+fn checked(follower: &mut AxisFollower, goal: Option<f64>, speed: f64, limits: &MotionLimits) {
     let before = follower.state();
-    let scaled = Limits {
+    let scaled = MotionLimits {
         velocity: limits.velocity * speed,
         ..*limits
     };
@@ -58,8 +58,8 @@ fn checked(follower: &mut Follower, goal: Option<f64>, speed: f64, limits: &Limi
     );
 }
 
-fn limits(random: &mut Random) -> Limits {
-    Limits {
+fn limits(random: &mut Random) -> MotionLimits {
+    MotionLimits {
         velocity: random.decade(-1.0, 0.7),
         acceleration: random.decade(0.0, 1.7),
         jerk: random.decade(1.5, 3.0),
@@ -71,7 +71,7 @@ fn a_hundred_thousand_sequences_of_goals_keep_every_limit_and_arrive() {
     let mut random = Random(11);
     for _ in 0..100_000 {
         let limits = limits(&mut random);
-        let mut follower = Follower::at_rest(random.within(-2.0, 2.0));
+        let mut follower = AxisFollower::at_rest(random.within(-2.0, 2.0));
         let (mut goal, mut speed) = (None, 1.0);
         for _ in 0..6 {
             match random.unit() {
@@ -146,7 +146,7 @@ fn a_goal_that_moves_a_little_in_every_cycle_is_followed_within_the_limits() {
     let mut random = Random(12);
     for _ in 0..500 {
         let limits = limits(&mut random);
-        let mut follower = Follower::at_rest(0.0);
+        let mut follower = AxisFollower::at_rest(0.0);
         let (mut goal, noise) = (0.1, random.decade(-9.0, -2.0));
         for _ in 0..500 {
             goal += noise * random.within(-1.0, 1.0);
@@ -160,7 +160,7 @@ fn a_speed_that_changes_leads_neither_back_nor_beyond_the_goal() {
     let mut random = Random(13);
     for _ in 0..3000 {
         let limits = limits(&mut random);
-        let mut follower = Follower::at_rest(0.0);
+        let mut follower = AxisFollower::at_rest(0.0);
         let (goal, mut speed) = (limits.velocity * random.decade(-2.0, 0.5), 1.0);
         for cycle in 0..3000 {
             if random.unit() < 0.01 {
@@ -180,7 +180,7 @@ fn a_speed_that_changes_leads_neither_back_nor_beyond_the_goal() {
 
 #[test]
 fn limits_and_states_that_are_no_use_give_no_way() {
-    let fine = Limits {
+    let fine = MotionLimits {
         velocity: 1.0,
         acceleration: 10.0,
         jerk: 500.0,
@@ -191,7 +191,7 @@ fn limits_and_states_that_are_no_use_give_no_way() {
         acceleration: 0.0,
     };
     for bad in [f64::NAN, 0.0, -1.0, f64::INFINITY] {
-        let limits = Limits {
+        let limits = MotionLimits {
             acceleration: bad,
             ..fine
         };

@@ -1,15 +1,15 @@
-use rcc_core::path::{Leg, Limits, Pace, Quantity, Segment};
+use rcc_core::path::{Leg, MotionLimits, PathSegment, Quantity, SpeedProfile};
 use rcc_core::pose::Pose;
 
 use super::*;
-use crate::track::tests::{START, lwr};
+use crate::planned_path::tests::{START, lwr};
 
-const LINE: Limits = Limits {
+const LINE: MotionLimits = MotionLimits {
     velocity: 0.2,
     acceleration: 1.0,
     jerk: 10.0,
 };
-const TURN: Limits = Limits {
+const TURN: MotionLimits = MotionLimits {
     velocity: 1.0,
     acceleration: 4.0,
     jerk: 40.0,
@@ -23,16 +23,16 @@ fn from() -> Pose {
 /// A line of the arm that is held at [`START`].
 fn line_from(from: Option<Pose>, to: Pose) -> Result<MotionSet, PrepareFault> {
     let (models, holds) = ([lwr()], [Some(START)]);
-    let mut builder = Builder::new(&models, &holds, DT, 1);
+    let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
     let request = PathRequest {
         device: 0,
         from,
         legs: &[Leg {
             line: LINE,
             turn: TURN,
-            ..Leg::new(Segment::Line { to })
+            ..Leg::new(PathSegment::Line { to })
         }],
-        pace: Pace::Even,
+        pace: SpeedProfile::Even,
     };
     builder.path(0, &request)?;
     builder.finish()
@@ -43,7 +43,15 @@ fn line(to: Pose) -> Result<MotionSet, PrepareFault> {
 }
 
 fn step(motions: &mut MotionSet, stop: bool) -> MotionState {
-    motions.step(0, Drive { stop, ..Drive::RUN }).unwrap()
+    motions
+        .step(
+            0,
+            SpeedOverride {
+                stop,
+                ..SpeedOverride::RUN
+            },
+        )
+        .unwrap()
 }
 
 #[test]
@@ -103,16 +111,16 @@ fn a_speed_is_kept_on_a_line_or_refused_with_one_that_is_possible() {
     let to = from().compose(&Pose::from_xyz_rpy([0.1, -0.1, 0.0], [0.0; 3]));
     let at = |velocity| {
         let (models, holds) = ([lwr()], [Some(START)]);
-        let mut builder = Builder::new(&models, &holds, DT, 1);
+        let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
         let leg = Leg {
-            line: Limits::of([velocity, f64::NAN, f64::NAN]),
-            ..Leg::new(Segment::Line { to })
+            line: MotionLimits::of([velocity, f64::NAN, f64::NAN]),
+            ..Leg::new(PathSegment::Line { to })
         };
         let request = PathRequest {
             device: 0,
             from: None,
             legs: &[leg],
-            pace: Pace::Even,
+            pace: SpeedProfile::Even,
         };
         builder
             .path(0, &request)
@@ -143,17 +151,17 @@ fn a_speed_is_kept_on_a_line_or_refused_with_one_that_is_possible() {
 #[test]
 fn a_turn_on_the_spot_with_a_speed_for_lines_is_as_fast_as_the_joints_allow() {
     let (models, holds) = ([lwr()], [Some(START)]);
-    let mut builder = Builder::new(&models, &holds, DT, 1);
+    let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
     let to = from().compose(&Pose::from_xyz_rpy([0.0; 3], [0.3, 0.0, 0.0]));
     let leg = Leg {
-        line: Limits::of([0.1, f64::NAN, f64::NAN]),
-        ..Leg::new(Segment::Line { to })
+        line: MotionLimits::of([0.1, f64::NAN, f64::NAN]),
+        ..Leg::new(PathSegment::Line { to })
     };
     let request = PathRequest {
         device: 0,
         from: None,
         legs: &[leg],
-        pace: Pace::Even,
+        pace: SpeedProfile::Even,
     };
     builder.path(0, &request).unwrap();
     let mut motions = builder.finish().unwrap();
@@ -223,16 +231,16 @@ fn a_line_is_never_too_short_for_the_speed_that_is_given() {
 }
 
 /// Over an obstacle: up, aside, down, with rounded corners.
-fn over(pace: Pace) -> MotionSet {
+fn over(pace: SpeedProfile) -> MotionSet {
     let (models, holds) = ([lwr()], [Some(START)]);
-    let mut builder = Builder::new(&models, &holds, DT, 1);
+    let mut builder = MotionSetBuilder::new(&models, &holds, DT, 1);
     let mut to = from();
     let legs = [[0.0, 0.0, 0.15], [-0.06, -0.3, 0.0], [0.0, 0.0, -0.15]].map(|way| {
         let places = to.position.iter_mut().zip(way);
         places.for_each(|(place, way)| *place += way);
         Leg {
             blend: 0.04,
-            ..Leg::new(Segment::Line { to })
+            ..Leg::new(PathSegment::Line { to })
         }
     });
     let request = PathRequest {
@@ -251,10 +259,13 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
         let cycle = (0..20_000).find(|_| step(&mut motions, false).path.done);
         cycle.expect("an end")
     };
-    let (sooner, later) = (duration(over(Pace::Fastest)), duration(over(Pace::Even)));
+    let (sooner, later) = (
+        duration(over(SpeedProfile::Fastest)),
+        duration(over(SpeedProfile::Even)),
+    );
     assert!(sooner < later, "a law is on its way: {sooner} {later}");
     for (cycles, way_max) in [(1, 1e-9), (2, 1e-5), (10, 5e-4), (30, 5e-3), (50, 15e-3)] {
-        let mut motions = over(Pace::Fastest);
+        let mut motions = over(SpeedProfile::Fastest);
         let mut begun = step(&mut motions, false);
         for _ in 1..cycles {
             begun = step(&mut motions, false);
@@ -264,7 +275,7 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
         let mut words = Vec::new();
         let mut state = step(&mut motions, true);
         motions.save(|some| words.extend_from_slice(some));
-        let mut again = over(Pace::Fastest);
+        let mut again = over(SpeedProfile::Fastest);
         again.restore(&words).unwrap();
         let mut last = begun;
         while !state.path.done {
@@ -286,12 +297,12 @@ fn a_stop_of_a_time_optimal_motion_that_has_just_begun_is_as_short_as_of_another
 #[test]
 fn a_stop_at_any_time_of_a_time_optimal_motion_ends_before_its_end_or_there() {
     let whole = {
-        let mut motions = over(Pace::Fastest);
+        let mut motions = over(SpeedProfile::Fastest);
         let mut states = (0..20_000).map(|_| step(&mut motions, false));
         states.find(|state| state.path.done).unwrap()
     };
     for cycles in (1..1700).step_by(61) {
-        let mut motions = over(Pace::Fastest);
+        let mut motions = over(SpeedProfile::Fastest);
         let mut last = step(&mut motions, false);
         for _ in 1..cycles {
             last = step(&mut motions, false);

@@ -1,7 +1,9 @@
 //! The fastest jerk-limited way from any motion to a velocity at a place, in closed form but for one number that is
 //! searched. No allocation, no failure; run by the real-time thread when a clock is told something new.
 
-use crate::profile::{Agility, Change, Profile, State, settled};
+use crate::jerk_profile::{
+    AccelerationLimits, JerkProfile, KinematicState, VelocityChange, coasting_velocity,
+};
 
 /// Most steps of a search. Every third one halves the bracket, the others do better than that.
 const SEARCH_MAX: usize = 120;
@@ -11,9 +13,9 @@ const FILLED: f64 = 1e-13;
 
 /// What a motion is to come to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Aim {
+pub(super) struct ApproachTarget {
     /// Way to go (≥ 0).
-    pub(super) way: f64,
+    pub(super) distance: f64,
     /// Greatest velocity to cruise with (> 0).
     pub(super) cruise: f64,
     /// Velocity at the end, without acceleration; above `cruise`, that.
@@ -25,27 +27,27 @@ pub(super) struct Aim {
 /// A change of velocity, a cruise, and a change to the velocity at the end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Approach {
-    first: Change,
+    first: VelocityChange,
     cruise_s: f64,
-    second: Change,
+    second: VelocityChange,
     /// The velocity between the changes.
     pub(super) between: f64,
     /// The velocity at the end: that of the aim, or less where the way is too short for it.
     pub(super) exit: f64,
     /// The way that it takes.
-    way: f64,
+    distance: f64,
 }
 
 impl Approach {
     /// From `start` to the velocity `between` and from there to `exit`, without a cruise.
-    fn through(start: State, between: f64, exit: f64, limits: Agility) -> Self {
-        let first = Change::new(start.velocity - between, start.acceleration, limits);
-        let reached = first.end(State {
+    fn through(start: KinematicState, between: f64, exit: f64, limits: AccelerationLimits) -> Self {
+        let first = VelocityChange::new(start.velocity - between, start.acceleration, limits);
+        let reached = first.end(KinematicState {
             position: 0.0,
             ..start
         });
-        let second = Change::new(between - exit, 0.0, limits);
-        let way = second.end(State {
+        let second = VelocityChange::new(between - exit, 0.0, limits);
+        let distance = second.end(KinematicState {
             position: reached.position,
             velocity: between,
             acceleration: 0.0,
@@ -56,33 +58,38 @@ impl Approach {
             second,
             between,
             exit,
-            way: way.position,
+            distance: distance.position,
         }
     }
 
     /// For a start that brakes: lets the deceleration go to `acceleration` before it goes on braking to `exit`.
-    fn relaxing(start: State, acceleration: f64, exit: f64, limits: Agility) -> Self {
+    fn relaxing(
+        start: KinematicState,
+        acceleration: f64,
+        exit: f64,
+        limits: AccelerationLimits,
+    ) -> Self {
         let jerk = limits.jerk;
-        let first = Change::relaxing((acceleration - start.acceleration) / jerk, jerk);
-        let relaxed = first.end(State {
+        let first = VelocityChange::relaxing((acceleration - start.acceleration) / jerk, jerk);
+        let relaxed = first.end(KinematicState {
             position: 0.0,
             ..start
         });
-        let second = Change::new(relaxed.velocity - exit, relaxed.acceleration, limits);
+        let second = VelocityChange::new(relaxed.velocity - exit, relaxed.acceleration, limits);
         Self {
             first,
             cruise_s: 0.0,
             second,
             between: relaxed.velocity,
             exit,
-            way: second.end(relaxed).position,
+            distance: second.end(relaxed).position,
         }
     }
 
     /// With a cruise that makes the way the one that was asked for.
-    fn filling(mut self, aim: &Aim) -> Option<Self> {
-        let left = aim.way - self.way;
-        if left > aim.slack {
+    fn filling(mut self, target: &ApproachTarget) -> Option<Self> {
+        let left = target.distance - self.distance;
+        if left > target.slack {
             self.cruise_s = left / self.between;
         }
         self.cruise_s.is_finite().then_some(self)
@@ -94,9 +101,9 @@ impl Approach {
     }
 
     /// The motion from `start`, phase by phase.
-    pub(super) fn profile(&self, start: State) -> Profile {
+    pub(super) fn profile(&self, start: KinematicState) -> JerkProfile {
         let ([a, b, c], [d, e, f]) = (self.first.steps(), self.second.steps());
-        Profile::new(start, [a, b, c, (self.cruise_s, 0.0), d, e, f])
+        JerkProfile::new(start, [a, b, c, (self.cruise_s, 0.0), d, e, f])
     }
 }
 
@@ -104,65 +111,77 @@ impl Approach {
 ///
 /// `None`: the place is so close that it cannot be reached at the velocity of the aim, or at a lower one that needs no
 /// braking, without acceleration.
-pub(super) fn approach(start: State, aim: &Aim, limits: Agility) -> Option<Approach> {
-    let (cruise, exit) = (aim.cruise, aim.exit.min(aim.cruise));
+pub(super) fn approach(
+    start: KinematicState,
+    target: &ApproachTarget,
+    limits: AccelerationLimits,
+) -> Option<Approach> {
+    let (cruise, exit) = (target.cruise, target.exit.min(target.cruise));
     let through = |between: f64, exit: f64| Approach::through(start, between, exit, limits);
-    let near = |found: Approach| found.way <= aim.way + aim.slack;
+    let near = |found: Approach| found.distance <= target.distance + target.slack;
     let free = through(cruise, exit);
-    if free.way <= aim.way {
-        return free.filling(aim);
+    if free.distance <= target.distance {
+        return free.filling(target);
     }
-    let settled = settled(start.velocity, start.acceleration, limits.jerk).max(0.0);
+    let coasting_velocity =
+        coasting_velocity(start.velocity, start.acceleration, limits.jerk).max(0.0);
     let between = |slow: f64, fast: f64| {
-        let found = search(slow, fast, aim, |between| through(between, exit).way);
-        through(found, exit).filling(aim)
+        let found = search(slow, fast, target, |between| {
+            through(between, exit).distance
+        });
+        through(found, exit).filling(target)
     };
-    if settled >= cruise {
+    if coasting_velocity >= cruise {
         let direct = through(exit, exit);
-        return if direct.way < aim.way - aim.slack {
+        return if direct.distance < target.distance - target.slack {
             between(exit, cruise)
         } else {
             Some(direct).filter(|direct| near(*direct))
         };
     }
-    if settled < exit {
-        if through(exit, exit).way <= aim.way {
-            return between(exit, nearest_fast(exit, cruise, aim, limits));
+    if coasting_velocity < exit {
+        if through(exit, exit).distance <= target.distance {
+            return between(exit, nearest_fast(exit, cruise, target, limits));
         }
-        let fast = nearest_fast(settled, exit, aim, limits);
-        let found = search(settled, fast, aim, |slower| through(slower, slower).way);
+        let fast = nearest_fast(coasting_velocity, exit, target, limits);
+        let found = search(coasting_velocity, fast, target, |slower| {
+            through(slower, slower).distance
+        });
         let slower = through(found, found);
-        return Some(slower).filter(|s| near(*s))?.filling(aim);
+        return Some(slower).filter(|s| near(*s))?.filling(target);
     }
-    let relaxed = through(settled, exit);
-    if relaxed.way <= aim.way {
-        return between(settled, nearest_fast(settled, cruise, aim, limits));
+    let relaxed = through(coasting_velocity, exit);
+    if relaxed.distance <= target.distance {
+        return between(
+            coasting_velocity,
+            nearest_fast(coasting_velocity, cruise, target, limits),
+        );
     }
     if start.acceleration >= 0.0 {
         return Some(relaxed).filter(|relaxed| near(*relaxed));
     }
     let direct = through(exit, exit);
-    if direct.way >= aim.way - aim.slack {
+    if direct.distance >= target.distance - target.slack {
         return Some(direct).filter(|direct| near(*direct));
     }
     let relaxing = |a: f64| Approach::relaxing(start, a, exit, limits);
-    let found = search(start.acceleration, 0.0, aim, |a| relaxing(a).way);
+    let found = search(start.acceleration, 0.0, target, |a| relaxing(a).distance);
     Some(relaxing(found))
 }
 
 /// A velocity up to `fast` that is surely not reached from `slow` on the way, or `fast`.
-fn nearest_fast(slow: f64, fast: f64, aim: &Aim, limits: Agility) -> f64 {
+fn nearest_fast(slow: f64, fast: f64, target: &ApproachTarget, limits: AccelerationLimits) -> f64 {
     // From a velocity without acceleration, d more take at least d·√(d/J).
-    let more = libm::cbrt(aim.way * aim.way * limits.jerk);
+    let more = libm::cbrt(target.distance * target.distance * limits.jerk);
     (slow + 4.0 * more).min(fast)
 }
 
 /// Where between `low` (whose way is not too long) and `high` (whose is) the way is the one of the aim: as close to it
 /// as the slack, and not longer.
-fn search(low: f64, high: f64, aim: &Aim, way: impl Fn(f64) -> f64) -> f64 {
-    let enough = aim.slack.min(FILLED * aim.way);
+fn search(low: f64, high: f64, target: &ApproachTarget, distance: impl Fn(f64) -> f64) -> f64 {
+    let enough = target.slack.min(FILLED * target.distance);
     // What is found lies in the middle of what is good enough.
-    let miss = |x: f64| way(x) - aim.way + 0.5 * enough;
+    let miss = |x: f64| distance(x) - target.distance + 0.5 * enough;
     let (mut low, mut high) = (low, high);
     let (mut below, mut above) = (miss(low), miss(high));
     if above <= 0.5 * enough {

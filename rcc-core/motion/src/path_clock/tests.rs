@@ -17,18 +17,18 @@ const LINE: PathLimits = PathLimits {
     jerk: 10.0,
 };
 
-pub(super) const RUN: Drive = Drive::RUN;
+pub(super) const RUN: SpeedOverride = SpeedOverride::RUN;
 
-pub(super) fn stop() -> Drive {
-    Drive { stop: true, ..RUN }
+pub(super) fn stop() -> SpeedOverride {
+    SpeedOverride { stop: true, ..RUN }
 }
 
-fn pause() -> Drive {
-    Drive { pause: true, ..RUN }
+fn pause() -> SpeedOverride {
+    SpeedOverride { pause: true, ..RUN }
 }
 
-fn at(speed: f64) -> Drive {
-    Drive { speed, ..RUN }
+fn at(speed: f64) -> SpeedOverride {
+    SpeedOverride { speed, ..RUN }
 }
 
 pub(super) fn line() -> PathBounds {
@@ -52,7 +52,11 @@ fn log_even(low: f64, high: f64) -> impl Strategy<Value = f64> {
 }
 
 /// Steps until done, with what `drive` says in each; at most `steps`.
-fn run(bounds: &PathBounds, steps: usize, drive: impl Fn(usize) -> Drive) -> Vec<PathState> {
+fn run(
+    bounds: &PathBounds,
+    steps: usize,
+    drive: impl Fn(usize) -> SpeedOverride,
+) -> Vec<PathState> {
     let mut clock = PathClock::new();
     let mut states = Vec::new();
     while states.len() < steps && !states.last().is_some_and(|state: &PathState| state.done) {
@@ -96,10 +100,10 @@ fn the_first_step_is_the_start_at_rest() {
 #[test]
 fn a_rolling_clock_that_crawls_is_not_watched_for_days() {
     let bounds = |velocity| PathBounds::new(&pieces(&[(1.0, velocity)]), 1.0, 10.0, 1e-3).unwrap();
-    let took = rolling_s(&bounds(0.5), 0.9);
+    let took = rolling_duration_s(&bounds(0.5), 0.9);
     assert!(took > 1.8 && took < 3.0, "{took}");
     // A thousand hours.
-    assert_eq!(rolling_s(&bounds(2.5e-7), 0.9), f64::INFINITY);
+    assert_eq!(rolling_duration_s(&bounds(2.5e-7), 0.9), f64::INFINITY);
 }
 
 #[test]
@@ -360,8 +364,8 @@ proptest! {
         let mut planner = Ruckig::<1, ThrowErrorHandler>::new(None, DT);
         prop_assert!(planner.calculate(&input, &mut trajectory).is_ok());
 
-        let change = Change::new(from - to, acceleration, Agility { acceleration: a_max, jerk });
-        let ours = change.profile(State { position: 0.0, velocity: from, acceleration });
+        let change = VelocityChange::new(from - to, acceleration, AccelerationLimits { acceleration: a_max, jerk });
+        let ours = change.profile(KinematicState { position: 0.0, velocity: from, acceleration });
         let theirs = &trajectory.get_profiles()[0][0];
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + a.abs());
         prop_assert!(near(change.duration_s(), trajectory.get_duration()), "{change:?}");

@@ -18,7 +18,7 @@ const WINDOW: usize = 4;
 
 /// How close a motion came to what it must keep.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Worst {
+pub struct WorstCase {
     /// Off the path, m.
     pub off_m: f64,
     /// Velocity, acceleration and jerk, the greatest of all joints or of the flange: parts of their limits.
@@ -27,9 +27,9 @@ pub struct Worst {
     pub cycles: usize,
 }
 
-impl Worst {
+impl WorstCase {
     /// The worse of both.
-    pub fn and(&mut self, other: Worst) {
+    pub fn and(&mut self, other: WorstCase) {
         self.off_m = self.off_m.max(other.off_m);
         for (part, other) in self.parts.iter_mut().zip(other.parts) {
             *part = part.max(other);
@@ -58,14 +58,14 @@ pub struct Reference(Vec<Vec<(f64, Values)>>);
 
 /// How closely a reference looks.
 #[derive(Debug, Clone, Copy)]
-pub struct Closely {
+pub struct ReferenceResolution {
     /// Part of the speed, in cycles of 1 ms.
     pub speed: f64,
     /// Least step in s.
     pub step: f64,
 }
 
-impl Closely {
+impl ReferenceResolution {
     /// As many places in longer cycles.
     pub fn in_cycles_of(self, dt_s: f64) -> Self {
         Self {
@@ -77,10 +77,10 @@ impl Closely {
 
 impl Reference {
     /// Runs a motion; `None` if it does not end.
-    pub fn run(mut motion: MotionSet, closely: Closely) -> Option<Self> {
-        let drive = Drive {
-            speed: closely.speed,
-            ..Drive::RUN
+    pub fn run(mut motion: MotionSet, resolution: ReferenceResolution) -> Option<Self> {
+        let drive = SpeedOverride {
+            speed: resolution.speed,
+            ..SpeedOverride::RUN
         };
         let mut parts: Vec<Vec<(f64, Values)>> = vec![Vec::new()];
         let mut orientation = [0.0, 0.0, 0.0, 1.0];
@@ -93,11 +93,11 @@ impl Reference {
             let rests = state.path.velocity == 0.0 && !places.is_empty();
             if rests {
                 // A place nearer than this would make the polynomial one of rounding.
-                places.retain(|(s, _)| here.0 - s > closely.step / 20.0);
+                places.retain(|(s, _)| here.0 - s > resolution.step / 20.0);
             }
             let far = places.last().is_none_or(|(s, [px, py, pz, ..])| {
                 let way = norm(subtract([x, y, z], [*px, *py, *pz]));
-                here.0 - s > closely.step || way > WAY * closely.step
+                here.0 - s > resolution.step || way > WAY * resolution.step
             });
             if rests || far {
                 places.push(here);
@@ -230,12 +230,12 @@ impl Geometry {
 }
 
 /// The judge of one motion.
-pub struct Judge<'a> {
+pub struct MotionJudge<'a> {
     /// The arm whose joints are judged.
     model: &'a DeviceModel,
     scale: f64,
-    line: Limits,
-    turn: Limits,
+    line: MotionLimits,
+    turn: MotionLimits,
     dt_s: f64,
     /// The legs which limits of the flange do not bind.
     unbound: Vec<bool>,
@@ -245,29 +245,29 @@ pub struct Judge<'a> {
     joints: [Joints; WINDOW],
     poses: [Pose; WINDOW],
     s: f64,
-    worst: Worst,
+    worst: WorstCase,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> MotionJudge<'a> {
     pub fn new(
         model: &'a DeviceModel,
-        (lot, legs): (&Lot, &[Leg<'_>]),
+        (drawn, legs): (&DrawnMotion, &[Leg<'_>]),
         geometry: Geometry,
     ) -> Self {
-        let of_joints = |leg: &Leg<'_>| matches!(leg.segment, Segment::Joints { .. });
+        let of_joints = |leg: &Leg<'_>| matches!(leg.segment, PathSegment::Joints { .. });
         Self {
             model,
-            scale: lot.scale,
-            line: lot.line,
-            turn: lot.turn,
-            dt_s: lot.dt_s,
+            scale: drawn.scale,
+            line: drawn.line,
+            turn: drawn.turn,
+            dt_s: drawn.dt_s,
             unbound: legs.iter().map(of_joints).collect(),
             bound: WINDOW,
             geometry,
-            joints: [lot.start; WINDOW],
-            poses: [lot.from; WINDOW],
+            joints: [drawn.start; WINDOW],
+            poses: [drawn.from; WINDOW],
             s: 0.0,
-            worst: Worst::default(),
+            worst: WorstCase::default(),
         }
     }
 
@@ -373,7 +373,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Judges the end.
-    pub fn at_end(self, state: &MotionState, stopped: bool) -> Result<Worst, String> {
+    pub fn at_end(self, state: &MotionState, stopped: bool) -> Result<WorstCase, String> {
         let path = state.path;
         if path.stopping != stopped || path.velocity != 0.0 || path.acceleration != 0.0 {
             return Err(format!("done, but {path:?}"));

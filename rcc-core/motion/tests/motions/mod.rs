@@ -8,39 +8,39 @@ use rcc_core::guard::JointLimits;
 use rcc_core::kinematics::{Arm, OrthoParallelArm, SrsArm};
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::path::{
-    ArcOrientation, Drive, Elbow, Leg, Limits, MotionBuilder, MotionState, Motions, Pace,
-    PathRequest, Segment,
+    ArcOrientation, ElbowMotion, Leg, MotionBuilder, MotionLimits, MotionState, Motions,
+    PathRequest, PathSegment, SpeedOverride, SpeedProfile,
 };
 use rcc_core::pose::Pose;
 use rcc_core::vector::{add, cross, dot, norm, scale, subtract};
-use rcc_motion::{Builder, MotionSet};
+use rcc_motion::{MotionSet, MotionSetBuilder};
 
 mod judge;
 mod random;
 pub mod sampled;
 
-pub use judge::Worst;
-use judge::{Closely, Geometry, Judge, Reference};
+pub use judge::WorstCase;
+use judge::{Geometry, MotionJudge, Reference, ReferenceResolution};
 use random::Random;
 
 /// Most cycles of a motion; the slowest ones take a tenth of it.
 const CYCLES_MAX: usize = 400_000;
 
 /// How closely the references look, one after the other.
-const CLOSELY: [Closely; 4] = [
-    Closely {
+const RESOLUTIONS: [ReferenceResolution; 4] = [
+    ReferenceResolution {
         speed: 0.25,
         step: 2e-5,
     },
-    Closely {
+    ReferenceResolution {
         speed: 0.06,
         step: 5e-6,
     },
-    Closely {
+    ReferenceResolution {
         speed: 0.01,
         step: 1e-6,
     },
-    Closely {
+    ReferenceResolution {
         speed: 0.003,
         step: 3e-7,
     },
@@ -48,7 +48,7 @@ const CLOSELY: [Closely; 4] = [
 
 /// A kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum MotionKind {
     /// A line.
     Line,
     /// An arc.
@@ -62,22 +62,22 @@ pub enum Kind {
     /// The same, as fast as can be.
     Fastest,
     /// The same as a sequence, the elbow turning.
-    Elbow,
+    ElbowMotion,
 }
 
 /// All of them.
-pub const KINDS: [Kind; 7] = [
-    Kind::Line,
-    Kind::Circle,
-    Kind::Spline,
-    Kind::PointToPoint,
-    Kind::Sequence,
-    Kind::Fastest,
-    Kind::Elbow,
+pub const KINDS: [MotionKind; 7] = [
+    MotionKind::Line,
+    MotionKind::Circle,
+    MotionKind::Spline,
+    MotionKind::PointToPoint,
+    MotionKind::Sequence,
+    MotionKind::Fastest,
+    MotionKind::Elbow,
 ];
 
 /// An arm, where it begins, and what it is called.
-pub struct Robot {
+pub struct TestRobot {
     /// What it is called.
     pub name: &'static str,
     model: DeviceModel,
@@ -92,7 +92,7 @@ fn robot<const N: usize>(
     range: [[f64; 2]; N],
     velocity: [f64; N],
     acceleration: [f64; N],
-) -> Robot {
+) -> TestRobot {
     let column = |values: [f64; N]| {
         let mut all = [0.0; JOINTS_MAX];
         for (place, value) in all.iter_mut().zip(values) {
@@ -100,7 +100,7 @@ fn robot<const N: usize>(
         }
         all
     };
-    Robot {
+    TestRobot {
         name,
         model: DeviceModel {
             joints: N as u32,
@@ -125,7 +125,7 @@ fn robot<const N: usize>(
 
 /// The robots: two of seven joints, one of six.
 #[must_use]
-pub fn robots() -> [Robot; 3] {
+pub fn robots() -> [TestRobot; 3] {
     let seven = [170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 170.0].map(|x: f64| [-x, x]);
     let lwr = Arm::Srs(SrsArm {
         shoulder_height: 0.3105,
@@ -189,17 +189,17 @@ pub fn robots() -> [Robot; 3] {
 
 /// What became of a random motion.
 #[derive(Debug)]
-pub enum Outcome {
+pub enum RunOutcome {
     /// It was refused when it was built.
     Refused,
     /// It ran, and what came closest to its limits.
-    Ran(Worst),
+    Ran(WorstCase),
     /// It broke a rule.
     Broken(String),
 }
 
 /// One motion as drawn by lot.
-struct Lot {
+struct DrawnMotion {
     start: Joints,
     from: Pose,
     scale: f64,
@@ -209,53 +209,55 @@ struct Lot {
     poses: Vec<Pose>,
     joints: Vec<Joints>,
     /// Of the flange, if it has any.
-    line: Limits,
-    turn: Limits,
+    line: MotionLimits,
+    turn: MotionLimits,
     dt_s: f64,
 }
 
 /// Builds, runs and judges the motion of this seed.
 #[must_use]
-pub fn case(kind: Kind, robot: &Robot, seed: u64) -> Outcome {
+pub fn case(kind: MotionKind, robot: &TestRobot, seed: u64) -> RunOutcome {
     let mut random = Random::new(seed ^ (kind as u64) << 60);
-    let Some(lot) = draw(robot, &mut random) else {
-        return Outcome::Refused;
+    let Some(drawn) = draw(robot, &mut random) else {
+        return RunOutcome::Refused;
     };
-    let legs = legs(kind, &lot, &mut random);
+    let legs = legs(kind, &drawn, &mut random);
     let pace = match kind {
-        Kind::Fastest => Pace::Fastest,
-        _ => Pace::Even,
+        MotionKind::Fastest => SpeedProfile::Fastest,
+        _ => SpeedProfile::Even,
     };
-    let Some(motion) = build(robot, (&lot, &legs), pace) else {
-        return Outcome::Refused;
+    let Some(motion) = build(robot, (&drawn, &legs), pace) else {
+        return RunOutcome::Refused;
     };
-    let judge = |geometry| Judge::new(&robot.model, (&lot, &legs), geometry);
+    let judge = |geometry| MotionJudge::new(&robot.model, (&drawn, &legs), geometry);
     let geometry = match (kind, &legs[0].segment) {
-        (Kind::Line, Segment::Line { to }) => Geometry::Line(lot.from, *to),
+        (MotionKind::Line, PathSegment::Line { to }) => Geometry::Line(drawn.from, *to),
         (
-            Kind::Circle,
-            Segment::Circle {
+            MotionKind::Circle,
+            PathSegment::Circle {
                 via,
                 to,
                 orientation,
                 ..
             },
-        ) => Geometry::Circle(lot.from, *via, *to, *orientation),
-        (Kind::PointToPoint, Segment::Joints { to }) => Geometry::Joints(lot.start, *to),
+        ) => Geometry::Circle(drawn.from, *via, *to, *orientation),
+        (MotionKind::PointToPoint, PathSegment::Joints { to }) => {
+            Geometry::Joints(drawn.start, *to)
+        }
         _ => {
-            let mut outcome = Outcome::Refused;
+            let mut outcome = RunOutcome::Refused;
             // A curve so sharp that the polynomial of the first reference is off it needs a closer one.
-            for closely in CLOSELY {
-                let reference = Reference::run(motion.clone(), closely.in_cycles_of(lot.dt_s));
+            for resolution in RESOLUTIONS {
+                let reference = Reference::run(motion.clone(), resolution.in_cycles_of(drawn.dt_s));
                 let Some(reference) = reference else {
                     return match crawls(motion.clone()) {
-                        true => Outcome::Refused,
-                        false => Outcome::Broken("the reference never ended".into()),
+                        true => RunOutcome::Refused,
+                        false => RunOutcome::Broken("the reference never ended".into()),
                     };
                 };
                 let judge = judge(Geometry::Reference(Box::new(reference)));
                 outcome = run(motion.clone(), judge, &mut random.clone());
-                if !matches!(outcome, Outcome::Broken(_)) {
+                if !matches!(outcome, RunOutcome::Broken(_)) {
                     break;
                 }
             }
@@ -267,40 +269,47 @@ pub fn case(kind: Kind, robot: &Robot, seed: u64) -> Outcome {
 
 /// True for a motion that nobody waits for: a curve that grazes a singular position, evenly at some micrometres a second.
 fn crawls(mut motion: MotionSet) -> bool {
-    let mut states = (0..CYCLES_MAX).map(|_| motion.step(0, Drive::RUN));
+    let mut states = (0..CYCLES_MAX).map(|_| motion.step(0, SpeedOverride::RUN));
     states.all(|state| state.is_some_and(|state| !state.path.done))
 }
 
 /// How long the motion of this seed takes evenly and as fast as can be, s, and how long each took to build; `None` if it
 /// cannot be built.
 #[must_use]
-pub fn compared(kind: Kind, robot: &Robot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
-    let (lot, mut random) = unbound(kind, robot, seed)?;
-    let legs = legs(kind, &lot, &mut random);
+pub fn compared(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<([f64; 2], [f64; 2])> {
+    let (drawn, mut random) = unbound(kind, robot, seed)?;
+    let legs = legs(kind, &drawn, &mut random);
     let (mut times_s, mut built_s) = ([0.0; 2], [0.0; 2]);
-    for (index, pace) in [Pace::Even, Pace::Fastest].into_iter().enumerate() {
+    for (index, pace) in [SpeedProfile::Even, SpeedProfile::Fastest]
+        .into_iter()
+        .enumerate()
+    {
         let begin = std::time::Instant::now();
-        let mut motion = build(robot, (&lot, &legs), pace)?;
+        let mut motion = build(robot, (&drawn, &legs), pace)?;
         built_s[index] = begin.elapsed().as_secs_f64();
-        while !motion.step(0, Drive::RUN)?.path.done {
-            times_s[index] += lot.dt_s;
+        while !motion.step(0, SpeedOverride::RUN)?.path.done {
+            times_s[index] += drawn.dt_s;
         }
     }
     Some((times_s, built_s))
 }
 
 /// As drawn by lot, limited by the joints alone, in cycles of 1 ms.
-fn unbound(kind: Kind, robot: &Robot, seed: u64) -> Option<(Lot, Random)> {
+fn unbound(kind: MotionKind, robot: &TestRobot, seed: u64) -> Option<(DrawnMotion, Random)> {
     let mut random = Random::new(seed ^ (kind as u64) << 60);
-    let mut lot = draw(robot, &mut random)?;
-    (lot.line, lot.turn, lot.dt_s) = (Limits::NONE, Limits::NONE, 1e-3);
-    Some((lot, random))
+    let mut drawn = draw(robot, &mut random)?;
+    (drawn.line, drawn.turn, drawn.dt_s) = (MotionLimits::NONE, MotionLimits::NONE, 1e-3);
+    Some((drawn, random))
 }
 
 /// Builds the motion of legs.
-fn build(robot: &Robot, (lot, legs): (&Lot, &[Leg<'_>]), pace: Pace) -> Option<MotionSet> {
-    let (models, holds) = ([robot.model], [Some(lot.start)]);
-    let mut builder = Builder::new(&models, &holds, lot.dt_s, 1);
+fn build(
+    robot: &TestRobot,
+    (drawn, legs): (&DrawnMotion, &[Leg<'_>]),
+    pace: SpeedProfile,
+) -> Option<MotionSet> {
+    let (models, holds) = ([robot.model], [Some(drawn.start)]);
+    let mut builder = MotionSetBuilder::new(&models, &holds, drawn.dt_s, 1);
     let request = PathRequest {
         device: 0,
         from: None,
@@ -312,7 +321,7 @@ fn build(robot: &Robot, (lot, legs): (&Lot, &[Leg<'_>]), pace: Pace) -> Option<M
 }
 
 /// Where it begins and what it goes to; `None` if that is no place to begin from.
-fn draw(robot: &Robot, random: &mut Random) -> Option<Lot> {
+fn draw(robot: &TestRobot, random: &mut Random) -> Option<DrawnMotion> {
     let arm = robot.model.arm?;
     let limits = &robot.model.limits;
     let mut near = |home: &Joints, by: f64| {
@@ -346,7 +355,7 @@ fn draw(robot: &Robot, random: &mut Random) -> Option<Lot> {
     let mut of = |low: f64, high: f64| {
         let velocity = random.log_even(low, high);
         let acceleration = velocity * random.log_even(2.0, 20.0);
-        Limits {
+        MotionLimits {
             velocity,
             acceleration,
             jerk: acceleration * random.log_even(5.0, 50.0),
@@ -355,9 +364,9 @@ fn draw(robot: &Robot, random: &mut Random) -> Option<Lot> {
     let (line, turn) = if given {
         (of(0.02, 0.2), of(0.2, 1.0))
     } else {
-        (Limits::NONE, Limits::NONE)
+        (MotionLimits::NONE, MotionLimits::NONE)
     };
-    Some(Lot {
+    Some(DrawnMotion {
         start,
         from,
         scale: random.log_even(0.2, 1.0),
@@ -371,17 +380,17 @@ fn draw(robot: &Robot, random: &mut Random) -> Option<Lot> {
 }
 
 /// The legs of a kind.
-fn legs<'a>(kind: Kind, lot: &'a Lot, random: &mut Random) -> Vec<Leg<'a>> {
+fn legs<'a>(kind: MotionKind, drawn: &'a DrawnMotion, random: &mut Random) -> Vec<Leg<'a>> {
     let leg = |segment, blend| Leg {
-        line: lot.line,
-        turn: lot.turn,
-        scale: lot.scale,
+        line: drawn.line,
+        turn: drawn.turn,
+        scale: drawn.scale,
         blend,
         ..Leg::new(segment)
     };
-    let circle = |index: usize, orientation| Segment::Circle {
-        via: lot.poses[index].position,
-        to: lot.poses[index + 1],
+    let circle = |index: usize, orientation| PathSegment::Circle {
+        via: drawn.poses[index].position,
+        to: drawn.poses[index + 1],
         orientation,
         angle: None,
     };
@@ -392,38 +401,43 @@ fn legs<'a>(kind: Kind, lot: &'a Lot, random: &mut Random) -> Vec<Leg<'a>> {
     ][random.below(3)];
     let through = 2 + random.below(4);
     match kind {
-        Kind::Line => vec![leg(Segment::Line { to: lot.poses[0] }, 0.0)],
-        Kind::Circle => vec![leg(circle(0, orientation), 0.0)],
-        Kind::Spline => {
-            let through = &lot.poses[..through];
-            vec![leg(Segment::Spline { through }, 0.0)]
+        MotionKind::Line => vec![leg(PathSegment::Line { to: drawn.poses[0] }, 0.0)],
+        MotionKind::Circle => vec![leg(circle(0, orientation), 0.0)],
+        MotionKind::Spline => {
+            let through = &drawn.poses[..through];
+            vec![leg(PathSegment::Spline { through }, 0.0)]
         }
-        Kind::PointToPoint => vec![leg(Segment::Joints { to: lot.joints[0] }, 0.0)],
-        Kind::Elbow => {
-            let mut legs = legs(Kind::Sequence, lot, random);
+        MotionKind::PointToPoint => vec![leg(
+            PathSegment::Joints {
+                to: drawn.joints[0],
+            },
+            0.0,
+        )],
+        MotionKind::Elbow => {
+            let mut legs = legs(MotionKind::Sequence, drawn, random);
             for leg in &mut legs {
-                let of_joints = matches!(leg.segment, Segment::Joints { .. });
+                let of_joints = matches!(leg.segment, PathSegment::Joints { .. });
                 leg.elbow = match random.below(3) {
-                    _ if of_joints => Elbow::Stays,
-                    0 => Elbow::Middle,
-                    1 => Elbow::To(lot.arm_angle + random.within(-0.8, 0.8)),
-                    _ => Elbow::Stays,
+                    _ if of_joints => ElbowMotion::Stays,
+                    0 => ElbowMotion::Middle,
+                    1 => ElbowMotion::To(drawn.arm_angle + random.within(-0.8, 0.8)),
+                    _ => ElbowMotion::Stays,
                 };
             }
             legs
         }
-        Kind::Sequence | Kind::Fastest => (0..2 + random.below(4))
+        MotionKind::Sequence | MotionKind::Fastest => (0..2 + random.below(4))
             .map(|index| {
                 let segment = match random.below(6) {
                     0 => circle(2 * index, ArcOrientation::Even),
-                    1 => Segment::Spline {
-                        through: &lot.poses[2 * index..2 * index + 2],
+                    1 => PathSegment::Spline {
+                        through: &drawn.poses[2 * index..2 * index + 2],
                     },
-                    2 => Segment::Joints {
-                        to: lot.joints[index.min(4)],
+                    2 => PathSegment::Joints {
+                        to: drawn.joints[index.min(4)],
                     },
-                    _ => Segment::Line {
-                        to: lot.poses[2 * index],
+                    _ => PathSegment::Line {
+                        to: drawn.poses[2 * index],
                     },
                 };
                 let blend = random.log_even(0.001, 0.05);
@@ -434,36 +448,36 @@ fn legs<'a>(kind: Kind, lot: &'a Lot, random: &mut Random) -> Vec<Leg<'a>> {
 }
 
 /// Runs a motion under drives drawn by lot until it is done, and three cycles more.
-fn run(mut motion: MotionSet, mut judge: Judge, random: &mut Random) -> Outcome {
-    let mut drive = Drive::RUN;
+fn run(mut motion: MotionSet, mut judge: MotionJudge, random: &mut Random) -> RunOutcome {
+    let mut drive = SpeedOverride::RUN;
     let often = random.log_even(2.0, 500.0);
     let calm_at = random.below(1500);
     let stop_at = random.below(4000);
     for cycle in 0..CYCLES_MAX {
         if cycle >= calm_at {
-            drive = Drive::RUN;
+            drive = SpeedOverride::RUN;
         } else if random.even() * often < 1.0 {
             drive = random.drive();
         }
         let stop = cycle == stop_at;
-        let Some(state) = motion.step(0, Drive { stop, ..drive }) else {
-            return Outcome::Broken("there is no motion".into());
+        let Some(state) = motion.step(0, SpeedOverride { stop, ..drive }) else {
+            return RunOutcome::Broken("there is no motion".into());
         };
         if let Err(fault) = judge.see(&state) {
-            return Outcome::Broken(format!("cycle {cycle}: {fault}"));
+            return RunOutcome::Broken(format!("cycle {cycle}: {fault}"));
         }
         if state.path.done {
             for _ in 0..3 {
                 let again = motion.step(0, random.drive());
                 if again.is_none_or(|again| !again.path.done || again.path.s != state.path.s) {
-                    return Outcome::Broken(format!("cycle {cycle}: done, and not any more"));
+                    return RunOutcome::Broken(format!("cycle {cycle}: done, and not any more"));
                 }
             }
             return match judge.at_end(&state, cycle >= stop_at) {
-                Ok(worst) => Outcome::Ran(worst),
-                Err(fault) => Outcome::Broken(format!("cycle {cycle}: {fault}")),
+                Ok(worst) => RunOutcome::Ran(worst),
+                Err(fault) => RunOutcome::Broken(format!("cycle {cycle}: {fault}")),
             };
         }
     }
-    Outcome::Broken("it never ended".into())
+    RunOutcome::Broken("it never ended".into())
 }

@@ -1,6 +1,6 @@
 //! Random numbers from a seed, the same everywhere (splitmix64).
 
-use rcc_core::path::Drive;
+use rcc_core::path::SpeedOverride;
 
 /// A source of random numbers.
 #[derive(Debug, Clone)]
@@ -33,18 +33,18 @@ impl Random {
     }
 
     /// A pause, full speed, or any other.
-    pub fn drive(&mut self) -> Drive {
-        let at = |speed| Drive {
+    pub fn drive(&mut self) -> SpeedOverride {
+        let at = |speed| SpeedOverride {
             speed,
-            ..Drive::RUN
+            ..SpeedOverride::RUN
         };
         match self.below(12) {
-            0..3 => Drive {
+            0..3 => SpeedOverride {
                 pause: true,
-                ..Drive::RUN
+                ..SpeedOverride::RUN
             },
             3 => at(0.0),
-            4..7 => Drive::RUN,
+            4..7 => SpeedOverride::RUN,
             7 => at(self.log_even(1e-3, 1.0)),
             _ => at(self.even()),
         }

@@ -29,28 +29,28 @@ pub struct Sampled {
 
 /// The motion of this seed, also with a jerk limit that is `jerk` times as high; `None` if it cannot be built.
 #[must_use]
-pub fn sampled(kind: Kind, robot: &Robot, seed: u64, jerk: f64) -> Option<Sampled> {
-    let (lot, mut random) = unbound(kind, robot, seed)?;
-    let legs = legs(kind, &lot, &mut random);
-    let mut loose = Robot { ..*robot };
+pub fn sampled(kind: MotionKind, robot: &TestRobot, seed: u64, jerk: f64) -> Option<Sampled> {
+    let (drawn, mut random) = unbound(kind, robot, seed)?;
+    let legs = legs(kind, &drawn, &mut random);
+    let mut loose = TestRobot { ..*robot };
     for limit in &mut loose.model.limits.jerk_max {
         *limit *= jerk;
     }
-    let run = |robot: &Robot, pace| {
-        let motion = build(robot, (&lot, &legs), pace)?;
-        let run = run(motion, Drive::RUN)?;
+    let run = |robot: &TestRobot, pace| {
+        let motion = build(robot, (&drawn, &legs), pace)?;
+        let run = run(motion, SpeedOverride::RUN)?;
         let cycles = run.iter().map(|part| part.len() - 1).sum::<usize>();
-        Some((cycles as f64 * lot.dt_s, run))
+        Some((cycles as f64 * drawn.dt_s, run))
     };
     let (even_s, _) = run(robot, Pace::Even)?;
     let (fastest_s, fastest) = run(robot, Pace::Fastest)?;
     let loose_s = [run(&loose, Pace::Even)?.0, run(&loose, Pace::Fastest)?.0];
-    let slowly = Drive {
-        speed: (even_s / lot.dt_s / CYCLES).min(1.0),
-        ..Drive::RUN
+    let slowly = SpeedOverride {
+        speed: (even_s / drawn.dt_s / CYCLES).min(1.0),
+        ..SpeedOverride::RUN
     };
     // Slower where it is bent, as the pace is even.
-    let path = build(robot, (&lot, &legs), Pace::Even)?;
+    let path = build(robot, (&drawn, &legs), Pace::Even)?;
     let path = self::run(path, slowly)?;
     let limits = &robot.model.limits;
     let rows = [
@@ -60,7 +60,7 @@ pub fn sampled(kind: Kind, robot: &Robot, seed: u64, jerk: f64) -> Option<Sample
     ];
     Some(Sampled {
         joints: limits.joints,
-        limits: rows.map(|row| row.map(|limit| limit * lot.scale)),
+        limits: rows.map(|row| row.map(|limit| limit * drawn.scale)),
         path: path.into_iter().map(apart).collect(),
         fastest,
         times_s: [even_s, fastest_s],
@@ -70,7 +70,7 @@ pub fn sampled(kind: Kind, robot: &Robot, seed: u64, jerk: f64) -> Option<Sample
 
 /// Every cycle of a motion, for each part from rest to rest: the first cycle is at the start, and the first sample of each
 /// further part is the last one before it.
-fn run(mut motion: MotionSet, drive: Drive) -> Option<Vec<Vec<Sample>>> {
+fn run(mut motion: MotionSet, drive: SpeedOverride) -> Option<Vec<Vec<Sample>>> {
     let (mut parts, mut part) = (Vec::new(), Vec::new());
     loop {
         let MotionState { path, joints, .. } = motion.step(0, drive)?;

@@ -34,7 +34,7 @@ impl Random {
         pieces.collect()
     }
 
-    fn drive(&mut self) -> Drive {
+    fn drive(&mut self) -> SpeedOverride {
         match self.below(12) {
             0..3 => pause(),
             3 => at(0.0),
@@ -50,7 +50,7 @@ struct Judge<'a> {
     pieces: &'a [PathPiece],
     acceleration: f64,
     jerk: f64,
-    last: State,
+    last: KinematicState,
     told: PathState,
 }
 
@@ -61,7 +61,7 @@ impl Judge<'_> {
         self.pieces.last().unwrap().end_s
     }
 
-    fn part(&mut self, start: State, jerk: f64, duration_s: f64) {
+    fn part(&mut self, start: KinematicState, jerk: f64, duration_s: f64) {
         let (length, top) = (self.length(), 2.0);
         let near = |a: f64, b: f64, scale: f64| (a - b).abs() <= TOLERANCE * scale;
         let joined = near(start.position, self.last.position, 1e-3 * length)
@@ -84,7 +84,7 @@ impl Judge<'_> {
     }
 
     /// The velocity in every piece that the part touches: at its ends there, and where it has an extremum.
-    fn velocities(&self, start: State, jerk: f64, duration_s: f64) {
+    fn velocities(&self, start: KinematicState, jerk: f64, duration_s: f64) {
         let end = start.after(duration_s, jerk);
         let (mut begin_s, mut from) = (0.0, 0.0);
         for piece in self.pieces {
@@ -136,7 +136,7 @@ impl Judge<'_> {
 }
 
 /// When a part of a motion passes a position, found by halving.
-fn crossing(start: State, jerk: f64, duration_s: f64, position: f64) -> f64 {
+fn crossing(start: KinematicState, jerk: f64, duration_s: f64, position: f64) -> f64 {
     if start.after(duration_s, jerk).position <= position {
         return duration_s;
     }
@@ -164,7 +164,7 @@ fn case(seed: u64) -> usize {
         pieces: &pieces,
         acceleration,
         jerk,
-        last: State::default(),
+        last: KinematicState::default(),
         told: PathState::default(),
     };
     let mut clock = PathClock::new();
@@ -190,7 +190,7 @@ fn case(seed: u64) -> usize {
         } else if random.even() * often < 1.0 {
             drive = random.drive();
         }
-        let told = Drive {
+        let told = SpeedOverride {
             stop: cycle == stop_at,
             ..drive
         };

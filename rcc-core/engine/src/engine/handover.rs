@@ -1,0 +1,396 @@
+//! Hand-over: one order stops some commands and starts others between the same two cycles, or changes nothing.
+//! Real-time thread.
+//!
+//! The order is checked and tried before any row of a cycle is evaluated: in the cycle that takes it, or, with slower nets,
+//! in the next one in which all that begin are due. An arm that a command leaves and another one takes stays engaged: its
+//! driver sees one stream of set-points, and the guard goes on with its history.
+
+use rcc_core::frame::DeviceOutput;
+use rcc_core::message::{
+    COMMANDS_MAX, CommandState, DeviceState, EndReason, FaultCode, FaultRecord,
+};
+use rcc_ipc::control::{Answer, Refusal, SWITCH_MAX};
+
+use super::{Engagement, Engine, PendingTransition};
+use crate::net::Evaluation;
+use crate::queue::EngineReply;
+
+/// A hand-over that waits to be tried; an id of 0 names none.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Handover {
+    ticket: u64,
+    stop: [u64; SWITCH_MAX],
+    start: [u64; SWITCH_MAX],
+    since_cycle: u64,
+}
+
+/// Its rows. Bit r: row r of the command table.
+#[derive(Clone, Copy, Debug)]
+struct HandoverRows {
+    stop: u64,
+    start: u64,
+}
+
+/// So long a hand-over waits for a cycle in which all that begin are due.
+const TOGETHER_MAX_NS: u64 = 1_000_000_000;
+
+const _: () = assert!(COMMANDS_MAX <= u64::BITS as usize);
+
+/// A refusal and the id of the command that it is about, 0 = none.
+type HandoverRefusal = (u64, Refusal);
+
+/// The rows of a set, in order.
+pub(super) fn rows(mut set: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let row = set.trailing_zeros();
+        set &= set.wrapping_sub(1);
+        (row < u64::BITS).then_some(row as usize)
+    })
+}
+
+impl Engine {
+    /// Takes a hand-over, unless another one waits for nets that are not due yet.
+    pub(super) fn take_handover(
+        &mut self,
+        ticket: u64,
+        stop: [u64; SWITCH_MAX],
+        start: [u64; SWITCH_MAX],
+    ) {
+        if self.handover.is_some() {
+            return self.refuse_handover(ticket, (0, Refusal::Overloaded));
+        }
+        self.handover = Some(Handover {
+            ticket,
+            stop,
+            start,
+            since_cycle: self.status.cycle,
+        });
+    }
+
+    /// Whether states, resources and devices allow it now.
+    fn checked(&self, handover: &Handover) -> Result<HandoverRows, HandoverRefusal> {
+        let stop = self.rows_of(&handover.stop, CommandState::is_active)?;
+        let start = self.rows_of(&handover.start, |state| state == CommandState::Ready)?;
+        if self.stopping && start != 0 {
+            return Err((0, Refusal::Stopping));
+        }
+        for row in rows(start) {
+            let about = |refusal| (self.id_of(row), refusal);
+            if self.pending.get(row) != Some(&PendingTransition::Nothing) {
+                let state = CommandState::Ready as u32;
+                return Err(about(Refusal::WrongState { state }));
+            }
+            self.check_free(row, stop, start).map_err(about)?;
+            // Of one that waits the others are looked at when its time has come, and not in every cycle before.
+            if self.is_due(row) {
+                self.check_topics(row, stop, start).map_err(about)?;
+            }
+            self.check_devices(row, stop).map_err(about)?;
+            self.check_budget(row, start, stop).map_err(about)?;
+        }
+        Ok(HandoverRows { stop, start })
+    }
+
+    /// The rows of commands that are all in a state that allows what is asked; 0 names none.
+    fn rows_of(
+        &self,
+        ids: &[u64; SWITCH_MAX],
+        allowed: impl Fn(CommandState) -> bool,
+    ) -> Result<u64, HandoverRefusal> {
+        let mut set = 0;
+        for &id in ids.iter().filter(|id| **id != 0) {
+            let row = self.row_in(id, &allowed).map_err(|refusal| (id, refusal))?;
+            if set >> row & 1 == 1 {
+                return Err((id, Refusal::NamedTwice));
+            }
+            set |= 1 << row;
+        }
+        Ok(set)
+    }
+
+    fn id_of(&self, row: usize) -> u64 {
+        self.tables.commands.get(row).map_or(0, |entry| entry.id)
+    }
+
+    /// Whether one that leaves commands the arm of a device now, or is over while the arm plays its last set-points.
+    pub(super) fn leaves_arm(&self, index: usize, leave: u64) -> bool {
+        self.engaged_by(index, leave) || self.settled_by(index, leave)
+    }
+
+    fn engaged_by(&self, index: usize, leave: u64) -> bool {
+        let engagement = self.devices.get(index).and_then(|device| device.engagement);
+        engagement.is_some_and(|engagement| leave >> engagement.row & 1 == 1)
+    }
+
+    fn settled_by(&self, index: usize, leave: u64) -> bool {
+        rows(leave).any(|row| {
+            let settles = matches!(
+                self.pending.get(row),
+                Some(PendingTransition::Settle { .. })
+            );
+            settles && self.claims_arm(row, index)
+        })
+    }
+
+    fn claims_arm(&self, row: usize, index: usize) -> bool {
+        self.claims(row)
+            .is_some_and(|claims| claims.arms >> index & 1 == 1)
+    }
+
+    /// Tries the hand-over that waits, if there is one, and answers it. Returns the rows that it evaluated.
+    pub(super) fn try_handover(&mut self, now_ns: u64) -> u64 {
+        let Some(handover) = self.handover.take() else {
+            return 0;
+        };
+        let sets = match self.checked(&handover) {
+            Ok(sets) => sets,
+            Err(refused) => {
+                self.refuse_handover(handover.ticket, refused);
+                return 0;
+            }
+        };
+        if let Some(row) = rows(sets.start).find(|row| !self.is_due(*row)) {
+            let waited_ns = (self.status.cycle - handover.since_cycle) * self.config.period_ns;
+            if waited_ns < TOGETHER_MAX_NS {
+                self.handover = Some(handover);
+            } else {
+                let refused = (self.id_of(row), Refusal::NeverTogether);
+                self.refuse_handover(handover.ticket, refused);
+            }
+            return 0;
+        }
+        self.deliver(sets.start);
+        match self.try_all(sets) {
+            Ok(ended) => {
+                self.complete(sets, ended, now_ns);
+                let cycle = self.status.cycle;
+                self.give_back(EngineReply::Answer {
+                    ticket: handover.ticket,
+                    answer: Answer::Done { cycle },
+                });
+                sets.start
+            }
+            Err(refused) => {
+                self.refuse_handover(handover.ticket, refused);
+                0
+            }
+        }
+    }
+
+    /// Evaluates all that begin and passes their commands on; returns those that said that they are over. When one cannot
+    /// begin, everything is as before.
+    fn try_all(&mut self, sets: HandoverRows) -> Result<u64, HandoverRefusal> {
+        let next_engagement = self.next_engagement;
+        for device in &mut self.devices {
+            device.before_handover = (device.guard.clone(), device.engagement);
+        }
+        let mut ended = 0;
+        for row in rows(sets.start) {
+            match self.try_first(row, sets.stop) {
+                Ok(evaluation) => ended |= u64::from(evaluation == Evaluation::Terminated) << row,
+                Err(refusal) => {
+                    self.next_engagement = next_engagement;
+                    self.undo(sets.start);
+                    return Err((self.id_of(row), refusal));
+                }
+            }
+        }
+        Ok(ended)
+    }
+
+    /// Ends those that leave and counts the first cycle of those that begin.
+    fn complete(&mut self, sets: HandoverRows, ended: u64, now_ns: u64) {
+        for row in rows(sets.stop) {
+            self.leave(row);
+        }
+        for row in rows(sets.start) {
+            let evaluation = if ended >> row & 1 == 1 {
+                Evaluation::Terminated
+            } else {
+                Evaluation::Running
+            };
+            self.commit_start(row, evaluation, now_ns);
+        }
+    }
+
+    /// The first evaluation of a row that takes over from those that leave.
+    fn try_first(&mut self, row: usize, leave: u64) -> Result<Evaluation, Refusal> {
+        let evaluation = self.evaluate(row);
+        if let Evaluation::Fault(code) = evaluation {
+            return Err(Refusal::FirstCycle { code: code as u32 });
+        }
+        let mut taken = 0u64;
+        for index in 0..self.devices.len() {
+            let takes = self.claims_arm(row, index) && self.take_over(row, index, leave)?;
+            taken |= u64::from(takes) << index;
+        }
+        let passed = self.pass_commands(row);
+        passed.map_err(|fault| match taken.checked_shr(fault.device) {
+            Some(bits) if bits & 1 == 1 => self.discontinued(fault),
+            _ => self.refusal_of(fault),
+        })?;
+        Ok(evaluation)
+    }
+
+    /// Engages the row with an arm that one of those that leave engages or has just let go. False if there is none such,
+    /// and the arm must rest where it is held.
+    fn take_over(&mut self, row: usize, index: usize, leave: u64) -> Result<bool, Refusal> {
+        let engaged = self.engaged_by(index, leave);
+        let settled =
+            self.device_state(index) == DeviceState::Commanded && self.settled_by(index, leave);
+        if !engaged && !settled {
+            return Ok(false);
+        }
+        let net = self.nets.get(row).and_then(Option::as_ref);
+        let output = net.and_then(|net| net.outputs().get(index));
+        let (Some(output), Some(device)) = (output, self.devices.get_mut(index)) else {
+            return Ok(false);
+        };
+        let number = index as u32;
+        if !output.has_position {
+            return Err(Refusal::LetsGo { device: number });
+        }
+        if let Some(engagement) = &mut device.engagement {
+            engagement.row = row;
+            return Ok(true);
+        }
+        if !device.guard.rests() {
+            // It is over in motion: its driver will brake, and nobody knows where the arm comes to rest.
+            return Err(Refusal::DeviceNotReady {
+                device: number,
+                state: DeviceState::Commanded as u32,
+                reason: 0,
+            });
+        }
+        let resumed = device.guard.resume(&output.position);
+        resumed.map_err(|violation| Refusal::Continuation {
+            device: number,
+            joint: u32::from(violation.joint) + 1,
+            value: violation.value,
+            limit: violation.limit,
+            violation: violation.kind.number(),
+        })?;
+        let since_cycle = self.status.cycle;
+        device.engagement = Some(Engagement {
+            row,
+            number: self.next_engagement,
+            since_cycle,
+            followed: false,
+            follows_from_ns: since_cycle * self.config.period_ns,
+        });
+        self.next_engagement += 1;
+        Ok(true)
+    }
+
+    /// The refusal of a first set-point that does not continue what was commanded.
+    fn discontinued(&self, fault: FaultRecord) -> Refusal {
+        if fault.code == FaultCode::DeviceLost as u32 {
+            return self.refusal_of(fault);
+        }
+        Refusal::Continuation {
+            device: fault.device,
+            joint: fault.joint,
+            value: fault.value,
+            limit: fault.limit,
+            violation: fault.violation,
+        }
+    }
+
+    /// As if nothing had been asked.
+    fn undo(&mut self, start: u64) {
+        for device in &mut self.devices {
+            (device.guard, device.engagement) = device.before_handover.clone();
+            device.output = DeviceOutput::NONE;
+        }
+        for row in rows(start) {
+            self.reset_to_ready(row);
+        }
+    }
+
+    /// Ends a row in favour of others: its last cycle was the one before.
+    fn leave(&mut self, row: usize) {
+        if matches!(
+            self.pending.get(row),
+            Some(PendingTransition::Settle { .. })
+        ) {
+            return self.finish(row);
+        }
+        let last_cycle = self.status.cycle - 1;
+        if let Some(entry) = self.tables.commands.get_mut(row) {
+            entry.ended_cycle = last_cycle;
+        }
+        self.end(row, EndReason::Aborted, FaultRecord::NONE);
+    }
+
+    fn refuse_handover(&mut self, ticket: u64, (id, refusal): HandoverRefusal) {
+        let answer = match id {
+            0 => Answer::Refused(refusal),
+            id => Answer::RefusedFor { id, refusal },
+        };
+        self.give_back(EngineReply::Answer { ticket, answer });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::EngineConfig;
+    use crate::net::tests::endless;
+    use crate::queue::{EngineRequest, rings};
+
+    #[test]
+    fn a_fault_in_the_first_evaluation_changes_nothing() {
+        let (rt, mut rings) = rings();
+        let config = EngineConfig {
+            incarnation: 1,
+            period_ns: 1_000_000,
+            stale_after_ns: 50_000_000,
+            late_in_a_row_max: 3,
+            models: Vec::new(),
+        };
+        let mut engine = Engine::new(config, rt);
+        let mut ask = |engine: &mut Engine, request: EngineRequest| {
+            rings.requests.push(request).unwrap();
+            engine.cycle(1);
+            match rings.replies.pop() {
+                Ok(EngineReply::Answer { answer, .. }) => answer,
+                other => panic!("{other:?}"),
+            }
+        };
+        let ticket = 1;
+        for (id, panics) in [(1, false), (2, false), (3, true)] {
+            let mut net = endless();
+            net.panics = panics;
+            ask(&mut engine, EngineRequest::Reserve { ticket });
+            ask(&mut engine, EngineRequest::Install { ticket, id, net });
+        }
+        ask(&mut engine, EngineRequest::Start { ticket, id: 1 });
+        let mut handover = |engine: &mut Engine, ids: &[u64]| {
+            let (mut stop, mut start) = ([0; SWITCH_MAX], [0; SWITCH_MAX]);
+            stop[0] = 1;
+            start[..ids.len()].copy_from_slice(ids);
+            let request = EngineRequest::Handover {
+                ticket,
+                stop,
+                start,
+            };
+            ask(engine, request)
+        };
+        let refusal = Refusal::FirstCycle {
+            code: FaultCode::Panic as u32,
+        };
+        assert_eq!(
+            handover(&mut engine, &[2, 3]),
+            Answer::RefusedFor { id: 3, refusal }
+        );
+        let row = |engine: &Engine, row: usize| {
+            let entry = engine.tables().commands[row];
+            (CommandState::from_number(entry.state), entry.cycles)
+        };
+        assert_eq!(row(&engine, 0), (CommandState::Running, 2));
+        assert_eq!(row(&engine, 1), (CommandState::Ready, 0));
+        assert_eq!(row(&engine, 2), (CommandState::Ready, 0));
+        let cycle = engine.status().cycle + 1;
+        assert_eq!(handover(&mut engine, &[2]), Answer::Done { cycle });
+    }
+}

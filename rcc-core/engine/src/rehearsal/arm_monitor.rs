@@ -1,0 +1,334 @@
+//! Who watches one arm in a rehearsal: what it would be told, against its limits. Off the real-time thread.
+
+use rcc_core::frame::{DeviceModel, DeviceOutput};
+use rcc_core::guard::Guard;
+use rcc_core::impedance::Impedance;
+use rcc_core::message::{FaultCode, JOINTS_MAX, Joints};
+use rcc_core::workspace::{WorkspaceGuard, WorkspaceViolation};
+use rcc_ipc::rehearsal::{LimitPeak, NearestSingularity, PredictedViolation, RehearsalRule};
+
+/// A velocity or an acceleration may exceed its limit by this part of it, as for the guard.
+const RELATIVE_TOLERANCE: f64 = 1e-9;
+/// A jerk may exceed its limit by this part of it: it is the third difference of positions that were computed.
+const JERK_TOLERANCE: f64 = 1e-2;
+/// Slower than this part of its velocity limit a joint does not move.
+const STILL: f64 = 1e-9;
+
+/// No joint moved.
+pub const NO_PEAKS: [LimitPeak; 3] = [LimitPeak::NONE; 3];
+
+/// One arm.
+#[derive(Debug)]
+pub struct ArmMonitor {
+    device: usize,
+    model: DeviceModel,
+    hold: Joints,
+    /// The last three set-points, newest first; `None` while nobody commands the arm.
+    history: Option<[Joints; 3]>,
+    peaks: [LimitPeak; 3],
+    /// The nearest singular position of all set-points; `None` = not known.
+    near: Option<NearestSingularity>,
+    /// As the guard will keep it; `None` = it may be anywhere.
+    stay: Option<WorkspaceGuard>,
+    /// Of it only what it says of impedance: it knows nothing of jerk, and tells the first fault alone.
+    guard: Guard,
+}
+
+/// A rule that a set-point breaks.
+#[derive(Clone, Copy, Debug)]
+pub struct RuleViolation {
+    /// The rule.
+    pub rule: RehearsalRule,
+    /// Device index.
+    pub device: u32,
+    /// As in [`PredictedViolation::joint`].
+    pub joint: u32,
+    /// What it would be.
+    pub value: f64,
+    /// What is allowed.
+    pub limit: f64,
+}
+
+/// What a set-point came to.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CheckedSetPoint {
+    /// The arm moves.
+    pub moves: bool,
+    /// The first set-point is not where the arm rests.
+    pub is_elsewhere: bool,
+    /// The first rule that it breaks.
+    pub violation: Option<RuleViolation>,
+}
+
+impl ArmMonitor {
+    /// For an arm that rests at `hold`.
+    pub fn new(device: usize, model: DeviceModel, hold: Joints) -> ArmMonitor {
+        ArmMonitor {
+            device,
+            model,
+            hold,
+            history: None,
+            peaks: NO_PEAKS,
+            near: None,
+            guard: fresh(&model),
+            stay: (model.arm.zip(model.workspace))
+                .map(|(arm, space)| WorkspaceGuard::new(arm, space)),
+        }
+    }
+
+    /// Index of its device.
+    pub fn device(&self) -> usize {
+        self.device
+    }
+
+    /// Takes what the arm is told in one cycle.
+    pub fn see(&mut self, output: &DeviceOutput, first: bool, dt_s: f64) -> CheckedSetPoint {
+        let Some(history) = self.history else {
+            return self.engage(output, first);
+        };
+        if !output.has_position {
+            self.history = None;
+            self.hold = history[0];
+            let violation = self
+                .is_moving(&history, dt_s)
+                .then(|| self.violation(RehearsalRule::LetsGo, 0, 0.0, 0.0));
+            return CheckedSetPoint {
+                violation,
+                ..CheckedSetPoint::default()
+            };
+        }
+        let violation = self.check(&output.position, &history, dt_s);
+        let violation = violation.or_else(|| self.check_impedance(&output.impedance, dt_s));
+        let [last, before, _] = history;
+        self.history = Some([output.position, last, before]);
+        CheckedSetPoint {
+            moves: output.position != last,
+            violation,
+            ..CheckedSetPoint::default()
+        }
+    }
+
+    /// The first set-point of a stretch must be where the arm rests.
+    fn engage(&mut self, output: &DeviceOutput, first: bool) -> CheckedSetPoint {
+        if !output.has_position {
+            return CheckedSetPoint::default();
+        }
+        let tolerance = self.model.first_tolerance_rad;
+        let pairs = output.position.iter().zip(&self.hold);
+        let there = pairs
+            .take(self.model.limits.joints)
+            .all(|(asked, hold)| (asked - hold).abs() <= tolerance);
+        self.history = Some([output.position; 3]);
+        if let Some(stay) = &mut self.stay {
+            stay.begin(&output.position);
+        }
+        let violation = self.check(&output.position, &[output.position; 3], 1.0);
+        self.guard = fresh(&self.model);
+        let violation = violation.or_else(|| self.check_impedance(&output.impedance, 1.0));
+        CheckedSetPoint {
+            moves: false,
+            // Later it is a jump, which the guard tells; where the arm rests then, the rehearsal only supposes.
+            is_elsewhere: first && !there,
+            violation,
+        }
+    }
+
+    fn is_moving(&self, [now, last, _]: &[Joints; 3], dt_s: f64) -> bool {
+        let limits = &self.model.limits;
+        let steps = now.iter().zip(last).zip(&limits.velocity_max);
+        steps
+            .take(limits.joints)
+            .any(|((now, last), limit)| (now - last).abs() > STILL * limit * dt_s)
+    }
+
+    /// Which strategy the controller runs is known at START.
+    fn check_impedance(&mut self, asked: &Impedance, dt_s: f64) -> Option<RuleViolation> {
+        let checked = self.guard.check_impedance(asked, asked.strategy, dt_s);
+        let violation = checked.err()?;
+        let rule = RehearsalRule::Impedance {
+            kind: violation.kind.number(),
+        };
+        let joint = u32::from(violation.joint) + 1;
+        Some(self.violation(rule, joint, violation.value, violation.limit))
+    }
+
+    fn violation(&self, rule: RehearsalRule, joint: u32, value: f64, limit: f64) -> RuleViolation {
+        RuleViolation {
+            rule,
+            device: self.device as u32,
+            joint,
+            value,
+            limit,
+        }
+    }
+
+    fn check(&mut self, asked: &Joints, history: &[Joints; 3], dt_s: f64) -> Option<RuleViolation> {
+        let mut violation = None;
+        for joint in 0..self.model.limits.joints.min(JOINTS_MAX) {
+            let found = self.check_joint(joint, asked, history, dt_s);
+            violation = violation.or(found);
+        }
+        if asked.iter().all(|value| value.is_finite()) {
+            self.come_near(asked);
+            violation = violation.or_else(|| self.check_place(asked));
+        }
+        violation
+    }
+
+    /// Keeps the nearest singular position.
+    fn come_near(&mut self, asked: &Joints) {
+        let Some(arm) = self.model.arm else { return };
+        let singularity = arm.singularity(asked);
+        if self
+            .near
+            .is_none_or(|near| singularity.distance < near.distance)
+        {
+            self.near = Some(NearestSingularity {
+                kind: singularity.kind.number(),
+                distance: singularity.distance,
+            });
+        }
+    }
+
+    fn check_joint(
+        &mut self,
+        index: usize,
+        asked: &Joints,
+        [last, before, oldest]: &[Joints; 3],
+        dt_s: f64,
+    ) -> Option<RuleViolation> {
+        let limits = self.model.limits;
+        let joint = index as u32 + 1;
+        let [p, p1, p2, p3] = [asked, last, before, oldest].map(|row| row[index]);
+        if !p.is_finite() {
+            return Some(self.violation(RehearsalRule::NotFinite, joint, p, 0.0));
+        }
+        let (lower, upper) = (limits.lower[index], limits.upper[index]);
+        if p < lower || p > upper {
+            let limit = if p < lower { lower } else { upper };
+            return Some(self.violation(RehearsalRule::Position, joint, p, limit));
+        }
+        let rounding = 16.0 * f64::EPSILON * (1.0 + p.abs());
+        let (dt2, dt3) = (dt_s * dt_s, dt_s * dt_s * dt_s);
+        let rows = [
+            (
+                RehearsalRule::Velocity,
+                (p - p1) / dt_s,
+                limits.velocity_max[index],
+                RELATIVE_TOLERANCE,
+                dt_s,
+            ),
+            (
+                RehearsalRule::Acceleration,
+                (p - 2.0 * p1 + p2) / dt2,
+                limits.acceleration_max[index],
+                RELATIVE_TOLERANCE,
+                dt2,
+            ),
+            (
+                RehearsalRule::Jerk,
+                (p - 3.0 * p1 + 3.0 * p2 - p3) / dt3,
+                limits.jerk_max[index],
+                JERK_TOLERANCE,
+                dt3,
+            ),
+        ];
+        let mut violation = None;
+        for (place, (rule, value, limit, tolerance, per)) in rows.into_iter().enumerate() {
+            let share = (value.abs() - rounding / per).max(0.0) / limit;
+            if share > self.peaks[place].share {
+                self.peaks[place] = LimitPeak {
+                    device: self.device as u32,
+                    joint,
+                    share,
+                };
+            }
+            if share > 1.0 + tolerance && violation.is_none() {
+                violation = Some(self.violation(rule, joint, value, limit));
+            }
+        }
+        violation
+    }
+
+    /// Where the flange would be.
+    fn check_place(&mut self, asked: &Joints) -> Option<RuleViolation> {
+        match self.stay.as_mut()?.check(asked).err()? {
+            WorkspaceViolation::Box { axis, value, limit } => {
+                Some(self.violation(RehearsalRule::Workspace, u32::from(axis) + 1, value, limit))
+            }
+            WorkspaceViolation::Singular { near, limit } => {
+                let kind = near.kind.number();
+                Some(self.violation(RehearsalRule::Singularity, kind, near.distance, limit))
+            }
+        }
+    }
+}
+
+/// A guard that has seen nothing yet.
+fn fresh(model: &DeviceModel) -> Guard {
+    Guard::new(model.limits, model.first_tolerance_rad).with_impedance(model.impedance)
+}
+
+/// The net ends by itself.
+pub fn fault(code: FaultCode, time_s: f64) -> PredictedViolation {
+    PredictedViolation {
+        rule: RehearsalRule::Fault,
+        device: u32::MAX,
+        joint: 0,
+        value: f64::from(code as u32),
+        limit: 0.0,
+        time_s,
+        place: None,
+        speed: 1.0,
+        near: None,
+    }
+}
+
+/// A broken rule with its time.
+pub fn foreseen(violation: RuleViolation, time_s: f64) -> PredictedViolation {
+    let RuleViolation {
+        rule,
+        device,
+        joint,
+        value,
+        limit,
+    } = violation;
+    PredictedViolation {
+        rule,
+        device,
+        joint,
+        value,
+        limit,
+        time_s,
+        place: None,
+        speed: 1.0,
+        near: None,
+    }
+}
+
+/// The greatest share of each limit.
+pub fn peaks(monitors: &[ArmMonitor]) -> [LimitPeak; 3] {
+    let mut peaks = NO_PEAKS;
+    for monitor in monitors {
+        for (peak, own) in peaks.iter_mut().zip(monitor.peaks) {
+            if own.share > peak.share {
+                *peak = own;
+            }
+        }
+    }
+    peaks
+}
+
+/// The singular position that an arm came nearest to; `None` if none is known.
+pub fn near(monitors: &[ArmMonitor]) -> Option<NearestSingularity> {
+    let all = monitors.iter().filter_map(|monitor| monitor.near);
+    all.min_by(|a, b| a.distance.total_cmp(&b.distance))
+}
+
+/// The part of its speed at which a motion on the same path would keep the limits: velocity goes with it, acceleration
+/// with its square, jerk with its cube. Somewhat less, because other cycles of the path are seen then.
+pub fn speed(peaks: &[LimitPeak; 3]) -> f64 {
+    let [v, a, j] = peaks.map(|peak| peak.share.max(1.0));
+    let part = (1.0 / v).min(1.0 / a.sqrt()).min(1.0 / j.cbrt());
+    if part < 1.0 { 0.98 * part } else { 1.0 }
+}

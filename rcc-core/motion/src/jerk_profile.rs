@@ -1,0 +1,356 @@
+//! Motion of one axis in phases of constant jerk, and the fastest change of velocity under two limits.
+//! Plain numbers, no allocation, no failure; evaluated by the real-time thread and by drivers.
+
+/// Most phases of a time-optimal motion from rest to rest.
+pub(crate) const PHASES_MAX: usize = 7;
+
+/// Most steps of a search for a time; each at least halves what is left in every second one.
+const SEARCH_MAX: usize = 100;
+
+/// Position, velocity and acceleration of one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct KinematicState {
+    pub(crate) position: f64,
+    pub(crate) velocity: f64,
+    pub(crate) acceleration: f64,
+}
+
+impl KinematicState {
+    /// The state `t_s` later under constant jerk.
+    pub(crate) fn after(self, t_s: f64, jerk: f64) -> Self {
+        let Self {
+            position,
+            velocity,
+            acceleration,
+        } = self;
+        Self {
+            position: position + t_s * (velocity + t_s * (acceleration / 2.0 + t_s * jerk / 6.0)),
+            velocity: velocity + t_s * (acceleration + t_s * jerk / 2.0),
+            acceleration: acceleration + t_s * jerk,
+        }
+    }
+}
+
+/// Limits of acceleration and jerk (each > 0).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct AccelerationLimits {
+    pub(crate) acceleration: f64,
+    pub(crate) jerk: f64,
+}
+
+/// The velocity that is left when the acceleration is let go as fast as possible.
+pub(crate) fn coasting_velocity(velocity: f64, acceleration: f64, jerk_max: f64) -> f64 {
+    velocity + acceleration * acceleration.abs() / (2.0 * jerk_max)
+}
+
+/// The fastest change to a velocity without acceleration: three phases of jerk −J, 0, +J (or the opposite).
+///
+/// With the sign chosen so that the velocity left after letting the acceleration go is too great, the acceleration goes
+/// to −peak, stays there, and goes to 0.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct VelocityChange {
+    /// Durations of the three phases, s.
+    durations_s: [f64; 3],
+    /// Jerk of the first phase; the third has the opposite one.
+    jerk: f64,
+}
+
+impl VelocityChange {
+    /// From `velocity` (as far as it is above the new one) and `acceleration`. An acceleration beyond its limit is let
+    /// go at the jerk limit and not exceeded further. NaN in gives NaN durations.
+    pub(crate) fn new(velocity: f64, acceleration: f64, limits: AccelerationLimits) -> Self {
+        let (a_max, j_max) = (limits.acceleration, limits.jerk);
+        let left = coasting_velocity(velocity, acceleration, j_max);
+        let direction = if left < 0.0 { -1.0 } else { 1.0 };
+        let (v, a) = (direction * velocity, direction * acceleration);
+        // With no phase at a limit the peak satisfies v + a²/2J = peak²/J; it is at least −a, but for rounding.
+        let free_peak = (j_max * v + a * a / 2.0).max(0.0).sqrt().max(-a);
+        let peak = free_peak.min(a_max.max(-a));
+        let hold_s = if peak < free_peak {
+            (v + a * a / (2.0 * j_max) - peak * peak / j_max) / peak
+        } else {
+            0.0
+        };
+        let durations_s = [(a + peak) / j_max, hold_s, peak / j_max];
+        let nan_or = |t: f64| {
+            if (velocity + acceleration).is_nan() {
+                f64::NAN
+            } else {
+                t
+            }
+        };
+        Self {
+            durations_s: durations_s.map(nan_or),
+            jerk: -direction * j_max,
+        }
+    }
+
+    /// Lets go of a part of an acceleration: `duration_s` of one jerk.
+    pub(crate) fn relaxing(duration_s: f64, jerk: f64) -> Self {
+        Self {
+            durations_s: [duration_s, 0.0, 0.0],
+            jerk,
+        }
+    }
+
+    /// How long it takes, s.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.durations_s.iter().sum()
+    }
+
+    /// Its phases: duration (s) and jerk.
+    pub(crate) fn steps(&self) -> [(f64, f64); 3] {
+        let [first, hold, last] = self.durations_s;
+        [(first, self.jerk), (hold, 0.0), (last, -self.jerk)]
+    }
+
+    /// The state at its end.
+    pub(crate) fn end(&self, start: KinematicState) -> KinematicState {
+        let step = |state: KinematicState, (duration_s, jerk)| state.after(duration_s, jerk);
+        self.steps().into_iter().fold(start, step)
+    }
+
+    /// The motion of this change, begun in `start`.
+    pub(crate) fn profile(&self, start: KinematicState) -> JerkProfile {
+        JerkProfile::new(start, self.steps())
+    }
+}
+
+/// One phase: from `begin_s` on, `start` moves under `jerk`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct JerkPhase {
+    begin_s: f64,
+    start: KinematicState,
+    jerk: f64,
+}
+
+/// Numbers that a [`JerkProfile`] consists of.
+pub(crate) const PROFILE_WORDS: usize = PHASES_MAX * 5 + 2;
+
+/// A motion to rest in phases of constant jerk.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct JerkProfile {
+    phases: [JerkPhase; PHASES_MAX],
+    duration_s: f64,
+    end_position: f64,
+}
+
+impl JerkProfile {
+    /// From `start` through phases of (duration s, jerk); behind the last one the axis rests.
+    pub(crate) fn new<const N: usize>(start: KinematicState, steps: [(f64, f64); N]) -> Self {
+        const { assert!(N <= PHASES_MAX) };
+        let mut profile = Self::default();
+        let (mut begin_s, mut state) = (0.0, start);
+        let mut steps = steps.into_iter();
+        for phase in &mut profile.phases {
+            let (length_s, jerk) = steps.next().unwrap_or((0.0, 0.0));
+            *phase = JerkPhase {
+                begin_s,
+                start: state,
+                jerk,
+            };
+            begin_s += length_s;
+            state = state.after(length_s, jerk);
+        }
+        profile.duration_s = begin_s;
+        profile.end_position = state.position;
+        profile
+    }
+
+    /// The motion as numbers: five a phase, then duration and end.
+    pub(crate) fn numbers(&self) -> [f64; PROFILE_WORDS] {
+        let mut numbers = [0.0; PROFILE_WORDS];
+        let (groups, rest) = numbers.as_chunks_mut::<5>();
+        for (group, phase) in groups.iter_mut().zip(&self.phases) {
+            let KinematicState {
+                position,
+                velocity,
+                acceleration,
+            } = phase.start;
+            *group = [phase.begin_s, position, velocity, acceleration, phase.jerk];
+        }
+        if let [duration_s, end] = rest {
+            (*duration_s, *end) = (self.duration_s, self.end_position);
+        }
+        numbers
+    }
+
+    /// The motion that gave these [`JerkProfile::numbers`].
+    pub(crate) fn from_numbers(numbers: &[f64; PROFILE_WORDS]) -> Self {
+        let mut profile = Self::default();
+        let (groups, rest) = numbers.as_chunks::<5>();
+        for (phase, group) in profile.phases.iter_mut().zip(groups) {
+            let [begin_s, position, velocity, acceleration, jerk] = *group;
+            let start = KinematicState {
+                position,
+                velocity,
+                acceleration,
+            };
+            *phase = JerkPhase {
+                begin_s,
+                start,
+                jerk,
+            };
+        }
+        if let [duration_s, end] = rest {
+            (profile.duration_s, profile.end_position) = (*duration_s, *end);
+        }
+        profile
+    }
+
+    /// How long the motion takes, s.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.duration_s
+    }
+
+    /// Where the motion ends.
+    pub(crate) fn end_position(&self) -> f64 {
+        self.end_position
+    }
+
+    /// The state at `t_s` ≥ 0 from the beginning, `None` when the motion is over.
+    pub(crate) fn at(&self, t_s: f64) -> Option<KinematicState> {
+        (t_s < self.duration_s).then(|| self.sample(t_s).0)
+    }
+
+    /// State and jerk at `t_s` from the beginning; outside of the motion those of its nearest phase, gone on.
+    pub(crate) fn sample(&self, t_s: f64) -> (KinematicState, f64) {
+        let begun = |phase: &&JerkPhase| phase.begin_s <= t_s;
+        let phase = self.phases.iter().rev().find(begun);
+        let phase = phase.unwrap_or(&self.phases[0]);
+        (
+            phase.start.after(t_s - phase.begin_s, phase.jerk),
+            phase.jerk,
+        )
+    }
+
+    /// When `position` is passed, s from the beginning; for a motion that never goes backwards. 0 if it lies behind the
+    /// start, the duration if it is not reached.
+    pub(crate) fn time_at(&self, position: f64) -> f64 {
+        let passed = |phase: &&JerkPhase| phase.start.position <= position;
+        let mut phases = self.phases.iter().rev().skip_while(|phase| !passed(phase));
+        let Some(phase) = phases.next() else {
+            return 0.0;
+        };
+        let after = self.phases.iter().find(|other| !passed(other));
+        let end_s = after.map_or(self.duration_s, |next| next.begin_s);
+        let (mut early, mut late) = (0.0, end_s - phase.begin_s);
+        if phase.start.after(late, phase.jerk).position <= position {
+            return end_s;
+        }
+        // Newton's rule, halving where it leaves the bracket.
+        let mut t_s = 0.5 * late;
+        for _ in 0..SEARCH_MAX {
+            let state = phase.start.after(t_s, phase.jerk);
+            let miss = state.position - position;
+            *(if miss > 0.0 { &mut late } else { &mut early }) = t_s;
+            let next = t_s - miss / state.velocity;
+            let next = if next > early && next < late {
+                next
+            } else {
+                0.5 * (early + late)
+            };
+            if (next - t_s).abs() <= f64::EPSILON * end_s {
+                return phase.begin_s + next;
+            }
+            t_s = next;
+        }
+        phase.begin_s + t_s
+    }
+
+    /// What of the motion lies between two times: start, jerk and duration of each phase.
+    #[cfg(test)]
+    pub(crate) fn parts(
+        &self,
+        from_s: f64,
+        to_s: f64,
+    ) -> impl Iterator<Item = (KinematicState, f64, f64)> {
+        let ends = self.phases.iter().skip(1).map(|phase| phase.begin_s);
+        let ends = ends.chain([self.duration_s]);
+        let parts = self
+            .phases
+            .iter()
+            .zip(ends)
+            .filter_map(move |(phase, end_s)| {
+                let (begin_s, end_s) = (phase.begin_s.max(from_s), end_s.min(to_s));
+                let start = phase.start.after(begin_s - phase.begin_s, phase.jerk);
+                (end_s > begin_s).then_some((start, phase.jerk, end_s - begin_s))
+            });
+        parts.collect::<Vec<_>>().into_iter()
+    }
+
+    /// The states in which phases begin, where velocity and acceleration have their extrema (of the velocity those
+    /// with an acceleration of 0), and where the last phase ends.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = KinematicState> + '_ {
+        self.phases.iter().map(|phase| phase.start)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn stop(velocity: f64, a: f64, acceleration: f64, jerk: f64) -> VelocityChange {
+        VelocityChange::new(velocity, a, AccelerationLimits { acceleration, jerk })
+    }
+
+    fn rest(profile: &JerkProfile) -> KinematicState {
+        let last = profile.phases[2];
+        last.start
+            .after(profile.duration_s - last.begin_s, last.jerk)
+    }
+
+    #[test]
+    fn a_stop_from_rest_takes_no_time() {
+        assert_eq!(stop(0.0, 0.0, 1.0, 1.0).duration_s(), 0.0);
+    }
+
+    #[test]
+    fn a_long_stop_holds_the_acceleration_limit() {
+        // 2 m/s at 1 m/s² and 10 m/s³: v/A + A/J.
+        let stop = stop(2.0, 0.0, 1.0, 10.0);
+        assert!((stop.duration_s() - 2.1).abs() < 1e-12);
+        let profile = stop.profile(KinematicState {
+            velocity: 2.0,
+            ..KinematicState::default()
+        });
+        // From a velocity without acceleration the way is half of velocity × time.
+        assert!((profile.end_position() - 2.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn null_gives_null() {
+        assert!(stop(f64::NAN, 0.0, 1.0, 1.0).duration_s().is_nan());
+        assert!(stop(0.0, f64::NAN, 1.0, 1.0).duration_s().is_nan());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5000))]
+
+        #[test]
+        fn a_stop_ends_at_rest_within_its_limits(
+            v in -3.0..3.0f64, share in -1.0..1.0f64, limit in 0.1..20.0f64, jerk in 1.0..1000.0f64,
+        ) {
+            let (a, stop) = (share * limit, stop(v, share * limit, limit, jerk));
+            prop_assert!(stop.durations_s.iter().all(|t| *t >= 0.0), "{stop:?}");
+            let profile = stop.profile(KinematicState { position: 1.0, velocity: v, acceleration: a });
+            // What the rounding of a time as long as the stop makes of the limits.
+            let rounding = 4.0 * f64::EPSILON * (1.0 + stop.duration_s());
+            prop_assert!(rest(&profile).velocity.abs() <= rounding * (v.abs() + limit + 1.0) * 4.0);
+            prop_assert!(rest(&profile).acceleration.abs() <= rounding * (jerk + limit));
+            prop_assert!(profile.corners().all(|c| c.acceleration.abs() <= limit * (1.0 + 1e-12)));
+            // Never faster than at the beginning, but for what letting the acceleration go costs.
+            let peak = v.abs().max((v + a * a.abs() / (2.0 * jerk)).abs()) + 1e-12;
+            prop_assert!(profile.corners().all(|c| c.velocity.abs() <= peak));
+        }
+
+        #[test]
+        fn a_harder_stop_is_never_slower(
+            v in -3.0..3.0f64, a in -5.0..5.0f64, limit in 5.0..20.0f64, jerk in 1.0..1000.0f64, more in 1.0..3.0f64,
+        ) {
+            let slow = stop(v, a, limit, jerk).duration_s();
+            prop_assert!(stop(v, a, limit * more, jerk * more).duration_s() <= slow * (1.0 + 1e-12));
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! What a path allows its clock: a velocity limit for each piece, and how fast each piece may be left so that all that
+//! follow can be kept. Made when a motion is built (allocates), read by the real-time thread.
+
+use rcc_core::path::PathLimits;
+use thiserror::Error;
+
+use crate::jerk_profile::{AccelerationLimits, KinematicState, VelocityChange};
+
+/// The look-ahead leaves this part of a way free, so that rounding cannot make it too short.
+const RESERVE: f64 = 1e-12;
+
+/// Two positions that differ by less than this part of the length are the same.
+const SAME: f64 = 1e-14;
+
+/// Halvings in the search for a velocity; the last ones are below the rounding of an f64.
+const HALVINGS: usize = 60;
+
+/// Why limits cannot be planned with.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum PathLimitsError {
+    /// The length is negative, NaN or infinite.
+    #[error("path length {length}: give a finite number, 0 or more")]
+    Length {
+        /// What was given.
+        length: f64,
+    },
+    /// A limit is zero, negative, NaN or infinite.
+    #[error("path {limit} limit {value}: give a finite number greater than 0")]
+    Limit {
+        /// `velocity`, `acceleration` or `jerk`.
+        limit: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A piece ends before it begins.
+    #[error("piece {piece} of a path ends at {end_s}, before its beginning at {begin_s}")]
+    Order {
+        /// The piece, counted from 0.
+        piece: usize,
+        /// Where the piece before it ends.
+        begin_s: f64,
+        /// Where it ends.
+        end_s: f64,
+    },
+    /// There is no piece.
+    #[error("a path of no pieces: give at least one")]
+    Empty,
+    /// The cycle time is zero, negative, NaN or infinite.
+    #[error("cycle time {dt_s} s: give a finite number greater than 0")]
+    CycleTime {
+        /// What was given, s.
+        dt_s: f64,
+    },
+}
+
+/// A part of a path with one velocity limit; it begins where the piece before it ends, the first one at 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPiece {
+    /// Path parameter at its end; not below its beginning.
+    pub end_s: f64,
+    /// Largest ds/dt in it (> 0), per second.
+    pub velocity: f64,
+}
+
+/// One piece and what lies ahead of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LookAheadPiece {
+    pub(super) end_s: f64,
+    pub(super) velocity: f64,
+    /// The lower limit of the two pieces that meet at the end; 0 at the end of the path.
+    pub(super) cap: f64,
+    /// From this velocity without acceleration at the end, everything behind it can be kept.
+    pub(super) exit: f64,
+    /// The first piece, from this one on, at whose end a lower limit must be met: where it is braked to next.
+    pub(super) braking_piece: usize,
+}
+
+/// Velocity, acceleration and jerk limits of a whole path, with the look-ahead over its pieces. It never changes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PathBounds {
+    pieces: Box<[LookAheadPiece]>,
+    acceleration_limits: AccelerationLimits,
+    dt_s: f64,
+    slack: f64,
+}
+
+impl PathBounds {
+    /// For a path of `pieces` on which |d²s/dt²| is at most `acceleration` and |d³s/dt³| at most `jerk`, for clocks that
+    /// advance `dt_s` (s) a step.
+    ///
+    /// Neighbours of the same velocity become one piece, and so does a piece that is passed in less than a step, with
+    /// the lower limit of the two.
+    ///
+    /// # Errors
+    /// No piece, pieces out of order, a limit that is not a finite number greater than 0.
+    pub fn new(
+        pieces: &[PathPiece],
+        acceleration: f64,
+        jerk: f64,
+        dt_s: f64,
+    ) -> Result<Self, PathLimitsError> {
+        check(pieces, acceleration, jerk, dt_s)?;
+        let acceleration_limits = AccelerationLimits { acceleration, jerk };
+        let mut all: Vec<PathPiece> = Vec::with_capacity(pieces.len());
+        for piece in pieces {
+            all.push(*piece);
+            merge(&mut all, dt_s);
+        }
+        let pieces = look_ahead(&all, acceleration_limits);
+        let length = all.last().map_or(0.0, |piece| piece.end_s);
+        let slack = SAME * length;
+        Ok(Self {
+            pieces,
+            acceleration_limits,
+            dt_s,
+            slack,
+        })
+    }
+
+    /// For a path of one velocity limit.
+    ///
+    /// # Errors
+    /// A limit that is not a finite number greater than 0 (the length may be 0).
+    pub fn of_limits(limits: &PathLimits, dt_s: f64) -> Result<Self, PathLimitsError> {
+        let piece = PathPiece {
+            end_s: limits.length,
+            velocity: limits.velocity,
+        };
+        Self::new(&[piece], limits.acceleration, limits.jerk, dt_s)
+    }
+
+    /// Path parameter at the end.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.pieces.last().map_or(0.0, |piece| piece.end_s)
+    }
+
+    /// Time of one step, s.
+    #[must_use]
+    pub fn dt_s(&self) -> f64 {
+        self.dt_s
+    }
+
+    /// Largest |d²s/dt²|, per second squared.
+    #[must_use]
+    pub fn acceleration(&self) -> f64 {
+        self.acceleration_limits.acceleration
+    }
+
+    /// Largest |d³s/dt³|, per second cubed.
+    #[must_use]
+    pub fn jerk(&self) -> f64 {
+        self.acceleration_limits.jerk
+    }
+
+    /// Largest ds/dt at `s`, per second; at the boundary of two pieces the lower one.
+    #[must_use]
+    pub fn velocity_at(&self, s: f64) -> f64 {
+        let first = self.pieces.partition_point(|piece| piece.end_s < s);
+        let here = self.pieces.get(first).or(self.pieces.last());
+        here.map_or(0.0, |piece| {
+            if piece.end_s == s && piece.cap > 0.0 {
+                piece.cap
+            } else {
+                piece.velocity
+            }
+        })
+    }
+
+    /// The least of the limits of ds/dt, per second.
+    pub(super) fn least_velocity(&self) -> f64 {
+        let velocities = self.pieces.iter().map(|piece| piece.velocity);
+        velocities.fold(f64::INFINITY, f64::min)
+    }
+
+    pub(super) fn acceleration_limits(&self) -> AccelerationLimits {
+        self.acceleration_limits
+    }
+
+    /// Whether who gets into this state otherwise may come to rest from it as fast as a clock does: what these limits are for
+    /// is then kept on the whole way.
+    pub(crate) fn allows_stop(&self, from: KinematicState) -> bool {
+        let AccelerationLimits { acceleration, jerk } = self.acceleration_limits;
+        let rise = from.acceleration * from.acceleration / (2.0 * jerk);
+        let (fastest, forward) = if from.acceleration > 0.0 {
+            (from.velocity + rise, true)
+        } else {
+            (from.velocity, from.velocity >= rise)
+        };
+        let stop = VelocityChange::new(from.velocity, from.acceleration, self.acceleration_limits);
+        let rests = stop.end(from).position;
+        let mut pieces = self.piece_at(from.position)..=self.piece_at(rests);
+        // Asked so that a NaN allows nothing.
+        forward
+            && from.acceleration.abs() <= acceleration
+            && rests <= self.length()
+            && pieces.all(|index| {
+                let piece = self.piece(index);
+                piece.is_some_and(|piece| fastest <= piece.velocity)
+            })
+    }
+
+    /// Positions closer than this are the same.
+    pub(super) fn slack(&self) -> f64 {
+        self.slack
+    }
+
+    pub(super) fn piece(&self, index: usize) -> Option<&LookAheadPiece> {
+        self.pieces.get(index)
+    }
+
+    /// Index of the piece that begins or goes on at `s`; the last one at the end and behind it.
+    pub(super) fn piece_at(&self, s: f64) -> usize {
+        let ended = |piece: &LookAheadPiece| piece.end_s <= s + self.slack;
+        let index = self.pieces.partition_point(ended);
+        index.min(self.pieces.len().saturating_sub(1))
+    }
+
+    /// Number of pieces.
+    pub(super) fn pieces(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Whether this is the last piece.
+    pub(super) fn is_last(&self, index: usize) -> bool {
+        index + 1 >= self.pieces.len()
+    }
+}
+
+fn check(
+    pieces: &[PathPiece],
+    acceleration: f64,
+    jerk: f64,
+    dt_s: f64,
+) -> Result<(), PathLimitsError> {
+    let positive = |limit, value: f64| {
+        if value.is_finite() && value > 0.0 {
+            Ok(())
+        } else {
+            Err(PathLimitsError::Limit { limit, value })
+        }
+    };
+    if pieces.is_empty() {
+        return Err(PathLimitsError::Empty);
+    }
+    let mut begin_s = 0.0;
+    for (index, piece) in pieces.iter().enumerate() {
+        let length = piece.end_s;
+        if !length.is_finite() || (index == 0 && length < 0.0) {
+            return Err(PathLimitsError::Length { length });
+        }
+        if piece.end_s < begin_s {
+            return Err(PathLimitsError::Order {
+                piece: index,
+                begin_s,
+                end_s: piece.end_s,
+            });
+        }
+        begin_s = piece.end_s;
+        positive("velocity", piece.velocity)?;
+    }
+    positive("acceleration", acceleration)?;
+    positive("jerk", jerk)?;
+    if dt_s.is_finite() && dt_s > 0.0 {
+        Ok(())
+    } else {
+        Err(PathLimitsError::CycleTime { dt_s })
+    }
+}
+
+/// Makes the last two pieces one while they have the same velocity or one of them is passed in less than a step.
+fn merge(pieces: &mut Vec<PathPiece>, dt_s: f64) {
+    while let [before @ .., first, second] = pieces.as_mut_slice() {
+        let begin_s = before.last().map_or(0.0, |piece| piece.end_s);
+        let short = |begin_s: f64, piece: &PathPiece| piece.end_s - begin_s < piece.velocity * dt_s;
+        let one = first.velocity == second.velocity
+            || short(begin_s, first)
+            || short(first.end_s, second);
+        if !one {
+            break;
+        }
+        first.velocity = first.velocity.min(second.velocity);
+        first.end_s = second.end_s;
+        pieces.pop();
+    }
+}
+
+/// From the end to the beginning: how fast each piece may be left.
+fn look_ahead(
+    pieces: &[PathPiece],
+    acceleration_limits: AccelerationLimits,
+) -> Box<[LookAheadPiece]> {
+    let last = pieces.len().saturating_sub(1);
+    let mut all: Vec<LookAheadPiece> = Vec::with_capacity(pieces.len());
+    // The station ahead: its index, its place, the velocity there, and the least cap on the way to it.
+    let (mut braking_piece, mut braking_s, mut there, mut cap_ahead) =
+        (last, 0.0, 0.0, f64::INFINITY);
+    for (index, piece) in pieces.iter().enumerate().rev() {
+        let next = pieces.get(index + 1);
+        let cap = next.map_or(0.0, |next| next.velocity.min(piece.velocity));
+        let exit = if next.is_none() {
+            0.0
+        } else {
+            let distance = (braking_s - piece.end_s) * (1.0 - RESERVE);
+            fastest(cap.min(cap_ahead), there, distance, acceleration_limits)
+        };
+        let lower = next.is_none_or(|next| next.velocity < piece.velocity);
+        if lower && exit >= cap {
+            (braking_piece, braking_s, there, cap_ahead) =
+                (index, piece.end_s, exit, f64::INFINITY);
+        } else {
+            cap_ahead = cap_ahead.min(cap);
+        }
+        all.push(LookAheadPiece {
+            end_s: piece.end_s,
+            velocity: piece.velocity,
+            cap,
+            exit,
+            braking_piece,
+        });
+    }
+    all.reverse();
+    all.into_boxed_slice()
+}
+
+/// The greatest velocity up to `most` from which `there` is reached on the way, without acceleration at both ends.
+fn fastest(most: f64, there: f64, distance: f64, acceleration_limits: AccelerationLimits) -> f64 {
+    let fits = |velocity: f64| {
+        let start = KinematicState {
+            velocity,
+            ..KinematicState::default()
+        };
+        velocity <= there
+            || VelocityChange::new(velocity - there, 0.0, acceleration_limits)
+                .end(start)
+                .position
+                <= distance
+    };
+    if fits(most) {
+        return most;
+    }
+    let (mut slow, mut fast) = (there, most);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (slow + fast);
+        *(if fits(middle) { &mut slow } else { &mut fast }) = middle;
+    }
+    slow
+}

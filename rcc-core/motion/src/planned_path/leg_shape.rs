@@ -1,0 +1,478 @@
+//! Legs one after the other: each as a shape, with the arm's configuration on it and where it ends.
+//! Run when a command is made ready; allocates.
+
+use rcc_core::guard::JointLimits;
+use rcc_core::kinematics::{
+    Arm, ArmConfiguration, Branch, InverseKinematicsError, turns_by_signs, within_limits,
+};
+use rcc_core::message::{JOINTS_MAX, Joints};
+use rcc_core::path::{ArcOrientation, Leg, MotionFault, MotionLimits, PathSegment, RelativeTo};
+use rcc_core::pose::Pose;
+use rcc_core::rotation;
+use rcc_core::vector;
+
+use super::elbow::{self, ElbowProfile};
+use super::joint_follower::JointFollower;
+use super::path_builder::{ArmStart, LegFault};
+use super::speed_limits::QuantityLimits;
+use super::{STEPS, ReducedBlend, joint_bounds};
+use crate::geometry::chain::{ChainPiece, Shape, ShapePoint};
+use crate::geometry::circle::{Circle, CircleOrientation};
+use crate::geometry::jet::Jet;
+use crate::geometry::line::{JointLine, Line};
+use crate::geometry::spline::Spline;
+use crate::geometry::{GeometryError, LENGTH_MIN, PathMetric};
+
+/// What a turn counts where the limits do not say: metres per radian.
+const RADIUS_M: f64 = 0.25;
+
+/// A rounding that lacks no more than this part of what was asked for is as asked for.
+const ENOUGH: f64 = 1e-6;
+
+/// A leg as a shape.
+#[derive(Debug, Clone)]
+pub(super) struct LegShape {
+    pub(super) shape: Shape,
+    pub(super) leg: u32,
+    /// Branch and arm angle on a shape of the flange.
+    elbow: Option<ElbowProfile>,
+    /// Joints along it, at even steps.
+    joints: Vec<Joints>,
+    pub(super) bounds: QuantityLimits,
+    /// Its speed is given.
+    pub(super) given: bool,
+    /// Zone of the rounding at its end, m.
+    zone_m: f64,
+}
+
+impl LegShape {
+    /// How long the rounding from this to the next one is: on each.
+    pub(super) fn zones(&self, next: Option<&LegShape>, arm: Arm) -> [BlendZone; 2] {
+        let Some(next) = next.filter(|_| self.zone_m > 0.0) else {
+            return [BlendZone::default(); 2];
+        };
+        [
+            zone(&self.shape, self.zone_m, arm, |way, length| length - way),
+            zone(&next.shape, self.zone_m, arm, |way, _| way),
+        ]
+    }
+
+    /// Branch and arm angle on a piece: the elbow has turned before a rounding.
+    pub(super) fn elbow_on(&self, piece: &ChainPiece) -> Option<ElbowProfile> {
+        match piece.blend {
+            true => self.elbow.map(ElbowProfile::ended),
+            false => self.elbow,
+        }
+    }
+
+    /// The rounding at its end if it is smaller than asked for, where the chain made one of `made_m` (m).
+    pub(super) fn shortened(&self, made_m: f64) -> Option<ReducedBlend> {
+        (made_m < self.zone_m * (1.0 - ENOUGH)).then_some(ReducedBlend {
+            leg: self.leg,
+            asked_m: self.zone_m,
+            made_m,
+        })
+    }
+
+    /// Joints with derivatives at s.
+    pub(super) fn jets(
+        &self,
+        arm_start: ArmStart<'_>,
+        shape: &Shape,
+        s: f64,
+    ) -> Result<[Jet; JOINTS_MAX], MotionFault> {
+        if let ShapePoint::Joints(joints) = shape.at(Jet::variable(s)) {
+            return Ok(joints);
+        }
+        let follower = JointFollower {
+            arm: arm_start.arm,
+            model: arm_start.model,
+        };
+        let elbow = self.elbow.as_ref().ok_or(MotionFault::NoMotion)?;
+        let last = self.joints.len().saturating_sub(1);
+        let near = (s / shape.length() * last as f64) as usize;
+        let hint = self.joints.get(near.min(last));
+        follower.jets((shape, elbow), s, hint.unwrap_or(&arm_start.joints))
+    }
+}
+
+/// A rounding on one of the two shapes that it joins.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct BlendZone {
+    /// In s of the shape.
+    pub(super) way: f64,
+    /// Of the flange from the corner (along a flange's shape), m.
+    pub(super) metres: f64,
+}
+
+/// From a corner (`place` says where on the shape a way from it is) to where the flange is `zone_m` from it; at most half of
+/// the shape.
+fn zone(shape: &Shape, zone_m: f64, arm: Arm, place: impl Fn(f64, f64) -> f64) -> BlendZone {
+    let length = shape.length();
+    let Shape::Joints(line) = shape else {
+        let way = zone_m.min(length / 2.0);
+        return BlendZone { way, metres: way };
+    };
+    let flange = |way: f64| arm.forward(&line.at(place(way, length)));
+    let corner = flange(0.0);
+    let inside = |way: f64| corner.distance_to(&flange(way)) < zone_m;
+    let (mut from, mut to) = (0.0, length / 2.0);
+    for step in 1..=64 {
+        let way = length / 2.0 * f64::from(step) / 64.0;
+        if !inside(way) {
+            to = way;
+            break;
+        }
+        from = way;
+    }
+    for _ in 0..48 {
+        let middle = 0.5 * (from + to);
+        if inside(middle) {
+            from = middle;
+        } else {
+            to = middle;
+        }
+    }
+    BlendZone {
+        way: to,
+        metres: corner.distance_to(&flange(to)),
+    }
+}
+
+/// All legs as shapes.
+///
+/// # Errors
+/// Legs that are no path, or that the arm cannot follow.
+pub(super) fn leg_shapes(
+    arm_start: ArmStart<'_>,
+    legs: &[Leg<'_>],
+) -> Result<Vec<LegShape>, LegFault> {
+    let mut builder = LegShapeBuilder {
+        arm_start,
+        pose: arm_start.pose,
+        joints: arm_start.joints,
+        configuration: None,
+        leg_shapes: Vec::new(),
+    };
+    for (leg, number) in legs.iter().zip(0..) {
+        builder.leg(leg, number).map_err(|fault| (number, fault))?;
+    }
+    builder.even_out();
+    Ok(builder.leg_shapes)
+}
+
+struct LegShapeBuilder<'a> {
+    arm_start: ArmStart<'a>,
+    pose: Pose,
+    joints: Joints,
+    /// Of the flange's shapes since the last one of joints.
+    configuration: Option<ArmConfiguration>,
+    leg_shapes: Vec<LegShape>,
+}
+
+impl LegShapeBuilder<'_> {
+    fn leg(&mut self, leg: &Leg<'_>, number: u32) -> Result<(), MotionFault> {
+        let arm = self.arm_start.arm;
+        let metric = metric(leg);
+        let to = |pose: &Pose| place(&self.pose, pose, leg.relative);
+        let (shape, steps) = match leg.segment {
+            PathSegment::Joints { to } => return self.joints(leg, number, to),
+            PathSegment::JointsToPose {
+                to: goal,
+                branch,
+                status,
+                turn,
+            } => {
+                let of_status = |status| {
+                    let branch = arm.branch_of_status(status);
+                    branch.map(Branch::index).ok_or(MotionFault::NoStatus)
+                };
+                let branch = status.map(of_status).transpose()?.or(branch);
+                let (goal, hint) = (to(&goal), self.joints);
+                let mut joints = chosen(self.arm_start, &goal, (branch, turn), &hint)?;
+                joints
+                    .iter_mut()
+                    .skip(arm.joints())
+                    .for_each(|joint| *joint = f64::NAN);
+                return self.joints(leg, number, joints);
+            }
+            PathSegment::Line { to: goal } => {
+                let line = Line::new(&self.pose, &to(&goal), metric).map_err(geometry)?;
+                (Shape::Line(line), STEPS)
+            }
+            PathSegment::Circle {
+                via,
+                to: goal,
+                orientation,
+                angle,
+            } => {
+                let via = Pose {
+                    position: via,
+                    ..Pose::IDENTITY
+                };
+                let orientation = match orientation {
+                    ArcOrientation::Even => CircleOrientation::Even,
+                    ArcOrientation::Constant => CircleOrientation::Constant,
+                    ArcOrientation::Path => CircleOrientation::Path,
+                };
+                let (via, goal) = (to(&via).position, to(&goal));
+                let circle = Circle::new(&self.pose, via, &goal, (orientation, angle), metric);
+                (Shape::Circle(circle.map_err(geometry)?), STEPS)
+            }
+            PathSegment::Spline { through } => {
+                let mut poses = vec![self.pose];
+                poses.extend(through.iter().map(to));
+                let steps = (through.len() * STEPS / 4).max(STEPS);
+                let spline = Spline::new(&poses, metric).map_err(geometry)?;
+                (Shape::Spline(spline), steps)
+            }
+        };
+        let configuration = self.configuration;
+        let configuration = configuration.unwrap_or_else(|| arm.configuration(&self.joints));
+        let follower = JointFollower {
+            arm,
+            model: self.arm_start.model,
+        };
+        let (shape, elbow) = self.turning(shape, leg, metric, configuration)?;
+        let span = (0.0, shape.length());
+        let at = |s| (shape.at(s), elbow.at(s));
+        let joints = follower.joints_along(at, span, &self.joints, steps)?;
+        if let ShapePoint::Flange(end) = shape.at(shape.length()) {
+            self.pose = end.pose();
+        }
+        self.joints = joints.last().copied().unwrap_or(self.joints);
+        self.configuration = Some(elbow.at(shape.length()));
+        self.push((leg, number), shape, joints, Some(elbow));
+        Ok(())
+    }
+
+    /// The elbow on a shape, which is at least as long as its turn counts: between the roundings at its ends.
+    fn turning(
+        &self,
+        mut shape: Shape,
+        leg: &Leg<'_>,
+        metric: PathMetric,
+        configuration: ArmConfiguration,
+    ) -> Result<(Shape, ElbowProfile), MotionFault> {
+        let still = ElbowProfile::still(configuration);
+        let ShapePoint::Flange(end) = shape.at(shape.length()) else {
+            return Ok((shape, still));
+        };
+        let turn = elbow::turn(self.arm_start, leg.elbow, configuration, &end.pose())?;
+        if let (Shape::Line(line), true) = (&mut shape, turn != 0.0) {
+            line.extend_to(metric.radius_m * turn.abs());
+        }
+        let length = shape.length();
+        let before = self
+            .leg_shapes
+            .last()
+            .map_or(0.0, |leg_shape| leg_shape.zone_m);
+        let [before, behind] = [before, leg.blend].map(|zone| zone.min(length / 2.0));
+        Ok((shape, still.turning(turn, [before, length - behind])?))
+    }
+
+    fn joints(&mut self, leg: &Leg<'_>, number: u32, to: Joints) -> Result<(), MotionFault> {
+        // Joints that the arm does not have do not move.
+        let count = self.arm_start.arm.joints();
+        if to.iter().skip(count).any(|joint| !joint.is_nan()) {
+            let joints = count as u8;
+            return Err(MotionFault::JointCount { joints });
+        }
+        let mut goal = self.joints;
+        for (place, joint) in goal.iter_mut().zip(to).take(count) {
+            *place = joint;
+        }
+        in_range(&goal, &self.arm_start.model.limits)?;
+        let line = JointLine::new(&self.joints, &goal, 1.0).map_err(geometry)?;
+        let joints = vec![self.joints, goal];
+        (self.joints, self.pose) = (goal, self.arm_start.arm.forward(&goal));
+        self.configuration = None;
+        self.push((leg, number), Shape::Joints(line), joints, None);
+        Ok(())
+    }
+
+    fn push(
+        &mut self,
+        (leg, number): (&Leg<'_>, u32),
+        shape: Shape,
+        joints: Vec<Joints>,
+        elbow: Option<ElbowProfile>,
+    ) {
+        let row = |limits: MotionLimits| [limits.velocity, limits.acceleration, limits.jerk];
+        let mut bounds = [[f64::INFINITY; 3]; super::speed_limits::QUANTITIES];
+        if elbow.is_some() {
+            (bounds[0], bounds[1]) = (row(leg.line), row(leg.turn));
+        }
+        let joint = joint_bounds(&self.arm_start.model.limits, leg.scale);
+        for (place, joint) in bounds.iter_mut().skip(2).zip(joint) {
+            *place = joint;
+        }
+        self.leg_shapes.push(LegShape {
+            given: elbow.is_some()
+                && shape.moves()
+                && leg.line.velocity.is_finite()
+                // A turn on the spot has the speed that is given for turns.
+                && (leg.turn.velocity.is_finite()
+                    || shape.constant_speed().is_none_or(|speed| speed > LENGTH_MIN)),
+            shape,
+            leg: number,
+            elbow,
+            joints,
+            bounds,
+            zone_m: leg.blend,
+        });
+    }
+
+    /// Scales s of lines of joints, so that they can speed up by as much of it as the shapes of the flange: the acceleration
+    /// of the clock is one for the whole path.
+    fn even_out(&mut self) {
+        let max_acceleration = |leg_shape: &LegShape| {
+            if leg_shape.shape.length() <= LENGTH_MIN {
+                return f64::INFINITY;
+            }
+            let last = leg_shape.joints.len().saturating_sub(1).max(1);
+            let step = leg_shape.shape.length() / last as f64;
+            let mut max_acceleration = f64::INFINITY;
+            for pair in leg_shape.joints.windows(2) {
+                for ((a, b), [_, limit, _]) in
+                    pair[0].iter().zip(pair[1]).zip(&leg_shape.bounds[2..])
+                {
+                    let by = limit * step / (b - a).abs();
+                    max_acceleration = if by < max_acceleration {
+                        by
+                    } else {
+                        max_acceleration
+                    };
+                }
+            }
+            max_acceleration
+        };
+        let flange = |leg_shape: &&LegShape| leg_shape.elbow.is_some();
+        let of_flange = self.leg_shapes.iter().filter(flange).map(max_acceleration);
+        let least = of_flange.fold(f64::INFINITY, f64::min);
+        let first = self
+            .leg_shapes
+            .iter()
+            .map(max_acceleration)
+            .find(|x| x.is_finite());
+        let wanted = if least.is_finite() {
+            Some(least)
+        } else {
+            first
+        };
+        for leg_shape in &mut self.leg_shapes {
+            let by = wanted.map_or(1.0, |wanted| wanted / max_acceleration(leg_shape));
+            if let (Shape::Joints(_), [from, to]) = (&leg_shape.shape, leg_shape.joints.as_slice())
+                && by.is_finite()
+                && by > 0.0
+                && let Ok(line) = JointLine::new(from, to, by)
+            {
+                leg_shape.shape = Shape::Joints(line);
+            }
+        }
+    }
+}
+
+/// Where a pose of a leg is, in the arm's base.
+fn place(from: &Pose, pose: &Pose, relative: Option<RelativeTo>) -> Pose {
+    match relative {
+        None => *pose,
+        Some(RelativeTo::Tool) => from.compose(pose),
+        Some(RelativeTo::Base) => Pose {
+            position: vector::add(from.position, pose.position),
+            orientation: rotation::product(pose.orientation, from.orientation),
+        },
+    }
+}
+
+fn metric(leg: &Leg<'_>) -> PathMetric {
+    let radius = leg.line.velocity / leg.turn.velocity;
+    PathMetric {
+        radius_m: if radius.is_finite() && radius > 0.0 {
+            radius
+        } else {
+            RADIUS_M
+        },
+    }
+}
+
+/// The joints of a pose: of a branch, or those that are reached soonest.
+fn chosen(
+    arm_start: ArmStart<'_>,
+    pose: &Pose,
+    (branch, turn): (Option<u8>, Option<u8>),
+    hint: &Joints,
+) -> Result<Joints, MotionFault> {
+    let ArmStart { arm, model, .. } = arm_start;
+    let arm_angle = arm.configuration(hint).arm_angle;
+    let time_s = |joints: &Joints| {
+        let ways = joints.iter().zip(hint).zip(&model.limits.velocity_max);
+        let times = ways
+            .take(arm.joints())
+            .map(|((to, from), v)| (to - from).abs() / v);
+        times.fold(0.0, f64::max)
+    };
+    let (mut best, mut fault) = (None, MotionFault::Unreachable { fraction: 1.0 });
+    for index in 0..8 {
+        if branch.is_some_and(|wanted| wanted != index) {
+            continue;
+        }
+        let configuration = ArmConfiguration {
+            branch: Branch::from_bits(index),
+            arm_angle,
+        };
+        let limits = &model.limits;
+        let found = match turn {
+            None => arm.inverse_within(pose, configuration, hint, limits),
+            Some(turn) => arm
+                .inverse(pose, arm_angle, configuration.branch, hint)
+                .map_err(InverseKinematicsError::from)
+                .and_then(|joints| {
+                    let joints = turns_by_signs(&joints, turn);
+                    Ok(within_limits(&joints, limits).map(|()| joints)?)
+                }),
+        };
+        match found {
+            Ok(joints) => {
+                let time = time_s(&joints);
+                if best.is_none_or(|(least, _)| time < least) {
+                    best = Some((time, joints));
+                }
+            }
+            Err(error) => fault = super::joint_follower::no_joints(error, 1.0),
+        }
+    }
+    best.map(|(_, joints)| joints).ok_or(fault)
+}
+
+fn in_range(joints: &Joints, limits: &JointLimits) -> Result<(), MotionFault> {
+    let bounds = limits.lower.iter().zip(&limits.upper);
+    for ((value, (lower, upper)), joint) in joints.iter().zip(bounds).zip(0u8..).take(limits.joints)
+    {
+        let limit = if value < lower {
+            *lower
+        } else if value > upper {
+            *upper
+        } else {
+            continue;
+        };
+        return Err(MotionFault::JointRange {
+            fraction: 1.0,
+            joint,
+            value: *value,
+            limit,
+        });
+    }
+    Ok(())
+}
+
+fn geometry(error: GeometryError) -> MotionFault {
+    match error {
+        GeometryError::HalfTurn => MotionFault::AmbiguousRotation,
+        GeometryError::Collinear => MotionFault::Collinear,
+        GeometryError::NoAngle => MotionFault::NoAngle,
+        GeometryError::Coincident { distance_m, .. } => MotionFault::Coincident { distance_m },
+        GeometryError::TurnsTooFar { angle_rad, .. } => MotionFault::TurnsTooFar { angle_rad },
+        GeometryError::NotFinite => MotionFault::NotFinite,
+    }
+}

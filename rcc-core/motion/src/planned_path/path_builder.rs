@@ -1,0 +1,343 @@
+//! From legs to a track: shapes, the joints along them, roundings, and the limits of every piece.
+//! Run when a command is made ready; allocates.
+
+use core::ops::Range;
+
+use rcc_core::frame::DeviceModel;
+use rcc_core::kinematics::Arm;
+use rcc_core::message::Joints;
+use rcc_core::path::{Leg, MotionFault, SpeedProfile};
+use rcc_core::pose::Pose;
+
+use super::leg_shape::{BlendZone, LegShape, leg_shapes};
+use super::piece_samples::{PieceSamples, sample_piece};
+use super::speed_limits::{
+    self, BrakingLimits, EVEN_SHARES, LimitsFault, QuantityLimits, TooFast, allowed,
+};
+use super::time_optimal::fastest;
+use super::{
+    InverseHints, MotionSection, PieceKinematics, PlannedPath, ReducedBlend, TimedSection,
+};
+use crate::geometry::LENGTH_MIN;
+use crate::geometry::chain::{Chain, ChainLink, ChainPiece, ShapePoint};
+use crate::path_clock::{PathBounds, PathPiece, duration_s};
+
+/// Parts of a piece that may have velocity limits of their own.
+const SPLIT: usize = 4;
+
+/// What goes along a path.
+#[derive(Clone, Copy)]
+pub(crate) struct ArmStart<'a> {
+    /// Kinematics and limits of the arm.
+    pub(crate) model: &'a DeviceModel,
+    /// The same, as the model has it.
+    pub(crate) arm: Arm,
+    /// Joints at the start.
+    pub(crate) joints: Joints,
+    /// Flange at the start.
+    pub(crate) pose: Pose,
+}
+
+/// A fault and the leg that has it.
+pub(crate) type LegFault = (u32, MotionFault);
+
+/// Builds a track and its parts from rest to rest (one at least), for a cycle of `dt_s` (s).
+///
+/// # Errors
+/// Legs that are no path, that the arm cannot follow, or not as fast as given.
+pub(crate) fn build(
+    arm_start: ArmStart<'_>,
+    (legs, pace): (&[Leg<'_>], SpeedProfile),
+    dt_s: f64,
+) -> Result<(PlannedPath, Box<[MotionSection]>), LegFault> {
+    let leg_shapes = leg_shapes(arm_start, legs)?;
+    let followed = leg_shapes
+        .iter()
+        .zip(leg_shapes.iter().skip(1).map(Some).chain([None]));
+    let zones: Vec<_> = followed
+        .map(|(leg_shape, next)| leg_shape.zones(next, arm_start.arm))
+        .collect();
+    let links = leg_shapes
+        .iter()
+        .zip(&zones)
+        .map(|(leg_shape, zones)| ChainLink {
+            shape: leg_shape.shape.clone(),
+            zone: zones.map(|zone| zone.way),
+        });
+    let chain = Chain::new(links.collect(), |link, shape, s| {
+        let leg_shape = leg_shapes.get(link).ok_or((0, MotionFault::NoMotion))?;
+        let jets = leg_shape.jets(arm_start, shape, s);
+        jets.map_err(|fault| (leg_shape.leg, fault))
+    })?;
+    let mut builder = PathBuilder {
+        arm_start,
+        chain: &chain,
+        leg_shapes: &leg_shapes,
+        sampled: Vec::new(),
+        dt_s,
+    };
+    builder.sample_pieces(pace)?;
+    let (sections, timed_sections) = builder.sections(pace)?;
+    let mut begin_m = 0.0;
+    let parts = builder.sampled.into_iter().map(|sampled| {
+        let part = PieceKinematics {
+            hints: sampled.hints,
+            begin_m,
+            way_m: sampled.samples.way_m,
+        };
+        begin_m += sampled.samples.way_m;
+        part
+    });
+    let planned_path = PlannedPath {
+        shortened: shortened(&leg_shapes, &zones, &chain),
+        arm: arm_start.arm,
+        parts: parts.collect(),
+        legs: leg_shapes.iter().map(|leg_shape| leg_shape.leg).collect(),
+        timed_sections,
+        chain,
+    };
+    Ok((planned_path, sections))
+}
+
+/// The roundings that are smaller than asked for: a leg is too short, or the flange turns so far that there is none.
+fn shortened(
+    leg_shapes: &[LegShape],
+    zones: &[[BlendZone; 2]],
+    chain: &Chain,
+) -> Box<[ReducedBlend]> {
+    let rounded = |link| {
+        let mut pieces = chain.pieces().iter();
+        pieces.any(|piece| piece.blend && piece.link == link)
+    };
+    // Nothing follows on the last one.
+    let corners = leg_shapes.len().saturating_sub(1);
+    let corners = leg_shapes.iter().zip(zones).enumerate().take(corners);
+    let cut = corners.filter_map(|(link, (leg_shape, [before, behind]))| {
+        let made_m = before.metres.min(behind.metres);
+        leg_shape.shortened(if rounded(link) { made_m } else { 0.0 })
+    });
+    cut.collect()
+}
+
+/// What was seen along a piece.
+pub(super) struct SampledPiece {
+    pub(super) samples: PieceSamples,
+    pub(super) bounds: QuantityLimits,
+    hints: Option<InverseHints>,
+    given: bool,
+}
+
+/// A chain with all that was seen along it.
+pub(super) struct PathBuilder<'a> {
+    arm_start: ArmStart<'a>,
+    pub(super) chain: &'a Chain,
+    leg_shapes: &'a [LegShape],
+    /// Of each piece.
+    pub(super) sampled: Vec<SampledPiece>,
+    pub(super) dt_s: f64,
+}
+
+/// Sections, and the same by what their clocks count.
+type BuiltSections = (Box<[MotionSection]>, Box<[TimedSection]>);
+
+impl<'a> PathBuilder<'a> {
+    /// Looks at all pieces.
+    fn sample_pieces(&mut self, pace: SpeedProfile) -> Result<(), LegFault> {
+        let mut joints = self.arm_start.joints;
+        for piece in self.chain.pieces() {
+            let none = (0, MotionFault::NoMotion);
+            let leg_shape = self.leg_shapes.get(piece.link).ok_or(none)?;
+            let next = self.leg_shapes.get(piece.link + 1).filter(|_| piece.blend);
+            let mut samples = sample_piece(self.arm_start, piece, leg_shape, &joints)?;
+            joints = samples.joints.last().copied().unwrap_or(joints);
+            let on_flange = matches!(piece.at(piece.begin), ShapePoint::Flange(_));
+            let elbow = leg_shape.elbow_on(piece).filter(|_| on_flange);
+            self.sampled.push(SampledPiece {
+                hints: elbow.map(|elbow| InverseHints {
+                    elbow,
+                    joints: core::mem::take(&mut samples.joints).into(),
+                }),
+                bounds: next.map_or(leg_shape.bounds, |next| {
+                    tighter(&leg_shape.bounds, &next.bounds)
+                }),
+                // Who wants to be there soonest gives a limit, no speed.
+                given: leg_shape.given && !piece.blend && matches!(pace, SpeedProfile::Even),
+                samples,
+            });
+        }
+        Ok(())
+    }
+
+    /// The pieces from rest to rest that are any way at all.
+    fn section_ranges(&self) -> Vec<Range<usize>> {
+        let (mut all, mut first) = (Vec::new(), 0);
+        let pieces = self.chain.pieces();
+        for (number, piece) in pieces.iter().enumerate() {
+            if piece.rest || number + 1 == pieces.len() {
+                let range = first..number + 1;
+                if range.clone().any(|number| self.is_way(number)) {
+                    all.push(range);
+                }
+                first = number + 1;
+            }
+        }
+        all
+    }
+
+    /// There is a way along this piece.
+    pub(super) fn is_way(&self, number: usize) -> bool {
+        let piece = self.chain.pieces().get(number);
+        let sampled = self.sampled.get(number);
+        piece.is_some_and(|piece| piece.length() > LENGTH_MIN)
+            && sampled.is_some_and(|sampled| !sampled.samples.widened.is_empty())
+    }
+
+    /// Limits for each part of the path from rest to rest.
+    fn sections(&self, pace: SpeedProfile) -> Result<BuiltSections, LegFault> {
+        let (mut sections, mut timed_sections) = (Vec::new(), Vec::new());
+        let mut begin = 0.0;
+        for range in self.section_ranges() {
+            let begin_s = self.chain.pieces().get(range.start);
+            let begin_s = begin_s.map_or(0.0, |piece| piece.begin);
+            let mut section_parts = SectionParts::default();
+            for number in range.clone() {
+                section_parts.add(self, number, begin_s);
+            }
+            let bounds = section_parts.even(self.dt_s)?;
+            let timed = match pace {
+                SpeedProfile::Even => None,
+                SpeedProfile::Fastest => fastest(self, range.clone(), duration_s(&bounds)),
+            };
+            let (bounds, stops, time_law) = match timed {
+                Some((time_law, timed)) => {
+                    (timed, Some(section_parts.stops(bounds)), Some(time_law))
+                }
+                None => (bounds, None, None),
+            };
+            let length = time_law
+                .as_ref()
+                .map_or(bounds.length(), |time_law| time_law.duration());
+            sections.push(MotionSection {
+                begin,
+                length,
+                bounds,
+                stops,
+            });
+            timed_sections.push(TimedSection {
+                begin,
+                begin_s,
+                time_law,
+            });
+            begin += length;
+        }
+        if sections.is_empty() {
+            sections.push(self.nowhere()?);
+        }
+        if timed_sections
+            .iter()
+            .all(|timed_section| timed_section.time_law.is_none())
+        {
+            timed_sections.clear();
+        }
+        Ok((sections.into(), timed_sections.into()))
+    }
+
+    /// The section of a path that goes nowhere.
+    fn nowhere(&self) -> Result<MotionSection, LegFault> {
+        let piece = PathPiece {
+            end_s: 0.0,
+            velocity: 1.0,
+        };
+        let bounds = PathBounds::new(&[piece], 1.0, 1.0, self.dt_s);
+        Ok(MotionSection {
+            begin: 0.0,
+            length: 0.0,
+            stops: None,
+            bounds: bounds.map_err(|_| (0, MotionFault::NotFinite))?,
+        })
+    }
+}
+
+/// What is gathered for the limits of a part from rest to rest.
+#[derive(Default)]
+struct SectionParts<'a> {
+    parts: Vec<speed_limits::SampledPart>,
+    ends: Vec<f64>,
+    /// Where each part is: on what piece, of which leg, from where to where of it.
+    owners: Vec<(&'a ChainPiece, u32, [f64; 2])>,
+}
+
+impl<'a> SectionParts<'a> {
+    /// Adds a piece; `begin` is where the part from rest to rest begins.
+    fn add(&mut self, builder: &PathBuilder<'a>, number: usize, begin: f64) {
+        let (Some(piece), Some(sampled)) = (
+            builder.chain.pieces().get(number),
+            builder.sampled.get(number),
+        ) else {
+            return;
+        };
+        if !builder.is_way(number) {
+            return;
+        }
+        let leg = builder
+            .leg_shapes
+            .get(piece.link)
+            .map_or(0, |leg_shape| leg_shape.leg);
+        let split = if sampled.given { 1 } else { SPLIT };
+        let steps = sampled.samples.widened.len() - 1;
+        for part in 0..split {
+            let (from, to) = (steps * part / split, steps * (part + 1) / split);
+            self.parts.push(speed_limits::SampledPart {
+                samples: sampled
+                    .samples
+                    .widened
+                    .get(from..=to)
+                    .unwrap_or(&[])
+                    .to_vec(),
+                bounds: sampled.bounds,
+                given: sampled.given,
+            });
+            let end = if part + 1 == split {
+                piece.end
+            } else {
+                piece.begin + piece.length() * to as f64 / steps as f64
+            };
+            self.ends.push(end - begin);
+            let place = [from, to].map(|step| step as f64 / steps as f64);
+            self.owners.push((piece, leg, place));
+        }
+    }
+
+    fn even(&self, dt_s: f64) -> Result<PathBounds, LegFault> {
+        let leg = self.owners.last().map_or(0, |(_, leg, _)| *leg);
+        allowed(&self.parts, &self.ends, dt_s, &EVEN_SHARES).map_err(|refused| match refused {
+            LimitsFault::TooFast(fast) => self.too_fast(fast),
+            LimitsFault::Clock => (leg, MotionFault::Limits),
+        })
+    }
+
+    fn stops(&self, even: PathBounds) -> Box<[BrakingLimits]> {
+        speed_limits::stops(&self.parts, &self.ends, even)
+    }
+
+    fn too_fast(&self, fast: TooFast) -> LegFault {
+        let Some((piece, leg, [from, to])) = self.owners.get(fast.part) else {
+            return (0, MotionFault::NoMotion);
+        };
+        let fault = MotionFault::TooFast {
+            fraction: piece.of_shape(from + (to - from) * fast.fraction),
+            quantity: fast.quantity,
+            order: fast.order,
+            value: fast.value,
+            limit: fast.limit,
+            possible: fast.possible,
+        };
+        (*leg, fault)
+    }
+}
+
+fn tighter(a: &QuantityLimits, b: &QuantityLimits) -> QuantityLimits {
+    core::array::from_fn(|quantity| {
+        core::array::from_fn(|order| a[quantity][order].min(b[quantity][order]))
+    })
+}

@@ -1,0 +1,82 @@
+//! Profiles against what is known of them by hand, and what their mean keeps.
+
+use super::*;
+
+/// Places of one quantity that goes evenly along a way of 2, with these limits.
+fn even(velocity: f64, acceleration: f64) -> Vec<PathConstraints> {
+    let mut slopes = [[0.0; 3]; QUANTITIES];
+    slopes[2] = [1.0, 0.0, 0.0];
+    let mut bounds = [[f64::INFINITY; 3]; QUANTITIES];
+    bounds[2] = [velocity / VELOCITY, acceleration, f64::INFINITY];
+    let place =
+        |number: u32| PathConstraints::new(f64::from(number) / 500.0, &slopes, &bounds, 1.0);
+    (0..=1000).map(place).collect()
+}
+
+#[test]
+fn an_even_way_is_gone_with_the_greatest_acceleration_and_as_great_a_deceleration() {
+    let profile = AccelerationProfile::new(&even(f64::INFINITY, 4.5)).unwrap();
+    let want = 2.0 * (2.0 / 4.5_f64).sqrt();
+    assert!((profile.duration_s() - want).abs() < 1e-9 * want);
+    // With a limit of the velocity: two ramps and what is between them.
+    let profile = AccelerationProfile::new(&even(1.5, 4.5)).unwrap();
+    let want = 2.0 / 1.5 + 1.5 / 4.5;
+    assert!((profile.duration_s() - want).abs() < 2e-3 * want);
+}
+
+#[test]
+fn a_circle_is_gone_as_fast_as_its_bend_allows() {
+    // Two joints that go around a circle of radius 1 once: |y''| ≤ a asks for s'² ≤ a, and there it stays for nearly all of it.
+    let acceleration = 3.0;
+    let constraints: Vec<PathConstraints> = (0..=4000)
+        .map(|number| {
+            let s = core::f64::consts::TAU * f64::from(number) / 4000.0;
+            let mut slopes = [[0.0; 3]; QUANTITIES];
+            (slopes[2], slopes[3]) = ([-s.sin(), -s.cos(), 0.0], [s.cos(), -s.sin(), 0.0]);
+            let mut bounds = [[f64::INFINITY; 3]; QUANTITIES];
+            (bounds[2][1], bounds[3][1]) = (acceleration, acceleration);
+            PathConstraints::new(s, &slopes, &bounds, 1.0)
+        })
+        .collect();
+    let profile = AccelerationProfile::new(&constraints).unwrap();
+    let steps = profile.knots.windows(2);
+    for (pair, place) in steps.zip(&constraints) {
+        let [_, _, v, u, _] = pair[0];
+        for [a, b, c] in &place.rows {
+            assert!(a * u + b * v * v <= c + 2e-2, "{a} {b} {c}: {v} {u}");
+        }
+    }
+    // Each joint alone may use all of its acceleration, so it is faster than with one limit for both, by less than √2.
+    let even = core::f64::consts::TAU / acceleration.sqrt();
+    let time = profile.duration_s();
+    assert!(
+        time < 1.15 * even && time > even / 2.0_f64.sqrt(),
+        "{time} {even}"
+    );
+}
+
+#[test]
+fn the_mean_goes_from_rest_to_rest_forward_only_in_the_time_of_a_window_more() {
+    let profile = AccelerationProfile::new(&even(1.5, 4.5)).unwrap();
+    let window_s = 0.2;
+    let (knots, step_s) = profile.smooth(window_s).unwrap();
+    let time_law = TimeLaw::new(&knots, step_s).unwrap();
+    assert!((time_law.duration() - profile.duration_s() - window_s).abs() < 1e-12);
+    assert_eq!(time_law.place(0.0), 0.0);
+    assert_eq!(time_law.place(time_law.duration()), 2.0);
+    let (mut last, mut hardest) = (0.0, 0.0_f64);
+    for number in 0..=10_000 {
+        let time = time_law.duration() * f64::from(number) / 10_000.0;
+        let Jet([s, v, a, j]) = time_law.at(Jet::variable(time));
+        assert!(
+            s >= last - 1e-12 && v <= 1.5 * 1.001 && a.abs() <= 4.5 * 1.1,
+            "{s} {v} {a}"
+        );
+        // The quintics between the knots overshoot a little where the acceleration begins to change.
+        hardest = hardest.max(j.abs());
+        last = s;
+    }
+    assert!(hardest < 1.7 * 2.0 * 4.5 / window_s, "{hardest}");
+    let time = time_law.inverse(0.7);
+    assert!((time_law.place(time) - 0.7).abs() < 1e-9);
+}

@@ -1,0 +1,205 @@
+//! Watches the announcements for the executor, and opens and closes its device's commands for the host's thread.
+//! One helper thread; the host's thread only takes finished boards from a channel and gives old ones back.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+use rcc_ipc::control::command_board;
+use rcc_ipc::events::{self, EventKind, EventRecorder};
+use rcc_ipc::log_throttle::LogThrottle;
+use rcc_ipc::{Announcement, CommandReader, Liveness, ProcessMismatch, Role, Session};
+use rcc_process::{Helper, Helpers};
+
+/// How long a look may take: announcements are read and boards opened.
+const TURN_MAX: Duration = Duration::from_secs(5);
+/// How often the announcements are looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// What has become of the executor.
+#[derive(Debug)]
+pub enum ExecutorEvent {
+    /// Where it writes the commands.
+    Commands(CommandReader),
+    /// It is gone.
+    Gone,
+    /// It is of another build, or was started with another configuration of this device: what it writes is not looked at.
+    Incompatible,
+}
+
+/// The ends of the helper thread.
+#[derive(Debug)]
+pub struct ExecutorWatch {
+    events_in: Receiver<ExecutorEvent>,
+    /// Where boards are given back to be closed.
+    old: Sender<CommandReader>,
+}
+
+impl ExecutorWatch {
+    /// Begins to watch the cell of `session` for the commands of the device whose driver is announced as `own`.
+    ///
+    /// # Errors
+    /// The system refuses a thread.
+    pub fn start(
+        session: Session,
+        own: Announcement,
+        recorder: EventRecorder,
+        helpers: &Helpers,
+    ) -> std::io::Result<Self> {
+        let (event_sender, events_in) = channel();
+        let (give_back, old) = channel();
+        let state = WatchState {
+            session,
+            board: command_board(&own.label),
+            own,
+            event_sender,
+            recorder,
+            followed: None,
+            incompatible: None,
+            last_error: String::new(),
+            unknown_throttle: LogThrottle::default(),
+        };
+        helpers.spawn("watch", TURN_MAX, move |helper| watch(state, &old, helper))?;
+        Ok(Self {
+            events_in,
+            old: give_back,
+        })
+    }
+
+    /// What has changed since the last time, if anything; does not wait.
+    #[must_use]
+    pub fn next_event(&self) -> Option<ExecutorEvent> {
+        self.events_in.try_recv().ok()
+    }
+
+    /// Gives a board back that is no longer read.
+    pub fn give_back(&self, board: CommandReader) {
+        // Without its thread the board is closed here.
+        drop(self.old.send(board));
+    }
+}
+
+fn watch(mut state: WatchState, old: &Receiver<CommandReader>, helper: &Helper) {
+    while !helper.rest(LOOK_EVERY) {
+        if state.look().is_err() {
+            return;
+        }
+        old.try_iter().for_each(drop);
+    }
+}
+
+/// The host's thread takes no events_in any more.
+struct HostGone;
+
+/// What the thread knows and tells.
+struct WatchState {
+    session: Session,
+    /// Name of the device's commands.
+    board: String,
+    own: Announcement,
+    event_sender: Sender<ExecutorEvent>,
+    recorder: EventRecorder,
+    followed: Option<Announcement>,
+    /// The executor that is not followed because of its build or configuration.
+    incompatible: Option<Announcement>,
+    /// The last last_error, so that it is made once.
+    last_error: String,
+    unknown_throttle: LogThrottle,
+}
+
+impl WatchState {
+    /// Lets go of an executor that is known to be dead, and follows one that is known to live and means the same by our
+    /// device's channels.
+    fn look(&mut self) -> Result<(), HostGone> {
+        let known = [&self.followed, &self.incompatible];
+        let known = known.map(|one| one.as_ref().map(|one| (one.incarnation, one.liveness())));
+        for liveness in known.iter().flatten().map(|(_, liveness)| liveness) {
+            match liveness {
+                Liveness::Alive => {}
+                Liveness::Dead => {
+                    tracing::info!("the executor has gone");
+                    (self.followed, self.incompatible) = (None, None);
+                    self.event_sender
+                        .send(ExecutorEvent::Gone)
+                        .map_err(|_| HostGone)?;
+                }
+                // It is followed on: without fresh commands the device is brought to rest anyway.
+                Liveness::Unknown(error) => self.report_unknown(error),
+            }
+        }
+        let Some(executor) = self.executor() else {
+            return Ok(());
+        };
+        let is_known = |one: &(u64, Liveness)| one.0 == executor.incarnation;
+        if known.iter().flatten().any(is_known) {
+            return Ok(());
+        }
+        // Once in a life of the executor is enough: neither of us reads the configuration again or becomes another build.
+        if let Some(why) = ProcessMismatch::about_device(&self.own, &executor, &self.own.label) {
+            let (pid, remedy) = (executor.pid, why.remedy());
+            tracing::warn!("takes no set-point from the executor (pid {pid}): {why}; {remedy}");
+            self.recorder.tell(why.event(&executor));
+            (self.followed, self.incompatible) = (None, Some(executor));
+            return self
+                .event_sender
+                .send(ExecutorEvent::Incompatible)
+                .map_err(|_| HostGone);
+        }
+        let Some(service) = executor.services.get(&self.board) else {
+            return Ok(());
+        };
+        match self.session.open_commands(service) {
+            Ok(reader) => {
+                tracing::info!(service, "follows the executor's board");
+                self.last_error.clear();
+                (self.followed, self.incompatible) = (Some(executor), None);
+                self.event_sender
+                    .send(ExecutorEvent::Commands(reader))
+                    .map_err(|_| HostGone)?;
+            }
+            Err(error) => {
+                let words = error.to_string();
+                if words != self.last_error {
+                    tracing::warn!("{words}");
+                    self.last_error = words;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The executor that is known to live.
+    fn executor(&mut self) -> Option<Announcement> {
+        let announced = match self.session.cell().announced_all() {
+            Ok(announced) => announced,
+            Err(error) => {
+                self.report_unknown(&error);
+                return None;
+            }
+        };
+        let executors = announced
+            .into_iter()
+            .filter(|one| one.role == Role::Executor);
+        for executor in executors {
+            match executor.liveness() {
+                Liveness::Alive => return Some(executor),
+                Liveness::Dead => {}
+                Liveness::Unknown(error) => self.report_unknown(&error),
+            }
+        }
+        None
+    }
+
+    /// Whether the executor lives is not known: that is told, and nothing else is done.
+    fn report_unknown(&mut self, why: &dyn std::fmt::Display) {
+        let Some(others) = self.unknown_throttle.admit(Instant::now()) else {
+            return;
+        };
+        tracing::warn!(
+            "whether the executor lives is not known ({why}); looked at again; {others} more such looks"
+        );
+        self.recorder.tell(EventKind::LifeUnknown {
+            process: "executor".to_owned(),
+            why: events::event_text(&why.to_string()),
+        });
+    }
+}

@@ -1,0 +1,214 @@
+//! How softly an arm is holding, exchange by exchange: what the followed net commands, and a smooth way there and back.
+//! Pure; run by the host's thread.
+//!
+//! Within a net the guard bounds how fast a stiffness changes. Where a net begins or ends this does: from what the arm has
+//! to what it is to have, along a straight line, in the time that the configured rate needs for the largest change.
+//! Released, an arm keeps its springs, which hold it where it is, and loses what it presses with on top.
+
+use rcc_core::impedance::{ControlStrategy, Impedance, ImpedanceLimits};
+
+/// The impedance of one arm.
+#[derive(Clone, Debug)]
+pub struct ImpedanceRamp {
+    /// `None`: the arm is commanded in position only.
+    limits: Option<ImpedanceLimits>,
+    joints: usize,
+    /// Owner of the set-points, 0 = nobody.
+    owner: u64,
+    /// What was sent last.
+    sent: Impedance,
+    /// What the last net commanded last, without what it pressed with on top.
+    hold_target: Impedance,
+    /// Where the way to what is commanded began.
+    from: Impedance,
+    duration_s: f64,
+    elapsed_s: f64,
+}
+
+impl ImpedanceRamp {
+    /// An arm in position control.
+    #[must_use]
+    pub fn new(limits: Option<ImpedanceLimits>, joints: usize) -> Self {
+        Self {
+            limits,
+            joints,
+            owner: 0,
+            sent: Impedance::NONE,
+            hold_target: Impedance::NONE,
+            from: Impedance::NONE,
+            duration_s: 0.0,
+            elapsed_s: 0.0,
+        }
+    }
+
+    /// The device does not follow, and runs this strategy: whatever was sent is over.
+    pub fn reset(&mut self, strategy: ControlStrategy) {
+        let holding = self
+            .limits
+            .map(|limits| limits.default_hold(strategy, self.joints));
+        let holding = holding.unwrap_or(Impedance::NONE);
+        (self.owner, self.sent, self.hold_target) = (0, holding, holding);
+        (self.duration_s, self.elapsed_s) = (0.0, 0.0);
+    }
+
+    /// One exchange, `dt_s` (s) after the last, with a device that runs `strategy`; `commanded` is what the followed net
+    /// commands, and its owner.
+    pub fn next(
+        &mut self,
+        strategy: ControlStrategy,
+        commanded: Option<(u64, &Impedance)>,
+        dt_s: f64,
+    ) -> Impedance {
+        if self.sent.strategy != strategy as u64 {
+            self.reset(strategy);
+        }
+        let fits = commanded.filter(|(_, asked)| asked.strategy == strategy as u64);
+        let (owner, goal) = match fits {
+            Some((owner, asked)) => (owner, *asked),
+            None => (0, self.hold_target),
+        };
+        if owner != self.owner {
+            (self.owner, self.from, self.elapsed_s) = (owner, self.sent, 0.0);
+            self.duration_s = self.duration(strategy, &goal);
+        }
+        self.elapsed_s += dt_s;
+        self.hold_target = Impedance {
+            added: Impedance::NONE.added,
+            ..goal
+        };
+        self.sent = if self.elapsed_s < self.duration_s {
+            mixed(&self.from, &goal, self.elapsed_s / self.duration_s)
+        } else {
+            goal
+        };
+        self.sent
+    }
+
+    /// How long it takes from what was sent to `goal`, s.
+    fn duration(&self, strategy: ControlStrategy, goal: &Impedance) -> f64 {
+        let Some(limits) = self.limits else {
+            return 0.0;
+        };
+        let mut part = 0.0_f64;
+        for element in 0..ImpedanceLimits::elements(strategy, self.joints) {
+            let of = limits.of(strategy, element);
+            for (from, to, most) in [
+                (&self.sent.stiffness, &goal.stiffness, of.stiffness[1]),
+                (&self.sent.damping, &goal.damping, of.damping[1]),
+                (&self.sent.added, &goal.added, of.added),
+            ] {
+                part = part.max((to[element] - from[element]).abs() / most);
+            }
+        }
+        part / limits.rate
+    }
+}
+
+/// From one (part 0) to the other (part 1); both are within the limits, and so is what lies between.
+fn mixed(from: &Impedance, to: &Impedance, part: f64) -> Impedance {
+    let mix = |from: &[f64; 8], to: &[f64; 8]| {
+        let mut mix = *to;
+        for (place, from) in mix.iter_mut().zip(from) {
+            *place = from + part * (*place - from);
+        }
+        mix
+    };
+    Impedance {
+        strategy: to.strategy,
+        stiffness: mix(&from.stiffness, &to.stiffness),
+        damping: mix(&from.damping, &to.damping),
+        added: mix(&from.added, &to.added),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CARTESIAN: ControlStrategy = ControlStrategy::CartesianImpedance;
+    const DT_S: f64 = 1e-3;
+
+    const LIMITS: ImpedanceLimits = ImpedanceLimits {
+        translation: [0.01, 5000.0],
+        rotation: [0.01, 300.0],
+        joint: [0.01, 2000.0],
+        damping: [0.1, 1.0],
+        rate: 2.0,
+        force: 50.0,
+        torque: 10.0,
+        joint_torque: 15.0,
+    };
+
+    fn soft() -> Impedance {
+        let mut soft = LIMITS.default_hold(CARTESIAN, 7);
+        soft.stiffness[2] = 100.0;
+        soft.added[2] = -20.0;
+        soft
+    }
+
+    fn holding() -> ImpedanceRamp {
+        let mut impedance_ramp = ImpedanceRamp::new(Some(LIMITS), 7);
+        impedance_ramp.reset(CARTESIAN);
+        impedance_ramp
+    }
+
+    #[test]
+    fn a_net_begins_and_ends_within_the_rate_and_is_told_exactly_in_between() {
+        let (mut impedance_ramp, soft) = (holding(), soft());
+        let mut last = LIMITS.default_hold(CARTESIAN, 7);
+        let mut step = |asked: Option<(u64, &Impedance)>| {
+            let sent = impedance_ramp.next(CARTESIAN, asked, DT_S);
+            assert!((sent.stiffness[2] - last.stiffness[2]).abs() <= 5000.0 * 2.0 * DT_S + 1e-9);
+            assert!((sent.added[2] - last.added[2]).abs() <= 50.0 * 2.0 * DT_S + 1e-9);
+            last = sent;
+            sent
+        };
+        // 20 N of 50 N are 0.4, of 5000 N/m the 1900 N/m are 0.38: 200 ms.
+        let sent: Vec<Impedance> = (0..200).map(|_| step(Some((1, &soft)))).collect();
+        assert!(sent[198] != soft && sent[199] == soft);
+        // While it commands, exactly what it commands.
+        let mut other = soft;
+        other.stiffness[2] = 105.0;
+        assert_eq!(step(Some((1, &other))), other);
+        // Released: no force after 200 ms, and the springs stay.
+        let sent: Vec<Impedance> = (0..200).map(|_| step(None)).collect();
+        assert!(sent[0].added[2] < -19.0 && sent[198].added[2] < 0.0);
+        assert_eq!(
+            (sent[199].added, sent[199].stiffness),
+            ([0.0; 8], other.stiffness)
+        );
+    }
+
+    #[test]
+    fn the_net_of_another_owner_begins_anew() {
+        let (mut impedance_ramp, soft) = (holding(), soft());
+        (0..300).for_each(|_| {
+            impedance_ramp.next(CARTESIAN, Some((1, &soft)), DT_S);
+        });
+        let stiff = LIMITS.default_hold(CARTESIAN, 7);
+        let sent = impedance_ramp.next(CARTESIAN, Some((2, &stiff)), DT_S);
+        assert!(sent.stiffness[2] < 120.0, "{sent:?}");
+    }
+
+    #[test]
+    fn a_device_that_left_command_mode_is_held_as_before() {
+        let (mut impedance_ramp, soft) = (holding(), soft());
+        (0..300).for_each(|_| {
+            impedance_ramp.next(CARTESIAN, Some((1, &soft)), DT_S);
+        });
+        impedance_ramp.reset(CARTESIAN);
+        let sent = impedance_ramp.next(CARTESIAN, None, DT_S);
+        assert_eq!(sent, LIMITS.default_hold(CARTESIAN, 7));
+        // And a set-point for another strategy is none.
+        let sent = impedance_ramp.next(ControlStrategy::JointImpedance, Some((1, &soft)), DT_S);
+        assert_eq!(
+            sent,
+            LIMITS.default_hold(ControlStrategy::JointImpedance, 7)
+        );
+        let mut plain = ImpedanceRamp::new(None, 7);
+        assert_eq!(
+            plain.next(ControlStrategy::Position, None, DT_S),
+            Impedance::NONE
+        );
+    }
+}

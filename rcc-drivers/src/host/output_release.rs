@@ -1,0 +1,179 @@
+//! The outputs of a device: what is commanded, or what each channel's `on_release` says when nobody commands it.
+//! Pure; run by the host's thread, once for each exchange.
+
+use rcc_config::{DeviceConfig, OnRelease};
+use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, SetPoint};
+use rcc_core::primitive::ChannelKind;
+
+use crate::driver::Outputs;
+
+/// The rule of one output.
+#[derive(Clone, Copy, Debug)]
+struct OutputRule {
+    on_release: OnRelease,
+    range: Option<[f64; 2]>,
+}
+
+/// The outputs of one device and how they are released.
+#[derive(Clone, Debug)]
+pub struct OutputRelease {
+    digital: Vec<OutputRule>,
+    analog: Vec<OutputRule>,
+    values: Outputs,
+    /// Bit i: analog output i is commanded out of its range.
+    out_of_range: u64,
+}
+
+impl OutputRelease {
+    /// The outputs of `device` before anybody commands: at their safe values; one that holds has none yet.
+    #[must_use]
+    pub fn new(device: &DeviceConfig) -> Self {
+        let rules = |kind, most| -> Vec<OutputRule> {
+            device
+                .channels_of(kind)
+                .take(most)
+                .map(|channel| OutputRule {
+                    // The configuration has one for every output.
+                    on_release: channel.on_release.unwrap_or(OnRelease::Safe(0.0)),
+                    range: channel.range,
+                })
+                .collect()
+        };
+        let mut release = Self {
+            digital: rules(ChannelKind::DigitalOutput, DIGITAL_MAX),
+            analog: rules(ChannelKind::AnalogOutput, ANALOG_MAX),
+            values: Outputs::NONE,
+            out_of_range: 0,
+        };
+        release.apply(&SetPoint::NONE);
+        release
+    }
+
+    /// Takes over what `entry` commands and releases the rest; joint positions are not looked at.
+    pub fn apply(&mut self, entry: &SetPoint) -> &Outputs {
+        for (rule, index) in self.digital.iter().zip(0..) {
+            let bit = 1_u64 << index;
+            let value = match rule.on_release {
+                _ if entry.digital_commanded & bit != 0 => entry.digital & bit != 0,
+                OnRelease::Safe(value) => value != 0.0,
+                OnRelease::Hold => continue,
+            };
+            self.values.digital_set |= bit;
+            self.values.digital = (self.values.digital & !bit) | if value { bit } else { 0 };
+        }
+        self.out_of_range = 0;
+        let places = self.values.analog.iter_mut().zip(entry.analog);
+        for ((rule, (place, commanded)), index) in self.analog.iter().zip(places).zip(0..) {
+            let [lower, upper] = rule.range.unwrap_or([f64::MIN, f64::MAX]);
+            if commanded >= lower && commanded <= upper {
+                *place = commanded;
+                continue;
+            }
+            self.out_of_range |= u64::from(!commanded.is_nan()) << index;
+            if let OnRelease::Safe(value) = rule.on_release {
+                *place = value;
+            }
+        }
+        &self.values
+    }
+
+    /// What the outputs are now.
+    #[must_use]
+    pub fn values(&self) -> &Outputs {
+        &self.values
+    }
+
+    /// Bit i: analog output i is commanded out of its range, and released for that.
+    #[must_use]
+    pub fn out_of_range(&self) -> u64 {
+        self.out_of_range
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance::device;
+
+    /// Outputs: `safe` (off) and `keeps`; `speed` with 0..0.5 m/s and safe 0.1, `level` that holds.
+    fn release() -> OutputRelease {
+        OutputRelease::new(&device(
+            "none",
+            serde_json::json!({}),
+            &[
+                (
+                    "safe",
+                    ChannelKind::DigitalOutput,
+                    1.into(),
+                    Some(OnRelease::Safe(0.0)),
+                    None,
+                ),
+                (
+                    "keeps",
+                    ChannelKind::DigitalOutput,
+                    2.into(),
+                    Some(OnRelease::Hold),
+                    None,
+                ),
+                (
+                    "speed",
+                    ChannelKind::AnalogOutput,
+                    1.into(),
+                    Some(OnRelease::Safe(0.1)),
+                    Some([0.0, 0.5]),
+                ),
+                (
+                    "level",
+                    ChannelKind::AnalogOutput,
+                    2.into(),
+                    Some(OnRelease::Hold),
+                    None,
+                ),
+            ],
+        ))
+    }
+
+    fn commanded() -> SetPoint {
+        let mut entry = SetPoint {
+            digital: 0b11,
+            digital_commanded: 0b11,
+            ..SetPoint::NONE
+        };
+        (entry.analog[0], entry.analog[1]) = (0.3, 7.0);
+        entry
+    }
+
+    #[test]
+    fn before_anybody_commands_outputs_are_safe_or_left_alone() {
+        let release = release();
+        let values = release.values();
+        assert_eq!((values.digital, values.digital_set), (0, 0b01));
+        assert_eq!(values.analog[0], 0.1);
+        assert!(values.analog[1].is_nan());
+    }
+
+    #[test]
+    fn a_released_channel_goes_to_its_safe_value_or_keeps_what_it_has() {
+        let mut release = release();
+        let values = *release.apply(&commanded());
+        assert_eq!((values.digital, values.digital_set), (0b11, 0b11));
+        assert_eq!(values.analog[..2], [0.3, 7.0]);
+        let values = *release.apply(&SetPoint::NONE);
+        assert_eq!((values.digital, values.digital_set), (0b10, 0b11));
+        assert_eq!(values.analog[..2], [0.1, 7.0]);
+    }
+
+    #[test]
+    fn a_value_out_of_range_releases_its_channel_and_is_not_clamped() {
+        for bad in [0.500_001, -1e-9, f64::INFINITY] {
+            let mut release = release();
+            let mut entry = commanded();
+            release.apply(&entry);
+            entry.analog[0] = bad;
+            assert_eq!(release.apply(&entry).analog[0], 0.1);
+            assert_eq!(release.out_of_range(), 1);
+            release.apply(&commanded());
+            assert_eq!(release.out_of_range(), 0);
+        }
+    }
+}

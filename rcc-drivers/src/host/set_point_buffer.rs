@@ -1,0 +1,231 @@
+//! The set-points that an executor has written, without gap up to the newest.
+//! Pure; run by the host's thread, which looks often enough to miss none.
+
+use rcc_core::message::{CommandImage, MAGIC, SET_POINTS, SetPoint};
+
+/// Set-points buffered: what a device may fall behind before it must stop.
+pub const BUFFER_LENGTH: usize = SET_POINTS;
+
+/// No executor comes this far: 285 years of cycles of 1 µs. Numbers beyond it are not counted with.
+const SEQUENCE_MAX: u64 = 1 << 53;
+/// No executor is slower: what a cell's configuration allows, ns.
+const PERIOD_MAX_NS: u64 = 1_000_000_000;
+
+/// What a look at the board brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BufferUpdate {
+    /// Nothing new.
+    None,
+    /// Continued set-points of the same executor; some in between may be missing.
+    Continued,
+    /// The first set-points of an executor: what was buffered is forgotten.
+    NewExecutor,
+}
+
+/// The newest set-points of one executor, by the number of their cycle.
+#[derive(Clone, Debug)]
+pub struct SetPointBuffer {
+    entries: [SetPoint; BUFFER_LENGTH],
+    /// Incarnation of the executor, 0 = none yet.
+    executor: u64,
+    /// Cycles `oldest..=newest` are there; none if `newest` is 0.
+    oldest: u64,
+    newest: u64,
+    stamp_ns: u64,
+    period_ns: u64,
+}
+
+impl Default for SetPointBuffer {
+    fn default() -> Self {
+        Self {
+            entries: [SetPoint::NONE; BUFFER_LENGTH],
+            executor: 0,
+            oldest: 1,
+            newest: 0,
+            stamp_ns: 0,
+            period_ns: 1,
+        }
+    }
+}
+
+impl SetPointBuffer {
+    /// Copies what is new. An image that no executor has written yet is ignored, and so is one whose numbers no executor
+    /// writes.
+    pub fn update(&mut self, image: &CommandImage) -> BufferUpdate {
+        if image.head.magic != MAGIC
+            || !(1..=SEQUENCE_MAX).contains(&image.head.sequence)
+            || !(1..=PERIOD_MAX_NS).contains(&image.head.period_ns)
+            || image.head.executor == 0
+        {
+            return BufferUpdate::None;
+        }
+        let other = image.head.executor != self.executor;
+        if !other && image.head.sequence <= self.newest {
+            return BufferUpdate::None;
+        }
+        let ring_oldest = image
+            .head
+            .sequence
+            .saturating_sub(SET_POINTS as u64 - 1)
+            .max(1);
+        let first = if other {
+            ring_oldest
+        } else {
+            ring_oldest.max(self.newest + 1)
+        };
+        if other || first > self.newest + 1 {
+            self.oldest = first;
+        }
+        for sequence in first..=image.head.sequence {
+            match (self.entries.get_mut(index(sequence)), image.at(sequence)) {
+                (Some(place), Some(entry)) => *place = *entry,
+                _ => self.oldest = sequence + 1,
+            }
+        }
+        self.newest = image.head.sequence;
+        self.oldest = self
+            .oldest
+            .max((self.newest + 1).saturating_sub(BUFFER_LENGTH as u64));
+        self.executor = image.head.executor;
+        self.stamp_ns = image.head.stamp_ns;
+        self.period_ns = image.head.period_ns;
+        if other {
+            BufferUpdate::NewExecutor
+        } else {
+            BufferUpdate::Continued
+        }
+    }
+
+    /// The set-point of cycle `sequence`, if it is buffered.
+    #[must_use]
+    pub fn at(&self, sequence: u64) -> Option<&SetPoint> {
+        (self.oldest..=self.newest)
+            .contains(&sequence)
+            .then(|| self.entries.get(index(sequence)))
+            .flatten()
+    }
+
+    /// The position of cycle `sequence`, if it is buffered and commands one.
+    #[must_use]
+    pub fn commanded(&self, sequence: u64) -> Option<&SetPoint> {
+        self.at(sequence).filter(|entry| commands_joints(entry))
+    }
+
+    /// Number of the newest cycle, 0 = none.
+    #[must_use]
+    pub fn newest(&self) -> u64 {
+        self.newest
+    }
+
+    /// Number of the oldest cycle that is buffered.
+    #[must_use]
+    pub fn oldest(&self) -> u64 {
+        self.oldest
+    }
+
+    /// The executor's incarnation, 0 = none yet.
+    #[must_use]
+    pub fn executor(&self) -> u64 {
+        self.executor
+    }
+
+    /// CLOCK_MONOTONIC at which the newest set-point was written.
+    #[must_use]
+    pub fn stamp_ns(&self) -> u64 {
+        self.stamp_ns
+    }
+
+    /// The executor's period, ns; greater than 0.
+    #[must_use]
+    pub fn period_ns(&self) -> u64 {
+        self.period_ns
+    }
+}
+
+/// True if somebody commands the joints.
+#[must_use]
+pub fn commands_joints(entry: &SetPoint) -> bool {
+    entry.has_position == 1 && entry.owner != 0
+}
+
+fn index(sequence: u64) -> usize {
+    // Less than BUFFER_LENGTH.
+    (sequence % BUFFER_LENGTH as u64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(executor: u64, sequence: u64) -> CommandImage {
+        let mut image = CommandImage::new(executor, 1);
+        for entry in 1..=sequence {
+            image.push(entry, entry, SetPoint::NONE);
+        }
+        image
+    }
+
+    fn buffered(buffer: &SetPointBuffer) -> Vec<u64> {
+        (0..500)
+            .filter_map(|sequence| buffer.at(sequence).map(|entry| entry.logical_ns))
+            .collect()
+    }
+
+    #[test]
+    fn keeps_as_many_as_a_driver_may_sleep_through() {
+        let mut buffer = SetPointBuffer::default();
+        for sequence in [5, 14, 240, 250, 400] {
+            buffer.update(&image(1, sequence));
+        }
+        assert_eq!(buffered(&buffer), (145..=400).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_is_not_without_gap_before_the_newest_is_forgotten() {
+        let mut buffer = SetPointBuffer::default();
+        buffer.update(&image(1, 16));
+        assert_eq!(buffer.update(&image(1, 273)), BufferUpdate::Continued);
+        assert_eq!(buffered(&buffer), (18..=273).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_set_point_that_is_not_there_is_a_gap() {
+        let mut buffer = SetPointBuffer::default();
+        let mut image = image(1, 20);
+        image.set_points[12].logical_ns = 0;
+        buffer.update(&image);
+        assert_eq!(buffered(&buffer), (13..=20).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn another_executor_begins_anew() {
+        let mut buffer = SetPointBuffer::default();
+        assert_eq!(buffer.update(&image(1, 40)), BufferUpdate::NewExecutor);
+        assert_eq!(buffer.update(&image(1, 40)), BufferUpdate::None);
+        assert_eq!(buffer.update(&image(2, 3)), BufferUpdate::NewExecutor);
+        assert_eq!((buffered(&buffer), buffer.executor()), (vec![1, 2, 3], 2));
+    }
+
+    #[test]
+    fn numbers_that_no_executor_writes_are_not_counted_with() {
+        let mut buffer = SetPointBuffer::default();
+        buffer.update(&image(1, 20));
+        let before = buffered(&buffer);
+        let (mut far, mut slow) = (image(1, 21), image(1, 21));
+        far.head.sequence = u64::MAX;
+        slow.head.period_ns = u64::MAX;
+        for hostile in [far, slow] {
+            assert_eq!(buffer.update(&hostile), BufferUpdate::None);
+        }
+        assert_eq!(buffered(&buffer), before);
+    }
+
+    #[test]
+    fn a_board_that_nobody_has_written_says_nothing() {
+        let mut buffer = SetPointBuffer::default();
+        let mut unwritten = image(1, 3);
+        unwritten.head.magic = 0;
+        assert_eq!(buffer.update(&unwritten), BufferUpdate::None);
+        assert_eq!(buffered(&buffer), Vec::<u64>::new());
+    }
+}

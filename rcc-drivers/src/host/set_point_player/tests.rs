@@ -1,0 +1,489 @@
+//! The rules of the player in virtual time: an executor and a device with periods of 1 ms, each of which may stall.
+//! Test code only.
+
+use rcc_core::message::JOINTS_MAX;
+
+use super::*;
+
+mod fixture;
+mod lockstep;
+
+use fixture::{DELAY, MS, PlayerFixture, at, motion, usual};
+
+#[test]
+fn after_the_delay_every_set_point_is_sent_once_with_its_own_outputs() {
+    let mut fixture = PlayerFixture::new();
+    let points = usual();
+    let mut outputs = Vec::new();
+    for cycle in 0..points.len() + DELAY as usize {
+        let q = points.get(cycle).or(points.last()).copied().unwrap_or(0.0);
+        fixture.both(at(1, q));
+        outputs.push((fixture.player.outputs().digital, fixture.last()));
+        assert_eq!(fixture.player.state(), DeviceState::Commanded);
+        assert_eq!(fixture.player.settled_ns(), 0);
+    }
+    let delay = DELAY as usize;
+    assert_eq!(fixture.positions()[delay..], points);
+    assert_eq!(fixture.positions()[..delay], [0.0; DELAY as usize]);
+    assert_eq!(fixture.player.margin(), DELAY);
+    for (digital, q) in outputs {
+        assert_eq!(digital, u64::from(q > 0.1), "at {q}");
+    }
+}
+
+#[test]
+fn a_net_that_ends_at_rest_leaves_the_arm_ready_and_settled() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual());
+    fixture.idle(DELAY - 1);
+    assert_eq!(fixture.player.state(), DeviceState::Commanded);
+    fixture.idle(1);
+    assert_eq!(
+        (fixture.last(), fixture.player.state()),
+        (0.2, DeviceState::Commanded)
+    );
+    fixture.idle(1);
+    assert_eq!(fixture.player.state(), DeviceState::Ready);
+    assert_eq!(
+        fixture.player.settled_ns(),
+        fixture.image.head.sequence * MS
+    );
+    assert_eq!(fixture.player.reason(), 0);
+}
+
+#[test]
+fn outputs_are_those_of_the_newest_cycle_when_nobody_commands_the_joints() {
+    let mut fixture = PlayerFixture::new();
+    let only_output = SetPoint {
+        digital: 0b10,
+        digital_commanded: 0b10,
+        ..SetPoint::NONE
+    };
+    fixture.both(only_output);
+    assert_eq!(fixture.player.outputs().digital, 0b10);
+    assert_eq!(fixture.player.state(), DeviceState::Ready);
+}
+
+#[test]
+fn outputs_do_not_change_while_set_points_wait() {
+    let mut fixture = PlayerFixture::new();
+    for _ in 0..DELAY {
+        fixture.both(at(1, 0.0));
+        assert_eq!(fixture.player.outputs().digital_commanded, 0);
+    }
+    fixture.both(at(1, 0.0));
+    assert_eq!(fixture.player.outputs().digital_commanded, 1);
+}
+
+#[test]
+fn a_first_set_point_elsewhere_is_refused_and_nothing_moves() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &motion(0.01, 0.2, 400));
+    assert_eq!(fixture.last(), 0.0);
+    assert_eq!(fixture.player.reason(), reason::FIRST_SET_POINT);
+    assert_eq!(fixture.player.state(), DeviceState::Online);
+    fixture.idle(1);
+    assert_eq!(fixture.player.state(), DeviceState::Ready);
+}
+
+#[test]
+fn what_the_tolerance_allows_is_bridged_smoothly() {
+    let mut fixture = PlayerFixture::new();
+    let points = motion(0.0019, 0.2, 400);
+    fixture.run(1, &points);
+    (0..DELAY).for_each(|_| fixture.both(at(1, points[400])));
+    assert_eq!(fixture.last(), points[400]);
+    fixture.check_peaks();
+}
+
+#[test]
+fn a_late_executor_slows_the_motion_on_its_path_and_the_margin_comes_back() {
+    let mut fixture = PlayerFixture::new();
+    let points = motion(0.0, 1.0, 2000);
+    let (early, rest) = points.split_at(800);
+    fixture.run(1, early);
+    fixture.device_alone(7);
+    assert!((DELAY - 7..DELAY - 5).contains(&fixture.player.margin()));
+    fixture.run(1, rest);
+    assert_eq!(fixture.player.counts(), PlayerCounts::default());
+    assert!(
+        fixture.player.margin() >= DELAY - 1,
+        "{}",
+        fixture.player.margin()
+    );
+    fixture.check_peaks();
+    for (_, q) in &fixture.sent {
+        assert!((q[1] - 0.5 * q[0]).abs() < 1e-15, "off the path");
+    }
+    fixture.idle(DELAY + 5);
+    assert_eq!(
+        (fixture.last(), fixture.player.state()),
+        (1.0, DeviceState::Ready)
+    );
+}
+
+#[test]
+fn a_device_that_stalled_loses_no_set_point_and_catches_up() {
+    let mut fixture = PlayerFixture::new();
+    let points = motion(0.0, 1.0, 2000);
+    for (cycle, q) in points.iter().enumerate() {
+        fixture.now_ns += MS;
+        fixture.write(at(1, *q));
+        if (500..530).contains(&cycle) {
+            fixture.observe();
+        } else {
+            fixture.exchange();
+        }
+        if cycle == 530 {
+            assert_eq!(fixture.player.margin(), DELAY + 30);
+        }
+    }
+    assert!(
+        fixture.player.margin() <= DELAY + 1,
+        "{}",
+        fixture.player.margin()
+    );
+    assert_eq!(fixture.player.counts(), PlayerCounts::default());
+    fixture.check_peaks();
+}
+
+#[test]
+fn lost_device_periods_count_as_time() {
+    let mut fixture = PlayerFixture::new();
+    let points = usual();
+    for (cycle, q) in points.iter().enumerate() {
+        fixture.now_ns += MS;
+        fixture.write(at(1, *q));
+        match cycle {
+            200 | 201 => fixture.observe(),
+            _ => {
+                fixture.tick.ticks = if cycle == 202 { 3 } else { 1 };
+                fixture.exchange();
+            }
+        }
+    }
+    assert_eq!(fixture.last(), points[400 - DELAY as usize]);
+    assert_eq!(fixture.player.margin(), DELAY);
+}
+
+#[test]
+fn when_set_points_end_in_motion_the_arm_comes_to_rest_within_its_limits() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    fixture.device_alone(11);
+    assert_eq!(fixture.player.state(), DeviceState::Stopping);
+    assert_eq!(fixture.player.counts().starved, 1);
+    fixture.device_alone(200);
+    assert_eq!(fixture.player.state(), DeviceState::Online);
+    fixture.check_peaks();
+    let rest = fixture.last();
+    fixture.run(1, &usual()[200..]);
+    assert_eq!(fixture.last(), rest, "its owner is refused");
+    fixture.idle(1);
+    fixture.run(2, &motion(rest, 0.1, 300));
+    assert_eq!(fixture.player.state(), DeviceState::Commanded);
+    assert!(fixture.last() > rest, "another owner is followed");
+}
+
+#[test]
+fn null_in_motion_brings_the_arm_to_rest_and_releases_outputs_at_once() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..300]);
+    fixture.idle(DELAY + 1);
+    assert_eq!(fixture.player.state(), DeviceState::Stopping);
+    assert_eq!(fixture.player.reason(), reason::RELEASED_MOVING);
+    assert_eq!(fixture.player.outputs().digital_commanded, 0);
+    assert_eq!(fixture.player.settled_ns(), 0);
+    fixture.idle(300);
+    assert_eq!(fixture.player.state(), DeviceState::Ready);
+    fixture.check_peaks();
+}
+
+#[test]
+fn a_start_while_the_arm_is_being_stopped_is_refused() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..300]);
+    fixture.idle(DELAY + 1);
+    let points: Vec<f64> = vec![fixture.last(); 400];
+    fixture.run(2, &points);
+    assert_eq!(fixture.player.reason(), reason::NOT_STARTABLE);
+    assert_eq!(fixture.player.state(), DeviceState::Online);
+}
+
+#[test]
+fn a_stale_board_at_rest_releases_outputs_and_its_net() {
+    let mut fixture = PlayerFixture::new();
+    let points = usual();
+    fixture.run(1, &points);
+    (0..20).for_each(|_| fixture.both(at(1, 0.2)));
+    assert_eq!(fixture.player.outputs().digital_commanded, 1);
+    fixture.device_alone(51);
+    assert_eq!(fixture.player.outputs().digital_commanded, 0);
+    assert_eq!(fixture.player.executor(), 0);
+    fixture.device_alone(5);
+    assert_eq!(fixture.player.state(), DeviceState::Online);
+    (0..100).for_each(|_| fixture.both(at(1, 0.2)));
+    assert_eq!(
+        fixture.player.state(),
+        DeviceState::Online,
+        "the same net is not followed again"
+    );
+    assert_eq!(fixture.last(), 0.2);
+}
+
+#[test]
+fn a_board_stamped_in_the_future_is_as_stale_as_an_old_one() {
+    let mut fixture = PlayerFixture::new();
+    fixture.now_ns += MS;
+    fixture.write(SetPoint::NONE);
+    fixture.image.head.stamp_ns = fixture.now_ns + 1_000 * MS;
+    fixture.exchange();
+    assert_eq!(fixture.player.executor(), 0);
+    assert_ne!(fixture.player.state(), DeviceState::Ready);
+}
+
+#[test]
+fn when_the_executor_goes_in_motion_the_arm_comes_to_rest() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    fixture.connected = false;
+    fixture.device_alone(1);
+    assert_eq!(fixture.player.state(), DeviceState::Stopping);
+    assert_eq!(fixture.player.reason(), reason::NO_EXECUTOR);
+    assert_eq!(fixture.player.outputs().digital_commanded, 0);
+    fixture.device_alone(200);
+    fixture.check_peaks();
+    fixture.sent.clear();
+    fixture.device_alone(50);
+    assert_eq!(fixture.peaks()[0], 0.0);
+}
+
+#[test]
+fn another_executor_is_not_followed_in_motion() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    fixture.image.head.executor = 8;
+    fixture.run(1, &usual()[200..]);
+    assert_eq!(fixture.player.state(), DeviceState::Online);
+    fixture.check_peaks();
+    fixture.idle(1);
+    assert_eq!(
+        (fixture.player.state(), fixture.player.executor()),
+        (DeviceState::Ready, 8)
+    );
+}
+
+#[test]
+fn set_points_that_go_on_under_another_owner_are_followed() {
+    let mut fixture = PlayerFixture::new();
+    let points = usual();
+    fixture.run(1, &points[..200]);
+    fixture.run(2, &points[200..]);
+    (0..DELAY).for_each(|_| fixture.both(at(2, 0.2)));
+    assert_eq!(fixture.positions()[DELAY as usize..], points);
+}
+
+#[test]
+fn a_net_that_follows_a_cycle_later_begins_without_a_gap_of_its_own() {
+    let mut fixture = PlayerFixture::new();
+    let (there, back) = (usual(), motion(0.2, -0.2, 400));
+    fixture.run(1, &there);
+    fixture.idle(1);
+    fixture.run(2, &back);
+    (0..DELAY).for_each(|_| fixture.both(at(2, 0.0)));
+    let positions = fixture.positions();
+    let start = DELAY as usize;
+    assert_eq!(positions[start..start + there.len()], there);
+    assert_eq!(positions[start + there.len()], 0.2);
+    assert_eq!(positions[start + there.len() + 1..], back);
+}
+
+#[test]
+fn a_driver_that_comes_back_does_not_move() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    let mut again = PlayerFixture::new();
+    again.player = SetPointPlayer::new(fixture.player.settings);
+    again.image = fixture.image;
+    again.now_ns = fixture.now_ns;
+    again.tick.mirror = *fixture.player.position();
+    again.tick.commandable = false;
+    again.exchange();
+    again.tick.commandable = true;
+    again.sent.clear();
+    again.run(1, &usual()[200..]);
+    assert_eq!(again.peaks()[0], 0.0);
+    assert_eq!(again.player.reason(), reason::ALREADY_COMMANDED);
+    assert_eq!(again.player.state(), DeviceState::Online);
+}
+
+#[test]
+fn a_device_that_left_command_mode_is_mirrored_and_its_net_is_not_followed_again() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    fixture.tick.commandable = false;
+    fixture.tick.mirror[0] = 0.123;
+    fixture.run(1, &usual()[200..210]);
+    assert_eq!(
+        (fixture.last(), fixture.player.state()),
+        (0.123, DeviceState::Online)
+    );
+    fixture.tick.commandable = true;
+    fixture.run(1, &[0.123; 100]);
+    assert_eq!(fixture.last(), 0.123);
+    assert_eq!(fixture.player.reason(), reason::DEVICE_STOPPED);
+}
+
+#[test]
+fn a_device_that_is_not_startable_goes_on_but_nothing_begins() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    fixture.tick.startable = false;
+    fixture.run(1, &usual()[200..]);
+    fixture.idle(20);
+    assert_eq!(fixture.last(), 0.2);
+    assert_eq!(fixture.player.state(), DeviceState::Online);
+    fixture.run(2, &motion(0.2, 0.1, 300));
+    assert_eq!(
+        (fixture.last(), fixture.player.reason()),
+        (0.2, reason::NOT_STARTABLE)
+    );
+}
+
+#[test]
+fn a_set_point_that_breaks_a_limit_is_not_sent_but_stops_the_arm() {
+    let mut fixture = PlayerFixture::new();
+    let mut points = usual();
+    points.iter_mut().skip(250).for_each(|q| *q += 1e-3);
+    fixture.run(1, &points);
+    assert_eq!(fixture.player.reason(), reason::LIMIT);
+    let violation = fixture.player.violation().map(|violation| violation.joint);
+    assert_eq!(violation, Some(0));
+    fixture.idle(200);
+    fixture.check_peaks();
+    assert!(fixture.last() < 0.2);
+}
+
+#[test]
+fn a_driver_asked_to_stop_brings_its_arm_to_rest_and_follows_nobody() {
+    let mut fixture = PlayerFixture::new();
+    fixture.run(1, &usual()[..200]);
+    fixture.player.terminate();
+    fixture.run(1, &usual()[200..]);
+    assert!(fixture.player.is_holding());
+    fixture.check_peaks();
+    let rest = fixture.last();
+    fixture.idle(5);
+    fixture.run(2, &motion(rest, 0.1, 300));
+    assert_eq!(fixture.last(), rest);
+    assert_eq!(fixture.player.reason(), reason::TERMINATING);
+}
+
+#[test]
+fn what_the_driver_slept_through_is_played_at_once_if_the_device_has_gone_on() {
+    let mut fixture = PlayerFixture::new();
+    let points = motion(0.0, 1.0, 2000);
+    fixture.run(1, &points[..1000]);
+    for q in &points[1000..1039] {
+        fixture.now_ns += MS;
+        fixture.write(at(1, *q));
+    }
+    fixture.tick.ticks = 40;
+    fixture.run(1, &points[1039..=1039]);
+    fixture.tick.ticks = 1;
+    assert!((fixture.last() - points[1039 - DELAY as usize]).abs() < 1e-12);
+    fixture.run(1, &points[1040..]);
+    (0..DELAY).for_each(|_| fixture.both(at(1, 1.0)));
+    assert_eq!((fixture.player.reason(), fixture.last()), (0, 1.0));
+}
+
+#[test]
+fn a_device_that_falls_behind_by_more_than_the_time_out_stops() {
+    let mut fixture = PlayerFixture::new();
+    let points = motion(0.0, 1.0, 2000);
+    fixture.run(1, &points[..1000]);
+    for q in &points[1000..1060] {
+        fixture.now_ns += MS;
+        fixture.write(at(1, *q));
+    }
+    fixture.run(1, &points[1060..1100]);
+    assert_eq!(fixture.player.reason(), reason::SET_POINTS_LOST);
+    fixture.check_peaks();
+}
+
+#[test]
+fn at_rest_the_delay_is_won_back_without_slowing_anything() {
+    let mut fixture = PlayerFixture::new();
+    let points = usual();
+    (0..50).for_each(|_| fixture.both(at(1, 0.0)));
+    fixture.device_alone(8);
+    (0..20).for_each(|_| fixture.both(at(1, 0.0)));
+    assert_eq!(fixture.player.margin(), DELAY);
+    fixture.sent.clear();
+    fixture.run(1, &points);
+    assert_eq!(
+        fixture.positions()[DELAY as usize..],
+        points[..points.len() - DELAY as usize]
+    );
+}
+
+#[test]
+fn set_points_that_piled_up_in_motion_are_caught_up_smoothly() {
+    let mut fixture = PlayerFixture::new();
+    let points = motion(0.0, 1.0, 2000);
+    fixture.run(1, &points[..700]);
+    for q in &points[700..704] {
+        // The device stands still for 4 ms; the executor does not.
+        fixture.now_ns += MS;
+        fixture.write(at(1, *q));
+    }
+    fixture.run(1, &points[704..720]);
+    assert_eq!(fixture.player.margin(), DELAY + 4);
+    fixture.run(1, &points[720..1200]);
+    assert!(
+        fixture.player.margin() <= DELAY + 1,
+        "{}",
+        fixture.player.margin()
+    );
+    assert_eq!(fixture.player.counts(), PlayerCounts::default());
+    fixture.check_peaks();
+    for (_, q) in &fixture.sent {
+        assert!((q[1] - 0.5 * q[0]).abs() < 1e-15, "off the path");
+    }
+}
+
+#[test]
+fn equal_set_points_that_piled_up_at_rest_are_left_out_at_once() {
+    let mut fixture = PlayerFixture::new();
+    (0..50).for_each(|_| fixture.both(at(1, 0.0)));
+    for _ in 0..5 {
+        fixture.now_ns += MS;
+        fixture.write(at(1, 0.0));
+    }
+    fixture.both(at(1, 0.0));
+    assert_eq!(fixture.player.margin(), DELAY);
+    fixture.sent.clear();
+    let points = usual();
+    fixture.run(1, &points);
+    assert_eq!(
+        fixture.positions()[DELAY as usize..],
+        points[..points.len() - DELAY as usize]
+    );
+}
+
+#[test]
+fn a_driver_that_starts_while_its_device_follows_begins_where_the_device_holds_itself() {
+    let elsewhere = [0.7; JOINTS_MAX];
+    let mut fixture = PlayerFixture::new();
+    let tick = DeviceCycle {
+        mirror: elsewhere,
+        ..fixture.tick
+    };
+    let mut player = SetPointPlayer::new(fixture.player.settings);
+    player.tick(&tick);
+    assert_eq!(*player.position(), elsewhere);
+    // And after it was out of reach for so long that nobody knows where it is.
+    fixture.player.lose();
+    fixture.player.tick(&tick);
+    assert_eq!(*fixture.player.position(), elsewhere);
+}

@@ -1,0 +1,190 @@
+//! Executor, board, device and player in one virtual time of 1 ms steps, each of which may stall.
+//! Test code only.
+
+use rcc_core::guard::JointLimits;
+use rcc_core::message::{ANALOG_MAX, JOINTS_MAX};
+
+use super::super::*;
+
+pub(super) const MS: u64 = 1_000_000;
+pub(super) const DELAY: u64 = 10;
+pub(super) const A_MAX: f64 = 20.0;
+pub(super) const J_MAX: f64 = 2000.0;
+
+pub(super) fn limits() -> ArmLimits {
+    ArmLimits {
+        joints: JointLimits {
+            lower: [-2.0; JOINTS_MAX],
+            upper: [2.0; JOINTS_MAX],
+            velocity_max: [2.0; JOINTS_MAX],
+            acceleration_max: [A_MAX; JOINTS_MAX],
+            jerk_max: [J_MAX; JOINTS_MAX],
+            joints: 7,
+        },
+        jerk_max: [J_MAX; JOINTS_MAX],
+        impedance: None,
+    }
+}
+
+/// Executor, board, device and player in one virtual time.
+pub(super) struct PlayerFixture {
+    pub(super) player: SetPointPlayer,
+    pub(super) image: CommandImage,
+    /// There is an executor.
+    pub(super) connected: bool,
+    pub(super) now_ns: u64,
+    /// What the device was sent, one row an exchange with its time, ms.
+    pub(super) sent: Vec<(u64, Joints)>,
+    pub(super) tick: DeviceCycle,
+}
+
+impl PlayerFixture {
+    /// An arm at 0 that is commandable, and an executor that runs without nets.
+    pub(super) fn new() -> Self {
+        Self::with(|player| player)
+    }
+
+    /// As `new`, where the executor's clock follows the device.
+    pub(super) fn with_leading_clock() -> Self {
+        Self::with(SetPointPlayer::with_leading_clock)
+    }
+
+    fn with(change: impl Fn(SetPointPlayer) -> SetPointPlayer) -> Self {
+        let settings = PlayerSettings {
+            limits: limits(),
+            first_tolerance_rad: 2e-3,
+            delay_ns: DELAY * MS,
+            command_timeout_ns: 50 * MS,
+        };
+        let mut fixture = Self {
+            player: change(SetPointPlayer::new(settings)),
+            image: CommandImage::new(7, MS),
+            connected: true,
+            now_ns: 1_000 * MS,
+            sent: Vec::new(),
+            tick: DeviceCycle {
+                ticks: 1,
+                period_ns: MS,
+                commandable: true,
+                startable: true,
+                strategy: 0,
+                mirror: [0.0; JOINTS_MAX],
+            },
+        };
+        fixture.tick.commandable = false;
+        fixture.exchange();
+        fixture.tick.commandable = true;
+        fixture.idle(20);
+        assert_eq!(fixture.player.state(), DeviceState::Ready);
+        fixture.sent.clear();
+        fixture
+    }
+
+    /// The executor evaluates a cycle.
+    pub(super) fn write(&mut self, entry: SetPoint) {
+        let next = self.image.head.sequence + 1;
+        self.image.push(next, self.now_ns, entry);
+    }
+
+    pub(super) fn observe(&mut self) {
+        let image = self.connected.then_some(&self.image);
+        self.player.observe(self.now_ns, image);
+    }
+
+    /// The device has its cycle.
+    pub(super) fn exchange(&mut self) {
+        self.observe();
+        self.player.tick(&self.tick);
+        self.sent.push((self.now_ns / MS, *self.player.position()));
+    }
+
+    /// One millisecond in which both run.
+    pub(super) fn both(&mut self, entry: SetPoint) {
+        self.now_ns += MS;
+        self.write(entry);
+        self.exchange();
+    }
+
+    /// The executor's cycle and the device's, without time in between.
+    pub(super) fn both_now(&mut self, entry: SetPoint) {
+        self.write(entry);
+        self.exchange();
+    }
+
+    pub(super) fn idle(&mut self, cycles: u64) {
+        (0..cycles).for_each(|_| self.both(SetPoint::NONE));
+    }
+
+    /// The device goes on alone.
+    pub(super) fn device_alone(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.now_ns += MS;
+            self.exchange();
+        }
+    }
+
+    /// Plays a whole motion of `owner`.
+    pub(super) fn run(&mut self, owner: u64, motion: &[f64]) {
+        motion.iter().for_each(|q| self.both(at(owner, *q)));
+    }
+
+    /// Largest velocity, acceleration and jerk of joint 1 in what was sent, by differences over its periods.
+    pub(super) fn peaks(&self) -> [f64; 3] {
+        let mut rows: Vec<f64> = self.sent.iter().map(|(_, q)| q[0]).collect();
+        let mut peak = || {
+            rows = rows
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]) * 1e3)
+                .collect();
+            rows.iter().fold(0.0_f64, |max, value| max.max(value.abs()))
+        };
+        [peak(), peak(), peak()]
+    }
+
+    pub(super) fn check_peaks(&self) {
+        let [velocity, acceleration, jerk] = self.peaks();
+        assert!(
+            velocity <= 2.0 && acceleration <= A_MAX * 1.000_001,
+            "{velocity} {acceleration}"
+        );
+        assert!(jerk <= J_MAX * 2.0, "{jerk}");
+    }
+
+    pub(super) fn last(&self) -> f64 {
+        self.player.position()[0]
+    }
+
+    pub(super) fn positions(&self) -> Vec<f64> {
+        self.sent.iter().map(|(_, q)| q[0]).collect()
+    }
+}
+
+/// A set-point with joint 1 at `q` and joint 2 at half of it; output 0 is on beyond 0.1 rad.
+pub(super) fn at(owner: u64, q: f64) -> SetPoint {
+    let mut position = [0.0; JOINTS_MAX];
+    (position[0], position[1]) = (q, 0.5 * q);
+    let mut analog = [f64::NAN; ANALOG_MAX];
+    analog[0] = q;
+    SetPoint {
+        owner,
+        has_position: 1,
+        position,
+        digital: u64::from(q > 0.1),
+        digital_commanded: 1,
+        analog,
+        ..SetPoint::NONE
+    }
+}
+
+/// Rest to rest from `from` by `way`, quintic, in `cycles` ms; with its first and last point.
+pub(super) fn motion(from: f64, way: f64, cycles: u64) -> Vec<f64> {
+    let part = |x: f64| x * x * x * (10.0 - x * (15.0 - 6.0 * x));
+    (0..=cycles)
+        .map(|cycle| from + way * part(cycle as f64 / cycles as f64))
+        .collect()
+}
+
+/// 0.2 rad in 0.4 s: 0.94 rad/s, 7.2 rad/s², 750 rad/s³.
+pub(super) fn usual() -> Vec<f64> {
+    motion(0.0, 0.2, 400)
+}

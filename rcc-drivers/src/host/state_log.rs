@@ -1,0 +1,212 @@
+//! What a device's life looks like from its driver, told once for each change: to the log and to the cell's event log.
+//! Run by the host's thread; the event log is written by a thread of its own.
+
+use rcc_config::DeviceConfig;
+use rcc_core::guard::{Violation, axis};
+use rcc_core::message::{DeviceState, Measurement};
+use rcc_core::primitive::ChannelKind;
+use rcc_ipc::events::{self, EventKind, EventRecorder};
+
+use super::device_session::DeviceSession;
+use super::reason::{self, Reason};
+
+/// Lowest quality, in thousandths, of each grade from the best on; what lies below all is a grade, too.
+const GRADES: [u32; 3] = [950, 800, 500];
+/// Quality is told at most once in this time, ns: a connection may be at a bound for hours.
+const QUALITY_EVERY_NS: u64 = 5_000_000_000;
+/// A grade is left only when the quality is so far beyond its bound.
+const HYSTERESIS: u32 = 20;
+
+/// What has been told last, so that it is said once.
+#[derive(Debug)]
+pub struct StateLog {
+    recorder: EventRecorder,
+    reasons: &'static [Reason],
+    analog_outputs: Vec<String>,
+    state: DeviceState,
+    reason: u32,
+    out_of_range: u64,
+    violations: u64,
+    /// Quality that was told last; nothing while the device is offline.
+    quality: Option<u32>,
+    /// Stamp of that telling, ns.
+    quality_ns: u64,
+    /// Stamp at which the way to rest began, ns.
+    stopping_ns: Option<u64>,
+}
+
+impl StateLog {
+    /// Of a device that has not been reached yet.
+    #[must_use]
+    pub fn new(
+        recorder: EventRecorder,
+        device: &DeviceConfig,
+        reasons: &'static [Reason],
+    ) -> StateLog {
+        let outputs = device.channels_of(ChannelKind::AnalogOutput);
+        StateLog {
+            recorder,
+            reasons,
+            analog_outputs: outputs.map(|channel| channel.name.clone()).collect(),
+            state: DeviceState::Offline,
+            reason: 0,
+            out_of_range: 0,
+            violations: 0,
+            quality: None,
+            quality_ns: 0,
+            stopping_ns: None,
+        }
+    }
+
+    /// Tells what has changed since the last look; a steady device is not talked about.
+    pub fn update(&mut self, session: &DeviceSession) {
+        let measurement = session.measurement();
+        self.update_state(measurement);
+        self.update_quality(measurement);
+        let player = session.player();
+        let violations = player.counts().violations;
+        if violations != self.violations {
+            self.violations = violations;
+            if let Some(violation) = player.violation() {
+                self.log(refused_event(violation));
+            }
+        }
+        let out_of_range = session.out_of_range();
+        if out_of_range != self.out_of_range {
+            self.out_of_range = out_of_range;
+            if out_of_range != 0 {
+                self.log(self.out_of_range_event(out_of_range));
+            }
+        }
+    }
+
+    fn update_state(&mut self, measurement: &Measurement) {
+        let state = DeviceState::from_number(measurement.state);
+        if state == self.state && measurement.reason == self.reason {
+            return;
+        }
+        let words = match measurement.reason {
+            0 => String::new(),
+            number => reason::meaning(number, self.reasons).to_owned(),
+        };
+        let was = std::mem::replace(&mut self.state, state);
+        self.reason = measurement.reason;
+        self.log(EventKind::DriverState {
+            state: state.name().to_owned(),
+            was: was.name().to_owned(),
+            reason: words.clone(),
+        });
+        let stopping = state == DeviceState::Stopping;
+        if stopping && was != DeviceState::Stopping {
+            self.stopping_ns = Some(measurement.stamp_ns);
+            self.log(EventKind::RestBegun { reason: words });
+        } else if !stopping && let Some(begun_ns) = self.stopping_ns.take() {
+            // Who is not reached any more may rest or not: nobody can tell.
+            if state != DeviceState::Offline {
+                let took_ns = measurement.stamp_ns.saturating_sub(begun_ns);
+                self.log(EventKind::RestReached {
+                    after_ms: took_ns / 1_000_000,
+                });
+            }
+        }
+    }
+
+    fn update_quality(&mut self, measurement: &Measurement) {
+        if self.state == DeviceState::Offline {
+            self.quality = None;
+            return;
+        }
+        let now = measurement.quality_permille;
+        let Some(was) = self.quality else {
+            self.quality = Some(now);
+            return;
+        };
+        let young = measurement.stamp_ns.saturating_sub(self.quality_ns) < QUALITY_EVERY_NS;
+        if has_changed(was, now) && !young {
+            self.quality = Some(now);
+            self.quality_ns = measurement.stamp_ns;
+            self.log(EventKind::Quality { permille: now, was });
+        }
+    }
+
+    fn out_of_range_event(&self, bits: u64) -> EventKind {
+        let names = self.analog_outputs.iter().enumerate();
+        let out = names.filter(|(index, _)| bits >> index & 1 == 1);
+        EventKind::OutOfRange {
+            channels: out.map(|(_, name)| name.clone()).collect(),
+        }
+    }
+
+    /// To both logs.
+    fn log(&self, what: EventKind) {
+        let event = events::Event::now(self.recorder.source().clone(), None, what);
+        let words = event.sentence(&|_, id| format!("command {id}"));
+        match event.severity {
+            events::Severity::Info => tracing::info!("{words}"),
+            _ => tracing::warn!("{words}"),
+        }
+        self.recorder.record(event);
+    }
+}
+
+/// Another grade, by more than a hair.
+fn has_changed(was: u32, now: u32) -> bool {
+    let grade = |quality: u32| GRADES.iter().position(|least| quality >= *least);
+    grade(was) != grade(now) && was.abs_diff(now) > HYSTERESIS
+}
+
+fn refused_event(violation: &Violation) -> EventKind {
+    let number = |value: f64| value.is_finite().then_some(value);
+    let is_joint = !violation.kind.is_of_device() && axis(usize::from(violation.joint)).is_none();
+    let joint = is_joint.then(|| u32::from(violation.joint) + 1);
+    EventKind::Refused {
+        joint: joint.unwrap_or(0),
+        value: number(violation.value),
+        limit: number(violation.limit),
+        unit: violation.unit().to_owned(),
+        words: violation.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quality_is_told_when_it_is_clearly_another_grade() {
+        for (was, now, told) in [
+            (1000, 960, false),
+            (1000, 940, true),
+            (955, 945, false),
+            (700, 400, true),
+            (300, 100, false),
+        ] {
+            assert_eq!(has_changed(was, now), told, "{was} {now}");
+        }
+    }
+
+    #[test]
+    fn a_refused_set_point_is_told_with_joint_value_limit_and_unit() {
+        let violation = Violation {
+            kind: rcc_core::guard::ViolationKind::Velocity,
+            joint: 3,
+            value: 2.5,
+            limit: 2.0,
+        };
+        let EventKind::Refused {
+            joint,
+            value,
+            limit,
+            unit,
+            words,
+        } = refused_event(&violation)
+        else {
+            panic!("a refusal");
+        };
+        assert_eq!(
+            (joint, value, limit, &*unit),
+            (4, Some(2.5), Some(2.0), "rad/s")
+        );
+        assert!(words.contains("joint 4"), "{words}");
+    }
+}
