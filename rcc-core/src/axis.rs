@@ -4,12 +4,12 @@
 //! What is here has a closed form and cannot fail: the stop, the way from rest to rest, and one after the other. The
 //! fastest way from any state is the business of a planner ([`crate::path::Motions::way`]).
 
-use crate::path::Limits;
+use crate::path::MotionLimits;
 
-mod follow;
+mod follower;
 mod slots;
 
-pub use follow::{AXIS_WORDS, Follower};
+pub use follower::{AXIS_WORDS, AxisFollower};
 pub use slots::{is_new, rest_at, share_of, step_axis};
 
 /// Most phases of a way: two or three to brake into the limits, seven to the goal.
@@ -73,8 +73,8 @@ impl AxisState {
 
 /// Whether an axis can be moved with these limits: they are finite and above 0.
 #[must_use]
-pub fn usable(limits: &Limits) -> bool {
-    let &Limits {
+pub fn limits_are_valid(limits: &MotionLimits) -> bool {
+    let &MotionLimits {
         velocity,
         acceleration,
         jerk,
@@ -107,7 +107,7 @@ impl Phases {
 
     /// The states where velocity and acceleration have their extrema: where phases begin and end, and where the
     /// acceleration goes through 0 within one.
-    pub fn corners(&self, start: AxisState) -> impl Iterator<Item = AxisState> + '_ {
+    pub fn extrema(&self, start: AxisState) -> impl Iterator<Item = AxisState> + '_ {
         let pairs = self.0.iter().scan(start, |state, (duration_s, jerk)| {
             let (begin, end) = (*state, state.after(*duration_s, *jerk));
             *state = end;
@@ -135,8 +135,8 @@ impl Phases {
 /// The fastest change of velocity to `velocity` without acceleration: jerk −J, 0, +J or the opposite. An acceleration
 /// beyond its limit is let go at the jerk limit and not exceeded further.
 #[must_use]
-pub fn to_velocity(from: &AxisState, velocity: f64, limits: &Limits) -> [(f64, f64); 3] {
-    let &Limits {
+pub fn to_velocity(from: &AxisState, velocity: f64, limits: &MotionLimits) -> [(f64, f64); 3] {
+    let &MotionLimits {
         acceleration: most,
         jerk,
         ..
@@ -170,8 +170,8 @@ pub fn to_velocity(from: &AxisState, velocity: f64, limits: &Limits) -> [(f64, f
 /// The fastest way of `distance` from rest to rest: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines
 /// and Robots, 2008, 3.4 (double S with zero velocities at both ends).
 #[must_use]
-pub fn rest_to_rest(distance: f64, limits: &Limits) -> [(f64, f64); 7] {
-    let &Limits {
+pub fn rest_to_rest(distance: f64, limits: &MotionLimits) -> [(f64, f64); 7] {
+    let &MotionLimits {
         velocity: v,
         acceleration: a,
         jerk: j,
@@ -206,7 +206,7 @@ pub fn rest_to_rest(distance: f64, limits: &Limits) -> [(f64, f64); 7] {
 
 /// To rest, and from there to `goal`: not the fastest way, but one that always exists.
 #[must_use]
-pub fn stop_and_go(from: &AxisState, goal: f64, limits: &Limits) -> Phases {
+pub fn stop_and_go(from: &AxisState, goal: f64, limits: &MotionLimits) -> Phases {
     let stop = to_velocity(from, 0.0, limits);
     let rest = Phases::of(&[&stop]).end(*from);
     Phases::of(&[&stop, &rest_to_rest(goal - rest.position, limits)])

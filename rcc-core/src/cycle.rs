@@ -1,25 +1,25 @@
-//! One cycle of one net: the whole interpreter. The same function runs on the real-time thread, in
-//! tests (virtual time: a cycle is a step) and in the benchmarks.
+//! One cycle of one net: the whole interpreter. The same function runs on the real-time thread, in tests (in virtual
+//! time, where a cycle is a step) and in the benchmarks.
 
 use crate::frame::Frame;
-use crate::plan::{Delay, Plan, Run};
+use crate::plan::{Delay, KernelRun, Plan};
 use crate::primitives;
 use crate::types::Store;
 
-/// Evaluates every primitive once, in plan order, then moves the delayed links on.
+/// Evaluates every primitive once, in plan order, then copies the delayed links.
 ///
-/// Touches only `frame`; no clock, no chance, so the same plan and inputs give the same bits.
+/// Accesses only `frame`, no clock and no randomness, so the same plan and inputs give the same bits.
 pub fn cycle(plan: &Plan<'_>, frame: &mut Frame<'_>) {
     if plan.blocks.is_empty() {
         run_all(plan, frame, plan.runs);
     } else {
         run_blocks(plan, frame, |frame, _, runs| run_all(plan, frame, runs));
     }
-    move_on(plan, frame);
+    copy_delayed_links(plan, frame);
 }
 
-/// As [`cycle`], and says how long the run `timed` took: the time between two looks at `clock`, ns. The values are the
-/// same. 0 if there is no such run, or if its region is not active.
+/// As [`cycle`], and returns how long the run `timed` took: the difference of two readings of `clock`, ns. The values
+/// are the same. Returns 0 if there is no such run, or if its region is not active.
 pub fn cycle_timed(
     plan: &Plan<'_>,
     frame: &mut Frame<'_>,
@@ -37,11 +37,11 @@ pub fn cycle_timed(
             }
         });
     }
-    move_on(plan, frame);
+    copy_delayed_links(plan, frame);
     ns
 }
 
-fn run_all(plan: &Plan<'_>, frame: &mut Frame<'_>, runs: &[Run]) {
+fn run_all(plan: &Plan<'_>, frame: &mut Frame<'_>, runs: &[KernelRun]) {
     for run in runs {
         if let Some(operands) = plan.operands_of(run) {
             primitives::run(run.kernel, frame, operands);
@@ -52,7 +52,7 @@ fn run_all(plan: &Plan<'_>, frame: &mut Frame<'_>, runs: &[Run]) {
 fn run_timed(
     plan: &Plan<'_>,
     frame: &mut Frame<'_>,
-    runs: &[Run],
+    runs: &[KernelRun],
     timed: usize,
     clock: fn() -> u64,
 ) -> u64 {
@@ -68,12 +68,12 @@ fn run_timed(
     ns
 }
 
-/// Decides each region where its first block begins, and gives the blocks that are evaluated to `run`, with the index of
-/// their first run.
+/// Decides each region at its first block, and passes the blocks that are evaluated to `run`, with the index of their
+/// first run.
 fn run_blocks<'a>(
     plan: &Plan<'a>,
     frame: &mut Frame<'_>,
-    mut run: impl FnMut(&mut Frame<'_>, usize, &'a [Run]),
+    mut run: impl FnMut(&mut Frame<'_>, usize, &'a [KernelRun]),
 ) {
     let (mut runs, mut blanks) = (plan.runs, plan.blanks);
     let (mut first, mut decided) = (0, 0);
@@ -94,14 +94,14 @@ fn run_blocks<'a>(
     }
 }
 
-fn move_on(plan: &Plan<'_>, frame: &mut Frame<'_>) {
+fn copy_delayed_links(plan: &Plan<'_>, frame: &mut Frame<'_>) {
     for delay in plan.delays {
-        carry_over(frame, delay);
+        copy_delayed_link(frame, delay);
     }
     frame.cycle += 1;
 }
 
-fn carry_over(frame: &mut Frame<'_>, delay: &Delay) {
+fn copy_delayed_link(frame: &mut Frame<'_>, delay: &Delay) {
     let (from, to, width) = (delay.from as usize, delay.to as usize, delay.width as usize);
     match delay.store {
         Store::Real => copy_within(frame.reals, from, to, width),
@@ -120,7 +120,7 @@ fn copy_within<T: Copy>(arena: &mut [T], from: usize, to: usize, width: usize) {
         }
         return;
     }
-    // `copy_within` panics outside the slice; `Plan::check` excludes it and this makes it certain.
+    // `copy_within` panics outside the slice; `Plan::check` excludes that, and this check guarantees it locally.
     if from + width <= arena.len() && to + width <= arena.len() {
         arena.copy_within(from..from + width, to);
     }

@@ -8,7 +8,7 @@
 use core::f64::consts::PI;
 
 use crate::frame::{Frame, Preparation};
-use crate::primitive::{State, finite};
+use crate::primitive::{StateSpec, finite};
 use crate::types::NULL_REAL;
 
 /// A filter `H(z) = (b0 + b1/z + b2/z²) / (1 + a1/z + a2/z²)`.
@@ -70,9 +70,9 @@ impl Biquad {
 }
 
 /// What a filter keeps in the arena: b0 b1 b2 a1 a2, the steady gain, and its memory, two numbers.
-pub const STATE: State = State {
+pub const STATE: StateSpec = StateSpec {
     reals: 8,
-    ..State::NONE
+    ..StateSpec::NONE
 };
 const MEMORY: u32 = 6;
 

@@ -1,7 +1,7 @@
-//! What kernels see: the arenas of one running net, the latched devices and the commands to write.
+//! The view of kernels: the arenas of one running net, the latched devices and the commands to write.
 //!
-//! The real-time thread builds a `Frame` for each net each cycle; it only borrows. Access to slots
-//! never panics: an index outside reads as null and writes nothing (`Plan::check` excludes both).
+//! The real-time thread builds a `Frame` for each net each cycle; it only borrows. Slot access never panics: an index
+//! outside the arena reads as null and writes nothing (`Plan::check` excludes both).
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ use crate::rotation::{self, Quaternion};
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
 use crate::workspace::Workspace;
 
-/// A device as the core knows it, from the cell's configuration.
+/// The static model of a device, from the cell's configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceModel {
     /// Number of joints, 0 for plain I/O.
@@ -24,20 +24,21 @@ pub struct DeviceModel {
     pub arm: Option<Arm>,
     /// Limits that the guard enforces.
     pub limits: JointLimits,
-    /// How far the first set-point of a net may be from the hold set-point, rad.
+    /// Largest distance of a net's first set-point from the hold set-point, rad per joint.
     pub first_tolerance_rad: f64,
-    /// Where its base stands in the world of the cell.
+    /// Pose of its base in the world frame of the cell.
     pub base: Pose,
-    /// Where the arm may be, `None` = anywhere; a net is checked for it before it starts, and each set-point by the guard.
+    /// Region that the arm may occupy, `None` = unrestricted; checked before a net starts and by the guard for each
+    /// set-point.
     pub workspace: Option<Workspace>,
     /// Number of digital inputs, digital outputs, analog inputs, analog outputs.
     pub channels: [u32; 4],
-    /// What impedance set-points may be, `None` = the arm is commanded in position only.
+    /// Limits of impedance set-points, `None` = the arm is commanded in position only.
     pub impedance: Option<ImpedanceLimits>,
 }
 
 impl DeviceModel {
-    /// Plain I/O without channels.
+    /// A plain I/O device without channels.
     pub const NONE: DeviceModel = DeviceModel {
         joints: 0,
         arm: None,
@@ -66,14 +67,14 @@ pub struct DeviceInput {
     pub measurement: Measurement,
 }
 
-/// What nets command a device in one cycle.
+/// The commands of all nets to a device in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceOutput {
     /// True if `position` is a command.
     pub has_position: bool,
     /// Joint set-point, rad.
     pub position: Joints,
-    /// How softly it is held; it counts with `position`.
+    /// Impedance; valid only with `position`.
     pub impedance: Impedance,
     /// Bit i: value of digital output i.
     pub digital: u64,
@@ -84,7 +85,7 @@ pub struct DeviceOutput {
 }
 
 impl DeviceOutput {
-    /// Commands nothing.
+    /// No commands.
     pub const NONE: DeviceOutput = DeviceOutput {
         has_position: false,
         position: [0.0; JOINTS_MAX],
@@ -95,7 +96,7 @@ impl DeviceOutput {
     };
 }
 
-/// Everything one net may read and write in one cycle.
+/// Everything that one net may read and write in one cycle.
 pub struct Frame<'a> {
     /// Arena of `Real` and composites.
     pub reals: &'a mut [f64],
@@ -113,7 +114,7 @@ pub struct Frame<'a> {
     pub motions: &'a mut dyn Motions,
     /// Period, s.
     pub dt_s: f64,
-    /// Cycles of this net evaluated before this one.
+    /// Number of cycles of this net that were evaluated before this one.
     pub cycle: u64,
     /// CANCEL was requested.
     pub cancel_requested: bool,
@@ -123,7 +124,8 @@ pub struct Frame<'a> {
     pub motion_failed: bool,
 }
 
-// For primitives that nets have by the hundred: without a value to go on with for a slot that is not there.
+// Accessors for primitives that occur in nets by the hundred: they need no fallback value for a slot that does not
+// exist.
 impl Frame<'_> {
     /// Reads a `Real`; `None` outside of the arena.
     #[inline(always)]
@@ -143,7 +145,7 @@ impl Frame<'_> {
         self.ints.get(slot as usize).copied()
     }
 
-    /// Reads `N` contiguous reals, as they are; `None` outside of the arena.
+    /// Reads `N` contiguous reals without interpretation.
     #[inline(always)]
     pub fn get_reals<const N: usize>(&self, slot: u32) -> Option<[f64; N]> {
         self.reals.get(slot as usize..)?.first_chunk().copied()
@@ -221,7 +223,7 @@ impl Frame<'_> {
         }
     }
 
-    /// Reads `N` contiguous reals, as they are.
+    /// Reads `N` contiguous reals without interpretation.
     #[inline(always)]
     pub fn reals<const N: usize>(&self, slot: u32) -> [f64; N] {
         let tail = self.reals.get(slot as usize..).unwrap_or(&[]);
@@ -247,20 +249,20 @@ impl Frame<'_> {
             .then_some(values)
     }
 
-    /// Writes a composite; `None` and what is not finite is null in every element.
+    /// Writes a composite; `None`, or any element that is not finite, writes null in every element.
     #[inline(always)]
     pub fn set_composite<const N: usize>(&mut self, slot: u32, value: Option<[f64; N]>) {
         let finite = value.filter(|value| value.iter().all(|element| element.is_finite()));
         self.set_reals(slot, finite.unwrap_or([NULL_REAL; N]));
     }
 
-    /// Reads a `Rotation`, at length one; `None` if it is null or has no direction.
+    /// Reads a `Rotation`, normalized; `None` if it is null or cannot be normalized.
     #[inline(always)]
     pub fn rotation(&self, slot: u32) -> Option<Quaternion> {
         rotation::unit(self.reals(slot))
     }
 
-    /// Reads a `Pose` with its rotation at length one; `None` if it is null or its rotation has no direction.
+    /// Reads a `Pose` with normalized orientation; `None` if it is null or its orientation cannot be normalized.
     #[inline(always)]
     pub fn known_pose(&self, slot: u32) -> Option<Pose> {
         let [x, y, z, qx, qy, qz, qw] = self.composite(slot)?;
@@ -270,7 +272,7 @@ impl Frame<'_> {
         })
     }
 
-    /// Writes a `Pose`; `None` and one that is not finite is null.
+    /// Writes a `Pose`; `None` or a pose that is not finite is written as null.
     #[inline(always)]
     pub fn set_known_pose(&mut self, slot: u32, pose: Option<Pose>) {
         self.set_composite(slot, pose.map(|pose| pose.to_slots()));
@@ -291,7 +293,7 @@ impl Frame<'_> {
         }
     }
 
-    /// Reads a `Pose`; null has NaN in it.
+    /// Reads a `Pose`; a null pose contains NaN.
     pub fn pose(&self, slot: u32) -> Pose {
         Pose::from_slots(self.reals(slot))
     }
@@ -306,14 +308,14 @@ impl Frame<'_> {
         self.set_reals(slot, pose);
     }
 
-    /// The measurement of a device; `None` if it is not present.
+    /// Returns the measurement of a device; `None` if it is not present.
     #[inline]
     pub fn measured(&self, device: u32) -> Option<&Measurement> {
         let input = self.devices.get(device as usize)?;
         input.present.then_some(&input.measurement)
     }
 
-    /// The commands to a device.
+    /// Returns the commands to a device.
     #[inline]
     pub fn output(&mut self, device: u32) -> Option<&mut DeviceOutput> {
         self.outputs.get_mut(device as usize)
@@ -321,21 +323,22 @@ impl Frame<'_> {
 }
 
 impl<'a> Frame<'a> {
-    /// The kinematics of a device.
+    /// Returns the kinematics of a device; `None` if it has none.
     #[inline]
     pub fn arm(&self, device: u32) -> Option<&'a Arm> {
         let models: &'a [DeviceModel] = self.models;
         models.get(device as usize)?.arm.as_ref()
     }
 
-    /// The limits of a device's joints.
+    /// Returns the joint limits of a device.
     #[inline]
     pub fn limits(&self, device: u32) -> Option<&'a JointLimits> {
         let models: &'a [DeviceModel] = self.models;
         models.get(device as usize).map(|model| &model.limits)
     }
 
-    /// The kinematics of a device with joint positions for it; `None` if one is null or not finite.
+    /// Returns the kinematics of a device and the joint positions at `joints`; `None` if a position is null or not
+    /// finite.
     pub fn arm_at(&self, device: u32, joints: u32, width: u32) -> Option<(&'a Arm, Joints)> {
         let joints = self.joints(joints, width)?;
         let finite = joints.iter().all(|joint| joint.is_finite());
@@ -352,7 +355,7 @@ pub fn joints_from(values: &[f64]) -> Option<Joints> {
     joints.iter().all(|value| !value.is_nan()).then_some(joints)
 }
 
-/// What `prepare` sees, off the real-time thread, when a command becomes ready.
+/// The view of `prepare`, off the real-time thread, when a command becomes ready.
 pub struct Preparation<'a> {
     /// The initial arena of `Real`.
     pub reals: &'a mut [f64],
@@ -362,9 +365,9 @@ pub struct Preparation<'a> {
     pub bools: &'a [u8],
     /// Kinematics and limits, by device index.
     pub models: &'a [DeviceModel],
-    /// The hold set-point of each device, `None` if it is not known now.
+    /// The hold set-point of each device, rad; `None` if it is not known.
     pub holds: &'a [Option<Joints>],
-    /// Makes the motions of the net.
+    /// Builds the motions of the net.
     pub motions: &'a mut dyn MotionBuilder,
     /// Period of the net, s.
     pub dt_s: f64,
@@ -395,19 +398,19 @@ impl Preparation<'_> {
         self.ints.get(slot as usize).copied().unwrap_or(NULL_INT)
     }
 
-    /// The hold set-point and the kinematics of an arm.
+    /// Returns the kinematics of an arm and its hold set-point, rad.
     ///
     /// # Errors
-    /// `HoldUnknown` while the driver does not reach the device.
+    /// Returns `NoArm` if the device has no kinematics, `HoldUnknown` while the driver does not reach it.
     pub fn arm_at_rest(&self, device: u32) -> Result<(Arm, Joints), PrepareFault> {
         arm_at_rest(self.models, self.holds, device)
     }
 }
 
-/// The hold set-point and the kinematics of an arm.
+/// Returns the kinematics of an arm and its hold set-point, rad.
 ///
 /// # Errors
-/// `HoldUnknown` while the driver does not reach the device; `NoArm`.
+/// Returns `NoArm` if the device has no kinematics, `HoldUnknown` while the driver does not reach it.
 pub fn arm_at_rest(
     models: &[DeviceModel],
     holds: &[Option<Joints>],
@@ -422,7 +425,7 @@ pub fn arm_at_rest(
     Ok((arm, hold))
 }
 
-/// Why the start values of a command could not be computed.
+/// Reason why the start values of a command could not be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PrepareFault {
     /// The position of the device is not known: its driver is not running or not connected.
@@ -435,13 +438,13 @@ pub enum PrepareFault {
         /// Device index.
         device: u32,
     },
-    /// A motion cannot be made as asked for.
+    /// A motion cannot be built as requested.
     Motion {
         /// Index of the motion in its net.
         motion: u32,
         /// The leg, from 0.
         leg: u32,
-        /// Why.
+        /// Reason.
         fault: MotionFault,
     },
 }

@@ -1,28 +1,28 @@
-//! The last check of a set-point of an arm, each cycle, before it leaves for the robot.
-//! Pure arithmetic over the last two set-points and logical time; run by the real-time thread and by the drivers.
+//! The last check of an arm's set-point, in each cycle, before it is sent to the robot.
 
 use core::fmt;
 
-use crate::impedance::{AXES, Impedance, ImpedanceLimits, Strategy};
+use crate::impedance::{AXES, ControlStrategy, Impedance, ImpedanceLimits};
 use crate::kinematics::Arm;
 use crate::message::JOINTS_MAX;
-use crate::workspace::{Leaves, Stay, Workspace};
+use crate::workspace::{Workspace, WorkspaceGuard, WorkspaceViolation};
 
 mod impedance;
 
-/// A limit may be exceeded by this part of itself: set-points that use a limit fully are rounded.
+/// Relative tolerance of every limit: set-points that use a limit fully are subject to rounding.
 const RELATIVE_TOLERANCE: f64 = 1e-9;
 
-/// Rounding of positions shows in their differences; but it excuses no more than this part of a limit.
+/// Differences of positions contain rounding errors; the tolerance for them is at most this part of a limit.
 const ROUNDING_MAX: f64 = 1e-3;
 
-/// A step that would need more than this many times the velocity limit is a jump, not a motion that is too fast.
+/// A step that needs more than this many times the velocity limit is reported as a jump instead of a velocity
+/// violation.
 const JUMP_RATIO: f64 = 10.0;
 
-/// Slower than this part of its velocity limits an arm counts as resting.
+/// An arm that is slower than this part of its velocity limits counts as being at rest.
 pub const SLOW: f64 = 1e-3;
 
-/// What a robot's configuration allows; elements beyond `joints` are not looked at.
+/// Joint limits of a robot's configuration; elements at and beyond index `joints` are ignored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointLimits {
     /// Smallest position, rad.
@@ -33,14 +33,14 @@ pub struct JointLimits {
     pub velocity_max: [f64; JOINTS_MAX],
     /// Largest |acceleration|, rad/s².
     pub acceleration_max: [f64; JOINTS_MAX],
-    /// Largest |jerk|, rad/s³: what motions are planned with, and what a net is checked for before it starts; the guard
-    /// itself does not look at it.
+    /// Largest |jerk|, rad/s³: used for planning motions and for checking a net before it starts; the guard itself does
+    /// not check it.
     pub jerk_max: [f64; JOINTS_MAX],
     /// Number of joints, at most [`JOINTS_MAX`].
     pub joints: usize,
 }
 
-/// Which rule a set-point broke.
+/// The rule that a set-point violated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ViolationKind {
     /// NaN, infinite or missing.
@@ -49,23 +49,24 @@ pub enum ViolationKind {
     Range,
     /// Faster than the velocity limit.
     Velocity,
-    /// A change of velocity beyond the acceleration limit.
+    /// Acceleration beyond the limit.
     Acceleration,
-    /// Not where the device is: the first set-point is away from the hold position, or a step is no motion at all.
+    /// A discontinuity: the first set-point is away from the hold position, or a step is too large to be a motion.
     Jump,
-    /// A stiffness out of its range.
+    /// Stiffness outside its range.
     Stiffness,
-    /// A stiffness that changes too fast.
+    /// Stiffness that changes too fast.
     StiffnessRate,
-    /// A damping ratio out of its range.
+    /// Damping ratio outside its range.
     Damping,
-    /// Too large a force or torque on top.
+    /// Additional force or torque beyond its limit.
     Added,
-    /// For another control strategy than the controller runs; value and limit are their numbers.
+    /// The set-point is for another control strategy than the one the controller runs; value and limit are the strategy
+    /// numbers.
     Strategy,
     /// Outside of the box of the workspace.
     Workspace,
-    /// Nearer to a singular position than the workspace allows.
+    /// Closer to a singularity than the workspace allows.
     Singularity,
 }
 
@@ -92,40 +93,40 @@ impl ViolationKind {
         self as u32 + 1
     }
 
-    /// From a number that came from another process.
+    /// Returns the kind of a number that came from another process; `None` if the number is unknown.
     #[must_use]
     pub fn from_number(number: u32) -> Option<ViolationKind> {
         Self::ALL.get((number as usize).checked_sub(1)?).copied()
     }
 
-    /// True for what is a matter of the whole device: no joint and no axis has to do with it.
+    /// Returns true for violations that concern the whole device instead of a joint or axis.
     #[must_use]
     pub fn is_of_device(self) -> bool {
         matches!(self, Self::Strategy | Self::Singularity)
     }
 }
 
-/// The name of an axis that stands in the place of a joint, counted from 0; `None`: it is a joint.
+/// Returns the axis name of a `joint` index (from 0) that stands for an axis; `None`: the index is a joint.
 #[must_use]
 pub fn axis(joint: usize) -> Option<&'static str> {
     AXES.get(joint.checked_sub(JOINTS_MAX)?).copied()
 }
 
-/// A refused set-point: which joint, what was asked, what is allowed.
+/// A refused set-point: joint, requested value and limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Violation {
     /// The rule.
     pub kind: ViolationKind,
-    /// The joint, counted from 0 (people see it counted from 1); from [`JOINTS_MAX`] on an axis of the task frame.
+    /// The joint, counted from 0 (displayed counted from 1); indices from [`JOINTS_MAX`] on are axes of the task frame.
     pub joint: u8,
-    /// What was asked for, in [`Violation::unit`], with its sign.
+    /// The requested value, in [`Violation::unit`], with its sign.
     pub value: f64,
-    /// The limit that it broke, in [`Violation::unit`].
+    /// The violated limit, in [`Violation::unit`].
     pub limit: f64,
 }
 
 impl Violation {
-    /// The unit of `value` and `limit`.
+    /// Returns the unit of `value` and `limit`; empty if they are dimensionless.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         let along = (JOINTS_MAX..JOINTS_MAX + 3).contains(&usize::from(self.joint));
@@ -145,16 +146,16 @@ impl Violation {
     }
 }
 
-impl From<Leaves> for Violation {
-    fn from(leaves: Leaves) -> Violation {
+impl From<WorkspaceViolation> for Violation {
+    fn from(leaves: WorkspaceViolation) -> Violation {
         match leaves {
-            Leaves::Box { axis, value, limit } => Violation {
+            WorkspaceViolation::Box { axis, value, limit } => Violation {
                 kind: ViolationKind::Workspace,
                 joint: JOINTS_MAX as u8 + axis,
                 value,
                 limit,
             },
-            Leaves::Singular { near, limit } => Violation {
+            WorkspaceViolation::Singular { near, limit } => Violation {
                 kind: ViolationKind::Singularity,
                 joint: 0,
                 value: near.distance,
@@ -200,7 +201,10 @@ impl fmt::Display for Violation {
                 write!(f, "{value} {unit} on top exceed {limit} {unit}")
             }
             ViolationKind::Strategy => {
-                let (asked, runs) = (Strategy::words(value as u64), Strategy::words(limit as u64));
+                let (asked, runs) = (
+                    ControlStrategy::label(value as u64),
+                    ControlStrategy::label(limit as u64),
+                );
                 write!(
                     f,
                     "the set-point is for {asked}, the controller runs {runs}"
@@ -222,18 +226,18 @@ impl fmt::Display for Violation {
 
 impl core::error::Error for Violation {}
 
-/// The set-points that the next one is compared with.
+/// State of the previous set-points, which the next one is compared with.
 #[derive(Debug, Clone, Copy)]
-struct History {
+struct SetPointHistory {
     position: [f64; JOINTS_MAX],
     velocity: [f64; JOINTS_MAX],
-    /// Logical time between the last two set-points, s; `None` after the first one, when the device rests.
+    /// Logical time between the last two set-points, s; `None` after the first one, when the device is at rest.
     dt_s: Option<f64>,
 }
 
-/// One joint's limits.
+/// The limits of one joint.
 #[derive(Clone, Copy)]
-struct Joint {
+struct JointBounds {
     index: u8,
     lower: f64,
     upper: f64,
@@ -241,22 +245,22 @@ struct Joint {
     acceleration_max: f64,
 }
 
-/// The check of one device's set-points.
+/// Checks the set-points of one device.
 #[derive(Debug, Clone)]
 pub struct Guard {
     limits: JointLimits,
     first_tolerance: f64,
-    history: Option<History>,
+    history: Option<SetPointHistory>,
     /// `None`: the arm is commanded in position only.
     impedance: Option<ImpedanceLimits>,
     last_impedance: Option<Impedance>,
-    /// `None`: the arm may be anywhere.
-    stay: Option<Stay>,
+    /// `None`: the workspace is unrestricted.
+    workspace: Option<WorkspaceGuard>,
 }
 
 impl Guard {
-    /// A guard that has seen no set-point yet. `first_tolerance`: how far the first set-point may be from where the
-    /// device holds, rad per joint.
+    /// Creates a guard without history. `first_tolerance`: largest distance of the first set-point from the hold
+    /// position, rad per joint.
     #[must_use]
     pub fn new(limits: JointLimits, first_tolerance: f64) -> Self {
         Self {
@@ -265,30 +269,33 @@ impl Guard {
             history: None,
             impedance: None,
             last_impedance: None,
-            stay: None,
+            workspace: None,
         }
     }
 
-    /// What the robot's configuration allows of impedance set-points; `None`: there are none.
+    /// Sets the limits of impedance set-points; `None`: impedance set-points are refused.
     #[must_use]
     pub fn with_impedance(self, impedance: Option<ImpedanceLimits>) -> Self {
         Self { impedance, ..self }
     }
 
-    /// Where the arm may be; `None`: anywhere, as a device without kinematics.
+    /// Sets the workspace; `None`: unrestricted, as for a device without kinematics.
     #[must_use]
     pub fn with_workspace(self, arm: Option<Arm>, space: Option<Workspace>) -> Self {
-        let stay = arm.zip(space).map(|(arm, space)| Stay::new(arm, space));
-        Self { stay, ..self }
+        let workspace = arm
+            .zip(space)
+            .map(|(arm, space)| WorkspaceGuard::new(arm, space));
+        Self { workspace, ..self }
     }
 
-    /// The first set-point of a device that becomes commanded: it must match `hold`, where the driver holds the device
-    /// at rest (both rad, one element a joint). The history begins here.
+    /// Checks the first set-point of a device that becomes commanded: it must match `hold`, where the driver holds the
+    /// device at rest (both rad, one element per joint). The history starts here.
     ///
     /// # Errors
-    /// The first joint that is not finite, out of range or not at its hold position; the history stays as it was.
+    /// Returns the first joint that is not finite, out of range or not at its hold position; the history is then
+    /// unchanged.
     pub fn first(&mut self, position: &[f64], hold: &[f64]) -> Result<(), Violation> {
-        let mut history = History {
+        let mut history = SetPointHistory {
             position: [0.0; JOINTS_MAX],
             velocity: [0.0; JOINTS_MAX],
             dt_s: None,
@@ -300,19 +307,20 @@ impl Guard {
             joint.check(ViolationKind::Jump, jump, self.first_tolerance, 0.0)?;
             *kept = asked;
         }
-        if let Some(stay) = &mut self.stay {
-            stay.begin(&history.position);
+        if let Some(workspace) = &mut self.workspace {
+            workspace.begin(&history.position);
         }
         self.history = Some(history);
         self.last_impedance = None;
         Ok(())
     }
 
-    /// A further set-point (rad, one element a joint), `dt_s` of logical time (> 0) after the last one that was
-    /// accepted. Velocity and acceleration are finite differences. Without a [`Guard::first`] before, it is a jump.
+    /// Checks a further set-point (rad, one element per joint), `dt_s` of logical time (> 0) after the last accepted
+    /// one. Velocity and acceleration are finite differences. Without a preceding [`Guard::first`], it is a jump.
     ///
     /// # Errors
-    /// The first joint that breaks a rule, or where it leaves its workspace; the history stays at the last accepted set-point.
+    /// Returns the first violation, by joint, then of the workspace; the history then stays at the last accepted
+    /// set-point.
     pub fn check(&mut self, position: &[f64], dt_s: f64) -> Result<(), Violation> {
         let Some(mut history) = self.history else {
             let value = element(position, 0);
@@ -323,9 +331,9 @@ impl Guard {
                 limit: self.first_tolerance,
             });
         };
-        // Time that does not pass makes every rate NaN, which is refused.
+        // A `dt_s` that is not positive makes every rate NaN, which is refused.
         let dt_s = if dt_s > 0.0 { dt_s } else { f64::NAN };
-        // Velocities are means over their intervals, so they are half of each interval apart.
+        // Each velocity is the mean over its interval, so two of them are half of each interval apart.
         let between_s = 0.5 * (dt_s + history.dt_s.unwrap_or(dt_s));
         let kept = history.position.iter_mut().zip(&mut history.velocity);
         for ((joint, (last_position, last_velocity)), index) in self.joints().zip(kept).zip(0..) {
@@ -345,19 +353,19 @@ impl Guard {
             )?;
             (*last_position, *last_velocity) = (asked, velocity);
         }
-        if let Some(stay) = &mut self.stay {
-            stay.check(&history.position)?;
+        if let Some(workspace) = &mut self.workspace {
+            workspace.check(&history.position)?;
         }
         history.dt_s = Some(dt_s);
         self.history = Some(history);
         Ok(())
     }
 
-    /// The first set-point after a gap, while the device still plays the set-points before it: it must match the last one
-    /// that was accepted, where the device will rest (see [`Guard::rests`]). The history begins here.
+    /// Checks the first set-point after a gap, while the device still plays the set-points before it: it must match the
+    /// last accepted one, where the device will come to rest (see [`Guard::rests`]). The history starts here.
     ///
     /// # Errors
-    /// As [`Guard::first`]; without a set-point before it, it is a jump.
+    /// As [`Guard::first`]; a jump if no set-point was accepted before.
     pub fn resume(&mut self, position: &[f64]) -> Result<(), Violation> {
         match self.history {
             Some(last) => self.first(position, &last.position),
@@ -370,8 +378,8 @@ impl Guard {
         }
     }
 
-    /// The last accepted set-points are so slow that a device may just be left at the last one: slower than this part of
-    /// the velocity limits, and than one period of the acceleration limits.
+    /// Returns true if the last accepted set-points are so slow that the device may simply be left at the last one:
+    /// slower than [`SLOW`] times the velocity limits, and than the acceleration limits times one period.
     #[must_use]
     pub fn rests(&self) -> bool {
         let Some(history) = self.history else {
@@ -388,7 +396,7 @@ impl Guard {
             })
     }
 
-    fn joints(&self) -> impl Iterator<Item = Joint> + use<> {
+    fn joints(&self) -> impl Iterator<Item = JointBounds> + use<> {
         let JointLimits {
             lower,
             upper,
@@ -401,7 +409,7 @@ impl Guard {
         let rates = velocity_max.into_iter().zip(acceleration_max);
         let rows = ranges.zip(rates).zip(0_u8..).take(joints);
         rows.map(
-            |(((lower, upper), (velocity_max, acceleration_max)), index)| Joint {
+            |(((lower, upper), (velocity_max, acceleration_max)), index)| JointBounds {
                 index,
                 lower,
                 upper,
@@ -412,7 +420,7 @@ impl Guard {
     }
 }
 
-impl Joint {
+impl JointBounds {
     fn check_position(&self, asked: f64) -> Result<(), Violation> {
         let violation = |kind, limit| {
             Err(Violation {
@@ -425,7 +433,7 @@ impl Joint {
         if !asked.is_finite() {
             return violation(ViolationKind::NotFinite, f64::NAN);
         }
-        // Asked this way round, a limit that is NaN refuses.
+        // The comparison is written so that a NaN limit refuses.
         let above = asked >= self.lower - RELATIVE_TOLERANCE * libm::fabs(self.lower);
         let below = asked <= self.upper + RELATIVE_TOLERANCE * libm::fabs(self.upper);
         if !above {
@@ -461,7 +469,7 @@ impl Joint {
         )
     }
 
-    /// |value| ≤ limit, but for rounding; a NaN on either side refuses.
+    /// Checks |value| ≤ limit with a tolerance for rounding; a NaN on either side refuses.
     fn check(
         &self,
         kind: ViolationKind,
@@ -483,7 +491,7 @@ impl Joint {
     }
 }
 
-/// A missing element is no number.
+/// Returns an element, or NaN if it is missing.
 fn element(values: &[f64], index: usize) -> f64 {
     values.get(index).copied().unwrap_or(f64::NAN)
 }

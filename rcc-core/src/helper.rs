@@ -1,22 +1,23 @@
-//! The helper threads of a process as others see them: each counts its turns in a [`Beat`], and a [`HelperTable`] of all
-//! of them crosses to other processes. A real-time thread reads beats with relaxed loads and nothing else.
+//! Liveness of the helper threads of a process: each counts its iterations in a [`HelperHeartbeat`], and a
+//! [`HelperTable`] publishes all of them to other processes. A real-time thread only reads heartbeats, with relaxed
+//! loads.
 
 use core::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 
-/// Most helpers of a process.
+/// Maximum number of helpers of a process.
 pub const HELPERS_MAX: usize = 16;
-/// Longest name of a helper, bytes; longer ones are cut.
+/// Longest name of a helper, bytes; longer names are truncated.
 pub const HELPER_NAME_MAX: usize = 16;
 
-/// What a helper thread is doing.
+/// The state of a helper thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum HelperState {
-    /// Made, and waiting for the others to be made.
+    /// Created, and waiting for the other helpers to be created.
     Waiting = 0,
-    /// At work.
+    /// Running.
     Running = 1,
     /// Ended.
     Ended = 2,
@@ -33,23 +34,23 @@ impl HelperState {
         (HelperState::Panicked, "panicked"),
     ];
 
-    /// From a number that came from another process; unknown numbers are `Ended`.
+    /// Returns the state of a number that came from another process; unknown numbers are `Ended`.
     pub fn from_number(number: u32) -> HelperState {
         Self::ALL
             .get(number as usize)
             .map_or(HelperState::Ended, |row| row.0)
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         Self::ALL.get(self as usize).map_or("ended", |row| row.1)
     }
 }
 
-/// One helper's sign of life. Written by the helper, read by anybody; Relaxed everywhere, because each number stands for
-/// itself and nothing else is told with it.
+/// The heartbeat of one helper. Written by the helper, read by any thread; all accesses are Relaxed, because each
+/// number stands alone and no other data is published with it.
 #[derive(Debug)]
-pub struct Beat {
+pub struct HelperHeartbeat {
     name: &'static str,
     limit_ns: u64,
     turns: AtomicU64,
@@ -57,10 +58,10 @@ pub struct Beat {
     state: AtomicU32,
 }
 
-impl Beat {
-    /// Of a helper that may take `limit_ns` for one turn.
-    pub fn new(name: &'static str, limit_ns: u64) -> Beat {
-        Beat {
+impl HelperHeartbeat {
+    /// Creates the heartbeat of a helper that may take `limit_ns` for one iteration.
+    pub fn new(name: &'static str, limit_ns: u64) -> HelperHeartbeat {
+        HelperHeartbeat {
             name,
             limit_ns,
             turns: AtomicU64::new(0),
@@ -69,38 +70,38 @@ impl Beat {
         }
     }
 
-    /// The helper's name.
+    /// Returns the helper's name.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// How long one turn may take, ns.
+    /// Longest allowed duration of one iteration, ns.
     pub fn limit_ns(&self) -> u64 {
         self.limit_ns
     }
 
-    /// The helper has made one more turn; `now_ns` is CLOCK_MONOTONIC.
+    /// Counts one iteration; `now_ns` is CLOCK_MONOTONIC.
     pub fn turn(&self, now_ns: u64) {
         self.stamp_ns.store(now_ns, Ordering::Relaxed);
         self.turns.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Turns so far.
+    /// Number of iterations so far.
     pub fn turns(&self) -> u64 {
         self.turns.load(Ordering::Relaxed)
     }
 
-    /// What the helper is doing.
+    /// Returns the helper's state.
     pub fn state(&self) -> HelperState {
         HelperState::from_number(self.state.load(Ordering::Relaxed))
     }
 
-    /// The helper is doing something else now.
+    /// Sets the helper's state.
     pub fn set_state(&self, state: HelperState) {
         self.state.store(state as u32, Ordering::Relaxed);
     }
 
-    /// As it crosses to others.
+    /// Returns the row for the [`HelperTable`].
     pub fn entry(&self) -> HelperEntry {
         let mut name = [0; HELPER_NAME_MAX];
         for (place, byte) in name.iter_mut().zip(self.name.bytes()) {
@@ -120,20 +121,20 @@ impl Beat {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct HelperEntry {
-    /// Its name, filled up with zeros; all zero: no helper.
+    /// Name, padded with zeros; all zero: the row is free.
     pub name: [u8; HELPER_NAME_MAX],
-    /// Turns so far.
+    /// Number of iterations so far.
     pub turns: u64,
-    /// CLOCK_MONOTONIC of the last one.
+    /// CLOCK_MONOTONIC of the last iteration.
     pub stamp_ns: u64,
-    /// How long one turn may take, ns.
+    /// Longest allowed duration of one iteration, ns.
     pub limit_ns: u64,
     /// [`HelperState`].
     pub state: u64,
 }
 
 impl HelperEntry {
-    /// Its name; empty if there is no helper, or if the bytes are no text.
+    /// Returns the name; empty if the row is free or the bytes are not UTF-8.
     pub fn name(&self) -> &str {
         let bytes = self.name.split(|byte| *byte == 0).next();
         bytes
@@ -142,13 +143,13 @@ impl HelperEntry {
     }
 }
 
-/// Executor → everybody: its helper threads, written every 16 ms or so.
+/// Executor → all processes: its helper threads, written about every 16 ms.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct HelperTable {
     /// [`crate::message::MAGIC`].
     pub magic: u64,
-    /// The rows; those without a name are free.
+    /// Rows; a row without a name is free.
     pub helpers: [HelperEntry; HELPERS_MAX],
 }
 
@@ -158,14 +159,14 @@ mod tests {
 
     #[test]
     fn a_row_says_what_the_beat_says() {
-        let beat = Beat::new("pump", 5);
+        let beat = HelperHeartbeat::new("pump", 5);
         beat.turn(70);
         beat.turn(80);
         beat.set_state(HelperState::Running);
         let row = beat.entry();
         assert_eq!((row.name(), row.turns, row.stamp_ns), ("pump", 2, 80));
         assert_eq!((row.limit_ns, row.state), (5, HelperState::Running as u64));
-        let long = Beat::new("a name of more than sixteen bytes", 5).entry();
+        let long = HelperHeartbeat::new("a name of more than sixteen bytes", 5).entry();
         assert_eq!(long.name(), "a name of more t");
         assert_eq!(HelperEntry::zeroed().name(), "");
     }

@@ -1,21 +1,21 @@
-//! A histogram of times with a fixed size: 16 buckets an octave, so that a quantile is exact to 6 %.
-//! Written by the real-time thread and by whoever measures beside it; plain data, so that it can be in a board.
+//! A histogram of times with a fixed size: 16 buckets per octave, so that a quantile is accurate to 6 %. Written by the
+//! real-time thread and by programs that measure beside it; plain data, so that it can be part of a board.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Buckets an octave.
+/// Buckets per octave.
 const SUB: u64 = 16;
 /// Times below this share the first bucket; 2^6 ns.
 const LOWEST_NS: u64 = 1 << LOWEST_OCTAVE;
 const LOWEST_OCTAVE: u64 = 6;
-/// Times from here on share the last bucket; 2^30 ns, about a second.
+/// Times from this value on share the last bucket; 2^30 ns, about a second.
 const HIGHEST_NS: u64 = 1 << HIGHEST_OCTAVE;
 const HIGHEST_OCTAVE: u64 = 30;
 
 /// Number of buckets: one below the range, one above.
 pub const BUCKETS: usize = ((HIGHEST_OCTAVE - LOWEST_OCTAVE) * SUB) as usize + 2;
 
-/// Times in nanoseconds. All zero is empty.
+/// Times in nanoseconds. All zero means empty.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Histogram {
@@ -33,7 +33,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Takes a time in.
+    /// Adds a time, ns.
     #[inline]
     pub fn add(&mut self, ns: u64) {
         if let Some(bucket) = self.buckets.get_mut(index(ns)) {
@@ -49,31 +49,31 @@ impl Histogram {
         self.sum = self.sum.saturating_add(ns);
     }
 
-    /// How many.
+    /// Returns the number of times.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The shortest, ns; 0 if there is none.
+    /// Returns the shortest time, ns; 0 if empty.
     #[must_use]
     pub fn min(&self) -> u64 {
         self.min
     }
 
-    /// The longest, ns; 0 if there is none.
+    /// Returns the longest time, ns; 0 if empty.
     #[must_use]
     pub fn max(&self) -> u64 {
         self.max
     }
 
-    /// The mean, ns; 0 if there is none.
+    /// Returns the mean, ns; 0 if empty.
     #[must_use]
     pub fn mean(&self) -> u64 {
         self.sum.checked_div(self.count).unwrap_or(0)
     }
 
-    /// At most this long are so many thousandths of all, ns.
+    /// Returns the `permille` quantile, ns: at least that many thousandths of all times are not longer. 0 if empty.
     #[must_use]
     pub fn quantile(&self, permille: u64) -> u64 {
         let wanted = (u128::from(self.count) * u128::from(permille)).div_ceil(1000);
@@ -87,7 +87,7 @@ impl Histogram {
         self.max
     }
 
-    /// The occupied buckets: upper bound in ns, inclusive, and how many.
+    /// Returns the occupied buckets: inclusive upper bound in ns, and count.
     pub fn buckets(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         let rows = self.buckets.iter().enumerate();
         rows.filter(|(_, count)| **count > 0)
@@ -107,7 +107,7 @@ fn index(ns: u64) -> usize {
     ((octave - LOWEST_OCTAVE) * SUB + within + 1) as usize
 }
 
-/// The largest time that the bucket holds.
+/// Returns the largest time in the bucket, ns.
 fn upper(index: usize) -> u64 {
     if index + 1 >= BUCKETS {
         return u64::MAX;

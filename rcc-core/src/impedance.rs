@@ -1,74 +1,78 @@
-//! Impedance set-points: how softly an arm holds its position, and what it presses with on top of that.
-//! Plain data that travels in a set-point, and what a robot's configuration allows of it; any thread.
+//! Impedance set-points: stiffness and damping with which an arm holds its position, and the force that it applies in
+//! addition. Plain data that is part of a set-point, and the limits from a robot's configuration; used by any thread.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::message::{JOINTS_MAX, Joints};
 
-/// Axes of a Cartesian impedance, in order of their elements: along and about x, y, z.
+/// Axes of a Cartesian impedance in element order: along and about x, y, z.
 pub const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
-/// What a controller makes of a set-point.
+/// The control strategy with which a controller executes set-points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
-pub enum Strategy {
-    /// The joints are where they are commanded to.
+pub enum ControlStrategy {
+    /// Position control: the joints follow the commanded position.
     Position = 0,
-    /// The tool is a mass on springs along and about the axes of the task frame, at the commanded pose.
+    /// Cartesian impedance control: the tool behaves as a mass on springs along and about the axes of the task frame,
+    /// around the commanded pose.
     CartesianImpedance = 1,
-    /// Each joint is a mass on a spring at its commanded position.
+    /// Joint impedance control: each joint behaves as a mass on a spring around its commanded position.
     JointImpedance = 2,
 }
 
-impl Strategy {
-    /// All strategies, in order of their numbers, as people call them.
-    pub const ALL: [(Strategy, &'static str); 3] = [
-        (Strategy::Position, "position control"),
-        (Strategy::CartesianImpedance, "Cartesian impedance control"),
-        (Strategy::JointImpedance, "joint impedance control"),
+impl ControlStrategy {
+    /// All strategies in order of their numbers, with their display names.
+    pub const ALL: [(ControlStrategy, &'static str); 3] = [
+        (ControlStrategy::Position, "position control"),
+        (
+            ControlStrategy::CartesianImpedance,
+            "Cartesian impedance control",
+        ),
+        (ControlStrategy::JointImpedance, "joint impedance control"),
     ];
 
-    /// From a number that came from another process; `None`: there is none such.
+    /// Returns the strategy of a number that came from another process; `None` if the number is unknown.
     #[must_use]
-    pub fn from_number(number: u64) -> Option<Strategy> {
+    pub fn from_number(number: u64) -> Option<ControlStrategy> {
         let row = Self::ALL.iter().find(|row| row.0 as u64 == number);
         row.map(|row| row.0)
     }
 
-    /// As printed; a number that means nothing is another strategy.
+    /// Returns the display name of a strategy number; an unknown number is "another control strategy".
     #[must_use]
-    pub fn words(number: u64) -> &'static str {
+    pub fn label(number: u64) -> &'static str {
         let row = Self::ALL.iter().find(|row| row.0 as u64 == number);
         row.map_or("another control strategy", |row| row.1)
     }
 }
 
-/// What is commanded besides the position. In joint impedance an element a joint, in Cartesian impedance six elements in
-/// the order of [`AXES`]; the others are 0.
+/// The impedance part of a set-point. Joint impedance uses one element per joint, Cartesian impedance six elements in
+/// the order of [`AXES`]; unused elements are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Impedance {
-    /// [`Strategy`] as a number: the one that the set-point is for.
+    /// [`ControlStrategy`] that the set-point is for, as a number.
     pub strategy: u64,
-    /// N/m along an axis, N·m/rad about an axis or in a joint.
+    /// Stiffness: N/m along an axis, N·m/rad about an axis or of a joint.
     pub stiffness: Joints,
     /// Damping ratio.
     pub damping: Joints,
-    /// What the arm presses with on top: N along an axis, N·m about an axis or in a joint.
+    /// Additional force or torque: N along an axis, N·m about an axis or of a joint.
     pub added: Joints,
 }
 
 impl Impedance {
-    /// None: position control.
+    /// Position control without impedance.
     pub const NONE: Impedance = Impedance {
-        strategy: Strategy::Position as u64,
+        strategy: ControlStrategy::Position as u64,
         stiffness: [0.0; JOINTS_MAX],
         damping: [0.0; JOINTS_MAX],
         added: [0.0; JOINTS_MAX],
     };
 }
 
-/// What a robot's configuration allows; ranges are `[least, greatest]`.
+/// Impedance limits of a robot's configuration; ranges are `[least, greatest]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImpedanceLimits {
     /// Stiffness along an axis, N/m.
@@ -77,40 +81,40 @@ pub struct ImpedanceLimits {
     pub rotation: [f64; 2],
     /// Stiffness of a joint, N·m/rad.
     pub joint: [f64; 2],
-    /// Damping ratio of each.
+    /// Damping ratio.
     pub damping: [f64; 2],
-    /// Largest rate of a stiffness, in parts of the greatest stiffness a second, 1/s.
+    /// Largest rate of change of a stiffness, as a fraction of the greatest stiffness per second, 1/s.
     pub rate: f64,
-    /// Largest |force| that is added along an axis, N.
+    /// Largest additional |force| along an axis, N.
     pub force: f64,
-    /// Largest |torque| that is added about an axis, N·m.
+    /// Largest additional |torque| about an axis, N·m.
     pub torque: f64,
-    /// Largest |torque| that is added in a joint, N·m.
+    /// Largest additional |torque| of a joint, N·m.
     pub joint_torque: f64,
 }
 
-/// What is allowed of one element.
+/// The limits of one element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementLimits {
     /// `[least, greatest]` stiffness.
     pub stiffness: [f64; 2],
     /// `[least, greatest]` damping ratio.
     pub damping: [f64; 2],
-    /// Largest |change of stiffness| a second.
+    /// Largest |rate of change| of the stiffness, per second.
     pub rate: f64,
-    /// Largest |force| or |torque| on top.
+    /// Largest additional |force| or |torque|.
     pub added: f64,
 }
 
-/// Stiffness along and about an axis and of a joint with which an arm is held before a net has commanded any, and the
-/// damping ratio: what KUKA's controllers begin with, see `$STIFFNESS`.
-const HELD: ([f64; 3], f64) = ([2000.0, 200.0, 1000.0], 0.7);
+/// Stiffness along an axis, about an axis and of a joint, and damping ratio, with which an arm is held before a net has
+/// commanded an impedance: the defaults of KUKA's controllers, see `$STIFFNESS`.
+const DEFAULT_HOLD: ([f64; 3], f64) = ([2000.0, 200.0, 1000.0], 0.7);
 
 impl ImpedanceLimits {
     /// Number of reals in [`ImpedanceLimits::to_slots`].
     pub const SLOTS: usize = 12;
 
-    /// As reals, for files and fingerprints.
+    /// Returns the limits as reals, for files and fingerprints.
     #[must_use]
     pub fn to_slots(&self) -> [f64; Self::SLOTS] {
         let [t0, t1] = self.translation;
@@ -121,7 +125,7 @@ impl ImpedanceLimits {
         [t0, t1, r0, r1, j0, j1, d0, d1, rate, force, torque, joint]
     }
 
-    /// The contrary of [`ImpedanceLimits::to_slots`].
+    /// Creates limits from the reals of [`ImpedanceLimits::to_slots`].
     #[must_use]
     pub fn from_slots(slots: [f64; Self::SLOTS]) -> ImpedanceLimits {
         let [t0, t1, r0, r1, j0, j1, d0, d1, rate, force, torque, joint] = slots;
@@ -137,22 +141,22 @@ impl ImpedanceLimits {
         }
     }
 
-    /// Number of elements of a strategy, for an arm of so many joints.
+    /// Returns the number of elements that a strategy uses, for an arm with `joints` joints.
     #[must_use]
-    pub fn elements(strategy: Strategy, joints: usize) -> usize {
+    pub fn elements(strategy: ControlStrategy, joints: usize) -> usize {
         match strategy {
-            Strategy::Position => 0,
-            Strategy::CartesianImpedance => AXES.len(),
-            Strategy::JointImpedance => joints.min(JOINTS_MAX),
+            ControlStrategy::Position => 0,
+            ControlStrategy::CartesianImpedance => AXES.len(),
+            ControlStrategy::JointImpedance => joints.min(JOINTS_MAX),
         }
     }
 
-    /// What is allowed of an element.
+    /// Returns the limits of an element.
     #[must_use]
-    pub fn of(&self, strategy: Strategy, element: usize) -> ElementLimits {
+    pub fn of(&self, strategy: ControlStrategy, element: usize) -> ElementLimits {
         let (stiffness, added) = match (strategy, element) {
-            (Strategy::CartesianImpedance, 0..3) => (self.translation, self.force),
-            (Strategy::CartesianImpedance, _) => (self.rotation, self.torque),
+            (ControlStrategy::CartesianImpedance, 0..3) => (self.translation, self.force),
+            (ControlStrategy::CartesianImpedance, _) => (self.rotation, self.torque),
             _ => (self.joint, self.joint_torque),
         };
         let [_, greatest] = stiffness;
@@ -164,11 +168,11 @@ impl ImpedanceLimits {
         }
     }
 
-    /// How an arm is held before a net has commanded anything: with KUKA's usual stiffness (2000 N/m, 200 N·m/rad, 1000
-    /// N·m/rad in a joint) and damping (0.7), or what is allowed nearest to it, and nothing on top.
+    /// Returns the impedance with which an arm is held before a net has commanded one: KUKA's defaults (2000 N/m, 200
+    /// N·m/rad, 1000 N·m/rad for a joint, damping 0.7), limited to the allowed range, and no additional force.
     #[must_use]
-    pub fn held(&self, strategy: Strategy, joints: usize) -> Impedance {
-        let ([along, about, joint], ratio) = HELD;
+    pub fn default_hold(&self, strategy: ControlStrategy, joints: usize) -> Impedance {
+        let ([along, about, joint], ratio) = DEFAULT_HOLD;
         let within = |value: f64, [least, greatest]: [f64; 2]| value.max(least).min(greatest);
         let mut held = Impedance {
             strategy: strategy as u64,
@@ -180,8 +184,8 @@ impl ImpedanceLimits {
         {
             let limits = self.of(strategy, element);
             let usual = match (strategy, element) {
-                (Strategy::CartesianImpedance, 0..3) => along,
-                (Strategy::CartesianImpedance, _) => about,
+                (ControlStrategy::CartesianImpedance, 0..3) => along,
+                (ControlStrategy::CartesianImpedance, _) => about,
                 _ => joint,
             };
             *stiffness = within(usual, limits.stiffness);
@@ -198,11 +202,14 @@ mod tests {
 
     #[test]
     fn a_number_without_a_meaning_is_no_strategy() {
-        for (strategy, _) in Strategy::ALL {
-            assert_eq!(Strategy::from_number(strategy as u64), Some(strategy));
+        for (strategy, _) in ControlStrategy::ALL {
+            assert_eq!(
+                ControlStrategy::from_number(strategy as u64),
+                Some(strategy)
+            );
         }
-        assert_eq!(Strategy::from_number(3), None);
-        assert_eq!(Strategy::words(3), "another control strategy");
+        assert_eq!(ControlStrategy::from_number(3), None);
+        assert_eq!(ControlStrategy::label(3), "another control strategy");
     }
 
     #[test]
@@ -217,7 +224,7 @@ mod tests {
 
     #[test]
     fn an_arm_is_held_with_what_is_allowed() {
-        let held = IMPEDANCE.held(Strategy::CartesianImpedance, 7);
+        let held = IMPEDANCE.default_hold(ControlStrategy::CartesianImpedance, 7);
         assert_eq!(
             held.stiffness,
             [2000.0, 2000.0, 2000.0, 200.0, 200.0, 200.0, 0.0, 0.0]
@@ -227,8 +234,11 @@ mod tests {
             joint: [0.01, 300.0],
             ..IMPEDANCE
         };
-        let held = weak.held(Strategy::JointImpedance, 7);
+        let held = weak.default_hold(ControlStrategy::JointImpedance, 7);
         assert_eq!((held.stiffness[6], held.stiffness[7]), (300.0, 0.0));
-        assert_eq!(weak.held(Strategy::Position, 7), Impedance::NONE);
+        assert_eq!(
+            weak.default_hold(ControlStrategy::Position, 7),
+            Impedance::NONE
+        );
     }
 }

@@ -10,9 +10,9 @@ mod srs;
 mod turns;
 mod velocity;
 
-pub use arm::{Arm, ArmJacobian, NoJoints, PARAMETERS, Singularity, SingularityKind};
+pub use arm::{Arm, ArmJacobian, InverseKinematicsError, PARAMETERS, Singularity, SingularityKind};
 pub use arm_angles::ArmAngles;
-pub use branch::{BRANCHES, Branch, Configuration, Unreachable};
+pub use branch::{ArmConfiguration, BRANCHES, Branch, Unreachable};
 pub use ortho::OrthoParallelArm;
 pub use srs::SrsArm;
 pub use turns::{OutOfLimits, nearest_turns, turns_by_signs, turns_within, within_limits};

@@ -1,8 +1,8 @@
-//! What may run inside a control cycle: types, primitives, plan, `cycle()`, guard, kinematics and
-//! the messages between processes.
+//! Everything that runs inside a control cycle: types, primitives, plan, `cycle()`, guard, kinematics, and the messages
+//! between processes.
 //!
-//! This crate is the real-time boundary: no `std`, no `alloc`, no `unsafe`, no panic. What may not
-//! happen in a cycle does not compile here; what is computed before a cycle reaches it as plain data.
+//! This crate is the real-time boundary: no `std`, no `alloc`, no `unsafe`, no panic. Anything that is forbidden in a
+//! cycle does not compile here; whatever is computed before a cycle reaches it as plain data.
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(

@@ -7,14 +7,14 @@ use crate::frame::Frame;
 pub const SIDE_MAX: usize = 8;
 
 /// A square matrix with further columns at its right, `W` in all; rows behind the matrix are empty.
-pub struct Tableau<const W: usize> {
+pub struct AugmentedMatrix<const W: usize> {
     rows: [[f64; W]; SIDE_MAX],
     side: usize,
 }
 
-impl<const W: usize> Tableau<W> {
+impl<const W: usize> AugmentedMatrix<W> {
     /// Reads a square matrix; `None` if it is too large, or if an element is null or infinite.
-    pub fn read(frame: &Frame<'_>, slot: u32, side: u32) -> Option<Tableau<W>> {
+    pub fn read(frame: &Frame<'_>, slot: u32, side: u32) -> Option<AugmentedMatrix<W>> {
         let count = side as usize;
         let mut rows = [[0.0; W]; SIDE_MAX];
         if count > SIDE_MAX || count > W {
@@ -28,7 +28,7 @@ impl<const W: usize> Tableau<W> {
                 }
             }
         }
-        Some(Tableau { rows, side: count })
+        Some(AugmentedMatrix { rows, side: count })
     }
 
     /// Sets the elements behind the matrix: `value(row, column)` for each row and each of those columns, from 0.
@@ -41,7 +41,7 @@ impl<const W: usize> Tableau<W> {
         Some(())
     }
 
-    /// The elements behind the matrix, as [`Tableau::fill`] counts them.
+    /// The elements behind the matrix, as [`AugmentedMatrix::fill`] counts them.
     pub fn get(&self, row: u32, column: u32) -> Option<f64> {
         let row = self.rows.get(row as usize)?;
         row.get(self.side + column as usize).copied()

@@ -96,7 +96,7 @@ pub struct Measurement {
     pub reason: u32,
     /// Number of joints, 0 for plain I/O.
     pub joints: u32,
-    /// [`crate::impedance::Strategy`] that the device runs, as a number.
+    /// [`crate::impedance::ControlStrategy`] that the device runs, as a number.
     pub strategy: u64,
     /// Measured position, rad.
     pub position: Joints,

@@ -1,5 +1,5 @@
-//! A plan: a net lowered to numbers. Checked by the loader before sending and by the executor
-//! before accepting; the cycle relies on nothing else.
+//! A plan: a net lowered to numbers. The loader checks it before sending it, and the executor checks it again before
+//! accepting it; the cycle relies on nothing else.
 
 mod regions;
 
@@ -12,29 +12,29 @@ use crate::primitives;
 use crate::topic::Topic;
 use crate::types::Store;
 
-pub use regions::{Blank, Block, NO_REGION, REGIONS_MAX, Region};
+pub use regions::{NO_REGION, NullRange, PlanRegion, REGIONS_MAX, RunBlock};
 
-/// Most slots in one arena of a net.
+/// Maximum number of slots in one arena of a net.
 pub const SLOTS_MAX: usize = 1 << 20;
-/// Most operands of a net.
+/// Maximum number of operands of a net.
 pub const OPERANDS_MAX: usize = 1 << 20;
-/// Most elements that a net reads and writes in one cycle, delayed links included: a net that keeps the other limits
-/// could still ask for hours.
+/// Maximum number of elements that a net reads and writes in one cycle, delayed links included. Without it, a net
+/// within all other limits could still take hours per cycle.
 pub const WORK_MAX: u64 = 1 << 24;
-/// Most path clocks of a net.
+/// Maximum number of path clocks of a net.
 pub const CLOCKS_MAX: u32 = 64;
-/// Most monitors of a net.
+/// Maximum number of monitors of a net.
 pub const MONITORS_MAX: usize = 256;
-/// Most values of a net that are set from outside.
+/// Maximum number of a net's inputs that are set from outside.
 pub const INPUTS_MAX: usize = 256;
-/// Most elements that they have together.
+/// Maximum number of elements of these inputs together.
 pub const INPUT_ELEMENTS_MAX: u32 = 4096;
-/// Most topics that a net publishes, and most that it subscribes to.
+/// Maximum number of topics that a net publishes, and that it subscribes to.
 pub const TOPICS_MAX: usize = 32;
-/// Most cycles from one evaluation of a net to the next: a second of the shortest period.
+/// Maximum number of cycles from one evaluation of a net to the next: one second at the shortest period.
 pub const EVERY_MAX: u32 = 10_000;
 
-/// In which of the executor's cycles a net is evaluated: those with `cycle % every == phase`.
+/// The executor cycles in which a net is evaluated: those with `cycle % every == phase`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rate {
     /// Cycles from one evaluation to the next, 1 to [`EVERY_MAX`]; 1 for a net that commands joints.
@@ -44,10 +44,10 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// The executor's own rate.
+    /// Evaluated in every cycle.
     pub const EVERY_CYCLE: Rate = Rate { every: 1, phase: 0 };
 
-    /// True if a net of this rate is evaluated in this cycle of the executor.
+    /// Returns true if a net with this rate is evaluated in executor cycle `cycle`.
     pub fn is_due(&self, cycle: u64) -> bool {
         let rest = cycle.checked_rem(u64::from(self.every)).unwrap_or(0);
         self.every <= 1 || rest == u64::from(self.phase)
@@ -66,7 +66,7 @@ impl Default for Rate {
 
 /// Consecutive primitives that share one kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Run {
+pub struct KernelRun {
     /// Number of the kernel, see [`primitives::kernel`].
     pub kernel: u16,
     /// First operand.
@@ -75,85 +75,87 @@ pub struct Run {
     pub operands: u32,
 }
 
-/// A delayed link: after the cycle `from` is copied to `to`.
+/// A delayed link: after the cycle, `from` is copied to `to`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Delay {
-    /// Which arena.
+    /// Arena.
     pub store: Store,
     /// Slot of the source.
     pub from: u32,
     /// Slot that the sink reads.
     pub to: u32,
-    /// Elements.
+    /// Number of elements.
     pub width: u32,
 }
 
 /// A value that is copied out after the cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MonitorPoint {
-    /// Which arena.
+    /// Arena.
     pub store: Store,
     /// First slot.
     pub slot: u32,
-    /// Elements.
+    /// Number of elements.
     pub width: u32,
-    /// Every how many cycles, at least 1.
+    /// Number of cycles between two copies, at least 1.
     pub every: u32,
 }
 
-/// A value that other nets can read after the cycle.
+/// A published value: other nets can read it after the cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PublishPoint {
-    /// Under which name, and what it is.
+    /// The topic: its name and type.
     pub topic: Topic,
-    /// Which arena.
+    /// Arena.
     pub store: Store,
     /// First slot.
     pub slot: u32,
-    /// Elements.
+    /// Number of elements.
     pub width: u32,
 }
 
-/// A value that comes from outside, between two evaluations of the net: from people and programs, or from another net.
+/// A value that is set from outside between two evaluations of the net: through the control interface, or by another
+/// net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputPoint {
-    /// Which arena.
+    /// Arena.
     pub store: Store,
     /// First slot.
     pub slot: u32,
-    /// Elements.
+    /// Number of elements.
     pub width: u32,
-    /// Slot of `Int`: evaluations since it was set, 0 in the first one that sees it; null: it was never set.
+    /// `Int` slot: evaluations since the value was set, 0 in the first evaluation that sees it; null if it was never
+    /// set.
     pub since: u32,
-    /// Slot of `Real`: the same as a time, s.
+    /// `Real` slot: the same as a time, s.
     pub age: u32,
-    /// When it was set more evaluations ago than this, it becomes null; 0 = never.
+    /// The value becomes null when it was set more than this many evaluations ago; 0 = never.
     pub expires: u32,
-    /// First slot of what its elements must not be less than, in the same arena.
+    /// First slot of the lower bounds of its elements, in the same arena.
     pub at_least: Option<u32>,
-    /// First slot of what its elements must not be greater than, in the same arena.
+    /// First slot of the upper bounds of its elements, in the same arena.
     pub at_most: Option<u32>,
-    /// It comes from the net that publishes this, and from nobody else.
+    /// The value is set only by the net that publishes this topic.
     pub topic: Option<Topic>,
 }
 
-/// Values in an arena that somebody wants to see.
+/// Values in an arena, for display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ValuePoint {
-    /// Which arena.
+    /// Arena.
     pub store: Store,
     /// First slot.
     pub slot: u32,
-    /// Elements.
+    /// Number of elements.
     pub width: u32,
 }
 
-/// A net lowered to numbers; borrows its arrays from whoever stores them.
+/// A net lowered to numbers; borrows its arrays from their owner.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan<'a> {
-    /// Fingerprint of the catalogue that the kernels' numbers refer to.
+    /// Fingerprint of the catalogue that the kernel numbers refer to.
     pub catalogue: u64,
-    /// Fingerprint of the device table that the devices' numbers refer to.
+    /// Fingerprint of the device table that the device indices refer to.
     pub configuration: u64,
     /// Initial arena of `Real`: constants, states, and null elsewhere.
     pub reals: &'a [f64],
@@ -161,33 +163,33 @@ pub struct Plan<'a> {
     pub bools: &'a [u8],
     /// Initial arena of `Int`.
     pub ints: &'a [i64],
-    /// What to run, in order.
-    pub runs: &'a [Run],
+    /// Kernel runs, in evaluation order.
+    pub runs: &'a [KernelRun],
     /// Operands of all runs.
     pub operands: &'a [u32],
-    /// How the runs are divided among regions; empty: all of them are always evaluated.
-    pub blocks: &'a [Block],
-    /// What is evaluated only under a condition, those around others first.
-    pub regions: &'a [Region],
-    /// What becomes null when a region ceases to be evaluated, in the order of the regions.
-    pub blanks: &'a [Blank],
+    /// The division of the runs among regions; empty: all runs are always evaluated.
+    pub blocks: &'a [RunBlock],
+    /// Conditionally evaluated regions; an enclosing region comes before the regions inside it.
+    pub regions: &'a [PlanRegion],
+    /// Values that become null when a region is deactivated, in the order of the regions.
+    pub blanks: &'a [NullRange],
     /// Delayed links.
     pub delays: &'a [Delay],
     /// Monitors.
     pub monitors: &'a [MonitorPoint],
-    /// Values that come from outside.
+    /// Values that are set from outside.
     pub inputs: &'a [InputPoint],
-    /// Values that other nets can read, by rising key of their topics.
+    /// Published values, by ascending topic key.
     pub publishes: &'a [PublishPoint],
     /// Number of path clocks.
     pub clocks: u32,
-    /// In which cycles it is evaluated.
+    /// The cycles in which the net is evaluated.
     pub rate: Rate,
-    /// The net goes on with null when a device that it commands is lost.
+    /// The net continues, with null, when a device that it commands is lost.
     pub survives_device_loss: bool,
 }
 
-/// What a net claims for itself alone.
+/// The unique resources that a net claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resources {
     /// Bit d: the arm of device d.
@@ -196,7 +198,7 @@ pub struct Resources {
     pub digital: [u64; DEVICES_MAX],
     /// By device, bit c: analog output c.
     pub analog: [u64; DEVICES_MAX],
-    /// Keys of the topics that it publishes, rising; 0 = none any more.
+    /// Keys of the published topics, ascending; 0 marks unused elements at the end.
     pub topics: [u64; TOPICS_MAX],
 }
 
@@ -238,7 +240,7 @@ impl Resources {
         topics: [0; TOPICS_MAX],
     };
 
-    /// The first resource that both claim.
+    /// Returns the first resource that both claim.
     pub fn common(&self, other: &Resources) -> Option<Resource> {
         let arms = self.arms & other.arms;
         if arms != 0 {
@@ -264,7 +266,7 @@ impl Resources {
         Some(Resource::Topic { key: *key })
     }
 
-    /// Keys of the topics that it publishes, rising.
+    /// Returns the keys of the published topics, ascending.
     fn topics(&self) -> &[u64] {
         let count = self.topics.partition_point(|key| *key != 0);
         self.topics.get(..count).unwrap_or(&[])
@@ -274,14 +276,14 @@ impl Resources {
         self.topics().binary_search(&key).is_ok()
     }
 
-    /// True if any resource of the device is claimed.
+    /// Returns true if any resource of the device is claimed.
     pub fn uses(&self, device: usize) -> bool {
         let channels =
             |table: &[u64; DEVICES_MAX]| table.get(device).is_some_and(|bits| *bits != 0);
         self.arms >> device & 1 == 1 || channels(&self.digital) || channels(&self.analog)
     }
 
-    /// Claims a resource; `false` if it was claimed already.
+    /// Claims a resource; returns false if it was claimed already.
     fn claim(&mut self, resource: Resource) -> bool {
         let (bits, bit) = match resource {
             Resource::Arm { device } => (Some(&mut self.arms), device),
@@ -300,7 +302,7 @@ impl Resources {
         }
     }
 
-    /// Keys come in rising order.
+    /// Claims a topic; keys must arrive in ascending order.
     fn claim_topic(&mut self, key: u64) -> bool {
         if self.publishes(key) {
             return false;
@@ -310,12 +312,12 @@ impl Resources {
     }
 }
 
-/// What a checked plan is known to be.
+/// Properties of a plan that passed the check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Checked {
-    /// What it claims.
+pub struct CheckedPlan {
+    /// Resources that it claims.
     pub resources: Resources,
-    /// It has a `Cancel` primitive.
+    /// The plan has a `Cancel` primitive.
     pub can_cancel: bool,
     /// Number of primitives with a kernel.
     pub primitives: u32,
@@ -323,26 +325,26 @@ pub struct Checked {
     pub work: u64,
 }
 
-/// Why a plan is refused. Numbers index into the plan.
+/// Reason for refusing a plan. Numbers are indices into the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PlanError {
-    /// Made for another catalogue: loader and executor are of different builds.
+    /// The plan was made for another catalogue: loader and executor are different builds.
     OtherCatalogue,
-    /// Made for another configuration of devices.
+    /// The plan was made for another device configuration.
     OtherConfiguration,
     /// An array is larger than allowed.
     TooLarge,
-    /// There is no kernel of this number.
+    /// No kernel has this number.
     UnknownKernel {
         /// Index of the run.
         run: u32,
     },
-    /// The operands of a run are outside the operand array or not a whole number of groups.
+    /// The operands of a run are outside the operand array, or are not a whole number of groups.
     BadRun {
         /// Index of the run.
         run: u32,
     },
-    /// An operand points outside its arena or names what does not exist.
+    /// An operand points outside its arena, or refers to a device, channel or clock that does not exist.
     BadOperand {
         /// Index of the operand.
         operand: u32,
@@ -352,24 +354,24 @@ pub enum PlanError {
         /// The resource.
         resource: Resource,
     },
-    /// Not exactly one `Termination`.
+    /// The plan does not have exactly one `Termination`.
     Terminations {
-        /// How many there are.
+        /// Their number.
         count: u32,
     },
-    /// The blocks are not the runs, or name regions in another order.
+    /// The blocks do not cover the runs exactly, or refer to regions out of order.
     BadBlock {
-        /// Index of the block; that behind the last one: all of them together.
+        /// Index of the block; one past the last: all blocks together.
         block: u32,
     },
-    /// The condition of a region is outside of its arena.
+    /// A slot of a region is outside the `Bool` arena, or the region's numbers do not add up.
     BadRegion {
-        /// Index of the region; that behind the last one: all of them together.
+        /// Index of the region; one past the last: all regions together.
         region: u32,
     },
-    /// What a region makes null is outside of its arena.
+    /// A range that a region sets to null is outside its arena.
     BadBlank {
-        /// Index of the blank.
+        /// Index of the range.
         blank: u32,
     },
     /// A delayed link points outside its arena.
@@ -377,32 +379,32 @@ pub enum PlanError {
         /// Index of the delay.
         delay: u32,
     },
-    /// A monitor points outside its arena, is too wide or never due.
+    /// A monitor points outside its arena, is too wide, or is never due.
     BadMonitor {
         /// Index of the monitor.
         monitor: u32,
     },
-    /// A value that comes from outside lies outside its arena, or comes from the net itself, or there are too many of
-    /// them.
+    /// A value that is set from outside lies outside its arena, is published by the net itself, or exceeds
+    /// [`INPUT_ELEMENTS_MAX`] together with those before it.
     BadInput {
         /// Index of the input.
         input: u32,
     },
-    /// A value for other nets lies outside its arena, or is not in the order of the topics' keys.
+    /// A published value lies outside its arena, or is not in the order of the topic keys.
     BadPublish {
         /// Index of the value.
         publish: u32,
     },
     /// A path clock is used twice or not at all.
     Clocks,
-    /// The rate is none, or too low.
+    /// `every` or `phase` of the rate is out of range.
     BadRate,
     /// A net that commands joints is not evaluated in every cycle.
     SlowArm {
         /// Device index.
         device: u32,
     },
-    /// An initial `Bool` is none of 0, 1, 2.
+    /// An initial `Bool` is not 0, 1 or 2.
     BadBool {
         /// Index of the slot.
         slot: u32,
@@ -410,12 +412,16 @@ pub enum PlanError {
 }
 
 impl<'a> Plan<'a> {
-    /// Proves that running this plan touches nothing outside its arena and no device or channel that
-    /// does not exist.
+    /// Verifies that running this plan accesses nothing outside its arenas, and no device or channel that does not
+    /// exist.
     ///
     /// # Errors
-    /// The first thing that is wrong.
-    pub fn check(&self, models: &[DeviceModel], configuration: u64) -> Result<Checked, PlanError> {
+    /// Returns the first fault found.
+    pub fn check(
+        &self,
+        models: &[DeviceModel],
+        configuration: u64,
+    ) -> Result<CheckedPlan, PlanError> {
         if self.catalogue != primitives::fingerprint() {
             return Err(PlanError::OtherCatalogue);
         }
@@ -451,7 +457,7 @@ impl<'a> Plan<'a> {
         Ok(checked)
     }
 
-    /// The elements that delayed links copy.
+    /// Returns the number of elements that delayed links copy and that are written from outside.
     fn check_copies(&self) -> Result<u64, PlanError> {
         let mut copied = 0u64;
         for (delay, index) in self.delays.iter().zip(0u32..) {
@@ -471,7 +477,7 @@ impl<'a> Plan<'a> {
         Ok(copied.saturating_add(self.check_inputs()?))
     }
 
-    /// The elements that are written from outside.
+    /// Returns the number of elements that are written from outside.
     fn check_inputs(&self) -> Result<u64, PlanError> {
         if self.inputs.len() > INPUTS_MAX {
             return Err(PlanError::TooLarge);
@@ -492,7 +498,8 @@ impl<'a> Plan<'a> {
         Ok(u64::from(elements))
     }
 
-    /// Each topic is published once, by this net or by another one, and all values are where they are said to be.
+    /// Checks that each topic is published once, that the net does not subscribe to its own topics, and that all
+    /// published values are inside their arenas.
     fn check_topics(&self, resources: &mut Resources) -> Result<(), PlanError> {
         let subscribes = self.inputs.iter().filter(|input| input.topic.is_some());
         if self.publishes.len() > TOPICS_MAX || subscribes.count() > TOPICS_MAX {
@@ -524,8 +531,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    fn check_runs(&self, models: &[DeviceModel]) -> Result<Checked, PlanError> {
-        let mut seen = Seen {
+    fn check_runs(&self, models: &[DeviceModel]) -> Result<CheckedPlan, PlanError> {
+        let mut seen = PlanTally {
             resources: Resources::NONE,
             clocks: 0,
             terminations: 0,
@@ -557,7 +564,7 @@ impl<'a> Plan<'a> {
         if seen.clocks.count_ones() != self.clocks {
             return Err(PlanError::Clocks);
         }
-        Ok(Checked {
+        Ok(CheckedPlan {
             resources: seen.resources,
             can_cancel: seen.cancels > 0,
             primitives: seen.primitives,
@@ -567,12 +574,12 @@ impl<'a> Plan<'a> {
 
     fn check_group(
         &self,
-        entry: &primitives::Entry,
+        entry: &primitives::CatalogueEntry,
         kernel: &Kernel,
         group: &[u32],
         first: u32,
         models: &[DeviceModel],
-        seen: &mut Seen,
+        seen: &mut PlanTally,
     ) -> Result<(), PlanError> {
         let spec = &entry.spec;
         let sizes = spec.sizes_in(kernel, group);
@@ -603,7 +610,7 @@ impl<'a> Plan<'a> {
                         && value < channel_max(kind)
                 }
                 Operand::Clock => value < self.clocks && seen.take_clock(value),
-                // What a size multiplies is in its arena, and so the size is bounded.
+                // The slots that a size multiplies were checked to be in their arenas, which bounds the size.
                 Operand::Size(Size::Open | Size::Dim(_)) => value > 0,
                 Operand::Size(Size::Cycles) => (1..=CYCLES_MAX).contains(&value),
             };
@@ -615,8 +622,8 @@ impl<'a> Plan<'a> {
         seen.account(spec.role, device, width, first)
     }
 
-    /// The operands of a run.
-    pub fn operands_of(&self, run: &Run) -> Option<&'a [u32]> {
+    /// Returns the operands of a run.
+    pub fn operands_of(&self, run: &KernelRun) -> Option<&'a [u32]> {
         self.operands
             .get(run.first as usize..)?
             .get(..run.operands as usize)
@@ -639,8 +646,8 @@ fn channel_max(kind: ChannelKind) -> u32 {
     }
 }
 
-/// What the check has met so far.
-struct Seen {
+/// Claims and counts that the check has accumulated.
+struct PlanTally {
     resources: Resources,
     clocks: u64,
     terminations: u32,
@@ -649,7 +656,7 @@ struct Seen {
     work: u64,
 }
 
-impl Seen {
+impl PlanTally {
     fn take_clock(&mut self, clock: u32) -> bool {
         let bit = 1u64.checked_shl(clock).unwrap_or(0);
         let free = bit != 0 && self.clocks & bit == 0;
@@ -691,7 +698,7 @@ impl Seen {
         width: Option<u32>,
         first: u32,
     ) -> Result<(), PlanError> {
-        // Joint ports are as wide as the device has joints; nothing else ties width and device.
+        // Joint ports are as wide as the device has joints; no other check ties width to device.
         if let (Some(width), Some((_, model))) = (width, device)
             && (model.joints != width || width as usize > JOINTS_MAX)
         {

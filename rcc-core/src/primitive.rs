@@ -1,6 +1,6 @@
-//! What a primitive is: its spec (for the loader and for people) and its kernels (for the cycle).
+//! The parts of a primitive: its spec (for the loader and for people) and its kernels (for the cycle).
 //!
-//! A primitive is one file in `primitives/` that defines one [`Entry`], and two lines in
+//! A primitive is one file in `primitives/` that defines one [`CatalogueEntry`], and two lines in
 //! `primitives.rs`. The loader reads only the spec; the real-time thread runs only kernels.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
@@ -18,21 +18,22 @@ mod window;
 pub use channel::{each_bit_channel, each_real_channel};
 pub use duration::{elapsed, reached};
 pub use elements::{ELEMENTS, TRUTHS, fold_bool, fold_int, fold_real};
-pub use operand::{CYCLES_MAX, DIMS_MAX, Memory, Operand, Size, Sizes, Width};
+pub use operand::{CYCLES_MAX, DIMS_MAX, MemorySpec, Operand, Size, Sizes, Width};
 pub use port::{
-    ChannelKind, Dim, Elements, Family, Literal, Parameter, ParameterKind, Port, PortType, UnitRule,
+    ChannelKind, DefaultValue, Dim, ElementType, Parameter, ParameterKind, Port, PortType,
+    TypeFamily, UnitRule,
 };
 pub use step::{
-    Outcome, choose, compare_int, compare_real, each, each_bool, each_finite, each_int, each_real,
-    finite, higher, lower, map_real, map_whole, real_unless, whole, within,
+    StepResult, choose, compare_int, compare_real, each, each_bool, each_finite, each_int,
+    each_real, finite, higher, lower, map_real, map_whole, real_unless, whole, within,
 };
 pub use wide::{copy, fill_null, is_null, wide_int, wide_real};
 pub use window::{Fold, WINDOW, each_window};
 
-/// What a primitive remembers from cycle to cycle; each kind is one contiguous block in the arena.
-/// Reals start as null (NaN), Bools as null, Ints as 0, unless `prepare` or a [`ParameterKind::Start`] sets them.
+/// The state that a primitive keeps from cycle to cycle; each kind is one contiguous block in the arena. Reals start as
+/// null (NaN), Bools as null and Ints as 0, unless `prepare` or a [`ParameterKind::Start`] sets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct State {
+pub struct StateSpec {
     /// Number of `f64`.
     pub reals: u32,
     /// Number of `Bool`.
@@ -41,32 +42,32 @@ pub struct State {
     pub ints: u32,
 }
 
-impl State {
-    /// Remembers nothing.
-    pub const NONE: State = State {
+impl StateSpec {
+    /// No state.
+    pub const NONE: StateSpec = StateSpec {
         reals: 0,
         bools: 0,
         ints: 0,
     };
 }
 
-/// What the loader and the executor must do for a primitive besides running its kernel.
+/// The special treatment that the loader and the executor give a primitive besides running its kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Nothing.
     Plain,
     /// Its `value` input is copied out after the cycle; it has no kernel.
     Monitor,
-    /// Its `value` is put into a constant slot that stands for its output; it has no kernel.
+    /// Its `value` is stored in a constant slot that serves as its output; it has no kernel.
     Constant,
-    /// Its output is a slot of its own that begins as its `initial` and is written from outside between cycles: by people
-    /// and programs, or, if it has a topic, by the net that publishes that.
+    /// Its output is a slot of its own that starts as `initial` and is written from outside between cycles: through the
+    /// control interface or, if it has a topic, by the net that publishes that topic. It has no kernel.
     Input,
-    /// Its output can be read by other nets after the cycle.
+    /// Its `value` is published: other nets can read it after the cycle.
     Publish,
-    /// Every net needs one.
+    /// Every net has exactly one.
     Termination,
-    /// A net with one can be cancelled.
+    /// Makes its net cancelable.
     Cancel,
     /// Needs a path clock.
     Motion,
@@ -76,42 +77,43 @@ pub enum Role {
     CommandsChannel,
 }
 
-/// How null passes from inputs to outputs, for the loader; [`Spec::null`] says it to people.
+/// How null passes from inputs to outputs, as the loader evaluates it; [`Spec::null`] states it for people.
 ///
-/// The loader asks it whether a loop can ever lose a null again, so it takes the best case: what the
-/// outputs may be if every known input has a helpful value.
+/// The loader uses the rule to decide whether a loop can lose a null again. It therefore assumes the best case: what
+/// the outputs may be if every known input has a favourable value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NullRule {
     /// A null input gives null outputs.
     Propagates,
-    /// One known input is enough for known outputs.
+    /// The outputs are known if at least one input is known.
     AnyKnown,
-    /// The first input must be known, and one of the others.
+    /// The outputs are known if the first input and at least one other input are known.
     FirstAndAnyKnown,
-    /// Outputs are known whatever the inputs are.
+    /// The outputs are always known.
     Known,
-    /// Once known, outputs stay known; from the beginning if a [`ParameterKind::First`] is.
+    /// Once known, the outputs stay known; they are known from the start if a [`ParameterKind::First`] is.
     Remembers,
 }
 
-/// Everything that people and the loader know about a primitive.
+/// The description of a primitive, for the loader and for people.
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
-    /// The type's name in nets.
+    /// Type name as written in nets.
     pub name: &'static str,
-    /// One sentence.
+    /// Summary in one sentence.
     pub summary: &'static str,
-    /// What null at an input does.
+    /// Effect of a null input, in words.
     pub null: &'static str,
-    /// The same for the loader.
+    /// The same, for the loader.
     pub null_rule: NullRule,
-    /// Which known inputs give null; empty: known inputs, known outputs. Clauses with "; " between them. The loader
-    /// understands `PORT OP NUMBER` and `PORT OP PORT` with `= < > <= >=` ("b = 0", "low > high") and rules them out where
-    /// constants and ranges of ports do; one that begins with "overflow" it never counts; others are words for people.
+    /// The known inputs for which the output is null; empty if known inputs always give known outputs. Clauses are
+    /// separated by "; ". The loader understands `PORT OP NUMBER` and `PORT OP PORT` with `= < > <= >=` ("b = 0", "low
+    /// > high") and excludes such a clause if constants and port ranges rule it out. A clause that begins with
+    /// "overflow" is ignored by the loader; any other clause is text for people.
     pub undefined: &'static str,
-    /// The formula with its source (book, paper, standard); empty where the summary says it all.
+    /// The formula and its source (book, paper, standard); empty if the summary is sufficient.
     pub formula: &'static str,
-    /// Worked values: the manual shows them, and a test runs every one through the whole language.
+    /// Worked examples: the manual shows them, and a test runs each through the whole language.
     pub examples: &'static [Example],
     /// Inputs, in operand order.
     pub inputs: &'static [Port],
@@ -120,32 +122,32 @@ pub struct Spec {
     /// Parameters, in operand order.
     pub parameters: &'static [Parameter],
     /// State.
-    pub state: State,
-    /// What it remembers of its open type.
-    pub memory: Memory,
+    pub state: StateSpec,
+    /// State of the primitive's open type.
+    pub memory: MemorySpec,
     /// Role.
     pub role: Role,
 }
 
-/// Worked values of a primitive: a table with one row a cycle.
+/// A worked example of a primitive: a table with one row per cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct Example {
-    /// What it shows, one phrase.
+    /// What the example shows, in one phrase.
     pub shows: &'static str,
-    /// Parameters as in a net, `{gain: 0.25}`; empty if there are none.
+    /// Parameters as written in a net, `{gain: 0.25}`; empty if there are none.
     pub parameters: &'static str,
-    /// The period of the net, ms.
+    /// Period of the net, ms.
     pub period_ms: u32,
-    /// Numbers at ports that take whole and real ones are whole.
+    /// Uses `Int` at ports that accept both `Int` and `Real`.
     pub whole: bool,
-    /// The first line names ports with `|` between them; each further line is a cycle and has a literal of the language
-    /// below each name: what the inputs are, and what the outputs must then be (to 1e-12). Inputs without a column are
+    /// The first line names the ports, separated by `|`. Each further line is one cycle with a literal of the language
+    /// below each name: the inputs, and the outputs that they must give (to within 1e-12). Inputs without a column are
     /// left unconnected.
     pub table: &'static str,
 }
 
 impl Example {
-    /// At a period of 1 ms.
+    /// Creates an example with a period of 1 ms.
     pub const fn new(
         shows: &'static str,
         parameters: &'static str,
@@ -160,12 +162,12 @@ impl Example {
         }
     }
 
-    /// At another period.
+    /// Sets the period, ms.
     pub const fn every_ms(self, period_ms: u32) -> Example {
         Example { period_ms, ..self }
     }
 
-    /// Of whole numbers, at ports that take whole and real ones.
+    /// Uses `Int` at ports that accept both `Int` and `Real`.
     pub const fn whole(self) -> Example {
         Example {
             whole: true,
@@ -190,12 +192,12 @@ impl Spec {
         inputs: &[],
         outputs: &[],
         parameters: &[],
-        state: State::NONE,
-        memory: Memory::NONE,
+        state: StateSpec::NONE,
+        memory: MemorySpec::NONE,
         role: Role::Plain,
     };
 
-    /// Finds an input and its place.
+    /// Finds an input by name; returns its index and port.
     pub fn input(&self, name: &str) -> Option<(usize, &'static Port)> {
         self.inputs
             .iter()
@@ -203,7 +205,7 @@ impl Spec {
             .find(|(_, port)| port.name == name)
     }
 
-    /// Finds an output and its place.
+    /// Finds an output by name; returns its index and port.
     pub fn output(&self, name: &str) -> Option<(usize, &'static Port)> {
         self.outputs
             .iter()
@@ -215,16 +217,16 @@ impl Spec {
 /// The executable form of a primitive for one arena.
 #[derive(Clone, Copy)]
 pub struct Kernel {
-    /// The arena of its open ports; `None` if it has none.
+    /// The arena of the open ports; `None` if the primitive has none.
     pub store: Option<Store>,
-    /// Only for values of one element; its operands have no width.
+    /// Handles only single-element values; its operands then have no width.
     pub single: bool,
-    /// Runs all primitives of a run: `operands` is a whole number of operand groups.
+    /// Evaluates all primitives of a run: `operands` is a whole number of operand groups.
     pub run: fn(&mut Frame<'_>, operands: &[u32]),
 }
 
 impl Kernel {
-    /// The kernel of a primitive without open ports.
+    /// Creates the kernel of a primitive without open ports.
     pub const fn new(run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
         Kernel {
             store: None,
@@ -233,7 +235,7 @@ impl Kernel {
         }
     }
 
-    /// The kernel for one arena.
+    /// Creates the kernel for one arena.
     pub const fn of(store: Store, run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
         Kernel {
             store: Some(store),
@@ -242,7 +244,8 @@ impl Kernel {
         }
     }
 
-    /// The kernel for single values of one arena, of a primitive that also takes wide ones.
+    /// Creates the kernel for single-element values of one arena, for a primitive that also has a kernel for wide
+    /// values.
     pub const fn single(store: Store, run: fn(&mut Frame<'_>, &[u32])) -> Kernel {
         Kernel {
             store: Some(store),
@@ -257,19 +260,20 @@ pub type Prepare = fn(&mut Preparation<'_>, operands: &[u32]) -> Result<(), Prep
 
 /// One row of the catalogue.
 #[derive(Clone, Copy)]
-pub struct Entry {
-    /// For people and the loader.
+pub struct CatalogueEntry {
+    /// Description for people and the loader.
     pub spec: Spec,
-    /// For the cycle; at most 8. The first one that fits is taken, so that those for single values come first.
+    /// Kernels for the cycle, at most 8. The first one that fits is used, so kernels for single-element values come
+    /// first.
     pub kernels: &'static [Kernel],
-    /// Start values that depend on the devices.
+    /// Computes start values that depend on the devices; `None` if there are none.
     pub prepare: Option<Prepare>,
 }
 
-impl Entry {
-    /// A primitive without start values of its own.
-    pub const fn new(spec: Spec, kernels: &'static [Kernel]) -> Entry {
-        Entry {
+impl CatalogueEntry {
+    /// Creates a row without computed start values.
+    pub const fn new(spec: Spec, kernels: &'static [Kernel]) -> CatalogueEntry {
+        CatalogueEntry {
             spec,
             kernels,
             prepare: None,
@@ -277,14 +281,15 @@ impl Entry {
     }
 
     /// Adds the computation of start values.
-    pub const fn prepared_by(self, prepare: Prepare) -> Entry {
-        Entry {
+    pub const fn prepared_by(self, prepare: Prepare) -> CatalogueEntry {
+        CatalogueEntry {
             prepare: Some(prepare),
             ..self
         }
     }
 
-    /// Index of the kernel for an arena (of its open ports, `None` if it has none) and a width.
+    /// Returns the index of the kernel for an arena (of the open ports; `None` if there are none) and a width in
+    /// elements.
     pub fn kernel_for(&self, store: Option<Store>, width: u32) -> Option<usize> {
         let fits = |kernel: &Kernel| kernel.store == store && (!kernel.single || width == 1);
         self.kernels.iter().position(fits)

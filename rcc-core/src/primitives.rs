@@ -1,7 +1,7 @@
 //! The catalogue: one `mod` line and one row a primitive, sorted by name.
 
 use crate::frame::Frame;
-pub use crate::primitive::Entry;
+pub use crate::primitive::CatalogueEntry;
 use crate::primitive::Kernel;
 use crate::topic;
 
@@ -210,7 +210,7 @@ mod wrench_transform;
 mod xor;
 
 /// Every primitive, sorted by name.
-pub const CATALOGUE: &[&Entry] = &[
+pub const CATALOGUE: &[&CatalogueEntry] = &[
     &abs::ENTRY,
     &add::ENTRY,
     &all_of::ENTRY,
@@ -419,7 +419,7 @@ pub const CATALOGUE: &[&Entry] = &[
 pub const KERNELS_MAX: usize = 8;
 
 /// Finds a primitive by name.
-pub fn find(name: &str) -> Option<(usize, &'static Entry)> {
+pub fn find(name: &str) -> Option<(usize, &'static CatalogueEntry)> {
     let index = CATALOGUE
         .binary_search_by_key(&name, |entry| entry.spec.name)
         .ok()?;
@@ -433,7 +433,7 @@ pub const fn kernel_number(entry: usize, kernel: usize) -> u16 {
 
 /// The kernel with this number.
 #[inline]
-pub fn kernel(number: u16) -> Option<(&'static Entry, &'static Kernel)> {
+pub fn kernel(number: u16) -> Option<(&'static CatalogueEntry, &'static Kernel)> {
     let number = usize::from(number);
     let entry = CATALOGUE.get(number / KERNELS_MAX)?;
     Some((entry, entry.kernels.get(number % KERNELS_MAX)?))
@@ -484,7 +484,7 @@ pub fn fingerprint() -> u64 {
 }
 
 #[cfg(test)]
-mod laws;
+mod scalar_properties;
 
 #[cfg(test)]
 mod tests {

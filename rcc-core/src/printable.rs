@@ -1,13 +1,13 @@
-//! Text from outside, made safe to print: what a terminal would obey, or what would hide or reorder other text, is shown
-//! as its JSON escape. Pure and without heap; used by every program that prints.
+//! Makes text from outside safe to print: characters that control a terminal, or that hide or reorder text, are shown
+//! as their JSON escape. Pure, without heap; used by every program that prints.
 //!
-//! The escape is JSON's (`\u001b`), so one rule serves both kinds of output: what people read cannot command their
-//! terminal, and a line of JSON still says exactly the same, as such characters occur in its strings only.
+//! The escape is JSON's (`\u001b`), so that one rule serves both kinds of output: human-readable text cannot control
+//! the terminal, and a line of JSON keeps its meaning, because such characters occur only inside its strings.
 
 use core::fmt::{self, Display, Write};
 
-/// True unless a terminal could obey the character, or show other text than there is: C0, DEL and C1 controls (but line
-/// feed and tab), directions, line separators, and characters without width.
+/// Returns false for characters that a terminal may interpret, or that make it display a different text: C0 (except
+/// line feed and tab), DEL and C1 controls, directional marks, line separators, and zero-width characters.
 #[must_use]
 pub const fn is_printable(character: char) -> bool {
     match character {
@@ -15,7 +15,7 @@ pub const fn is_printable(character: char) -> bool {
         '\0'..='\x1f' | '\x7f'..='\u{9f}' => false,
         // Soft hyphen, Arabic letter mark, Mongolian vowel separator, byte order mark, interlinear annotations.
         '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' => false,
-        // Without width, and marks of direction; separators of lines and paragraphs, and embeddings; joiners, invisible
+        // Zero-width characters and directional marks; line and paragraph separators and embeddings; joiners, invisible
         // operators and isolates.
         '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' => false,
         // Tags.
@@ -24,14 +24,14 @@ pub const fn is_printable(character: char) -> bool {
     }
 }
 
-/// The first character of `text` that is not printable, and at which byte it is.
+/// Returns the first unprintable character of `text` and its byte offset.
 #[must_use]
 pub fn first_unprintable(text: &str) -> Option<(usize, char)> {
     text.char_indices()
         .find(|(_, character)| !is_printable(*character))
 }
 
-/// Displays a text with every character that is not printable as its JSON escape.
+/// Displays a text with every unprintable character as its JSON escape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Printable<'a>(pub &'a str);
 
@@ -48,8 +48,8 @@ impl Display for Printable<'_> {
     }
 }
 
-/// As [`Printable`], but lets colours pass (`ESC [ … m`): for text that we have coloured, of parts that were made
-/// printable before.
+/// As [`Printable`], but passes colour sequences (`ESC [ … m`): for text that was coloured by this program, from parts
+/// that were made printable before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coloured<'a>(pub &'a str);
 
@@ -59,7 +59,7 @@ impl Display for Coloured<'_> {
         while let Some(at) = rest.find("\x1b[") {
             let (clean, sequence) = rest.split_at(at);
             let length = colour(sequence);
-            // Without one, the two characters that were found are text.
+            // If it is not a colour sequence, the two characters found are text.
             let (sequence, behind) = sequence.split_at(if length > 0 { length } else { 2 });
             Printable(clean).fmt(f)?;
             if length > 0 {
@@ -73,7 +73,7 @@ impl Display for Coloured<'_> {
     }
 }
 
-/// Length of the colour that `text` begins with; 0 if it begins with none.
+/// Returns the length of the colour sequence at the start of `text`; 0 if there is none.
 fn colour(text: &str) -> usize {
     let parameters = text.get(2..).unwrap_or("");
     let end = parameters.find(|c: char| !c.is_ascii_digit() && c != ';');
@@ -100,7 +100,7 @@ mod tests {
 
     use super::*;
 
-    /// Clears the screen, sets the title, hides, reorders, and begins a line of its own.
+    /// Clears the screen, sets the title, hides and reorders text, and starts a new line.
     const HOSTILE: &str =
         "a\x1b[2J\x1b]0;owned\x07\x7f\u{9b}31m\u{202e}live\u{2066}\u{200b}\u{2028}\r\u{e0041}z";
 

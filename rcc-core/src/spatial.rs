@@ -10,50 +10,50 @@ use crate::rotation;
 use crate::vector::{self, Vector};
 
 /// Two vectors `[x y z x y z]`: velocity and angular velocity, or force and torque.
-pub type Six = [f64; 6];
+pub type SpatialVector = [f64; 6];
 
 /// The two vectors.
 #[must_use]
-pub fn split([a, b, c, d, e, f]: Six) -> (Vector, Vector) {
+pub fn split([a, b, c, d, e, f]: SpatialVector) -> (Vector, Vector) {
     ([a, b, c], [d, e, f])
 }
 
 /// From two vectors.
 #[must_use]
-pub fn join([a, b, c]: Vector, [d, e, f]: Vector) -> Six {
+pub fn join([a, b, c]: Vector, [d, e, f]: Vector) -> SpatialVector {
     [a, b, c, d, e, f]
 }
 
 /// The twist of the same motion with its reference point `by` further, same axes: v' = v + ω × by.
 #[must_use]
-pub fn shift_twist(twist: Six, by: Vector) -> Six {
+pub fn shift_twist(twist: SpatialVector, by: Vector) -> SpatialVector {
     let (linear, angular) = split(twist);
     join(vector::add(linear, vector::cross(angular, by)), angular)
 }
 
 /// The wrench of the same load with its reference point `by` further, same axes: t' = t − by × f.
 #[must_use]
-pub fn shift_wrench(wrench: Six, by: Vector) -> Six {
+pub fn shift_wrench(wrench: SpatialVector, by: Vector) -> SpatialVector {
     let (force, torque) = split(wrench);
     join(force, vector::subtract(torque, vector::cross(by, force)))
 }
 
 /// A twist in axes and with the origin of B, as one in axes and with the origin of A, for the pose of B in A: the adjoint.
 #[must_use]
-pub fn transform_twist(pose: &Pose, twist: Six) -> Six {
+pub fn transform_twist(pose: &Pose, twist: SpatialVector) -> SpatialVector {
     shift_twist(turn(pose, twist), vector::scale(pose.position, -1.0))
 }
 
 /// A wrench in axes and about the origin of B, as one in axes and about the origin of A, for the pose of B in A.
 #[must_use]
-pub fn transform_wrench(pose: &Pose, wrench: Six) -> Six {
+pub fn transform_wrench(pose: &Pose, wrench: SpatialVector) -> SpatialVector {
     shift_wrench(turn(pose, wrench), vector::scale(pose.position, -1.0))
 }
 
 /// The pose after `time_s` of a constant twist in axes of the outer frame, whose reference point is the pose's origin:
 /// the origin on a straight line, the orientation by the exponential map.
 #[must_use]
-pub fn integrate(pose: &Pose, twist: Six, time_s: f64) -> Pose {
+pub fn integrate(pose: &Pose, twist: SpatialVector, time_s: f64) -> Pose {
     let (linear, angular) = split(twist);
     let turn = rotation::exp(vector::scale(angular, time_s));
     Pose {
@@ -64,14 +64,14 @@ pub fn integrate(pose: &Pose, twist: Six, time_s: f64) -> Pose {
 
 /// The constant twist that leads from `previous` to `pose` in `time_s`, as [`integrate`] takes it; by the shorter turn.
 #[must_use]
-pub fn difference(previous: &Pose, pose: &Pose, time_s: f64) -> Six {
+pub fn difference(previous: &Pose, pose: &Pose, time_s: f64) -> SpatialVector {
     let way = vector::subtract(pose.position, previous.position);
     let turn = rotation::error(previous.orientation, pose.orientation);
     join(way, turn).map(|element| element / time_s)
 }
 
 /// Both vectors in axes of the outer frame, same reference point.
-fn turn(pose: &Pose, six: Six) -> Six {
+fn turn(pose: &Pose, six: SpatialVector) -> SpatialVector {
     let (a, b) = split(six);
     join(
         rotation::rotate(pose.orientation, a),
@@ -85,14 +85,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn far(a: Six, b: Six) -> f64 {
+    fn far(a: SpatialVector, b: SpatialVector) -> f64 {
         a.iter()
             .zip(b)
             .map(|(a, b)| (a - b).abs())
             .fold(0.0, f64::max)
     }
 
-    fn power(twist: Six, wrench: Six) -> f64 {
+    fn power(twist: SpatialVector, wrench: SpatialVector) -> f64 {
         twist.iter().zip(wrench).map(|(v, f)| v * f).sum()
     }
 
@@ -104,12 +104,12 @@ mod tests {
             .prop_map(|(xyz, rpy)| Pose::from_xyz_rpy(xyz, rpy))
     }
 
-    fn any_six() -> impl Strategy<Value = Six> {
+    fn any_six() -> impl Strategy<Value = SpatialVector> {
         prop::array::uniform6(-5.0..5.0f64)
     }
 
     /// Where the point of the body that is at `point` now is after `time_s`.
-    fn carried(twist: Six, point: Vector, time_s: f64) -> Vector {
+    fn carried(twist: SpatialVector, point: Vector, time_s: f64) -> Vector {
         let (linear, angular) = split(twist);
         let turn = rotation::exp(vector::scale(angular, time_s));
         vector::add(rotation::rotate(turn, point), vector::scale(linear, time_s))
@@ -141,7 +141,7 @@ mod tests {
             // The body frame C moves in B by the twist about B's origin; seen from A it moves by the transformed twist.
             let h = 1e-6;
             let body = Pose::from_xyz_rpy([0.3, -0.2, 0.5], [0.4, 0.1, -0.7]);
-            let moved = |twist: Six, body: &Pose, time: f64| {
+            let moved = |twist: SpatialVector, body: &Pose, time: f64| {
                 let (_, angular) = split(twist);
                 let turn = rotation::exp(vector::scale(angular, time));
                 Pose {

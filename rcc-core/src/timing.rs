@@ -1,22 +1,22 @@
-//! Time, told honestly: the records about late cycles, the histograms and what primitives cost.
-//! Plain data of fixed size, written by the real-time thread, read by anybody through boards.
+//! Timing records: late cycles, histograms, and the cost of primitives. Plain data of fixed size, written by the
+//! real-time thread and read through boards.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::histogram::Histogram;
 
-/// Rows for primitive types; the catalogue has fewer (by test).
+/// Number of rows for primitive types; a test ensures that the catalogue is not larger.
 pub const PRIMITIVE_ROWS: usize = 256;
 
-/// Why a cycle was late.
+/// The cause of a late cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum LateCause {
-    /// It was not.
+    /// The cycle was not late.
     None = 0,
-    /// The greater part of the lateness is the wake-up's: the machine, not a net.
+    /// Most of the lateness is wake-up latency: caused by the machine, not by a net.
     WokenLate = 1,
-    /// The greater part is what it computed.
+    /// Most of the lateness is computation time.
     ComputedLong = 2,
 }
 
@@ -28,14 +28,14 @@ impl LateCause {
         (LateCause::ComputedLong, "computed long"),
     ];
 
-    /// From a number that came from another process.
+    /// Returns the cause of a number that came from another process; unknown numbers are `None`.
     pub fn from_number(number: u32) -> LateCause {
         Self::ALL
             .get(number as usize)
             .map_or(LateCause::None, |row| row.0)
     }
 
-    /// The cause of a late cycle that woke so long after its deadline and then computed so long.
+    /// Returns the cause of a late cycle that woke `wake_ns` after its deadline and then computed for `exec_ns`.
     pub fn of(wake_ns: u64, exec_ns: u64) -> LateCause {
         if exec_ns > wake_ns {
             LateCause::ComputedLong
@@ -44,7 +44,7 @@ impl LateCause {
         }
     }
 
-    /// As printed.
+    /// Returns the display name.
     pub fn name(self) -> &'static str {
         Self::ALL.get(self as usize).map_or("none", |row| row.1)
     }
@@ -54,17 +54,17 @@ impl LateCause {
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq, Eq)]
 #[repr(C)]
 pub struct LateCycle {
-    /// Its number, 0 = there was none.
+    /// Cycle number, 0 = no late cycle.
     pub cycle: u64,
-    /// How long after its deadline it woke, ns.
+    /// Wake-up latency after the deadline, ns.
     pub wake_ns: u64,
-    /// How long it computed, ns.
+    /// Computation time, ns.
     pub exec_ns: u64,
-    /// Periods that it skipped.
+    /// Number of skipped periods.
     pub skipped_periods: u64,
-    /// Id of the command that computed longest in it, 0 = none ran.
+    /// Id of the command with the longest computation in the cycle, 0 = no command ran.
     pub command: u64,
-    /// How long that took, ns.
+    /// Its computation time, ns.
     pub command_ns: u64,
     /// [`LateCause`].
     pub cause: u32,
@@ -86,42 +86,42 @@ impl LateCycle {
     };
 }
 
-/// What the primitives of one type cost, sampled: in each cycle one run of equal primitives of one net is timed, all
-/// of them in turn, so that the rows' sums are in the ratio of what their types cost altogether. (Of nets at different
-/// rates those that run seldom are timed seldom, but not exactly in the ratio of their rates.)
+/// The sampled cost of one primitive type: in each cycle one run of equal primitives of one net is timed, in rotation
+/// over all runs, so that the sums of the rows are in proportion to the total costs of their types. (With nets at
+/// different rates, nets with a low rate are timed less often, but not exactly in proportion to their rates.)
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq, Eq)]
 #[repr(C)]
 pub struct PrimitiveTime {
-    /// Runs that were timed.
+    /// Number of timed runs.
     pub runs: u64,
-    /// Primitives in them.
+    /// Number of primitives in these runs.
     pub primitives: u64,
-    /// Their time together, ns, without what the two looks at the clock cost.
+    /// Total time, ns, without the cost of the two clock readings.
     pub sum_ns: u64,
     /// The longest run, ns.
     pub max_ns: u64,
 }
 
-/// Executor → everybody: histograms and what primitives cost, since the last acknowledgement or the start; written about
-/// ten times a second.
+/// Executor → all processes: histograms and the cost of primitives, since the last acknowledgement or the start;
+/// written about ten times per second.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub struct Timing {
+pub struct CycleTiming {
     /// [`crate::message::MAGIC`].
     pub magic: u64,
     /// [`crate::primitives::fingerprint`] of the catalogue that the rows refer to.
     pub catalogue: u64,
     /// Cycle at which it was written.
     pub cycle: u64,
-    /// Cycle of the last acknowledgement, 0 = there was none.
+    /// Cycle of the last acknowledgement, 0 = none yet.
     pub acknowledged_cycle: u64,
-    /// Wake-up after the deadline.
+    /// Wake-up latency after the deadline.
     pub wake: Histogram,
-    /// From the wake-up until everything is written.
+    /// Time from the wake-up until all outputs are written.
     pub exec: Histogram,
-    /// From one wake-up to the next.
+    /// Time from one wake-up to the next.
     pub length: Histogram,
-    /// By place in the catalogue.
+    /// Cost by index in the catalogue.
     pub primitives: [PrimitiveTime; PRIMITIVE_ROWS],
 }
 

@@ -1,19 +1,19 @@
-//! Values from net to net: a topic has a name, of which the executor knows a hash, and one type. For the loader and the
-//! executor.
+//! Topics: values that one net publishes for others. A topic has a name, of which the executor knows only a hash, and
+//! one type. For the loader and the executor.
 
 use serde::{Deserialize, Serialize};
 
-/// A name under which one net publishes a value that others subscribe to.
+/// A topic: published by one net, subscribed to by others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Topic {
-    /// A hash of the name, not 0.
+    /// Hash of the name, never 0.
     pub key: u64,
-    /// A hash of type and unit: of a topic all who publish and subscribe have the same.
+    /// Hash of type and unit; the same for the publisher and all subscribers.
     pub kind: u64,
 }
 
 impl Topic {
-    /// The topic of this name with values of this type and unit, both as people write them.
+    /// Returns the topic `name` with values of this type and unit, as written in nets.
     pub fn new(name: &str, ty: &str, unit: &str) -> Topic {
         Topic {
             key: hash([name]).max(1),
@@ -22,7 +22,7 @@ impl Topic {
     }
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll, Vo), of texts one after the other.
+/// FNV-1a, 64 bits (Fowler, Noll, Vo), of the texts in sequence.
 pub(crate) fn hash<'a>(texts: impl IntoIterator<Item = &'a str>) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325;
     for text in texts {
@@ -45,7 +45,7 @@ mod tests {
         assert_eq!(force.key, other.key);
         assert_ne!(force.kind, other.kind);
         assert_ne!(other.kind, Topic::new("tool/force", "Real", "m").kind);
-        // A text ends where it ends.
+        // The boundary between texts is part of the hash.
         assert_ne!(hash(["ab", "c"]), hash(["a", "bc"]));
     }
 }

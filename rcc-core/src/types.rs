@@ -1,6 +1,6 @@
-//! The types of values: what a port carries and how it lies in the arena.
+//! The types of values that ports carry, and their layout in the arena.
 //!
-//! Used by every thread; the real-time thread only meets `Store` and widths.
+//! Used by every thread; the real-time thread only uses `Store` and widths.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +33,8 @@ pub enum Type {
     Bools(u16),
     /// `Int[n]`.
     Ints(u16),
-    /// `Real[r,c]`, row-major. `Real[4,4]` is a homogeneous transform: its unit is that of its position, elements 3, 7
-    /// and 11; the others have none.
+    /// `Real[r,c]`, row-major. `Real[4,4]` is a homogeneous transform: its unit applies to the position (elements 3, 7
+    /// and 11); the other elements are dimensionless.
     Matrix(u8, u8),
 }
 
@@ -53,7 +53,7 @@ pub enum Store {
 pub const NULL_BOOL: u8 = 2;
 /// The null of an `Int` slot.
 pub const NULL_INT: i64 = i64::MIN;
-/// The null of a `Real` slot. Any NaN is null; this one is what we write.
+/// The null of a `Real` slot. Any NaN counts as null; this is the bit pattern that the core writes.
 pub const NULL_REAL: f64 = f64::NAN;
 /// Longest text value in bytes.
 pub const TEXT_MAX: usize = 64;
@@ -61,10 +61,10 @@ pub const TEXT_MAX: usize = 64;
 pub const ELEMENTS_MAX: u16 = 1024;
 
 impl Type {
-    /// A frame seen from another one as a homogeneous 4×4 matrix, row-major: x_outer = R · x_inner + position.
+    /// A homogeneous 4×4 transform of an inner frame in an outer frame, row-major: x_outer = R · x_inner + position.
     pub const TRANSFORM: Type = Type::Matrix(4, 4);
 
-    /// The arena that holds values of this type; `None` for `Text`, which never reaches the cycle.
+    /// Returns the arena that holds values of this type; `None` for `Text`, which never reaches the cycle.
     pub const fn store(self) -> Option<Store> {
         match self {
             Type::Bool | Type::Bools(_) => Some(Store::Bool),
@@ -74,7 +74,7 @@ impl Type {
         }
     }
 
-    /// Number of elements in the arena.
+    /// Returns the number of elements that a value occupies in the arena.
     pub const fn width(self) -> u32 {
         match self {
             Type::Bool | Type::Int | Type::Real => 1,
@@ -88,7 +88,7 @@ impl Type {
         }
     }
 
-    /// True for what can be added element by element and multiplied by a number.
+    /// Returns true for types that can be added element by element and multiplied by a number.
     pub const fn is_linear(self) -> bool {
         matches!(
             self,
@@ -103,7 +103,7 @@ impl Type {
         )
     }
 
-    /// The array of so many values of a scalar type.
+    /// Returns the array type of `length` elements of this scalar type; `None` if this is not `Real`, `Bool` or `Int`.
     pub const fn array(self, length: u16) -> Option<Type> {
         match self {
             Type::Real => Some(Type::Reals(length)),
@@ -113,7 +113,7 @@ impl Type {
         }
     }
 
-    /// One number, truth value or whole number of it: `Real` of a composite.
+    /// Returns the type of one element: `Bool` or `Int` for types in those arenas, otherwise `Real`.
     pub const fn scalar(self) -> Type {
         match self.store() {
             Some(Store::Bool) => Type::Bool,
@@ -122,7 +122,8 @@ impl Type {
         }
     }
 
-    /// What it is written as a list of: how many, and of which type. The rows of a matrix, the numbers of a vector.
+    /// Returns the number and type of the items when a value of this type is written as a list: the rows of a matrix,
+    /// the numbers of a vector. `None` for types that are not written as plain lists.
     pub const fn items(self) -> Option<(u32, Type)> {
         match self {
             Type::Matrix(rows, columns) => Some((rows as u32, Type::Reals(columns as u16))),
@@ -132,7 +133,8 @@ impl Type {
         }
     }
 
-    /// False for an element that has no unit whatever the unit of its port is.
+    /// Returns false for elements that are dimensionless whatever the unit of the port: the rotation part of a
+    /// homogeneous transform.
     pub const fn element_has_unit(self, index: u32) -> bool {
         match self {
             Type::TRANSFORM => index % 4 == 3 && index < 12,
@@ -140,7 +142,7 @@ impl Type {
         }
     }
 
-    /// The type of `port[i]`, for types that have elements of one kind.
+    /// Returns the type of `port[i]`; `None` for types that cannot be indexed.
     pub const fn element(self) -> Option<Type> {
         match self {
             Type::Reals(_) | Type::Matrix(..) => Some(Type::Real),

@@ -84,7 +84,7 @@ impl Unit {
     }
 
     /// Reads `m/s`, `N`, `deg/s^2`, `mm`, …: the SI unit and the factor to it.
-    /// `None` if a name is not in [`NAMED`].
+    /// `None` if a name is not in [`UNIT_NAMES`].
     pub fn parse(text: &str) -> Option<(Unit, f64)> {
         let mut result = (Unit::ONE, 1.0);
         let mut sign = 1;
@@ -96,7 +96,7 @@ impl Unit {
                 Some((name, power)) => (name.trim(), power.trim().parse::<i8>().ok()?),
                 None => (factor.trim(), 1),
             };
-            let named = NAMED.iter().find(|named| named.name == name)?;
+            let named = UNIT_NAMES.iter().find(|named| named.name == name)?;
             for _ in 0..power.unsigned_abs().min(8) {
                 let step = sign * power.signum();
                 result.0 = result.0.combine(named.unit, step);
@@ -119,7 +119,7 @@ impl Unit {
 
 /// A name that text may use for a unit.
 #[derive(Clone, Copy, Debug)]
-pub struct Named {
+pub struct UnitName {
     /// As written.
     pub name: &'static str,
     /// Value in SI = value × factor.
@@ -128,12 +128,12 @@ pub struct Named {
     pub unit: Unit,
 }
 
-const fn named(name: &'static str, factor: f64, unit: Unit) -> Named {
-    Named { name, factor, unit }
+const fn named(name: &'static str, factor: f64, unit: Unit) -> UnitName {
+    UnitName { name, factor, unit }
 }
 
 /// Every name; the first of a unit is how it is printed.
-pub const NAMED: &[Named] = &[
+pub const UNIT_NAMES: &[UnitName] = &[
     named("1", 1.0, Unit::ONE),
     named("m", 1.0, Unit::METRE),
     named("mm", 1e-3, Unit::METRE),
@@ -165,7 +165,7 @@ pub const NAMED: &[Named] = &[
 
 impl fmt::Display for Unit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(named) = NAMED
+        if let Some(named) = UNIT_NAMES
             .iter()
             .find(|named| named.unit == *self && named.factor == 1.0)
         {

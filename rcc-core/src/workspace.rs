@@ -21,7 +21,7 @@ pub struct Workspace {
 
 /// How an arm leaves its workspace.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Leaves {
+pub enum WorkspaceViolation {
     /// Through a side of the box.
     Box {
         /// 0, 1, 2: x, y, z.
@@ -42,7 +42,7 @@ pub enum Leaves {
 
 /// An arm that stays in its workspace. Who rests outside may come back, or stay, but not go further out.
 #[derive(Clone, Copy, Debug)]
-pub struct Stay {
+pub struct WorkspaceGuard {
     arm: Arm,
     space: Workspace,
     /// Of the last set-point: how far the point is beyond each axis' bounds, m (negative = inside), and the distance to a
@@ -74,11 +74,11 @@ impl Workspace {
     }
 }
 
-impl Stay {
+impl WorkspaceGuard {
     /// Of an arm that may rest anywhere.
     #[must_use]
-    pub fn new(arm: Arm, space: Workspace) -> Stay {
-        Stay {
+    pub fn new(arm: Arm, space: Workspace) -> WorkspaceGuard {
+        WorkspaceGuard {
             arm,
             space,
             beyond: [f64::INFINITY; 3],
@@ -97,7 +97,7 @@ impl Stay {
     ///
     /// # Errors
     /// It leaves the workspace, or is null; the last one stays what the next is compared with.
-    pub fn check(&mut self, joints: &Joints) -> Result<(), Leaves> {
+    pub fn check(&mut self, joints: &Joints) -> Result<(), WorkspaceViolation> {
         let (point, near) = self.at(joints);
         let now = self.beyond_of(&point);
         for (((beyond, limit), last), (value, axis)) in now
@@ -108,14 +108,14 @@ impl Stay {
             // Asked this way round, a NaN leaves.
             let stays = beyond <= ROUNDING_M || beyond <= last + ROUNDING;
             if !stays {
-                return Err(Leaves::Box { axis, value, limit });
+                return Err(WorkspaceViolation::Box { axis, value, limit });
             }
         }
         if let Some(near) = near {
             let limit = self.space.singularity_min;
             let stays = near.distance >= limit || near.distance >= self.distance - ROUNDING;
             if !stays {
-                return Err(Leaves::Singular { near, limit });
+                return Err(WorkspaceViolation::Singular { near, limit });
             }
             self.distance = near.distance;
         }
@@ -156,8 +156,8 @@ mod tests {
         lwr().arm.unwrap()
     }
 
-    fn resting(space: Workspace, joints: &Joints) -> Stay {
-        let mut stay = Stay::new(arm(), space);
+    fn resting(space: Workspace, joints: &Joints) -> WorkspaceGuard {
+        let mut stay = WorkspaceGuard::new(arm(), space);
         stay.begin(joints);
         assert_eq!(stay.check(joints), Ok(()), "at rest");
         stay
@@ -184,7 +184,7 @@ mod tests {
         let (value, limit) = (y_of(&turned(0.11)), space.upper[1]);
         assert_eq!(
             outside,
-            Err(Leaves::Box {
+            Err(WorkspaceViolation::Box {
                 axis: 1,
                 value,
                 limit
@@ -194,7 +194,7 @@ mod tests {
         space.lower[1] = y_of(&turned(-0.1));
         let outside = resting(space, &REST).check(&turned(-0.2));
         assert!(
-            matches!(outside, Err(Leaves::Box { axis: 1, limit, .. }) if limit == space.lower[1])
+            matches!(outside, Err(WorkspaceViolation::Box { axis: 1, limit, .. }) if limit == space.lower[1])
         );
     }
 
@@ -212,9 +212,9 @@ mod tests {
         space.point = [0.0, 0.0, 0.2];
         space.lower[2] = (flange[2] + tip[2]) / 2.0;
         assert!(tip[2] < flange[2], "the tool points down");
-        let mut stay = Stay::new(arm(), space);
+        let mut stay = WorkspaceGuard::new(arm(), space);
         stay.begin(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let Err(Leaves::Box { axis: 2, value, .. }) = stay.check(&REST) else {
+        let Err(WorkspaceViolation::Box { axis: 2, value, .. }) = stay.check(&REST) else {
             panic!("the tip is below");
         };
         assert!((value - tip[2]).abs() < 1e-12);
@@ -245,7 +245,7 @@ mod tests {
         };
         let mut stay = resting(space, &bent(0.2));
         assert_eq!(stay.check(&bent(0.11)), Ok(()));
-        let Err(Leaves::Singular { near, .. }) = stay.check(&bent(0.09)) else {
+        let Err(WorkspaceViolation::Singular { near, .. }) = stay.check(&bent(0.09)) else {
             panic!("too near");
         };
         assert!((near.distance - libm::sin(0.09)).abs() < 1e-12);

@@ -1,8 +1,8 @@
 //! Axes in the arena of a net: what primitives with goals have in common. Run by the real-time thread.
 
-use super::{AXIS_WORDS, Follower};
+use super::{AXIS_WORDS, AxisFollower};
 use crate::frame::Frame;
-use crate::path::Limits;
+use crate::path::MotionLimits;
 
 /// A share of the greatest velocity below this is none.
 const SHARE_MIN: f64 = 1e-4;
@@ -10,14 +10,14 @@ const SHARE_MIN: f64 = 1e-4;
 /// The words of an axis that rests there, without a goal.
 #[must_use]
 pub fn rest_at(position: f64) -> [f64; AXIS_WORDS] {
-    Follower::at_rest(position).words()
+    AxisFollower::at_rest(position).words()
 }
 
 /// The axis whose words are at `slot` has not been stepped yet. What goes to a goal from where an arm is held says that place
 /// first: the jerk from a set-point to the next ones is known from then on only.
 #[must_use]
 pub fn is_new(frame: &Frame<'_>, slot: u32) -> bool {
-    Follower::from_words(&frame.reals(slot)).is_new()
+    AxisFollower::from_words(&frame.reals(slot)).is_new()
 }
 
 /// The share of the greatest velocity that the inputs `speed` and `stop` leave, 0 to 1: none while `stop` is true or null,
@@ -40,15 +40,15 @@ pub fn step_axis(
     frame: &mut Frame<'_>,
     slot: u32,
     goal: Option<f64>,
-    limits: &Limits,
-) -> Option<Follower> {
-    let mut follower = Follower::from_words(&frame.get_reals(slot)?);
+    limits: &MotionLimits,
+) -> Option<AxisFollower> {
+    let mut follower = AxisFollower::from_words(&frame.get_reals(slot)?);
     if !follower.state().is_finite() {
         return None;
     }
     let (dt_s, motions) = (frame.dt_s, &mut *frame.motions);
     follower.step(goal, limits, dt_s, |from, goal, limits| {
-        motions.way(from, goal, limits)
+        motions.plan_axis(from, goal, limits)
     });
     frame.put_reals(slot, follower.words())?;
     Some(follower)

@@ -4,8 +4,8 @@ use super::*;
 use proptest::prelude::*;
 use std::vec::Vec;
 
-fn limits(velocity: f64, acceleration: f64, jerk: f64) -> Limits {
-    Limits {
+fn limits(velocity: f64, acceleration: f64, jerk: f64) -> MotionLimits {
+    MotionLimits {
         velocity,
         acceleration,
         jerk,
@@ -17,7 +17,7 @@ fn check(
     from: AxisState,
     phases: &Phases,
     goal: f64,
-    limits: &Limits,
+    limits: &MotionLimits,
 ) -> Result<(), TestCaseError> {
     prop_assert!(phases.0.iter().all(|(t, _)| *t >= 0.0), "{phases:?}");
     let end = phases.end(from);
@@ -36,7 +36,7 @@ fn check(
     );
     prop_assert!(end.velocity.abs() <= 1e-13 * v + rounding[1], "{end:?}");
     prop_assert!(end.acceleration.abs() <= rounding[0], "{end:?}");
-    for corner in phases.corners(from) {
+    for corner in phases.extrema(from) {
         prop_assert!(corner.acceleration.abs() <= a * (1.0 + 1e-9), "{corner:?}");
         prop_assert!(corner.velocity.abs() <= v * (1.0 + 1e-9), "{corner:?}");
     }
@@ -67,7 +67,7 @@ proptest! {
         vm in 0.01..3.0f64, am in 0.1..20.0f64, jm in 1.0..1000.0f64,
     ) {
         let limits = limits(vm, am, jm);
-        prop_assume!(usable(&limits));
+        prop_assume!(limits_are_valid(&limits));
         let from = AxisState { position: p, velocity: v * vm, acceleration: a * am };
         check(from, &stop_and_go(&from, goal, &limits), goal, &limits)?;
     }
@@ -84,13 +84,13 @@ proptest! {
     #[test]
     fn words_are_the_whole_follower(goals in prop::collection::vec(-1.0..1.0f64, 1..20)) {
         let limits = limits(0.5, 2.0, 20.0);
-        let mut follower = Follower::at_rest(0.3);
+        let mut follower = AxisFollower::at_rest(0.3);
         for goal in goals {
             for _ in 0..50 {
                 let words: Vec<u64> = follower.words().map(f64::to_bits).to_vec();
-                let mut copy = Follower::from_words(&follower.words());
+                let mut copy = AxisFollower::from_words(&follower.words());
                 prop_assert_eq!(copy.words().map(f64::to_bits).to_vec(), words);
-                let step = |f: &mut Follower| f.step(Some(goal), &limits, 1e-3, stop_and_go);
+                let step = |f: &mut AxisFollower| f.step(Some(goal), &limits, 1e-3, stop_and_go);
                 prop_assert_eq!(step(&mut copy), step(&mut follower));
             }
         }
@@ -100,7 +100,7 @@ proptest! {
 #[test]
 fn without_a_goal_it_comes_to_rest_and_goes_on_when_there_is_one() {
     let limits = limits(0.5, 2.0, 20.0);
-    let mut follower = Follower::at_rest(0.0);
+    let mut follower = AxisFollower::at_rest(0.0);
     let mut step = |goal| follower.step(goal, &limits, 1e-3, stop_and_go);
     for _ in 0..300 {
         step(Some(1.0));
@@ -120,7 +120,7 @@ fn without_a_goal_it_comes_to_rest_and_goes_on_when_there_is_one() {
 
 #[test]
 fn a_velocity_limit_of_zero_is_a_stop() {
-    let mut follower = Follower::at_rest(0.0);
+    let mut follower = AxisFollower::at_rest(0.0);
     let still = limits(0.0, 2.0, 20.0);
     let before = follower.state();
     assert_eq!(follower.step(Some(1.0), &still, 1e-3, stop_and_go), before);

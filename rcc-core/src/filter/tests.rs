@@ -5,7 +5,7 @@ use core::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 use nalgebra::Complex;
 
 use super::Biquad;
-use crate::testing::Bench;
+use crate::testing::PrimitiveHarness;
 
 const DT_S: f64 = 1e-3;
 const J: Complex<f64> = Complex::new(0.0, 1.0);
@@ -20,7 +20,7 @@ fn size(value: Complex<f64>) -> f64 {
 }
 
 /// Gain and phase of a primitive at a frequency: its output correlated with the input over whole seconds, after `settle_s`.
-fn measured(bench: &mut Bench, frequency_hz: f64, settle_s: usize) -> Complex<f64> {
+fn measured(bench: &mut PrimitiveHarness, frequency_hz: f64, settle_s: usize) -> Complex<f64> {
     const CYCLES: usize = 1000;
     let angle = |cycle: usize| TAU * ((frequency_hz * cycle as f64 * DT_S) % 1.0);
     let mut sum = Complex::new(0.0, 0.0);
@@ -39,8 +39,8 @@ fn warped(frequency_hz: f64, own_hz: f64) -> Complex<f64> {
     J * (PI * frequency_hz * DT_S).tan() / (PI * own_hz * DT_S).tan()
 }
 
-fn bench(name: &str, parameters: &[(&str, f64)]) -> Bench {
-    let mut bench = Bench::new(name);
+fn bench(name: &str, parameters: &[(&str, f64)]) -> PrimitiveHarness {
+    let mut bench = PrimitiveHarness::new(name);
     for (name, value) in parameters {
         bench.set_real(name, *value);
     }
@@ -114,7 +114,7 @@ fn a_first_order_low_pass_has_the_response_of_its_difference_equation_and_nearly
 #[test]
 fn a_derivative_has_the_response_of_its_difference_equation() {
     for time_constant in [0.0, 0.05] {
-        let mut bench = Bench::new("Derivative");
+        let mut bench = PrimitiveHarness::new("Derivative");
         bench.set_real("time_constant", time_constant);
         for frequency in [1.0, 40.0] {
             let have = measured(&mut bench, frequency, 3);

@@ -1,26 +1,26 @@
-//! The guard's rules for impedance set-points: the strategy that the controller runs, ranges, the rate of the stiffness.
-//! Run by the real-time thread and by the drivers, after the position was checked.
+//! The guard's rules for impedance set-points: control strategy, ranges, rate of the stiffness. Run by the real-time
+//! thread and by the drivers, after the position has been checked.
 
 use super::{Guard, RELATIVE_TOLERANCE, Violation, ViolationKind};
-use crate::impedance::{ElementLimits, Impedance, ImpedanceLimits, Strategy};
+use crate::impedance::{ControlStrategy, ElementLimits, Impedance, ImpedanceLimits};
 use crate::message::JOINTS_MAX;
 
 impl Guard {
-    /// The impedance of a set-point whose position has been accepted, for a device that runs `strategy` (a
-    /// [`Strategy`] as a number), `dt_s` of logical time after the last one. The first one after a [`Guard::first`] may
-    /// have any stiffness that is allowed: the driver goes there smoothly.
+    /// Checks the impedance of a set-point whose position has been accepted, for a device that runs `strategy` (a
+    /// [`ControlStrategy`] as a number), `dt_s` of logical time after the last one. The first one after a
+    /// [`Guard::first`] may have any allowed stiffness, because the driver ramps to it.
     ///
     /// # Errors
-    /// The first axis or joint that breaks a rule; the history stays at the last accepted one.
+    /// Returns the first axis or joint that violates a rule; the history then stays at the last accepted set-point.
     pub fn check_impedance(
         &mut self,
         asked: &Impedance,
         strategy: u64,
         dt_s: f64,
     ) -> Result<(), Violation> {
-        let known = Strategy::from_number(asked.strategy);
+        let known = ControlStrategy::from_number(asked.strategy);
         let limits = match (known, self.impedance) {
-            (Some(Strategy::Position), _) if strategy == asked.strategy => return Ok(()),
+            (Some(ControlStrategy::Position), _) if strategy == asked.strategy => return Ok(()),
             (Some(known), Some(limits)) if strategy == asked.strategy => Some((known, limits)),
             _ => None,
         };
@@ -35,12 +35,12 @@ impl Guard {
         let last = self.last_impedance;
         let count = ImpedanceLimits::elements(known, self.limits.joints);
         let first = match known {
-            Strategy::CartesianImpedance => JOINTS_MAX,
+            ControlStrategy::CartesianImpedance => JOINTS_MAX,
             _ => 0,
         };
         for element in 0..count {
             let of = |values: &[f64]| values.get(element).copied().unwrap_or(f64::NAN);
-            let row = Row {
+            let row = ElementCheck {
                 place: (first + element) as u8,
                 limits: limits.of(known, element),
             };
@@ -58,7 +58,7 @@ impl Guard {
             row.check_range(ViolationKind::Added, of(&asked.added), [-most, most])?;
             if let Some(last) = &last {
                 let rate = (of(&asked.stiffness) - of(&last.stiffness)) / dt_s;
-                // Rounding of the two shows in their difference.
+                // The difference contains the rounding errors of both.
                 let most = row.limits.rate * (1.0 + 1e-6);
                 row.check_range(ViolationKind::StiffnessRate, rate, [-most, most])?;
             }
@@ -68,14 +68,14 @@ impl Guard {
     }
 }
 
-/// An axis or a joint, and what is allowed of it.
-struct Row {
+/// The limits of one axis or joint.
+struct ElementCheck {
     place: u8,
     limits: ElementLimits,
 }
 
-impl Row {
-    /// least ≤ value ≤ greatest; a NaN anywhere refuses.
+impl ElementCheck {
+    /// Checks least ≤ value ≤ greatest; a NaN anywhere refuses.
     fn check_range(
         &self,
         kind: ViolationKind,
@@ -105,8 +105,8 @@ mod tests {
     use crate::testing::{IMPEDANCE, lwr};
     use std::string::ToString;
 
-    const CARTESIAN: u64 = Strategy::CartesianImpedance as u64;
-    const JOINT: u64 = Strategy::JointImpedance as u64;
+    const CARTESIAN: u64 = ControlStrategy::CartesianImpedance as u64;
+    const JOINT: u64 = ControlStrategy::JointImpedance as u64;
 
     fn guard() -> Guard {
         let mut guard = Guard::new(lwr().limits, 1e-3).with_impedance(Some(IMPEDANCE));
@@ -115,7 +115,7 @@ mod tests {
     }
 
     fn soft() -> Impedance {
-        IMPEDANCE.held(Strategy::CartesianImpedance, 7)
+        IMPEDANCE.default_hold(ControlStrategy::CartesianImpedance, 7)
     }
 
     fn refused(change: impl Fn(&mut Impedance)) -> Violation {
@@ -130,7 +130,7 @@ mod tests {
     fn what_is_allowed_is_accepted() {
         let mut guard = guard();
         assert_eq!(guard.check_impedance(&soft(), CARTESIAN, 1e-3), Ok(()));
-        let stiff = IMPEDANCE.held(Strategy::JointImpedance, 7);
+        let stiff = IMPEDANCE.default_hold(ControlStrategy::JointImpedance, 7);
         let mut other = super::tests::guard();
         assert_eq!(other.check_impedance(&stiff, JOINT, 1e-3), Ok(()));
     }
@@ -160,7 +160,7 @@ mod tests {
                 assert_eq!(violation.kind, ViolationKind::Added);
             }
         }
-        let mut asked = IMPEDANCE.held(Strategy::JointImpedance, 7);
+        let mut asked = IMPEDANCE.default_hold(ControlStrategy::JointImpedance, 7);
         asked.stiffness[6] = 2001.0;
         let violation = guard().check_impedance(&asked, JOINT, 1e-3);
         let words = violation.expect_err("too stiff").to_string();
@@ -195,8 +195,8 @@ mod tests {
 
     #[test]
     fn another_strategy_than_the_controllers_is_refused_whatever_it_is() {
-        let held = |strategy| IMPEDANCE.held(strategy, 7);
-        for (asked, _) in Strategy::ALL {
+        let held = |strategy| IMPEDANCE.default_hold(strategy, 7);
+        for (asked, _) in ControlStrategy::ALL {
             for runs in 0..5 {
                 let checked = guard().check_impedance(&held(asked), runs, 1e-3);
                 assert_eq!(checked.is_ok(), runs == asked as u64, "{asked:?} {runs}");

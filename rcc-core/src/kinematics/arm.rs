@@ -3,7 +3,7 @@
 
 use core::fmt;
 
-use super::branch::{BRANCHES, Branch, Configuration, Unreachable};
+use super::branch::{ArmConfiguration, BRANCHES, Branch, Unreachable};
 use super::ortho::OrthoParallelArm;
 use super::srs::SrsArm;
 use super::turns::{OutOfLimits, nearest_turns, turns_within};
@@ -143,8 +143,8 @@ impl Arm {
 
     /// Branch and arm angle: with the pose of the flange, all there is to say about joints.
     #[must_use]
-    pub fn configuration(&self, joints: &Joints) -> Configuration {
-        Configuration {
+    pub fn configuration(&self, joints: &Joints) -> ArmConfiguration {
+        ArmConfiguration {
             branch: self.branch(joints),
             arm_angle: self.arm_angle(joints).unwrap_or(0.0),
         }
@@ -178,11 +178,11 @@ impl Arm {
     pub fn inverse_within(
         &self,
         pose: &Pose,
-        configuration: Configuration,
+        configuration: ArmConfiguration,
         hint: &Joints,
         limits: &JointLimits,
-    ) -> Result<Joints, NoJoints> {
-        let Configuration { branch, arm_angle } = configuration;
+    ) -> Result<Joints, InverseKinematicsError> {
+        let ArmConfiguration { branch, arm_angle } = configuration;
         let found = self.inverse(pose, arm_angle, branch, hint)?;
         Ok(turns_within(&found, hint, limits)?)
     }
@@ -296,23 +296,23 @@ impl Arm {
 
 /// Why an arm cannot be brought to a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum NoJoints {
+pub enum InverseKinematicsError {
     /// No joint position leads there.
     Unreachable(Unreachable),
     /// One does, but the robot's limits do not allow it.
     OutOfLimits(OutOfLimits),
 }
 
-impl NoJoints {
+impl InverseKinematicsError {
     /// The number that primitives say at their port `reason`: 1 an input is null, 2 too far, 3 too close, 4 joint limit; 0 is
     /// for no fault.
     #[must_use]
     pub fn reason(&self) -> i64 {
         match self {
-            NoJoints::Unreachable(Unreachable::NotFinite) => 1,
-            NoJoints::Unreachable(Unreachable::TooFar { .. }) => 2,
-            NoJoints::Unreachable(Unreachable::TooClose { .. }) => 3,
-            NoJoints::OutOfLimits(_) => 4,
+            InverseKinematicsError::Unreachable(Unreachable::NotFinite) => 1,
+            InverseKinematicsError::Unreachable(Unreachable::TooFar { .. }) => 2,
+            InverseKinematicsError::Unreachable(Unreachable::TooClose { .. }) => 3,
+            InverseKinematicsError::OutOfLimits(_) => 4,
         }
     }
 
@@ -320,25 +320,25 @@ impl NoJoints {
     #[must_use]
     pub fn joint(&self) -> i64 {
         match self {
-            NoJoints::Unreachable(_) => 0,
-            NoJoints::OutOfLimits(out) => i64::from(out.joint) + 1,
+            InverseKinematicsError::Unreachable(_) => 0,
+            InverseKinematicsError::OutOfLimits(out) => i64::from(out.joint) + 1,
         }
     }
 }
 
-impl From<Unreachable> for NoJoints {
+impl From<Unreachable> for InverseKinematicsError {
     fn from(unreachable: Unreachable) -> Self {
         Self::Unreachable(unreachable)
     }
 }
 
-impl From<OutOfLimits> for NoJoints {
+impl From<OutOfLimits> for InverseKinematicsError {
     fn from(out: OutOfLimits) -> Self {
         Self::OutOfLimits(out)
     }
 }
 
-impl fmt::Display for NoJoints {
+impl fmt::Display for InverseKinematicsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unreachable(unreachable) => unreachable.fmt(f),
@@ -347,7 +347,7 @@ impl fmt::Display for NoJoints {
     }
 }
 
-impl core::error::Error for NoJoints {}
+impl core::error::Error for InverseKinematicsError {}
 
 fn seven(&[q1, q2, q3, q4, q5, q6, q7, _]: &Joints) -> [f64; 7] {
     [q1, q2, q3, q4, q5, q6, q7]

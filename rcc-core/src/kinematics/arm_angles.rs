@@ -67,12 +67,12 @@ impl ArmAngles {
 }
 
 /// Sorted arm angles at which a joint may be at a limit.
-struct Roots {
+struct LimitAngles {
     angles: [f64; ROOTS_MAX],
     count: usize,
 }
 
-impl Roots {
+impl LimitAngles {
     /// Adds the solutions of a·sin ψ + b·cos ψ + c = 0.
     fn add(&mut self, [a, b, c]: [f64; 3]) {
         let radius = libm::sqrt(a * a + b * b);
@@ -96,13 +96,13 @@ impl Roots {
 }
 
 /// A rotation that turns with the elbow: `sin`·sin ψ + `cos`·cos ψ + `rest`.
-struct Turning {
+struct ElbowRotation {
     sin: Matrix3<f64>,
     cos: Matrix3<f64>,
     rest: Matrix3<f64>,
 }
 
-impl Turning {
+impl ElbowRotation {
     /// Where a joint whose tangent is `y`/`x` is at this angle (or half a turn away).
     fn tangent(
         &self,
@@ -143,7 +143,7 @@ impl SrsArm {
         Ok(between(roots.sorted(), allowed))
     }
 
-    fn roots(&self, pose: &Pose, at_0: &[f64; 7], limits: &JointLimits) -> Roots {
+    fn roots(&self, pose: &Pose, at_0: &[f64; 7], limits: &JointLimits) -> LimitAngles {
         let [q1, q2, q3, q4, ..] = self.canonical(at_0);
         let upper_arm = turned_y(&rz(libm::sincos(q1)), libm::sincos(q2));
         let shoulder = turned_z(&upper_arm, libm::sincos(q3));
@@ -154,19 +154,19 @@ impl SrsArm {
         let along = reach / reach.norm();
         let cross = along.cross_matrix();
         let rest = along * along.transpose();
-        let shoulder = Turning {
+        let shoulder = ElbowRotation {
             sin: cross * shoulder,
             cos: -cross * cross * shoulder,
             rest: rest * shoulder,
         };
         let elbow = turned_y(&Matrix3::identity(), libm::sincos(q4));
         let to_wrist = |part: &Matrix3<f64>| (part * elbow).tr_mul(&rotation);
-        let wrist = Turning {
+        let wrist = ElbowRotation {
             sin: to_wrist(&shoulder.sin),
             cos: to_wrist(&shoulder.cos),
             rest: to_wrist(&shoulder.rest),
         };
-        let mut roots = Roots {
+        let mut roots = LimitAngles {
             angles: [0.0; ROOTS_MAX],
             count: 0,
         };

@@ -71,7 +71,7 @@ pub(super) fn length(x: f64, y: f64) -> f64 {
 }
 
 /// A direction as two angles, with the sine and cosine of each: nobody has to ask for them again.
-pub(super) struct Direction {
+pub(super) struct PolarDirection {
     pub azimuth: f64,
     pub polar: f64,
     pub turn: (f64, f64),
@@ -80,12 +80,12 @@ pub(super) struct Direction {
 
 /// Azimuth and polar angle of the unit vector (x, y, z) = Rz(azimuth)·Ry(polar)·e_z with the given sign of the polar
 /// angle; the azimuth of a vector along z is `hint`.
-pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> Direction {
+pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> PolarDirection {
     let level = length(x, y);
     if level < ALIGNED_SINE
         && let Some((along, turn)) = beside_hint(x, y, hint, HINT_ERROR)
     {
-        return Direction {
+        return PolarDirection {
             azimuth: hint,
             polar: libm::atan2(along, z),
             turn,
@@ -93,7 +93,7 @@ pub(super) fn azimuth_polar(x: f64, y: f64, z: f64, sign: f64, hint: f64) -> Dir
         };
     }
     let (sin, cos) = (sign * y, sign * x);
-    Direction {
+    PolarDirection {
         azimuth: libm::atan2(sin, cos),
         polar: sign * libm::atan2(level, z),
         turn: (sin / level, cos / level),

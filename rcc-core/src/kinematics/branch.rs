@@ -55,7 +55,7 @@ impl Branch {
 
 /// What joints say beside the pose of the flange: with it, the pose says the joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Configuration {
+pub struct ArmConfiguration {
     /// The branch.
     pub branch: Branch,
     /// The arm angle, rad; 0 for an arm that has none.

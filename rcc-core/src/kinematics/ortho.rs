@@ -47,7 +47,7 @@ pub struct OrthoParallelArm {
 }
 
 /// Axes and origins of the chain at one joint position, base frame.
-struct Chain {
+struct OrthoFrames {
     axes: [Vector3<f64>; 6],
     shoulder: Vector3<f64>,
     elbow: Vector3<f64>,
@@ -57,7 +57,7 @@ struct Chain {
 }
 
 /// Joint 1 for a wrist, and the wrist as axis 2 sees it.
-struct Plane {
+struct ArmPlane {
     theta1: f64,
     turn1: (f64, f64),
     /// Forwards from axis 2, m.
@@ -67,7 +67,7 @@ struct Plane {
 }
 
 /// Joints 2 and 3 for a wrist in the plane of the arm.
-struct Reach {
+struct PlanarJoints {
     theta2: f64,
     theta3: f64,
     /// Sine and cosine of θ2 + θ3.
@@ -208,7 +208,7 @@ impl OrthoParallelArm {
     }
 
     /// Joint 1: the plane of the arm goes through the wrist, which is before (`side` = 1) or behind axis 1 (−1).
-    fn plane(&self, wrist: &Vector3<f64>, side: f64, hint: f64) -> Result<Plane, Unreachable> {
+    fn plane(&self, wrist: &Vector3<f64>, side: f64, hint: f64) -> Result<ArmPlane, Unreachable> {
         let (cx, cy, b) = (wrist.x, wrist.y, self.lateral_offset);
         let from_axis = length(cx, cy);
         let beside = (from_axis - b.abs()) * (from_axis + b.abs());
@@ -222,7 +222,7 @@ impl OrthoParallelArm {
         if from_axis < ON_AXIS_M
             && let Some((forward, turn1)) = beside_hint(cx, cy, hint, HINT_ERROR_M)
         {
-            return Ok(Plane {
+            return Ok(ArmPlane {
                 theta1: hint,
                 turn1,
                 x: forward - self.shoulder_offset,
@@ -234,7 +234,7 @@ impl OrthoParallelArm {
         let square = from_axis * from_axis;
         let sin = (cy * forward - cx * b) / square;
         let cos = (cx * forward + cy * b) / square;
-        Ok(Plane {
+        Ok(ArmPlane {
             theta1: libm::atan2(sin, cos),
             turn1: (sin, cos),
             x: forward - self.shoulder_offset,
@@ -243,8 +243,8 @@ impl OrthoParallelArm {
     }
 
     /// Joints 2 and 3: the triangle of axis 2, axis 3 and wrist, bent forwards (`side` = 1) or backwards (−1).
-    fn reach(&self, plane: &Plane, side: f64) -> Result<Reach, Unreachable> {
-        let Plane { x, z, .. } = *plane;
+    fn reach(&self, plane: &ArmPlane, side: f64) -> Result<PlanarJoints, Unreachable> {
+        let ArmPlane { x, z, .. } = *plane;
         let (a, b) = (self.upper_arm, length(self.forearm, self.elbow_offset));
         let distance = length(x, z);
         // Products, not squares minus squares: exact near the stretched and the folded arm.
@@ -279,7 +279,7 @@ impl OrthoParallelArm {
         let cos3 = (c * cos_bend + o * sin_bend) / b;
         let turn = (sin2 * cos3 + cos2 * sin3, cos2 * cos3 - sin2 * sin3);
         let unit = 1.0 / length(turn.0, turn.1);
-        Ok(Reach {
+        Ok(PlanarJoints {
             theta2: libm::atan2(sin2, cos2),
             theta3: libm::atan2(sin3, cos3),
             turn: (turn.0 * unit, turn.1 * unit),
@@ -296,7 +296,7 @@ impl OrthoParallelArm {
         )
     }
 
-    fn chain(&self, joints: &[f64; 6]) -> Chain {
+    fn chain(&self, joints: &[f64; 6]) -> OrthoFrames {
         let [t1, t2, t3, t4, t5, t6] = self.canonical(joints);
         let r1 = rz(libm::sincos(t1));
         let r2 = turned_y(&r1, libm::sincos(t2));
@@ -311,7 +311,7 @@ impl OrthoParallelArm {
         let wrist = elbow + z_of(&r3) * self.forearm + x_of(&r3) * self.elbow_offset;
         let flange = wrist + z_of(&r5) * self.wrist_to_flange;
         let across = y_of(&r1);
-        Chain {
+        OrthoFrames {
             axes: [
                 Vector3::z(),
                 across,

@@ -35,7 +35,7 @@ pub struct SrsArm {
 }
 
 /// Axes and origins of the chain at one joint position, base frame.
-struct Chain {
+struct SrsFrames {
     /// Direction of each canonical joint axis.
     axes: [Vector3<f64>; 7],
     shoulder: Vector3<f64>,
@@ -46,7 +46,7 @@ struct Chain {
 }
 
 /// Where the elbow is for a wrist position and an arm angle.
-struct Elbow {
+struct ElbowGeometry {
     q4: f64,
     sin4: f64,
     cos4: f64,
@@ -179,7 +179,7 @@ impl SrsArm {
         rotation: &Matrix3<f64>,
         arm_angle: f64,
         branch: Branch,
-    ) -> Result<Elbow, Unreachable> {
+    ) -> Result<ElbowGeometry, Unreachable> {
         let (a, b) = (self.upper_arm, self.forearm);
         let base_to_shoulder = Vector3::new(0.0, 0.0, self.shoulder_height);
         let reach = Vector3::from(pose.position)
@@ -212,7 +212,7 @@ impl SrsArm {
         // The angle between upper arm and wrist direction, by the law of cosines.
         let cosine = (a * a + distance * distance - b * b) / (2.0 * a * distance);
         let sine = beyond * within / (2.0 * a * distance);
-        Ok(Elbow {
+        Ok(ElbowGeometry {
             q4: gc4 * 2.0 * libm::atan2(beyond, within),
             sin4: gc4 * 2.0 * beyond * within / sum,
             cos4: (within - beyond) * (within + beyond) / sum,
@@ -221,7 +221,7 @@ impl SrsArm {
         })
     }
 
-    fn chain(&self, joints: &[f64; 7]) -> Chain {
+    fn chain(&self, joints: &[f64; 7]) -> SrsFrames {
         let [t1, t2, t3, t4, t5, t6, t7] = self.canonical(joints).map(libm::sincos);
         let r1 = rz(t1);
         let r2 = turned_y(&r1, t2);
@@ -243,7 +243,7 @@ impl SrsArm {
             y_of(&r5),
             z_of(&r6),
         ];
-        Chain {
+        SrsFrames {
             axes,
             shoulder,
             elbow,

@@ -12,7 +12,7 @@ pub const LEGS_MAX: usize = 128;
 /// Greatest speed, acceleration and jerk of something along its way, in its unit per s, s² and s³ (each > 0; infinite: only
 /// what the joints allow).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Limits {
+pub struct MotionLimits {
     /// Per second. If it is finite it is a promise: the leg is gone along that fast, or refused.
     pub velocity: f64,
     /// Per second squared.
@@ -21,9 +21,9 @@ pub struct Limits {
     pub jerk: f64,
 }
 
-impl Limits {
+impl MotionLimits {
     /// None.
-    pub const NONE: Limits = Limits {
+    pub const NONE: MotionLimits = MotionLimits {
         velocity: f64::INFINITY,
         acceleration: f64::INFINITY,
         jerk: f64::INFINITY,
@@ -31,10 +31,10 @@ impl Limits {
 
     /// From velocity, acceleration and jerk; null (NaN) is no limit.
     #[must_use]
-    pub fn of(values: [f64; 3]) -> Limits {
+    pub fn of(values: [f64; 3]) -> MotionLimits {
         let [velocity, acceleration, jerk] =
             values.map(|value| if value.is_nan() { f64::INFINITY } else { value });
-        Limits {
+        MotionLimits {
             velocity,
             acceleration,
             jerk,
@@ -56,7 +56,7 @@ pub enum ArcOrientation {
 
 /// What poses of a leg are relative to, instead of the arm's base.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Relative {
+pub enum RelativeTo {
     /// To the flange at the beginning of the leg, in its axes.
     Tool,
     /// To the flange at the beginning of the leg, in axes of the base: position added, orientation turned.
@@ -65,7 +65,7 @@ pub enum Relative {
 
 /// One piece of a path, from where the one before ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Segment<'a> {
+pub enum PathSegment<'a> {
     /// A straight line of the flange, and the shortest turn.
     Line {
         /// Its end.
@@ -108,7 +108,7 @@ pub enum Segment<'a> {
 /// What the elbow of an arm of seven joints does on a leg of the flange: how its arm angle changes, smoothly and along the
 /// path, outside of the roundings at its ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Elbow {
+pub enum ElbowMotion {
     /// The arm angle stays.
     Stays,
     /// It is this at the end, rad, the shorter way round.
@@ -122,15 +122,15 @@ pub enum Elbow {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leg<'a> {
     /// Its shape.
-    pub segment: Segment<'a>,
+    pub segment: PathSegment<'a>,
     /// What its poses are relative to; `None`: the arm's base.
-    pub relative: Option<Relative>,
+    pub relative: Option<RelativeTo>,
     /// What the elbow does; it stays on legs of joints.
-    pub elbow: Elbow,
+    pub elbow: ElbowMotion,
     /// Of the flange's position, m.
-    pub line: Limits,
+    pub line: MotionLimits,
     /// Of the flange's orientation, rad.
-    pub turn: Limits,
+    pub turn: MotionLimits,
     /// The part of velocity, acceleration and jerk of each joint that it uses, above 0 to 1.
     pub scale: f64,
     /// How far before its end, and behind, the path is rounded into the next leg, m; 0: it rests at its end.
@@ -140,13 +140,13 @@ pub struct Leg<'a> {
 impl<'a> Leg<'a> {
     /// As fast as the joints allow, to rest at its end.
     #[must_use]
-    pub const fn new(segment: Segment<'a>) -> Leg<'a> {
+    pub const fn new(segment: PathSegment<'a>) -> Leg<'a> {
         Leg {
             segment,
             relative: None,
-            elbow: Elbow::Stays,
-            line: Limits::NONE,
-            turn: Limits::NONE,
+            elbow: ElbowMotion::Stays,
+            line: MotionLimits::NONE,
+            turn: MotionLimits::NONE,
             scale: 1.0,
             blend: 0.0,
         }
@@ -164,12 +164,12 @@ pub struct PathRequest<'a> {
     /// In order; at least one.
     pub legs: &'a [Leg<'a>],
     /// How the speed along the path is chosen.
-    pub pace: Pace,
+    pub pace: SpeedProfile,
 }
 
 /// How the speed along a path is chosen, within all limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Pace {
+pub enum SpeedProfile {
     /// Velocity limits for its parts, one acceleration and one jerk for all of it.
     #[default]
     Even,

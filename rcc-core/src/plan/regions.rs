@@ -1,5 +1,6 @@
-//! Conditional activity: parts of a net that are evaluated only while a condition is true. While it is not, a region costs
-//! a test, its outputs are null, and its states wait. Decided by the real-time thread, once a cycle for each region.
+//! Conditional activity: parts of a net that are evaluated only while a condition is true. While it is false, a region
+//! costs one test, its outputs are null, and its states are frozen. Decided by the real-time thread, once per cycle and
+//! region.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,47 +8,48 @@ use super::{OPERANDS_MAX, Plan, PlanError};
 use crate::frame::Frame;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
-/// Most regions of a net.
+/// Maximum number of regions of a net.
 pub const REGIONS_MAX: usize = 1 << 16;
-/// The region of what is always evaluated, and of a region in no other one.
+/// Stands for "no region": for blocks that are always evaluated, and as parent of top-level regions.
 pub const NO_REGION: u32 = u32::MAX;
 
-/// Consecutive runs of one region. A net without regions has none.
+/// Consecutive runs of one region. A net without regions has no blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Block {
-    /// Index of the region, or [`NO_REGION`]. The first block of a region decides it, and regions are numbered in the
+pub struct RunBlock {
+    /// Index of the region, or [`NO_REGION`]. The region is decided at its first block, and regions are numbered in the
     /// order of their first blocks.
     pub region: u32,
     /// Number of runs; may be 0.
     pub runs: u32,
 }
 
-/// What is evaluated only under a condition.
+/// A region: a part of the net that is evaluated only under a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Region {
+pub struct PlanRegion {
     /// Slot of the condition; null counts as false.
     pub condition: u32,
-    /// The `active` of the region around it, or [`NO_REGION`].
+    /// The `active` slot of the enclosing region, or [`NO_REGION`].
     pub within: u32,
-    /// Slot that is true while the region is evaluated; only its decision writes it.
+    /// Slot that is true while the region is evaluated; written only when the region is decided.
     pub active: u32,
-    /// Number of its [`Blank`]s; they lie behind those of the regions before it.
+    /// Number of its [`NullRange`]s; they follow those of the regions before it.
     pub blanks: u32,
 }
 
-/// Values that become null when a region ceases to be evaluated.
+/// Values that become null when a region is deactivated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Blank {
-    /// Which arena.
+pub struct NullRange {
+    /// Arena.
     pub store: Store,
     /// First slot.
     pub slot: u32,
-    /// Elements.
+    /// Number of elements.
     pub width: u32,
 }
 
 impl Plan<'_> {
-    /// The elements and steps that regions cost at most in one cycle.
+    /// Checks blocks, regions and null ranges; returns the largest number of elements and steps that regions cost in
+    /// one cycle.
     pub(super) fn check_regions(&self) -> Result<u64, PlanError> {
         if self.regions.len() > REGIONS_MAX || self.blocks.len() > OPERANDS_MAX {
             return Err(PlanError::TooLarge);
@@ -97,9 +99,10 @@ impl Plan<'_> {
     }
 }
 
-impl Region {
-    /// Says for this cycle whether the region is evaluated; `blanks` are its own.
-    pub(crate) fn decide(&self, blanks: &[Blank], frame: &mut Frame<'_>) {
+impl PlanRegion {
+    /// Decides whether the region is evaluated in this cycle, and sets its values to null when it is deactivated;
+    /// `blanks` are the region's own ranges.
+    pub(crate) fn decide(&self, blanks: &[NullRange], frame: &mut Frame<'_>) {
         let around = self.within == NO_REGION || frame.bool(self.within) == 1;
         let active = around && frame.bool(self.condition) == 1;
         if frame.bool(self.active) == 1 && !active {
@@ -111,7 +114,7 @@ impl Region {
     }
 }
 
-impl Blank {
+impl NullRange {
     fn make_null(&self, frame: &mut Frame<'_>) {
         let (slot, width) = (self.slot as usize, self.width as usize);
         match self.store {

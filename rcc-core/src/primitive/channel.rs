@@ -1,11 +1,13 @@
-//! Steps of primitives that read a channel of a device: a bit of two words, or a place in an array. The real-time thread.
+//! Steps of primitives that read a channel of a device: a bit of two words, or an element of an array. Run by the
+//! real-time thread.
 
 use super::each;
 use crate::frame::Frame;
 use crate::message::Measurement;
 use crate::types::{NULL_BOOL, NULL_REAL};
 
-/// `[out, device, channel]`: the channel's bit of the words "known" and "value"; null if it is not known, or the device is lost.
+/// `[out, device, channel]`: reads the channel's bit of the words (known, value); null if it is not known or the device
+/// is lost.
 #[inline(always)]
 pub fn each_bit_channel(
     frame: &mut Frame<'_>,
@@ -20,7 +22,7 @@ pub fn each_bit_channel(
     });
 }
 
-/// `[out, device, channel]`: the channel's place of an array; null if the device is lost.
+/// `[out, device, channel]`: reads the channel's element of an array; null if the device is lost.
 #[inline(always)]
 pub fn each_real_channel(
     frame: &mut Frame<'_>,

@@ -1,16 +1,16 @@
-//! What primitives that make one value of an array have in common: their ports, and the fold from the first element to the
-//! last. The specs are read by the loader, the kernels by the real-time thread.
+//! Shared parts of primitives that reduce an array to one value: their ports, and the fold from the first element to
+//! the last. The specs are read by the loader, the kernels by the real-time thread.
 
-use super::{Dim, Elements, Port, PortType, Spec, UnitRule, choose, each};
+use super::{Dim, ElementType, Port, PortType, Spec, UnitRule, choose, each};
 use crate::frame::Frame;
 use crate::types::{NULL_BOOL, NULL_INT, Type};
 
-/// One number of an array of numbers.
+/// Spec of a primitive that reduces an array of numbers to one number.
 pub const ELEMENTS: Spec = Spec {
     null: "a null element gives null",
     inputs: &[Port::new(
         "in",
-        PortType::Array(Elements::Open, Dim::Var(0)),
+        PortType::Array(ElementType::Open, Dim::Var(0)),
         UnitRule::Var(0),
         "an array of numbers",
     )],
@@ -18,19 +18,19 @@ pub const ELEMENTS: Spec = Spec {
     ..Spec::PLAIN
 };
 
-/// One truth value of an array of them; a primitive says what its output means.
+/// Spec of a primitive that reduces an array of Bools; the primitive adds its output.
 pub const TRUTHS: Spec = Spec {
     null: "a null element gives null",
     inputs: &[Port::new(
         "in",
-        PortType::Array(Elements::Are(Type::Bool), Dim::Var(0)),
+        PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
         UnitRule::Typed,
-        "truth values",
+        "an array of Bools",
     )],
     ..Spec::PLAIN
 };
 
-/// `Real[n] → Real`; NaN must come out if NaN goes in.
+/// `Real[n] → Real`; `operation` must return NaN if an operand is NaN.
 #[inline(always)]
 pub fn fold_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {
     each(frame, operands, |frame, [input, out, length]| {
@@ -42,7 +42,7 @@ pub fn fold_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64
     });
 }
 
-/// `Int[n] → Int`: null if an element is null, or if the operation says that its result is out of range.
+/// `Int[n] → Int`: null if an element is null, or if `operation` flags its result as out of range.
 #[inline(always)]
 pub fn fold_int(
     frame: &mut Frame<'_>,
@@ -62,7 +62,7 @@ pub fn fold_int(
     });
 }
 
-/// `Bool[n] → Bool`, by the lowest bit, beginning with `first`: null if an element is null.
+/// `Bool[n] → Bool` on the lowest bit, starting with `first`: null if an element is null.
 #[inline(always)]
 pub fn fold_bool(
     frame: &mut Frame<'_>,

@@ -1,29 +1,29 @@
-//! The operands of kernels: what each number in a plan's operand list means. The loader writes them, `Plan::check` proves
-//! them, kernels read them; all three go by [`Spec::operands`]. The cycle never looks at it.
+//! The meaning of each number in a plan's operand list. The loader writes operands, `Plan::check` verifies them and
+//! kernels read them; all three follow [`Spec::operands`]. Not used in the cycle.
 
 use super::{ChannelKind, Dim, Kernel, ParameterKind, PortType, Role, Spec};
 use crate::types::{Store, Type};
 
-/// Most length variables of a primitive.
+/// Maximum number of length variables of a primitive.
 pub const DIMS_MAX: usize = 4;
-/// Most evaluations that a window or delay line spans.
+/// Maximum number of evaluations that a window or delay line spans.
 pub const CYCLES_MAX: u32 = 10_000;
 
-/// A size that differs from use to use of a primitive; it is an operand of its own.
+/// A size that is fixed per use of a primitive and passed as an operand of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
-    /// Elements of a value of the open type, or joints.
+    /// Number of elements of a value of the open type, or number of joints.
     Open,
     /// A length variable.
     Dim(u8),
-    /// Evaluations of a window, 1 to [`CYCLES_MAX`].
+    /// Length of a window in evaluations, 1 to [`CYCLES_MAX`].
     Cycles,
 }
 
-/// How many elements a slot operand has: a number times at most two sizes, or times their sum.
+/// The number of elements of a slot operand: a constant times at most two sizes, or times their sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Width {
-    /// The number.
+    /// The constant factor.
     pub times: u32,
     /// The sizes.
     pub sizes: [Option<Size>; 2],
@@ -32,7 +32,7 @@ pub struct Width {
 }
 
 impl Width {
-    /// So many elements, always.
+    /// A fixed number of elements.
     pub const fn fixed(times: u32) -> Width {
         Width {
             times,
@@ -41,7 +41,7 @@ impl Width {
         }
     }
 
-    /// As many elements as the size says.
+    /// As many elements as `size`.
     pub const fn of(size: Size) -> Width {
         Width {
             times: 1,
@@ -50,7 +50,7 @@ impl Width {
         }
     }
 
-    /// As many elements as both sizes multiplied.
+    /// As many elements as the product of both sizes.
     pub const fn product(a: Size, b: Size) -> Width {
         Width {
             times: 1,
@@ -60,7 +60,7 @@ impl Width {
     }
 }
 
-/// The sizes of one use of a primitive; a size that is no operand of its kernel is 1.
+/// The sizes of one use of a primitive; a size that is not an operand of its kernel is 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
     open: u32,
@@ -76,7 +76,7 @@ impl Sizes {
         cycles: 1,
     };
 
-    /// One of them.
+    /// Returns one size.
     pub fn get(&self, size: Size) -> u32 {
         match size {
             Size::Open => self.open,
@@ -85,7 +85,7 @@ impl Sizes {
         }
     }
 
-    /// Sets one of them.
+    /// Sets one size.
     pub fn set(&mut self, size: Size, value: u32) {
         match size {
             Size::Open => self.open = value,
@@ -98,7 +98,7 @@ impl Sizes {
         }
     }
 
-    /// The elements of a slot operand; more than any arena has if the product is.
+    /// Returns the number of elements of a slot operand; saturates at `u32::MAX`, which exceeds every arena.
     pub fn width(&self, width: Width) -> u32 {
         let sizes = width.sizes.into_iter().flatten().map(|size| self.get(size));
         if width.sum {
@@ -109,7 +109,7 @@ impl Sizes {
         sizes.fold(width.times, u32::saturating_mul)
     }
 
-    /// The elements that one evaluation may touch for each operand.
+    /// Returns the number of elements that one evaluation may access for each operand.
     pub fn work(&self) -> u64 {
         let sizes = self.dims.iter().chain([&self.open]);
         sizes.fold(1, |product: u64, size| {
@@ -118,14 +118,14 @@ impl Sizes {
     }
 }
 
-/// What a number in the operand list means.
+/// The meaning of a number in the operand list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operand {
     /// Index of the first element in the arena of `store`.
     Slot {
-        /// Which arena.
+        /// The arena.
         store: Store,
-        /// How many elements.
+        /// Number of elements.
         width: Width,
         /// The kernel writes it.
         written: bool,
@@ -138,64 +138,64 @@ pub enum Operand {
     Channel(ChannelKind),
     /// Index of a path clock.
     Clock,
-    /// A size.
+    /// One of the sizes.
     Size(Size),
 }
 
-/// What a primitive remembers besides its [`super::State`]: values of its open type, one or one for each evaluation of a
-/// window. It is one block in the arena of that type.
+/// State of a primitive besides its [`super::StateSpec`]: values of its open type, either a fixed number or a number
+/// for each evaluation of a window. It is one block in the arena of that type.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Memory {
-    /// How many values; 0: none.
+pub struct MemorySpec {
+    /// Number of values; 0: none.
     pub values: u32,
-    /// So many for each evaluation of the window that a [`ParameterKind::Window`] gives.
+    /// The number is for each evaluation of the window that a [`ParameterKind::Window`] gives.
     pub window: bool,
-    /// They are `Bool` or `Int` or `Real`, whatever the open type is; `None`: of the open type.
+    /// The arena of the values, whatever the open type is; `None`: the arena of the open type.
     pub store: Option<Store>,
-    /// What every element begins as; a [`ParameterKind::First`] says it instead.
-    pub start: super::Literal,
+    /// Start value of every element, unless a [`ParameterKind::First`] gives it.
+    pub start: super::DefaultValue,
 }
 
-impl Memory {
-    /// Remembers nothing.
-    pub const NONE: Memory = Memory {
+impl MemorySpec {
+    /// No state.
+    pub const NONE: MemorySpec = MemorySpec {
         values: 0,
         window: false,
         store: None,
-        start: super::Literal::Null,
+        start: super::DefaultValue::Null,
     };
 
-    /// So many values of the open type that begin as null.
-    pub const fn values(values: u32) -> Memory {
-        Memory {
+    /// `values` values of the open type that start as null.
+    pub const fn values(values: u32) -> MemorySpec {
+        MemorySpec {
             values,
-            ..Memory::NONE
+            ..MemorySpec::NONE
         }
     }
 
-    /// So many values of the open type for each evaluation of the window; they begin as null.
-    pub const fn window(values: u32) -> Memory {
-        Memory {
+    /// `values` values of the open type for each evaluation of the window; they start as null.
+    pub const fn window(values: u32) -> MemorySpec {
+        MemorySpec {
             values,
             window: true,
-            ..Memory::NONE
+            ..MemorySpec::NONE
         }
     }
 
-    /// Elements of this arena, whatever the open type is.
-    pub const fn of(self, store: Store) -> Memory {
-        Memory {
+    /// Places the values in this arena, whatever the open type is.
+    pub const fn of(self, store: Store) -> MemorySpec {
+        MemorySpec {
             store: Some(store),
             ..self
         }
     }
 
-    /// They begin as this.
-    pub const fn starting(self, start: super::Literal) -> Memory {
-        Memory { start, ..self }
+    /// Sets the start value.
+    pub const fn starting(self, start: super::DefaultValue) -> MemorySpec {
+        MemorySpec { start, ..self }
     }
 
-    /// The operand; `open`: the arena of the open type.
+    /// Returns the operand; `open` is the arena of the open type.
     fn operand(&self, open: Option<Store>) -> Option<Operand> {
         let values = if self.store.is_none() {
             Some(Size::Open)
@@ -219,7 +219,7 @@ impl Memory {
     }
 }
 
-/// A port in the operands of a kernel whose open ports are in the arena of `open`.
+/// Returns the operand of a port, for a kernel whose open ports are in the arena `open`.
 fn slot(ty: PortType, open: Option<Store>, written: bool) -> Operand {
     let open = open.unwrap_or(Store::Real);
     let (store, width) = match ty {
@@ -280,7 +280,7 @@ fn of_dim(dim: Dim) -> Width {
 }
 
 impl Spec {
-    /// The types of all ports and parameters that are values.
+    /// Returns the types of all ports and of all parameters that are values.
     pub fn types(&self) -> impl Iterator<Item = PortType> + use<'_> {
         let ports = self.inputs.iter().chain(self.outputs).map(|port| port.ty);
         let values = self
@@ -290,13 +290,13 @@ impl Spec {
         ports.chain(values)
     }
 
-    /// True if the primitive works on values of several widths; the operands of a kernel that is not
-    /// for single values then have the width.
+    /// Returns true if the primitive accepts values of several widths; the operands of a kernel that is not for
+    /// single-element values then include the width.
     pub fn is_wide(&self) -> bool {
         self.types().any(PortType::is_wide)
     }
 
-    /// The sizes that the operands of this kernel end with, in order.
+    /// Returns the sizes at the end of this kernel's operands, in order.
     pub fn sizes(&self, kernel: &Kernel) -> impl Iterator<Item = Size> + use<'_> {
         let open = (self.is_wide() && !kernel.single).then_some(Size::Open);
         let dims = (0..DIMS_MAX as u8).filter(|dim| self.types().any(|ty| ty.has_dim(*dim)));
@@ -304,7 +304,7 @@ impl Spec {
         open.into_iter().chain(dims.map(Size::Dim)).chain(cycles)
     }
 
-    /// The sizes that one group of operands of this kernel ends with.
+    /// Reads the sizes at the end of one operand group of this kernel.
     pub fn sizes_in(&self, kernel: &Kernel, group: &[u32]) -> Sizes {
         let mut sizes = Sizes::ONE;
         let count = self.sizes(kernel).count();
@@ -316,14 +316,13 @@ impl Spec {
         sizes
     }
 
-    /// The operand of this kernel that is the primitive's memory.
+    /// Returns the operand for the primitive's memory in this kernel.
     pub fn memory_operand(&self, kernel: &Kernel) -> Option<Operand> {
         self.memory.operand(kernel.store)
     }
 
-    /// The operands of a kernel of this primitive, in order: inputs, outputs, parameters, state
-    /// (reals, bools, ints), memory, path clock, sizes. This order is the contract between loader, check and
-    /// kernels.
+    /// Returns the operands of a kernel of this primitive, in order: inputs, outputs, parameters, state (reals, bools,
+    /// ints), memory, path clock, sizes. This order is the contract between loader, check and kernels.
     pub fn operands(&self, kernel: &Kernel) -> impl Iterator<Item = Operand> + use<'_> {
         let store = kernel.store;
         let state = [
@@ -361,7 +360,7 @@ impl Spec {
             .chain(self.sizes(kernel).map(Operand::Size))
     }
 
-    /// True if the operands of this kernel have the width of open or joint ports.
+    /// Returns true if the operands of this kernel include the width of open or joint ports.
     pub fn has_width(&self, kernel: &Kernel) -> bool {
         self.is_wide() && !kernel.single
     }

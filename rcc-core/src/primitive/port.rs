@@ -1,33 +1,33 @@
-//! Ports and parameters in specs: names, types, units, defaults and ranges. For the loader and for people; the cycle never
-//! looks at them.
+//! Ports and parameters in specs: names, types, units, defaults and ranges. For the loader and for people; not used in
+//! the cycle.
 
 use crate::types::{Store, Type};
 use crate::unit::Unit;
 
-/// The type of a port in a spec. A primitive has one open type, which links and literals decide, and up to
-/// [`super::DIMS_MAX`] open lengths.
+/// The type of a port in a spec. A primitive has at most one open type, which is inferred from links and literals, and
+/// up to [`super::DIMS_MAX`] open lengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortType {
     /// Exactly this type.
     Is(Type),
-    /// The open type, any that can be in the arena.
+    /// The open type: any type that can be in an arena.
     Any,
     /// The open type: `Bool`, `Int` or `Real`.
     Scalar,
     /// The open type: `Int` or `Real`.
     Number,
-    /// The open type: what can be added element by element: `Int`, `Real`, `Vector3`, `Twist`, `Wrench`, arrays of numbers,
+    /// The open type, with element-wise addition: `Int`, `Real`, `Vector3`, `Twist`, `Wrench`, arrays of numbers,
     /// matrices.
     Linear,
     /// The open type: a member of this family.
-    Of(Family),
-    /// One number of the open type: `Int` if that is of whole numbers, else `Real`.
+    Of(TypeFamily),
+    /// One element of the open type: `Int` if its elements are integers, otherwise `Real`.
     Part,
     /// An array.
-    Array(Elements, Dim),
+    Array(ElementType, Dim),
     /// `Real[rows,columns]`.
     Matrix(Dim, Dim),
-    /// So many values of the open type, written as a list.
+    /// A list of values of the open type; the length is the `Dim`.
     Many(Dim),
     /// `Real[n]` with n the number of joints of the primitive's device.
     Joints,
@@ -35,10 +35,10 @@ pub enum PortType {
     JointColumns(u8),
 }
 
-/// A few types that an operation means the same for.
+/// A group of types for which an operation has the same meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Family {
-    /// `Rotation`, `Pose`, or `Real[4,4]`, a homogeneous transform: where a frame is in another one.
+pub enum TypeFamily {
+    /// `Rotation`, `Pose`, or `Real[4,4]` (homogeneous transform): one frame expressed in another.
     Frame,
     /// `Rotation` or `Pose`.
     Turn,
@@ -48,43 +48,43 @@ pub enum Family {
     Vector,
 }
 
-impl Family {
-    /// True for its members.
+impl TypeFamily {
+    /// Returns true for members of the family.
     pub const fn has(self, ty: Type) -> bool {
         match self {
-            Family::Frame => matches!(ty, Type::Rotation | Type::Pose | Type::TRANSFORM),
-            Family::Turn => matches!(ty, Type::Rotation | Type::Pose),
-            Family::Axes => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
-            Family::Vector => matches!(ty, Type::Vector3 | Type::Reals(_)),
+            TypeFamily::Frame => matches!(ty, Type::Rotation | Type::Pose | Type::TRANSFORM),
+            TypeFamily::Turn => matches!(ty, Type::Rotation | Type::Pose),
+            TypeFamily::Axes => matches!(ty, Type::Vector3 | Type::Twist | Type::Wrench),
+            TypeFamily::Vector => matches!(ty, Type::Vector3 | Type::Reals(_)),
         }
     }
 
-    /// Its members, for people.
-    pub const fn words(self) -> &'static str {
+    /// Returns the names of the members, for messages and the manual.
+    pub const fn members(self) -> &'static str {
         match self {
-            Family::Frame => "Rotation, Pose or Real[4,4]",
-            Family::Turn => "Rotation or Pose",
-            Family::Axes => "Vector3, Twist or Wrench",
-            Family::Vector => "Vector3 or Real[n]",
+            TypeFamily::Frame => "Rotation, Pose or Real[4,4]",
+            TypeFamily::Turn => "Rotation or Pose",
+            TypeFamily::Axes => "Vector3, Twist or Wrench",
+            TypeFamily::Vector => "Vector3 or Real[n]",
         }
     }
 }
 
-/// The elements of an array in a spec.
+/// The element type of an array in a spec.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Elements {
-    /// Of this type: `Bool`, `Int` or `Real`.
+pub enum ElementType {
+    /// This type: `Bool`, `Int` or `Real`.
     Are(Type),
-    /// Of the open type, which is then `Bool`, `Int` or `Real`.
+    /// The open type, which is then `Bool`, `Int` or `Real`.
     Open,
 }
 
-impl Elements {
-    /// The arena; `None`: that of the open type.
+impl ElementType {
+    /// Returns the arena of the elements; `None`: the arena of the open type.
     pub const fn store(self) -> Option<Store> {
         match self {
-            Elements::Are(ty) => ty.store(),
-            Elements::Open => None,
+            ElementType::Are(ty) => ty.store(),
+            ElementType::Open => None,
         }
     }
 }
@@ -92,18 +92,18 @@ impl Elements {
 /// A length in a spec.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dim {
-    /// Exactly this.
+    /// A fixed length.
     Is(u16),
-    /// A length variable, less than [`super::DIMS_MAX`]: the same wherever it occurs.
+    /// Length variable with this index, less than [`super::DIMS_MAX`]; the same length wherever it occurs.
     Var(u8),
-    /// A length variable for the sides of matrices that are solved or inverted: at most [`crate::linear::SIDE_MAX`].
+    /// Length variable for the sides of matrices that are solved or inverted: at most [`crate::linear::SIDE_MAX`].
     Small(u8),
     /// The sum of two length variables; not in a matrix.
     Sum(u8, u8),
 }
 
 impl PortType {
-    /// True if links and literals decide the type, but for lengths.
+    /// Returns true if the type (apart from lengths) is inferred from links and literals.
     pub const fn is_open(self) -> bool {
         match self {
             PortType::Any
@@ -113,7 +113,7 @@ impl PortType {
             | PortType::Of(_)
             | PortType::Part
             | PortType::Many(_) => true,
-            PortType::Array(elements, _) => matches!(elements, Elements::Open),
+            PortType::Array(elements, _) => matches!(elements, ElementType::Open),
             PortType::Is(_)
             | PortType::Matrix(..)
             | PortType::Joints
@@ -121,7 +121,7 @@ impl PortType {
         }
     }
 
-    /// True if values of more than one width can be at the port, because of the open type or the device.
+    /// Returns true if the port accepts values of more than one width, depending on the open type or on the device.
     pub const fn is_wide(self) -> bool {
         matches!(
             self,
@@ -134,7 +134,7 @@ impl PortType {
         )
     }
 
-    /// True if the length variable occurs in it.
+    /// Returns true if the length variable `dim` occurs in the type.
     pub fn has_dim(self, dim: u8) -> bool {
         let has = |length: Dim| match length {
             Dim::Is(_) => false,
@@ -148,11 +148,11 @@ impl PortType {
         }
     }
 
-    /// False for what the open type cannot be because of this port.
+    /// Returns false if this port excludes `open` as the open type.
     pub const fn admits(self, open: Type) -> bool {
         match self {
             PortType::Number => matches!(open, Type::Int | Type::Real),
-            PortType::Scalar | PortType::Array(Elements::Open, _) => {
+            PortType::Scalar | PortType::Array(ElementType::Open, _) => {
                 matches!(open, Type::Bool | Type::Int | Type::Real)
             }
             PortType::Linear => open.is_linear(),
@@ -162,7 +162,7 @@ impl PortType {
     }
 }
 
-/// The unit of a port in a spec. `Var(i)` stands for any unit, the same wherever it occurs.
+/// The unit of a port in a spec. `Var(i)` is a unit variable: any unit, but the same wherever it occurs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnitRule {
     /// Exactly this unit.
@@ -173,7 +173,7 @@ pub enum UnitRule {
     Product(u8, u8),
     /// The quotient of two variables.
     Quotient(u8, u8),
-    /// The square root of a variable: a unit whose powers are odd has none.
+    /// The square root of a variable; undefined for a unit with odd exponents.
     Root(u8),
     /// A variable per second.
     PerSecond(u8),
@@ -181,9 +181,9 @@ pub enum UnitRule {
     PerSecond2(u8),
     /// A variable per second cubed.
     PerSecond3(u8),
-    /// The unit that the cell's configuration gives to the channel.
+    /// The unit that the cell's configuration assigns to the channel.
     Channel,
-    /// The type says it all (`Pose`, `Twist`, `Wrench`, `Rotation`) or there is none (`Bool`, `Int`).
+    /// Given by the type (`Pose`, `Twist`, `Wrench`, `Rotation`), or none (`Bool`, `Int`).
     Typed,
 }
 
@@ -200,16 +200,16 @@ impl UnitRule {
 
 /// A default value in a spec.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Literal {
+pub enum DefaultValue {
     /// A real number in SI units.
     Real(f64),
     /// An integer.
     Int(i64),
     /// A truth value.
     Bool(bool),
-    /// One of the words of a [`ParameterKind::Word`].
+    /// One of the keywords of a [`ParameterKind::Word`].
     Word(&'static str),
-    /// No value.
+    /// Null.
     Null,
 }
 
@@ -222,20 +222,20 @@ pub struct Port {
     pub ty: PortType,
     /// Unit.
     pub unit: UnitRule,
-    /// One phrase with frame and element order.
+    /// One phrase that states frame and element order.
     pub doc: &'static str,
-    /// Value of an input that no link feeds; `None`: it must be connected.
-    pub default: Option<Literal>,
-    /// An output that may be left unread without `discard`.
+    /// Value of an unconnected input; `None`: the input must be connected.
+    pub default: Option<DefaultValue>,
+    /// The output may be left unread without `discard`.
     pub diagnostic: bool,
-    /// Of an output: it is never less than this.
+    /// Smallest value: guaranteed for an output, required of a constant at an input.
     pub least: Option<f64>,
-    /// Of an output: it is never greater than this.
+    /// Largest value: guaranteed for an output, required of a constant at an input.
     pub greatest: Option<f64>,
 }
 
 impl Port {
-    /// A port that must be connected (input) or read (output).
+    /// Creates a port that must be connected (input) or read (output).
     pub const fn new(name: &'static str, ty: PortType, unit: UnitRule, doc: &'static str) -> Port {
         Port {
             name,
@@ -249,50 +249,55 @@ impl Port {
         }
     }
 
-    /// A `Real` port.
+    /// Creates a `Real` port.
     pub const fn real(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
         Port::new(name, PortType::Is(Type::Real), unit, doc)
     }
 
-    /// An `Int` port.
+    /// Creates an `Int` port.
     pub const fn int(name: &'static str, doc: &'static str) -> Port {
         Port::new(name, PortType::Is(Type::Int), UnitRule::Typed, doc)
     }
 
-    /// A port for numbers, `Int` or `Real`, of one unit with all others of the variable.
+    /// Creates a port for a number, `Int` or `Real`.
     pub const fn number(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
         Port::new(name, PortType::Number, unit, doc)
     }
 
-    /// A port for everything that can be added, of one unit with all others of the variable.
+    /// Creates a port for the [`PortType::Linear`] types.
     pub const fn linear(name: &'static str, unit: UnitRule, doc: &'static str) -> Port {
         Port::new(name, PortType::Linear, unit, doc)
     }
 
-    /// A port for the members of a family, of one unit with all others of the variable.
-    pub const fn of(name: &'static str, family: Family, unit: UnitRule, doc: &'static str) -> Port {
+    /// Creates a port for the members of a family.
+    pub const fn of(
+        name: &'static str,
+        family: TypeFamily,
+        unit: UnitRule,
+        doc: &'static str,
+    ) -> Port {
         Port::new(name, PortType::Of(family), unit, doc)
     }
 
-    /// A `Bool` port.
+    /// Creates a `Bool` port.
     pub const fn bool(name: &'static str, doc: &'static str) -> Port {
         Port::new(name, PortType::Is(Type::Bool), UnitRule::Typed, doc)
     }
 
-    /// A port of a composite whose type says the unit.
+    /// Creates a port of a type that determines its unit.
     pub const fn typed(name: &'static str, ty: Type, doc: &'static str) -> Port {
         Port::new(name, PortType::Is(ty), UnitRule::Typed, doc)
     }
 
-    /// This input may be left unconnected and then has this value.
-    pub const fn default(self, value: Literal) -> Port {
+    /// Allows this input to be left unconnected; it then has this value.
+    pub const fn default(self, value: DefaultValue) -> Port {
         Port {
             default: Some(value),
             ..self
         }
     }
 
-    /// This output is null or in this range, whatever the inputs are; a constant at this input must be in it.
+    /// Declares a range: this output is always null or in the range; a constant at this input must be in it.
     pub const fn within(self, least: f64, greatest: f64) -> Port {
         Port {
             least: Some(least),
@@ -301,7 +306,7 @@ impl Port {
         }
     }
 
-    /// This output may be left unread.
+    /// Allows this output to be left unread.
     pub const fn diagnostic(self) -> Port {
         Port {
             diagnostic: true,
@@ -310,35 +315,36 @@ impl Port {
     }
 }
 
-/// What a channel of a device carries, seen from the core.
+/// The kind of a device channel, as seen from the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ChannelKind {
-    /// A Bool that the device measures.
+    /// `Bool`, measured by the device.
     DigitalInput,
-    /// A Bool that the device is told.
+    /// `Bool`, commanded to the device.
     DigitalOutput,
-    /// A Real that the device measures.
+    /// `Real`, measured by the device.
     AnalogInput,
-    /// A Real that the device is told.
+    /// `Real`, commanded to the device.
     AnalogOutput,
 }
 
-/// What a parameter is.
+/// The kind of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterKind {
-    /// A value; it gets a constant slot, as if it were an input nobody connected.
+    /// A value; it is stored in a constant slot, like an unconnected input.
     Value(PortType, UnitRule),
-    /// The start value of the primitive's state in the arena of this type; it may be null. No operand: it is in the
-    /// initial arena and costs the cycle nothing.
+    /// The start value of the primitive's state in the arena of this type; may be null. Not an operand: it is stored in
+    /// the initial arena and costs nothing in the cycle.
     Start(Type, UnitRule),
-    /// The value that the primitive's memory begins with, of the open type; it may be null. No operand.
+    /// The start value of the primitive's memory, of the open type; may be null. Not an operand.
     First(UnitRule),
-    /// The value of a length variable, an `Int`. No operand of its own: every length variable is one.
+    /// The value of a length variable, an `Int`. Not an operand of its own, because every length variable is passed as
+    /// a size.
     Length(u8),
-    /// A time that becomes a whole number of evaluations, the nearest, 1 to [`super::CYCLES_MAX`]: the window of the
+    /// A duration that is rounded to a whole number of evaluations, 1 to [`super::CYCLES_MAX`]: the window of the
     /// primitive's memory. Its operand is the size [`super::Size::Cycles`].
     Window,
-    /// One of these words; its operand is a slot with the word's place in the list, an `Int`.
+    /// One of these keywords; its operand is an `Int` slot with the keyword's index in the list.
     Word(&'static [&'static str]),
     /// The name of a device that has an arm.
     Arm,
@@ -346,23 +352,23 @@ pub enum ParameterKind {
     Device,
     /// The name of a channel of the device that the parameter `device` names.
     Channel(ChannelKind),
-    /// The name of a topic: a letter, and letters, digits and `_ - . /`. No operand.
+    /// The name of a topic: a letter, then letters, digits and `_ - . /`. Not an operand.
     Topic,
-    /// What the open type is, where links and values do not tell it. No operand.
+    /// The open type, if it cannot be inferred from links and values. Not an operand.
     Type,
-    /// What the unit variable is, where links and values do not tell it; of the SI. No operand.
+    /// The unit (SI) of a unit variable, if it cannot be inferred from links and values. Not an operand.
     Unit(u8),
-    /// How often per second; becomes a whole number of cycles.
+    /// A rate, 1/s, that is converted to a whole number of cycles.
     Rate,
-    /// Poses, one or more: a row of seven numbers each, as many as the length variable says.
+    /// One or more poses: a row of seven numbers for each; the number of rows is the length variable.
     Poses(Dim),
-    /// Legs of a path: a row of [`crate::path::record::WIDTH`] numbers each (a spline has one for each of its points), as many
-    /// as the length variable says.
+    /// Legs of a path: a row of [`crate::path::leg_row::WIDTH`] numbers for each (a spline has one row for each of its
+    /// points); the number of rows is the length variable.
     Path(Dim),
 }
 
 impl ParameterKind {
-    /// True if it is an operand at the place of parameters.
+    /// Returns true if the parameter is among the parameter operands.
     pub const fn is_operand(self) -> bool {
         !matches!(
             self,
@@ -377,7 +383,7 @@ impl ParameterKind {
         )
     }
 
-    /// Type and unit of a parameter that is a value.
+    /// Returns type and unit of a parameter that is a value.
     pub const fn value(self) -> Option<(PortType, UnitRule)> {
         match self {
             ParameterKind::Value(ty, unit) => Some((ty, unit)),
@@ -389,7 +395,7 @@ impl ParameterKind {
                 Some((PortType::Matrix(rows, Dim::Is(7)), UnitRule::Typed))
             }
             ParameterKind::Path(rows) => {
-                let width = Dim::Is(crate::path::record::WIDTH as u16);
+                let width = Dim::Is(crate::path::leg_row::WIDTH as u16);
                 Some((PortType::Matrix(rows, width), UnitRule::Typed))
             }
             _ => None,
@@ -402,26 +408,26 @@ impl ParameterKind {
 pub struct Parameter {
     /// As written in nets.
     pub name: &'static str,
-    /// What it is.
+    /// Kind.
     pub kind: ParameterKind,
-    /// One phrase.
+    /// Description in one phrase.
     pub doc: &'static str,
-    /// `None`: it must be given.
-    pub default: Option<Literal>,
-    /// A `Real` must be greater than this, `Some(0.0)` for speeds and the like.
+    /// Default value; `None`: the parameter is required.
+    pub default: Option<DefaultValue>,
+    /// Exclusive lower bound of a `Real`, e.g. `Some(0.0)` for speeds.
     pub above: Option<f64>,
-    /// A `Real` must not be less than this.
+    /// Inclusive lower bound of a `Real`.
     pub at_least: Option<f64>,
-    /// A `Real` must not be greater than this.
+    /// Inclusive upper bound of a `Real`.
     pub at_most: Option<f64>,
-    /// The numbers of an array must rise from element to element.
+    /// The elements of an array must be strictly increasing.
     pub rising: bool,
-    /// A frequency must be less than half of the rate at which the net is evaluated.
+    /// A frequency must be less than half of the net's evaluation rate.
     pub below_nyquist: bool,
 }
 
 impl Parameter {
-    /// A parameter that must be given.
+    /// Creates a required parameter.
     pub const fn new(name: &'static str, kind: ParameterKind, doc: &'static str) -> Parameter {
         Parameter {
             name,
@@ -436,7 +442,7 @@ impl Parameter {
         }
     }
 
-    /// Its numbers must rise from element to element.
+    /// Requires strictly increasing elements.
     pub const fn rising(self) -> Parameter {
         Parameter {
             rising: true,
@@ -444,7 +450,7 @@ impl Parameter {
         }
     }
 
-    /// A `Real` that must be given.
+    /// Creates a required `Real` parameter.
     pub const fn real(name: &'static str, unit: UnitRule, doc: &'static str) -> Parameter {
         Parameter::new(
             name,
@@ -453,7 +459,7 @@ impl Parameter {
         )
     }
 
-    /// A truth value that must be given.
+    /// Creates a required `Bool` parameter.
     pub const fn bool(name: &'static str, doc: &'static str) -> Parameter {
         Parameter::new(
             name,
@@ -462,7 +468,7 @@ impl Parameter {
         )
     }
 
-    /// A whole number that must be given.
+    /// Creates a required `Int` parameter.
     pub const fn int(name: &'static str, doc: &'static str) -> Parameter {
         Parameter::new(
             name,
@@ -471,7 +477,7 @@ impl Parameter {
         )
     }
 
-    /// The device with an arm that the primitive belongs to.
+    /// Creates the parameter that names the primitive's arm.
     pub const fn arm() -> Parameter {
         Parameter::new(
             "device",
@@ -480,7 +486,7 @@ impl Parameter {
         )
     }
 
-    /// The device that the primitive belongs to.
+    /// Creates the parameter that names the primitive's device.
     pub const fn device() -> Parameter {
         Parameter::new(
             "device",
@@ -489,15 +495,15 @@ impl Parameter {
         )
     }
 
-    /// It may be left out and then has this value.
-    pub const fn default(self, value: Literal) -> Parameter {
+    /// Makes the parameter optional with this default.
+    pub const fn default(self, value: DefaultValue) -> Parameter {
         Parameter {
             default: Some(value),
             ..self
         }
     }
 
-    /// It must be greater than `bound`.
+    /// Requires a value greater than `bound`.
     pub const fn above(self, bound: f64) -> Parameter {
         Parameter {
             above: Some(bound),
@@ -505,7 +511,7 @@ impl Parameter {
         }
     }
 
-    /// It must not be less than `bound`.
+    /// Requires a value of at least `bound`.
     pub const fn at_least(self, bound: f64) -> Parameter {
         Parameter {
             at_least: Some(bound),
@@ -513,7 +519,7 @@ impl Parameter {
         }
     }
 
-    /// A frequency that sampled values can show: less than half of the rate at which the net is evaluated.
+    /// Requires a frequency below the Nyquist frequency: less than half of the net's evaluation rate.
     pub const fn below_nyquist(self) -> Parameter {
         Parameter {
             below_nyquist: true,
@@ -521,7 +527,7 @@ impl Parameter {
         }
     }
 
-    /// It must not be greater than `bound`.
+    /// Requires a value of at most `bound`.
     pub const fn at_most(self, bound: f64) -> Parameter {
         Parameter {
             at_most: Some(bound),

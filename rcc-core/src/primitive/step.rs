@@ -1,78 +1,80 @@
-//! Runs of equal primitives: one dispatch, then the same step for each group of operands. Steps have no jump that depends
-//! on values: null is chosen, not jumped to. The real-time thread.
+//! Iteration over runs of equal primitives: one dispatch, then the same step for each group of operands. Steps contain
+//! no branch that depends on values: null is selected, not branched on. Run by the real-time thread.
 
 use crate::frame::Frame;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL};
 
-/// What a step returns: nothing, or `None` for a slot outside of its arena, which ends the run. `Plan::check` excludes
-/// such slots; that nothing must be found to go on with makes the step a straight line.
-pub trait Outcome {
-    /// False ends the run.
-    fn goes_on(self) -> bool;
+/// The result of a step: `()`, or `None` for a slot outside its arena, which ends the run. `Plan::check` excludes such
+/// slots; because no fallback value is needed for them, a step compiles to straight-line code.
+pub trait StepResult {
+    /// Returns false to end the run.
+    fn continues(self) -> bool;
 }
 
-impl Outcome for () {
+impl StepResult for () {
     #[inline(always)]
-    fn goes_on(self) -> bool {
+    fn continues(self) -> bool {
         true
     }
 }
 
-impl Outcome for Option<()> {
+impl StepResult for Option<()> {
     #[inline(always)]
-    fn goes_on(self) -> bool {
+    fn continues(self) -> bool {
         self.is_some()
     }
 }
 
 /// Calls `step` for each group of `N` operands: one dispatch for a whole run of equal primitives.
 #[inline(always)]
-pub fn each<const N: usize, R: Outcome>(
+pub fn each<const N: usize, R: StepResult>(
     frame: &mut Frame<'_>,
     operands: &[u32],
     step: impl Fn(&mut Frame<'_>, [u32; N]) -> R,
 ) {
     let mut rest = operands;
     while let Some((group, after)) = rest.split_first_chunk() {
-        if !step(frame, *group).goes_on() {
+        if !step(frame, *group).continues() {
             return;
         }
         rest = after;
     }
 }
 
-/// One of two slots, truth values or whole numbers, without a jump: which one is often as good as chance, and a wrong
-/// guess of the processor costs more than ten primitives.
+/// Selects one of two values without a branch: the condition is often close to random, and a mispredicted branch costs
+/// more than ten primitives.
 #[inline(always)]
 pub fn choose<T>(condition: bool, yes: T, no: T) -> T {
     core::hint::select_unpredictable(condition, yes, no)
 }
 
-/// The number, or null: NaN has all bits of [`NULL_REAL`] and perhaps more.
+/// Returns `value`, or null if `null` is true, without a branch: the bits of [`NULL_REAL`] are OR-ed in, which makes
+/// any number a NaN.
 #[inline(always)]
 pub fn real_unless(null: bool, value: f64) -> f64 {
     f64::from_bits(value.to_bits() | choose(null, NULL_REAL.to_bits(), 0))
 }
 
-/// The number, or null if it is infinite: what overflows, and what begins with infinity, has no meaningful result.
+/// Returns `value`, or null if it is infinite: an overflow, or an operation on infinity, has no meaningful result.
 #[inline(always)]
 pub fn finite(value: f64) -> f64 {
     real_unless(!value.is_finite(), value)
 }
 
-/// The lower of two numbers, the first of equal ones; a null is passed over. (`f64::min` leaves open which zero it gives.)
+/// Returns the lower of two numbers, the first if they are equal; a null operand is ignored. (`f64::min` does not
+/// specify which zero it returns.)
 #[inline(always)]
 pub fn lower(a: f64, b: f64) -> f64 {
     if a.is_nan() | (b < a) { b } else { a }
 }
 
-/// The higher of two numbers, the first of equal ones; a null is passed over.
+/// Returns the higher of two numbers, the first if they are equal; a null operand is ignored.
 #[inline(always)]
 pub fn higher(a: f64, b: f64) -> f64 {
     if a.is_nan() | (b > a) { b } else { a }
 }
 
-/// The number, or the limit that it is beyond; a null limit is none. Limits out of order leave nothing, NaN.
+/// Returns `value` limited to `low..=high`. A null limit does not limit; `low > high` gives NaN.
 #[inline(always)]
 pub fn within(value: f64, low: f64, high: f64) -> f64 {
     let limited = if value > high {
@@ -85,12 +87,12 @@ pub fn within(value: f64, low: f64, high: f64) -> f64 {
     real_unless(low > high, limited)
 }
 
-/// The whole number, or null if it is beyond ±(2^63 - 1); `value` has no fraction.
+/// Converts an integral `value` to `Int`; null if it is NaN or beyond ±(2^63 − 1).
 #[inline(always)]
 pub fn whole(value: f64) -> i64 {
     const BOUND: f64 = 9_223_372_036_854_775_808.0;
     let in_range = (value > -BOUND) & (value < BOUND);
-    // The cast saturates, and makes 0 of NaN.
+    // The cast saturates, and converts NaN to 0.
     choose(in_range, value as i64, NULL_INT)
 }
 
@@ -103,7 +105,7 @@ pub fn map_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64)
     });
 }
 
-/// `Real → Int`: null if the operand is null, or if the result is out of range; `operation` leaves no fraction.
+/// `Real → Int`: null if the operand is null, or if the result is out of range; `operation` returns an integral value.
 #[inline(always)]
 pub fn map_whole(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64) -> f64) {
     each(frame, operands, |frame, [input, out]| {
@@ -122,7 +124,7 @@ pub fn each_finite(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f
     });
 }
 
-/// `Real, Real → Real`; NaN must come out if NaN goes in.
+/// `Real, Real → Real`; `operation` must return NaN if an operand is NaN.
 #[inline(always)]
 pub fn each_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {
     each(frame, operands, |frame, [a, b, out]| {
@@ -131,7 +133,7 @@ pub fn each_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64
     });
 }
 
-/// `Int, Int → Int`: null if either is null, or if the operation says that its result is out of range.
+/// `Int, Int → Int`: null if either is null, or if `operation` flags its result as out of range.
 #[inline(always)]
 pub fn each_int(
     frame: &mut Frame<'_>,
@@ -151,7 +153,7 @@ pub fn each_int(
 pub fn each_bool(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(u8, u8) -> u8) {
     each(frame, operands, |frame, [a, b, out]| {
         let (a, b) = (frame.get_bool(a)?, frame.get_bool(b)?);
-        // Bit 1 is null, bit 0 the value: with a null, no value.
+        // Bit 1 is the null flag, bit 0 the value; a null has no value bit.
         let null = (a | b) & NULL_BOOL;
         let value = operation(a, b) & !(null >> 1) & 1;
         frame.put_bool(out, null | value)

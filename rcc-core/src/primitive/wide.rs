@@ -1,11 +1,11 @@
-//! Steps over values of several elements: the same operation for every element. Null is per element in arrays and
-//! matrices; a value counts as null as a whole if one of its elements is. The real-time thread.
+//! Element-wise steps over values of several elements. Null is per element in arrays and matrices; a value counts as
+//! null as a whole if any element is null. Run by the real-time thread.
 
 use super::{choose, each};
 use crate::frame::Frame;
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
-/// `Real[n], Real[n] → Real[n]`, element by element; NaN must come out if NaN goes in.
+/// `Real[n], Real[n] → Real[n]`, element by element; `operation` must return NaN if an operand is NaN.
 #[inline(always)]
 pub fn wide_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64, f64) -> f64) {
     each(frame, operands, |frame, [a, b, out, width]| {
@@ -17,7 +17,8 @@ pub fn wide_real(frame: &mut Frame<'_>, operands: &[u32], operation: impl Fn(f64
     });
 }
 
-/// `Int[n], Int[n] → Int[n]`, element by element; null if either is, or if the operation says that it is out of range.
+/// `Int[n], Int[n] → Int[n]`, element by element; null if either operand is null, or if `operation` flags its result as
+/// out of range.
 #[inline(always)]
 pub fn wide_int(
     frame: &mut Frame<'_>,
@@ -35,7 +36,7 @@ pub fn wide_int(
     });
 }
 
-/// Copies `width` elements; `None` outside of the arena.
+/// Copies `width` elements; `None` if a slot is outside the arena.
 #[inline(always)]
 pub fn copy(frame: &mut Frame<'_>, store: Store, from: u32, to: u32, width: u32) -> Option<()> {
     for i in 0..width {
@@ -57,7 +58,7 @@ pub fn copy(frame: &mut Frame<'_>, store: Store, from: u32, to: u32, width: u32)
     Some(())
 }
 
-/// Writes null into `width` elements; `None` outside of the arena.
+/// Writes null into `width` elements; `None` if a slot is outside the arena.
 #[inline(always)]
 pub fn fill_null(frame: &mut Frame<'_>, store: Store, to: u32, width: u32) -> Option<()> {
     for i in 0..width {
@@ -70,7 +71,7 @@ pub fn fill_null(frame: &mut Frame<'_>, store: Store, to: u32, width: u32) -> Op
     Some(())
 }
 
-/// True if one of `width` elements is null; `None` outside of the arena.
+/// Returns true if any of `width` elements is null; `None` if a slot is outside the arena.
 #[inline(always)]
 pub fn is_null(frame: &Frame<'_>, store: Store, slot: u32, width: u32) -> Option<bool> {
     let mut null = false;

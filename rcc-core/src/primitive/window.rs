@@ -1,15 +1,16 @@
-//! Windows over the last values, as a tree: the leaves are a ring of values, each node combines two others, the root is
-//! the result. A new value changes the nodes above it, one for each doubling of the window: the same work in every cycle,
-//! and no sum that drifts. Tangwongsan, Hirzel, Schneider, Wu: "General incremental sliding-window aggregation", PVLDB 8
-//! (2015), section 4 (FlatFAT). The real-time thread.
+//! Sliding windows over the last values, stored as a binary tree: the leaves are a ring of values, each inner node
+//! combines its two children, and the root is the result. A new value updates only the nodes above it, one for each
+//! doubling of the window length, so each cycle costs the same and no running sum drifts. Tangwongsan, Hirzel,
+//! Schneider, Wu: "General incremental sliding-window aggregation", PVLDB 8 (2015), section 4 (FlatFAT). Run by the
+//! real-time thread.
 
-use super::{Parameter, ParameterKind, Port, Spec, State, UnitRule, each};
+use super::{Parameter, ParameterKind, Port, Spec, StateSpec, UnitRule, each};
 use crate::frame::Frame;
 
-/// What every window of numbers has in common: one rule for null, the same types. A primitive adds its name, its words, its
-/// worked values, and the memory with what an empty window combines to.
+/// The part of the spec that all windows of numbers share: null rule and types. A primitive adds its name, texts,
+/// examples, and its memory with the identity of its `combine`.
 pub const WINDOW: Spec = Spec {
-    null: "null while a null value is in the window, element by element; before the window is full it is over what there was",
+    null: "null while the window contains a null value, element by element; until the window is full, the result covers the values so far",
     inputs: &[Port::linear(
         "in",
         UnitRule::Var(0),
@@ -23,29 +24,29 @@ pub const WINDOW: Spec = Spec {
     parameters: &[Parameter::new(
         "window",
         ParameterKind::Window,
-        "how long the window is, with the value of now; 1 to 10 000 cycles of the net",
+        "length of the window, including the current value; 1 to 10 000 cycles of the net",
     )
     .above(0.0)],
-    // the place of the next value, the number of values so far
-    state: State {
+    // index of the next value, number of values so far
+    state: StateSpec {
         ints: 2,
-        ..State::NONE
+        ..StateSpec::NONE
     },
     ..Spec::PLAIN
 };
 
-/// What a window does with its values.
+/// The aggregation that a window computes.
 pub trait Fold {
-    /// What becomes of a value before it is combined with others; NaN must stay NaN.
+    /// Maps a value before it is combined with others; NaN must stay NaN.
     fn leaf(value: f64) -> f64;
-    /// Combines two; NaN must come out if NaN goes in.
+    /// Combines two nodes; must return NaN if either is NaN.
     fn combine(a: f64, b: f64) -> f64;
-    /// The result from the root and the number of values.
+    /// Computes the result from the root and the number of values.
     fn result(root: f64, count: f64) -> f64;
 }
 
-/// `[in, out, ints, tree, width, cycles]`: one tree of `2 · cycles` nodes for each element. Of the two Ints the first one
-/// is the place of the next value, the second one the number of values so far, at most `cycles`.
+/// Runs the step for operands `[in, out, ints, tree, width, cycles]`: one tree of `2 · cycles` nodes for each element.
+/// The first of the two Ints is the index of the next value, the second the number of values so far, at most `cycles`.
 #[inline(always)]
 pub fn each_window<F: Fold>(frame: &mut Frame<'_>, operands: &[u32]) {
     each(frame, operands, step::<F>);

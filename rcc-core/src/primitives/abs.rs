@@ -1,11 +1,11 @@
 //! `Abs`: out = |in|.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Abs",
         summary: "The absolute value of a number, or of each element of a vector, array or matrix.",
@@ -78,17 +78,17 @@ fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) -> Option<()> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
     use crate::types::NULL_INT;
 
     #[test]
     fn worked_values_and_null() {
-        let mut bench = Bench::wide("Abs", Some(Store::Real), 1);
+        let mut bench = PrimitiveHarness::wide("Abs", Some(Store::Real), 1);
         for (input, out) in [(1.5, 1.5), (-1.5, 1.5), (f64::NEG_INFINITY, f64::INFINITY)] {
             assert_eq!(bench.set_real("in", input).step().real("out"), out);
         }
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
-        let mut bench = Bench::wide("Abs", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("Abs", Some(Store::Int), 1);
         for (input, out) in [(3, 3), (-3, 3), (-i64::MAX, i64::MAX), (NULL_INT, NULL_INT)] {
             assert_eq!(bench.set_int("in", input).step().int("out"), out);
         }

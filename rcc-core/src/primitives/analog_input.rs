@@ -1,11 +1,12 @@
 //! `AnalogInput`: a named analog input of a device, latched at the beginning of the cycle.
 
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each_real_channel,
+    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule,
+    each_real_channel,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnalogInput",
         summary: "The value of an analog input.",
@@ -33,11 +34,11 @@ pub const ENTRY: Entry = Entry::new(
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_the_value_of_its_channel() {
-        let mut bench = Bench::new("AnalogInput");
+        let mut bench = PrimitiveHarness::new("AnalogInput");
         bench.device.measurement.analog[1] = 4.5;
         assert_eq!(bench.set_index("channel", 1).step().real("out"), 4.5);
         bench.device.measurement.analog[1] = f64::NAN;

@@ -5,11 +5,11 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Role, Spec, UnitRule, each,
+    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Role, Spec, UnitRule, each,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnalogOutput",
         summary: "Commands an analog output, which belongs to this net alone.",
@@ -46,11 +46,11 @@ fn step(frame: &mut Frame<'_>, [input, device, channel]: [u32; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn commands_its_channel_and_nothing_on_null() {
-        let mut bench = Bench::new("AnalogOutput");
+        let mut bench = PrimitiveHarness::new("AnalogOutput");
         bench.set_index("channel", 1).set_real("in", 3.5).step();
         assert_eq!(bench.output.analog[1], 3.5);
         assert!(bench.output.analog[0].is_nan());

@@ -1,11 +1,12 @@
 //! `AnalogOutputState`: what an analog output of a device is told now, whoever commands it.
 
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule, each_real_channel,
+    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Spec, UnitRule,
+    each_real_channel,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnalogOutputState",
         summary: "What the driver tells an analog output now: what a net commands, or what `on_release` says.",
@@ -33,11 +34,11 @@ pub const ENTRY: Entry = Entry::new(
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_what_the_driver_tells_the_channel() {
-        let mut bench = Bench::new("AnalogOutputState");
+        let mut bench = PrimitiveHarness::new("AnalogOutputState");
         bench.set_index("channel", 1);
         bench.device.measurement.analog_out[1] = 0.25;
         assert_eq!(bench.step().real("out"), 0.25);

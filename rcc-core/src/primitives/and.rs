@@ -1,9 +1,9 @@
 //! `And`: both are true; null if either is null (strict, as every primitive unless it says otherwise).
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_bool};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "And",
         summary: "True while both are true.",

@@ -1,13 +1,13 @@
 //! `AngleBetween`: the angle between two directions, without a sign.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 use crate::vector;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AngleBetween",
         summary: "The angle between two vectors, whatever their lengths.",

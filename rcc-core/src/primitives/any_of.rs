@@ -1,9 +1,9 @@
 //! `AnyOf`: whether a truth value of an array is true: Or for any number of them.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, TRUTHS, fold_bool};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TRUTHS, fold_bool};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "AnyOf",
         summary: "True while an element of an array is true.",

@@ -2,10 +2,12 @@
 
 use core::f64::consts::PI;
 
-use crate::primitive::{Entry, Example, Kernel, Literal, Port, Spec, UnitRule, each_finite};
+use crate::primitive::{
+    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, UnitRule, each_finite,
+};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArcTangent",
         summary: "The angle from the x axis to a point; with x = 1 the angle whose tangent is y.",
@@ -36,7 +38,7 @@ pub const ENTRY: Entry = Entry::new(
         ],
         inputs: &[
             Port::real("y", UnitRule::Var(0), "the point's y, or a tangent"),
-            Port::real("x", UnitRule::Var(0), "the point's x").default(Literal::Real(1.0)),
+            Port::real("x", UnitRule::Var(0), "the point's x").default(DefaultValue::Real(1.0)),
         ],
         outputs: &[Port::real("out", UnitRule::RADIAN, "angle").within(-PI, PI)],
         ..Spec::PLAIN

@@ -3,12 +3,14 @@
 use core::f64::consts::PI;
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+};
 use crate::types::{NULL_INT, NULL_REAL};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArmAngle",
 summary: "The arm angle of joint positions, and the branch: with the flange pose, all there is to say about them.",

@@ -6,13 +6,13 @@
 use crate::frame::Frame;
 use crate::kinematics::Arm;
 use crate::primitive::{
-    Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each, finite,
+    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each, finite,
 };
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ArmAngleLimits",
         summary: "The arm angles around that of given joints for which a flange pose is within the joint limits, in their branch.",
@@ -72,13 +72,13 @@ fn step(frame: &mut Frame<'_>, [pose, hint, lower, upper, device, width]: [u32; 
 #[cfg(test)]
 mod tests {
     use crate::frame::joints_from;
-    use crate::testing::{Bench, kr6};
+    use crate::testing::{PrimitiveHarness, kr6};
 
     const JOINTS: [f64; 8] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
     #[test]
     fn at_either_end_a_joint_is_at_its_limit() {
-        let mut bench = Bench::new("ArmAngleLimits");
+        let mut bench = PrimitiveHarness::new("ArmAngleLimits");
         let arm = bench.model.arm.unwrap();
         let limits = bench.model.limits;
         let pose = arm.forward(&JOINTS);
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn six_joints_have_none() {
-        let mut bench = Bench::wide("ArmAngleLimits", None, 6);
+        let mut bench = PrimitiveHarness::wide("ArmAngleLimits", None, 6);
         bench.model = kr6();
         bench.set_reals("pose", &kr6().arm.unwrap().forward(&[0.1; 8]).to_slots());
         bench.set_reals("hint", &[0.1; 6]).step();

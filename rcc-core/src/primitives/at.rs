@@ -2,14 +2,15 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each, fill_null,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
+    fill_null,
 };
 use crate::types::Store;
 
 const LENGTH: Dim = Dim::Var(0);
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "At",
         summary: "The element of an array at an index.",
@@ -17,7 +18,7 @@ pub const ENTRY: Entry = Entry::new(
         inputs: &[
             Port::new(
                 "in",
-                PortType::Array(Elements::Open, LENGTH),
+                PortType::Array(ElementType::Open, LENGTH),
                 UnitRule::Var(0),
                 "the array",
             ),

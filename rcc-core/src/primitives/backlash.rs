@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
-    finite, higher, lower,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
+    UnitRule, each, finite, higher, lower,
 };
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Backlash",
         summary: "Follows a number with play: it moves only when the number has come to the end of it.",
@@ -37,11 +37,11 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Start(Type::Real, UnitRule::Var(0)),
                 "output before the first cycle; null: the first known input is taken as it is",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
         ],
-        state: State {
+        state: StateSpec {
             reals: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

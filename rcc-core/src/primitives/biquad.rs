@@ -2,10 +2,12 @@
 
 use crate::filter;
 use crate::frame::{Preparation, PrepareFault};
-use crate::primitive::{Entry, Example, Kernel, Literal, Parameter, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, UnitRule, each,
+};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Biquad",
         summary: "A linear filter of second order, by its coefficients.",
@@ -34,10 +36,10 @@ pub const ENTRY: Entry = Entry::new(
         )],
         parameters: &[
             Parameter::real("b0", UnitRule::ONE, "part of the input"),
-            Parameter::real("b1", UnitRule::ONE, "part of the last cycle's input").default(Literal::Real(0.0)),
-            Parameter::real("b2", UnitRule::ONE, "part of the input before").default(Literal::Real(0.0)),
-            Parameter::real("a1", UnitRule::ONE, "part of the last cycle's output that is taken off").default(Literal::Real(0.0)),
-            Parameter::real("a2", UnitRule::ONE, "part of the output before that is taken off").default(Literal::Real(0.0)),
+            Parameter::real("b1", UnitRule::ONE, "part of the last cycle's input").default(DefaultValue::Real(0.0)),
+            Parameter::real("b2", UnitRule::ONE, "part of the input before").default(DefaultValue::Real(0.0)),
+            Parameter::real("a1", UnitRule::ONE, "part of the last cycle's output that is taken off").default(DefaultValue::Real(0.0)),
+            Parameter::real("a2", UnitRule::ONE, "part of the output before that is taken off").default(DefaultValue::Real(0.0)),
         ],
         state: filter::STATE,
         ..Spec::PLAIN

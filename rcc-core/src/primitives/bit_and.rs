@@ -1,9 +1,9 @@
 //! `BitAnd`: the bits that two whole numbers have in common, in two's complement.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitAnd",
         summary: "The bits that are set in both of two whole numbers.",

@@ -1,11 +1,11 @@
 //! `BitNot`: every bit of a whole number turned over, in two's complement.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, choose, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, choose, each};
 use crate::types::NULL_INT;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitNot",
         summary: "A whole number with every bit turned over; a `BitAnd` keeps those that count.",

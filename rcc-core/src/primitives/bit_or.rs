@@ -1,9 +1,9 @@
 //! `BitOr`: the bits that are set in either of two whole numbers, in two's complement.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitOr",
         summary: "The bits that are set in one or both of two whole numbers.",

@@ -1,9 +1,9 @@
 //! `BitXor`: the bits in which two whole numbers differ, in two's complement.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "BitXor",
         summary: "The bits in which two whole numbers differ.",

@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, UnitRule, choose, each, higher,
-    whole,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule,
+    choose, each, higher, whole,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Blink",
         summary: "True and false in turns while it is enabled; it begins with true.",
@@ -27,7 +27,7 @@ pub const ENTRY: Entry = Entry::new(
              true | true",
         )],
         inputs: &[Port::bool("enable", "while it is false, so is the output")
-            .default(Literal::Bool(true))],
+            .default(DefaultValue::Bool(true))],
         outputs: &[Port::bool("out", "on")],
         parameters: &[
             Parameter::real(
@@ -43,9 +43,9 @@ pub const ENTRY: Entry = Entry::new(
             )
             .above(0.0),
         ],
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -2,10 +2,10 @@
 //! (paper, section IV-C).
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Role, Spec, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Role, Spec, each};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Cancel",
         summary: "True from the cycle after CANCEL was requested.",
@@ -31,11 +31,11 @@ fn step(frame: &mut Frame<'_>, [requested]: [u32; 1]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn says_what_was_requested() {
-        let mut bench = Bench::new("Cancel");
+        let mut bench = PrimitiveHarness::new("Cancel");
         assert_eq!(bench.step().bool("requested"), Some(false));
         bench.cancel_requested = true;
         assert_eq!(bench.step().bool("requested"), Some(true));

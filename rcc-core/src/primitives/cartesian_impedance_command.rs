@@ -4,10 +4,10 @@
 //! the controller runs this strategy. Null sends no command, and the driver brings the arm to rest.
 
 use crate::frame::Frame;
-use crate::impedance::{Impedance, Strategy};
+use crate::impedance::{ControlStrategy, Impedance};
 use crate::message::JOINTS_MAX;
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -17,7 +17,7 @@ const fn axes(name: &'static str, unit: Unit, doc: &'static str) -> Port {
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CartesianImpedanceCommand",
         summary: "Commands an arm that runs Cartesian impedance control, which belongs to this net alone: the tool is held at \
@@ -43,19 +43,20 @@ pub const ENTRY: Entry = Entry::new(
                 Unit::NEWTON_METRE.per(Unit::RADIAN),
                 "about x, y, z of the task frame",
             ),
-            axes("damping", Unit::ONE, "damping ratio along x, y, z").default(Literal::Real(0.7)),
+            axes("damping", Unit::ONE, "damping ratio along x, y, z")
+                .default(DefaultValue::Real(0.7)),
             axes(
                 "rotational_damping",
                 Unit::ONE,
                 "damping ratio about x, y, z",
             )
-            .default(Literal::Real(0.7)),
+            .default(DefaultValue::Real(0.7)),
             Port::typed(
                 "wrench",
                 Type::Wrench,
                 "what the tool presses with on top, axes of the task frame; left out: nothing",
             )
-            .default(Literal::Real(0.0)),
+            .default(DefaultValue::Real(0.0)),
         ],
         parameters: &[Parameter::arm()],
         role: Role::CommandsArm,
@@ -89,7 +90,7 @@ fn step(
         output.has_position = true;
         output.position = position;
         output.impedance = Impedance {
-            strategy: Strategy::CartesianImpedance as u64,
+            strategy: ControlStrategy::CartesianImpedance as u64,
             stiffness: six(along, about),
             damping: six(damping, turning),
             added: {
@@ -108,7 +109,7 @@ fn six([x, y, z]: [f64; 3], [rx, ry, rz]: [f64; 3]) -> [f64; JOINTS_MAX] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     const INPUTS: [(&str, usize); 6] = [
         ("position", 7),
@@ -119,8 +120,8 @@ mod tests {
         ("wrench", 6),
     ];
 
-    fn bench() -> Bench {
-        let mut bench = Bench::new("CartesianImpedanceCommand");
+    fn bench() -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("CartesianImpedanceCommand");
         bench
             .set_reals("position", &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
             .set_reals("stiffness", &[100.0, 200.0, 300.0])

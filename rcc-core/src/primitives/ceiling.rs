@@ -1,9 +1,9 @@
 //! `Ceiling`: the least whole number that is not below a number.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_whole};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_whole};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Ceiling",
         summary: "A number rounded up, as a whole number.",

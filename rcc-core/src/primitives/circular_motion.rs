@@ -4,11 +4,11 @@
 //! arm angle and the branch of the start.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{Leg, Limits, PathRequest, Segment, record};
+use crate::path::{Leg, MotionLimits, PathRequest, PathSegment, leg_row};
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
-    each,
+    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Role, Spec,
+    UnitRule, each,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -16,7 +16,7 @@ use crate::unit::Unit;
 use super::along::{self, PORTS};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CircularMotion",
         summary: "An arc of the flange through a point, jerk-limited, with a soft stop on the path.",
@@ -42,13 +42,13 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::RADIAN),
                 "how far around instead of to `to`, deg(360) for a whole circle; negative: the other way around",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::new(
                 "orientation",
-                ParameterKind::Word(record::ORIENTATIONS),
+                ParameterKind::Word(leg_row::ORIENTATIONS),
                 "even: turns evenly from that of the start to that of `to`; constant: stays; path: turns with the circle",
             )
-            .default(Literal::Word("even")),
+            .default(DefaultValue::Word("even")),
             along::FLANGE[0],
             along::FLANGE[1],
             along::FLANGE[2],
@@ -97,16 +97,16 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     };
     let angle = number(angle);
     let orientation = preparation.int(orientation);
-    let segment = Segment::Circle {
+    let segment = PathSegment::Circle {
         via: preparation.reals(via),
         to: Pose::from_slots(preparation.reals(to)),
         // A number that is no mode is refused by the language.
-        orientation: record::arc_orientation(orientation as f64),
+        orientation: leg_row::arc_orientation(orientation as f64),
         angle: (!angle.is_nan()).then_some(angle),
     };
     let leg = Leg {
-        line: Limits::of([v, a, j].map(number)),
-        turn: Limits::of([w, wa, wj].map(number)),
+        line: MotionLimits::of([v, a, j].map(number)),
+        turn: MotionLimits::of([w, wa, wj].map(number)),
         elbow: along::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
         ..Leg::new(segment)

@@ -3,12 +3,12 @@
 //! Each element of a product of transforms is ((a₀·b₀ + a₁·b₁) + a₂·b₂) + a₃·b₃, every operation rounded once.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
 use crate::rotation;
 use crate::types::{NULL_REAL, Store, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Compose",
         summary: "Chains two rotations, poses or transforms: the second is given in the frame of the first.",
@@ -38,12 +38,22 @@ pub const ENTRY: Entry = Entry::new(
             ),
         ],
         inputs: &[
-            Port::of("a", Family::Frame, UnitRule::Var(0), "frame B in frame A"),
-            Port::of("b", Family::Frame, UnitRule::Var(0), "frame C in frame B"),
+            Port::of(
+                "a",
+                TypeFamily::Frame,
+                UnitRule::Var(0),
+                "frame B in frame A",
+            ),
+            Port::of(
+                "b",
+                TypeFamily::Frame,
+                UnitRule::Var(0),
+                "frame C in frame B",
+            ),
         ],
         outputs: &[Port::of(
             "out",
-            Family::Frame,
+            TypeFamily::Frame,
             UnitRule::Var(0),
             "frame C in frame A",
         )],
@@ -109,14 +119,14 @@ fn row([a0, a1, a2, a3]: [f64; 4], b: &[[f64; 4]; 4]) -> [f64; 4] {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
     use crate::types::Store;
 
     #[test]
     fn null_in_one_element_makes_every_element_null() {
         for width in [4, 7, 16] {
             for (name, other) in [("a", "b"), ("b", "a")] {
-                let mut bench = Bench::wide("Compose", Some(Store::Real), width as u32);
+                let mut bench = PrimitiveHarness::wide("Compose", Some(Store::Real), width as u32);
                 let mut known = std::vec![0.0; width];
                 known[width - 1] = 1.0;
                 let mut null = known.clone();

@@ -2,16 +2,16 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
 };
 use crate::types::Store;
 
 const fn array(length: Dim) -> PortType {
-    PortType::Array(Elements::Open, length)
+    PortType::Array(ElementType::Open, length)
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Concatenate",
         summary: "Two arrays as one, the second behind the first.",

@@ -1,11 +1,11 @@
 //! `Constant`: a value with a name. A number written at an input is the same without one.
 
 use crate::primitive::{
-    Entry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+    CatalogueEntry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Constant",
         summary: "A value that never changes.",

@@ -1,10 +1,12 @@
 //! `Copy`: out = in. The loader puts it where values must come to lie side by side, for a list of links.
 
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Copy",
         summary: "Its input, of any type: a list of links becomes one value with a name.",

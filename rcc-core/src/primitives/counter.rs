@@ -3,11 +3,11 @@
 //! Behind a `RisingEdge` it counts events.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, State, choose, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, choose, each};
 use crate::types::{NULL_BOOL, NULL_INT};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Counter",
         summary: "Counts the cycles in which its input is true, this one included.",
@@ -26,9 +26,9 @@ pub const ENTRY: Entry = Entry::new(
         )],
         inputs: &[Port::bool("in", "condition to count")],
         outputs: &[Port::int("out", "cycles so far; 0 before the first")],
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -48,11 +48,11 @@ fn step(frame: &mut Frame<'_>, [input, out, count]: [u32; 3]) -> Option<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn counts_true_cycles_and_nothing_else() {
-        let mut bench = Bench::new("Counter");
+        let mut bench = PrimitiveHarness::new("Counter");
         let (no, yes) = (Some(false), Some(true));
         for (input, out) in [
             (no, 0),

@@ -1,10 +1,10 @@
 //! `CubicBezier`: a smooth curve by two ends and two control points.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CubicBezier",
         summary: "A number on a cubic Bézier curve.",

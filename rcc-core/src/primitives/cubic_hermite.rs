@@ -2,10 +2,10 @@
 
 use super::cubic_bezier::bezier;
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CubicHermite",
         summary: "A number on a cubic curve that has given values and slopes at both ends.",

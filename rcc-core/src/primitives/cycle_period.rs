@@ -1,10 +1,10 @@
 //! `CyclePeriod`: the time from one evaluation of the net to the next.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, NullRule, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, UnitRule, each};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "CyclePeriod",
         summary: "The period at which the net is evaluated.",

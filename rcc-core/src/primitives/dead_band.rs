@@ -1,10 +1,12 @@
 //! `DeadBand`: passes over small deviations: 0 within a band, and beyond it as far as the number is beyond.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite, real_unless};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite, real_unless,
+};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DeadBand",
         summary: "0 within a band, and how far a number is beyond it outside: without a step at its edges.",

@@ -2,12 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Parameter, Port, Spec, State, UnitRule, choose, each, reached,
+    CatalogueEntry, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, choose, each,
+    reached,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Debounce",
         summary: "Changes only after its input has been different for a time without interruption.",
@@ -31,10 +32,10 @@ pub const ENTRY: Entry = Entry::new(
             Parameter::real("time", UnitRule::SECOND, "how long a new value must stay")
                 .at_least(0.0),
         ],
-        state: State {
+        state: StateSpec {
             bools: 1,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -2,14 +2,14 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Memory, Parameter, ParameterKind, Port, PortType, Spec, State,
-    UnitRule, copy, each, fill_null,
+    CatalogueEntry, Example, Kernel, MemorySpec, Parameter, ParameterKind, Port, PortType, Spec,
+    StateSpec, UnitRule, copy, each, fill_null,
 };
 use crate::types::Store;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Delay",
         summary: "A value as it was some time ago.",
@@ -55,11 +55,11 @@ pub const ENTRY: Entry = Entry::new(
             "greatest age, the nearest whole number of evaluations",
         )],
         // the place of the next value in the ring
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
-        memory: Memory::window(1),
+        memory: MemorySpec::window(1),
         ..Spec::PLAIN
     },
     &[

@@ -2,12 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, UnitRule, each, finite,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule,
+    each, finite,
 };
 use crate::types::NULL_REAL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Derivative",
         summary: "How fast a number changes, smoothed by a first-order low-pass filter.",
@@ -40,12 +41,12 @@ pub const ENTRY: Entry = Entry::new(
             UnitRule::SECOND,
             "T of the filter; 0: none",
         )
-        .default(Literal::Real(0.0))
+        .default(DefaultValue::Real(0.0))
         .at_least(0.0)],
         // last input, last output
-        state: State {
+        state: StateSpec {
             reals: 2,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,13 +1,15 @@
 //! `Determinant`: by elimination.
 
 use crate::frame::Frame;
-use crate::linear::Tableau;
-use crate::primitive::{Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::linear::AugmentedMatrix;
+use crate::primitive::{
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+};
 use crate::types::NULL_REAL;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Determinant",
         summary: "The determinant of a square matrix of plain numbers, at most 8×8.",
@@ -39,7 +41,7 @@ pub const ENTRY: Entry = Entry::new(
 
 #[inline]
 fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
-    let Some(mut tableau) = Tableau::<8>::read(frame, input, side) else {
+    let Some(mut tableau) = AugmentedMatrix::<8>::read(frame, input, side) else {
         return frame.put_real(out, NULL_REAL);
     };
     // A pivot that is nothing is the only thing that ends it early.

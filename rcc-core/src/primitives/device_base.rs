@@ -2,11 +2,11 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, Spec, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, each};
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DeviceBase",
         summary: "Where the base of an arm stands in the world, as the cell's configuration has it (`base`).",
@@ -35,11 +35,11 @@ fn step(frame: &mut Frame<'_>, [pose, device]: [u32; 2]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_what_the_configuration_says() {
-        let mut bench = Bench::new("DeviceBase");
+        let mut bench = PrimitiveHarness::new("DeviceBase");
         bench.model.base = Pose::from_xyz_rpy([0.5, -1.0, 0.0], [0.0, 0.0, 2.0]);
         let want = bench.model.base.to_slots();
         assert_eq!(bench.step().reals("pose", 7), want);

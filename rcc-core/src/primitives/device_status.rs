@@ -3,12 +3,12 @@
 //! There is no clock in a cycle: the age is counted in evaluations of the net, so that a replay finds the same.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Parameter, Port, Spec, State, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, each};
 use crate::types::{NULL_INT, NULL_REAL};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DeviceStatus",
 summary: "State, connection and age of what a device measures; `IsNull` of an output says that it is lost.",
@@ -16,7 +16,7 @@ null: "null while the device is lost",
 undefined: "the device is lost",
 outputs: &[Port::int("state", "1 online, cannot be commanded; 2 ready; 3 commanded by a net; 4 being brought to rest").diagnostic(), Port::int("reason", "why it is not ready, a number of its driver that `rcc-cli devices` explains; 0: fine").diagnostic(), Port::real("quality", UnitRule::Is(Unit::ONE), "of the connection, 1 is best").diagnostic(), Port::real("age", UnitRule::Is(Unit::SECOND), "since the last new measurement, in whole periods of the net; 0: new in this cycle").diagnostic(), Port::int("late", "exchanges that the driver answered late, since it began").diagnostic(), Port::int("refused", "datagrams that the driver refused, since it began").diagnostic(), Port::int("starved", "times that the driver had no set-point in time while commanded, since it began").diagnostic()],
 parameters: &[Parameter::device()],
-state: State { ints: 2, ..State::NONE },
+state: StateSpec { ints: 2, ..StateSpec::NONE },
         ..Spec::PLAIN
     },
     &[Kernel::new(|frame, operands| each(frame, operands, step))],
@@ -69,12 +69,12 @@ fn whole(count: u64) -> i64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
     use crate::types::NULL_INT;
 
     #[test]
     fn the_age_grows_until_something_new_is_measured() {
-        let mut bench = Bench::new("DeviceStatus");
+        let mut bench = PrimitiveHarness::new("DeviceStatus");
         bench.device.measurement.sequence = 7;
         assert_eq!(bench.step().real("age"), 0.0);
         assert_eq!(bench.step().real("age"), 0.001);
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn gives_the_state_and_the_counters_and_null_when_lost() {
-        let mut bench = Bench::new("DeviceStatus");
+        let mut bench = PrimitiveHarness::new("DeviceStatus");
         let m = &mut bench.device.measurement;
         (m.state, m.reason, m.quality_permille) = (2, 5, 875);
         (m.late, m.refused, m.starved) = (3, 4, u64::MAX);

@@ -1,11 +1,11 @@
 //! `DigitalInput`: a named digital input of a device, latched at the beginning of the cycle.
 
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, each_bit_channel,
+    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Spec, each_bit_channel,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DigitalInput",
         summary: "The value of a digital input.",
@@ -29,11 +29,11 @@ pub const ENTRY: Entry = Entry::new(
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_the_bit_of_its_channel() {
-        let mut bench = Bench::new("DigitalInput");
+        let mut bench = PrimitiveHarness::new("DigitalInput");
         bench.set_index("channel", 3);
         assert_eq!(bench.step().bool("out"), None, "not known");
         bench.device.measurement.digital_known = 0b1000;

@@ -4,12 +4,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Role, Spec, each,
+    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Role, Spec, each,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DigitalOutput",
         summary: "Commands a digital output, which belongs to this net alone.",
@@ -45,11 +45,11 @@ fn step(frame: &mut Frame<'_>, [input, device, channel]: [u32; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn commands_its_bit_and_nothing_on_null() {
-        let mut bench = Bench::new("DigitalOutput");
+        let mut bench = PrimitiveHarness::new("DigitalOutput");
         bench.set_index("channel", 2);
         for (input, commanded, value) in [
             (Some(true), 0b100, 0b100),

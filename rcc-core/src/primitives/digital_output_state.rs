@@ -1,11 +1,11 @@
 //! `DigitalOutputState`: what a digital output of a device is told now, whoever commands it.
 
 use crate::primitive::{
-    ChannelKind, Entry, Kernel, Parameter, ParameterKind, Port, Spec, each_bit_channel,
+    CatalogueEntry, ChannelKind, Kernel, Parameter, ParameterKind, Port, Spec, each_bit_channel,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "DigitalOutputState",
         summary: "What the driver tells a digital output now: what a net commands, or what `on_release` says.",
@@ -29,11 +29,11 @@ pub const ENTRY: Entry = Entry::new(
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_what_the_driver_tells_the_channel() {
-        let mut bench = Bench::new("DigitalOutputState");
+        let mut bench = PrimitiveHarness::new("DigitalOutputState");
         bench.set_index("channel", 2);
         assert_eq!(bench.step().bool("out"), None, "not told yet");
         bench.device.measurement.digital_out_known = 0b100;

@@ -1,10 +1,10 @@
 //! `Divide`: out = a / b, rounded once; a division by zero has no meaningful result and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Divide",
         summary: "The quotient of two numbers; its unit is the quotient of theirs.",

@@ -1,11 +1,11 @@
 //! `Dot`: the sum of the products of the elements of two vectors, in order.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
 use crate::types::{NULL_REAL, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Dot",
         summary: "The dot product of two vectors or arrays of the same length.",
@@ -21,10 +21,10 @@ pub const ENTRY: Entry = Entry::new(
              [1.0, 0.0, 0.0] | null | null",
         )],
         inputs: &[
-            Port::of("a", Family::Vector, UnitRule::Var(0), "first factor"),
+            Port::of("a", TypeFamily::Vector, UnitRule::Var(0), "first factor"),
             Port::of(
                 "b",
-                Family::Vector,
+                TypeFamily::Vector,
                 UnitRule::Var(1),
                 "second factor, same axes",
             ),

@@ -4,12 +4,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
+    UnitRule, each,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Equals",
         summary: "True while two values are equal.",
@@ -49,7 +50,7 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),
             "largest difference of numbers that still count as equal; Bool and Int ignore it",
         )
-        .default(Literal::Real(0.0))
+        .default(DefaultValue::Real(0.0))
         .at_least(0.0)],
         ..Spec::PLAIN
     },
@@ -104,11 +105,11 @@ fn step_int(frame: &mut Frame<'_>, [a, b, out, _tolerance]: [u32; 4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn numbers_are_equal_within_the_tolerance() {
-        let mut bench = Bench::wide("Equals", Some(Store::Real), 1);
+        let mut bench = PrimitiveHarness::wide("Equals", Some(Store::Real), 1);
         bench.set_real("tolerance", 0.1);
         let inf = f64::INFINITY;
         for (a, b, out) in [
@@ -126,7 +127,7 @@ mod tests {
 
     #[test]
     fn bools_and_ints_are_compared_exactly() {
-        let mut bench = Bench::wide("Equals", Some(Store::Bool), 1);
+        let mut bench = PrimitiveHarness::wide("Equals", Some(Store::Bool), 1);
         assert_eq!(
             bench
                 .set_bool("a", Some(true))
@@ -136,7 +137,7 @@ mod tests {
             Some(true)
         );
         assert_eq!(bench.set_bool("b", None).step().bool("out"), None);
-        let mut bench = Bench::wide("Equals", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("Equals", Some(Store::Int), 1);
         assert_eq!(
             bench.set_int("a", 3).set_int("b", 4).step().bool("out"),
             Some(false)

@@ -1,9 +1,9 @@
 //! `Exponential`: e to the power of a number.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Exponential",
         summary: "The exponential of a number.",

@@ -4,13 +4,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
-    each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
+    UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FallingEdge",
         summary: "True in the one cycle in which its input becomes false.",
@@ -42,10 +42,10 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::Start(Type::Bool, UnitRule::Typed),
             "value before the first cycle; null: the first known value gives no edge",
         )
-        .default(Literal::Null)],
-        state: State {
+        .default(DefaultValue::Null)],
+        state: StateSpec {
             bools: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,10 +1,10 @@
 //! `FirstCycle`: true in the first cycle of the net, for what must be done once.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, NullRule, Port, Spec, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, each};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FirstCycle",
         summary: "True in the first cycle after START, and never again.",

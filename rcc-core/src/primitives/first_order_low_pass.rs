@@ -2,12 +2,12 @@
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::primitive::{
-    Entry, Example, Kernel, Parameter, Port, Spec, State, UnitRule, each, finite,
+    CatalogueEntry, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule, each, finite,
 };
 use crate::types::NULL_REAL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FirstOrderLowPass",
         summary: "Smooths a number by a first-order low-pass filter with a time constant.",
@@ -32,9 +32,9 @@ pub const ENTRY: Entry = Entry::new(
             Parameter::real("time_constant", UnitRule::SECOND, "T: after it 1/e of a step is left; cutoff 1 / (2π T)").above(0.0),
         ],
         // gain, last output
-        state: State {
+        state: StateSpec {
             reals: 2,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,9 +1,9 @@
 //! `Floor`: the greatest whole number that is not above a number.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_whole};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_whole};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Floor",
         summary: "A number rounded down, as a whole number.",

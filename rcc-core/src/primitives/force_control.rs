@@ -6,8 +6,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
-    State, UnitRule, each, within,
+    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Spec, StateSpec, UnitRule, each, within,
 };
 use crate::rotation;
 use crate::spatial;
@@ -23,7 +23,7 @@ const JERK: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND3);
 const GAIN: UnitRule = UnitRule::Is(Unit::METRE_PER_SECOND.per(Unit::NEWTON));
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ForceControl",
         summary: "Presses with a force along one axis while a path goes on along the others: moves the path's pose along \
@@ -58,7 +58,7 @@ pub const ENTRY: Entry = Entry::new(
                 "what the surroundings exert on the tool, axes of the frame that `axis` is in",
             ),
             Port::bool("active", "while it is not true, the way along the axis comes to rest and stays")
-                .default(Literal::Bool(true)),
+                .default(DefaultValue::Bool(true)),
         ],
         outputs: &[
             Port::typed("pose_out", Type::Pose, "the path's pose, moved by `offset` along the axis"),
@@ -76,7 +76,7 @@ pub const ENTRY: Entry = Entry::new(
                 "where the tool presses to, any length but 0",
             ),
             Parameter::bool("in_tool", "the axis is in axes of `pose`, which it turns with; else in those of the base")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
             Parameter::real("gain", GAIN, "speed for each newton that is missing; below 1 / (stiffness of contact · delay)")
                 .above(0.0),
             Parameter::real("velocity", VELOCITY, "largest speed along the axis").above(0.0),
@@ -85,9 +85,9 @@ pub const ENTRY: Entry = Entry::new(
             Parameter::real("travel", METRE, "longest way from the path, to both sides").above(0.0),
         ],
         // way, velocity, acceleration; 1 = held back by `travel` above, -1 below
-        state: State {
+        state: StateSpec {
             reals: 4,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -96,7 +96,7 @@ pub const ENTRY: Entry = Entry::new(
 
 /// Limits of the way along the axis.
 #[derive(Clone, Copy, Debug)]
-struct Limits {
+struct OffsetLimits {
     velocity: f64,
     acceleration: f64,
     jerk: f64,
@@ -105,7 +105,7 @@ struct Limits {
 
 /// The way along the axis.
 #[derive(Clone, Copy, PartialEq, Debug)]
-struct Way {
+struct OffsetState {
     s: f64,
     v: f64,
     a: f64,
@@ -126,7 +126,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
         parameters @ ..,
     ] = outputs;
     let [axis, in_tool, gain, v_max, a_max, j_max, travel] = parameters;
-    let limits = Limits {
+    let limits = OffsetLimits {
         velocity: frame.real(v_max),
         acceleration: frame.real(a_max),
         jerk: frame.real(j_max),
@@ -141,8 +141,8 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
     let acts = (frame.bool(active) == 1) & wanted.is_finite();
     let goal = if acts { frame.real(gain) * wanted } else { 0.0 };
     let before = match frame.reals(state) {
-        [s, v, a, held] if s.is_finite() => Way { s, v, a, held },
-        _ => Way {
+        [s, v, a, held] if s.is_finite() => OffsetState { s, v, a, held },
+        _ => OffsetState {
             s: 0.0,
             v: 0.0,
             a: 0.0,
@@ -181,7 +181,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 19]) {
 }
 
 /// One period towards a speed of `goal`, or to rest where that would lead beyond `travel`.
-fn follow(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
+fn follow(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> OffsetState {
     // Held back, it goes to rest until the goal leads away from the bound.
     let held = if before.held * goal >= 0.0 {
         before.held
@@ -199,9 +199,9 @@ fn follow(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
         0.0
     };
     if (held != 0.0) | (beyond * goal <= 0.0) {
-        return Way { held, ..next };
+        return OffsetState { held, ..next };
     }
-    Way {
+    OffsetState {
         held: beyond,
         ..towards(before, 0.0, limits, dt_s)
     }
@@ -211,8 +211,8 @@ fn follow(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
 const MARGIN_CYCLES: f64 = 3.0;
 
 /// One period in which the speed goes to `goal` as fast as acceleration and jerk allow, without overshoot.
-fn towards(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
-    let Way { s, v, a, .. } = before;
+fn towards(before: OffsetState, goal: f64, limits: &OffsetLimits, dt_s: f64) -> OffsetState {
+    let OffsetState { s, v, a, .. } = before;
     let change = limits.jerk * dt_s;
     let wanted = braking_rate(goal - v, a, limits.jerk, dt_s);
     let wanted = within(wanted, -limits.acceleration, limits.acceleration);
@@ -220,7 +220,7 @@ fn towards(before: Way, goal: f64, limits: &Limits, dt_s: f64) -> Way {
     let speed = v + (a + next) / 2.0 * dt_s;
     // What rounding leaves of a speed that is reached.
     let arrived = (next.abs() <= 1e-9 * change) & ((speed - goal).abs() <= 1e-9 * change * dt_s);
-    Way {
+    OffsetState {
         s: s + (v + (2.0 * a + next) / 6.0 * dt_s) * dt_s,
         v: if arrived { goal } else { speed },
         a: if arrived { 0.0 } else { next },
@@ -239,8 +239,8 @@ fn braking_rate(left: f64, rate: f64, most: f64, dt_s: f64) -> f64 {
 }
 
 /// The least and the greatest place on the fastest way to rest from here, with `margin_s` of the speed added.
-fn reach(way: &Way, limits: &Limits, margin_s: f64) -> [f64; 2] {
-    let Way { s, v, a, .. } = *way;
+fn reach(way: &OffsetState, limits: &OffsetLimits, margin_s: f64) -> [f64; 2] {
+    let OffsetState { s, v, a, .. } = *way;
     let (jerk, most) = (limits.jerk, limits.acceleration);
     // The speed when the acceleration is taken back at once: where it still goes then, it has to be braked.
     let after = v + a * a.abs() / (2.0 * jerk);

@@ -1,7 +1,7 @@
 //! `ForceTorque`: the external force and torque at the flange that an arm measures or estimates.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Parameter, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, UnitRule, each};
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
@@ -9,7 +9,7 @@ const FORCE: UnitRule = UnitRule::Is(Unit::NEWTON);
 const TORQUE: UnitRule = UnitRule::Is(Unit::NEWTON_METRE);
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ForceTorque",
         summary: "External force and torque at the flange of an arm.",
@@ -42,11 +42,11 @@ fn step(frame: &mut Frame<'_>, [fx, fy, fz, tx, ty, tz, wrench, device]: [u32; 8
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_the_elements_in_order_and_null_when_the_device_is_lost() {
-        let mut bench = Bench::new("ForceTorque");
+        let mut bench = PrimitiveHarness::new("ForceTorque");
         bench.device.measurement.wrench = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         bench.step();
         let got = ["fx", "fy", "fz", "tx", "ty", "tz"].map(|name| bench.real(name));

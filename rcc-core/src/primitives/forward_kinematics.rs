@@ -2,12 +2,12 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ForwardKinematics",
         summary: "The flange pose that belongs to joint positions.",
@@ -34,11 +34,11 @@ fn step(frame: &mut Frame<'_>, [joints, pose, device, width]: [u32; 4]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn the_upright_arm_is_as_high_as_its_lengths() {
-        let mut bench = Bench::new("ForwardKinematics");
+        let mut bench = PrimitiveHarness::new("ForwardKinematics");
         let pose = bench.set_reals("joints", &[0.0; 7]).step().reals("pose", 7);
         for (got, want) in pose.iter().zip([0.0, 0.0, 1.1785, 0.0, 0.0, 0.0, 1.0]) {
             assert!((got - want).abs() < 1e-15, "{pose:?}");
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn null_makes_every_element_null() {
-        let mut bench = Bench::new("ForwardKinematics");
+        let mut bench = PrimitiveHarness::new("ForwardKinematics");
         bench.set_reals("joints", &[0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0]);
         assert!(
             bench

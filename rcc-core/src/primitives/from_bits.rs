@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec,
-    UnitRule, choose, each,
+    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter, ParameterKind,
+    Port, PortType, Spec, UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "FromBits",
         summary: "The whole number that truth values are the bits of.",
@@ -17,7 +17,7 @@ pub const ENTRY: Entry = Entry::new(
         formula: "the sum of 2^i over all i with in[i]; with a sign the highest bit counts negative (two's complement)",
         inputs: &[Port::new(
             "in",
-            PortType::Array(Elements::Are(Type::Bool), Dim::Var(0)),
+            PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
             UnitRule::Typed,
             "its bits, the lowest first",
         )],
@@ -27,7 +27,7 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
             "the highest bit is the sign",
         )
-        .default(Literal::Bool(false))],
+        .default(DefaultValue::Bool(false))],
         examples: &[
             Example::new(
                 "without a sign",

@@ -1,10 +1,12 @@
 //! `Greater`: out = a > b, for two numbers of the same unit; null if either is null.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, compare_int, compare_real};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, compare_int, compare_real,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Greater",
         summary: "True while the first number is greater than the second.",
@@ -46,12 +48,12 @@ pub const ENTRY: Entry = Entry::new(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
     use crate::types::NULL_INT;
 
     #[test]
     fn compares_and_propagates_null() {
-        let mut bench = Bench::wide("Greater", Some(Store::Real), 1);
+        let mut bench = PrimitiveHarness::wide("Greater", Some(Store::Real), 1);
         for (a, b) in [
             (1.0, 2.0),
             (2.0, 1.0),
@@ -69,7 +71,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_are_compared_exactly() {
-        let mut bench = Bench::wide("Greater", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("Greater", Some(Store::Int), 1);
         for (a, b) in [(1, 2), (2, 1), (1, 1), (i64::MAX, i64::MAX - 1)] {
             bench.set_int("a", a).set_int("b", b).step();
             assert_eq!(bench.bool("out"), Some(a > b));

@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Memory, NullRule, Parameter, ParameterKind, Port, PortType,
-    Spec, UnitRule, copy, each, is_null,
+    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, NullRule, Parameter, ParameterKind,
+    Port, PortType, Spec, UnitRule, copy, each, is_null,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Hold",
         summary: "The value of the last cycle in which `sample` was true.",
@@ -51,8 +51,8 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::First(UnitRule::Var(0)),
             "the value before anything was taken",
         )
-        .default(Literal::Null)],
-        memory: Memory::values(1),
+        .default(DefaultValue::Null)],
+        memory: MemorySpec::values(1),
         ..Spec::PLAIN
     },
     &[

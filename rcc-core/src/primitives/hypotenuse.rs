@@ -1,9 +1,9 @@
 //! `Hypotenuse`: the length of the sum of two lengths at right angles, without overflow on the way.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each_finite};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_finite};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Hypotenuse",
         summary: "The square root of the sum of two squares.",

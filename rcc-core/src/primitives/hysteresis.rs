@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
-    each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
+    UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Hysteresis",
         summary: "True from when a number exceeds one bound until it falls below another.",
@@ -38,10 +38,10 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::Start(Type::Bool, UnitRule::Typed),
             "value of a number between the bounds before it was ever beyond one",
         )
-        .default(Literal::Bool(false))],
-        state: State {
+        .default(DefaultValue::Bool(false))],
+        state: StateSpec {
             bools: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -3,7 +3,8 @@
 //! It has no kernel: what is set lies ready between two cycles, and the executor writes it before it evaluates the net.
 
 use crate::primitive::{
-    Entry, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+    CatalogueEntry, DefaultValue, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec,
+    UnitRule,
 };
 use crate::unit::Unit;
 
@@ -13,7 +14,7 @@ pub(super) const TYPE: Parameter = Parameter::new(
     ParameterKind::Type,
     "its type where links and values do not tell it, `Wrench`",
 )
-.default(Literal::Null);
+.default(DefaultValue::Null);
 
 /// The same for its unit.
 pub(super) const UNIT: Parameter = Parameter::new(
@@ -21,10 +22,10 @@ pub(super) const UNIT: Parameter = Parameter::new(
     ParameterKind::Unit(0),
     "its unit where they do not, `N`",
 )
-.default(Literal::Null);
+.default(DefaultValue::Null);
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Input",
         summary: "A value that is set from outside while the net is ready or runs.",
@@ -46,25 +47,25 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
                 "the value before it is set; it does not expire",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::new(
                 "at_least",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
                 "less is refused, element by element; of numbers and arrays of them",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::new(
                 "at_most",
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
                 "more is refused, element by element; of numbers and arrays of them",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::new(
                 "expires",
                 ParameterKind::Value(PortType::Is(crate::types::Type::Real), UnitRule::Is(Unit::SECOND)),
                 "what was set longer ago than this is null; a dead client is not obeyed any more",
             )
-            .default(Literal::Null)
+            .default(DefaultValue::Null)
             .above(0.0),
             TYPE,
             UNIT,

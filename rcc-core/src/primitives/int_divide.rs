@@ -1,9 +1,9 @@
 //! `IntDivide`: how often one whole number fits into another, rounded towards zero.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "IntDivide",
         summary: "The quotient of two whole numbers, rounded towards zero.",

@@ -2,15 +2,15 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, State,
-    UnitRule, each, finite, within,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
+    StateSpec, UnitRule, each, finite, within,
 };
 use crate::types::{NULL_BOOL, Type};
 
 const BOUND: ParameterKind = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0));
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Integrator",
         summary: "Integrates a rate over time; of a rate of 1 it is a stopwatch.",
@@ -39,7 +39,8 @@ pub const ENTRY: Entry = Entry::new(
         ],
         inputs: &[
             Port::real("in", UnitRule::PerSecond(0), "rate"),
-            Port::bool("reset", "while true the output is `initial`").default(Literal::Bool(false)),
+            Port::bool("reset", "while true the output is `initial`")
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[Port::real("out", UnitRule::Var(0), "integral")],
         parameters: &[
@@ -48,13 +49,14 @@ pub const ENTRY: Entry = Entry::new(
                 BOUND,
                 "value before the first cycle and after a reset",
             )
-            .default(Literal::Real(0.0)),
-            Parameter::new("low", BOUND, "least output; null: none").default(Literal::Null),
-            Parameter::new("high", BOUND, "greatest output; null: none").default(Literal::Null),
+            .default(DefaultValue::Real(0.0)),
+            Parameter::new("low", BOUND, "least output; null: none").default(DefaultValue::Null),
+            Parameter::new("high", BOUND, "greatest output; null: none")
+                .default(DefaultValue::Null),
         ],
-        state: State {
+        state: StateSpec {
             reals: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

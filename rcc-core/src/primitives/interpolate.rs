@@ -2,14 +2,14 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
 use crate::rotation;
 use crate::types::{Store, Type};
 use crate::unit::Unit;
 use crate::vector;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Interpolate",
         summary: "A rotation or pose on the way between two others: straight, and turned about one axis.",
@@ -36,11 +36,16 @@ pub const ENTRY: Entry = Entry::new(
         inputs: &[
             Port::of(
                 "from",
-                Family::Turn,
+                TypeFamily::Turn,
                 UnitRule::Var(0),
                 "what it is at t = 0",
             ),
-            Port::of("to", Family::Turn, UnitRule::Var(0), "what it is at t = 1"),
+            Port::of(
+                "to",
+                TypeFamily::Turn,
+                UnitRule::Var(0),
+                "what it is at t = 1",
+            ),
             Port::real(
                 "t",
                 UnitRule::Is(Unit::ONE),
@@ -49,7 +54,7 @@ pub const ENTRY: Entry = Entry::new(
         ],
         outputs: &[Port::of(
             "out",
-            Family::Turn,
+            TypeFamily::Turn,
             UnitRule::Var(0),
             "what it is at t",
         )],

@@ -2,12 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, UnitRule, choose, each, finite, higher, lower, real_unless,
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, finite, higher, lower,
+    real_unless,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Interval",
         summary: "Whether a number is in an interval, and how far from its beginning to its end.",

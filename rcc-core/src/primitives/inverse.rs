@@ -1,9 +1,9 @@
 //! `Inverse`: the inverse of a matrix. To solve equations `Solve` is cheaper and more exact.
 
 use crate::frame::Frame;
-use crate::linear::Tableau;
+use crate::linear::AugmentedMatrix;
 use crate::primitive::{
-    Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each, fill_null,
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each, fill_null,
 };
 use crate::types::Store;
 use crate::unit::Unit;
@@ -11,7 +11,7 @@ use crate::unit::Unit;
 const SQUARE: PortType = PortType::Matrix(Dim::Small(0), Dim::Small(0));
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Inverse",
         summary: "The inverse of a square matrix of plain numbers, at most 8×8.",
@@ -55,8 +55,8 @@ fn step(frame: &mut Frame<'_>, [input, out, side]: [u32; 3]) -> Option<()> {
     Some(())
 }
 
-fn inverted(frame: &Frame<'_>, input: u32, side: u32) -> Option<Tableau<16>> {
-    let mut tableau = Tableau::read(frame, input, side)?;
+fn inverted(frame: &Frame<'_>, input: u32, side: u32) -> Option<AugmentedMatrix<16>> {
+    let mut tableau = AugmentedMatrix::read(frame, input, side)?;
     tableau.fill(|row, column| Some(if row == column { 1.0 } else { 0.0 }))?;
     tableau.reduce(tableau.least_pivot())?;
     Some(tableau)

@@ -5,9 +5,11 @@
 //! decides; each joint takes the turn that is nearest to the last solution, and so never jumps by a turn.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::kinematics::{Branch, NoJoints, within_limits};
+use crate::kinematics::{Branch, InverseKinematicsError, within_limits};
 use crate::message::{JOINTS_MAX, Joints};
-use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, State, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, StateSpec, UnitRule, each,
+};
 use crate::types::{NULL_INT, Type};
 use crate::unit::Unit;
 
@@ -18,7 +20,7 @@ pub(super) const JOINT: &str =
     "the first joint that would be beyond its limit, from 1; 0 for any other reason";
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseKinematics",
         summary: "Joint positions for a flange pose, with the branch (and arm angle) of the start.",
@@ -40,9 +42,9 @@ pub const ENTRY: Entry = Entry::new(
         ],
         parameters: &[Parameter::arm()],
         // arm angle, number of the branch, hint joints
-        state: State {
+        state: StateSpec {
             reals: 2 + JOINTS_MAX as u32,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -82,7 +84,7 @@ fn step(frame: &mut Frame<'_>, [pose, joints, reason, joint, device, state, widt
 pub(super) fn put(
     frame: &mut Frame<'_>,
     [joints, reason, joint, width]: [u32; 4],
-    found: Option<Result<Joints, NoJoints>>,
+    found: Option<Result<Joints, InverseKinematicsError>>,
 ) {
     let (why, which) = match &found {
         Some(Ok(_)) => (0, 0),
@@ -97,13 +99,13 @@ pub(super) fn put(
 #[cfg(test)]
 mod tests {
     use crate::frame::PrepareFault;
-    use crate::testing::{Bench, kr6};
+    use crate::testing::{PrimitiveHarness, kr6};
 
     const HOLD: [f64; 8] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
     #[test]
     fn the_pose_of_the_start_gives_the_joints_of_the_start() {
-        let mut bench = Bench::new("InverseKinematics");
+        let mut bench = PrimitiveHarness::new("InverseKinematics");
         bench.hold = Some(HOLD);
         bench.prepare().unwrap();
         let pose = bench.model.arm.unwrap().forward(&HOLD).to_slots();
@@ -116,7 +118,7 @@ mod tests {
 
     #[test]
     fn an_unreachable_or_null_pose_gives_null() {
-        let mut bench = Bench::new("InverseKinematics");
+        let mut bench = PrimitiveHarness::new("InverseKinematics");
         bench.hold = Some(HOLD);
         bench.prepare().unwrap();
         let far = [9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -131,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_joint_beyond_its_limit_gives_null_and_is_named() {
-        let mut bench = Bench::new("InverseKinematics");
+        let mut bench = PrimitiveHarness::new("InverseKinematics");
         let arm = bench.model.arm.unwrap();
         let limit = bench.model.limits.upper[0];
         bench.hold = Some([limit - 0.01, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
@@ -149,7 +151,7 @@ mod tests {
 
     #[test]
     fn it_follows_an_arm_of_six_joints() {
-        let mut bench = Bench::wide("InverseKinematics", None, 6);
+        let mut bench = PrimitiveHarness::wide("InverseKinematics", None, 6);
         bench.model = kr6();
         let hold = [0.3, -1.2, 1.4, 3.1, 0.8, -4.0, 0.0, 0.0];
         bench.hold = Some(hold);
@@ -168,7 +170,7 @@ mod tests {
 
     #[test]
     fn without_a_known_hold_position_it_cannot_become_ready() {
-        let mut bench = Bench::new("InverseKinematics");
+        let mut bench = PrimitiveHarness::new("InverseKinematics");
         bench.hold = None;
         assert_eq!(
             bench.prepare(),

@@ -3,16 +3,16 @@
 //! `InverseKinematics` keeps arm angle and branch of the start; here the net decides both in each cycle, from what it likes.
 
 use crate::frame::Frame;
-use crate::kinematics::{Configuration, Unreachable};
+use crate::kinematics::{ArmConfiguration, Unreachable};
 use crate::message::JOINTS_MAX;
-use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
 use crate::types::Type;
 use crate::unit::Unit;
 
 use super::inverse_kinematics::{JOINT, REASON, put};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseKinematicsNear",
         summary: "Joint positions for a flange pose with a given arm angle, in the branch of given joint positions.",
@@ -62,7 +62,7 @@ fn step(
         let (hint, pose) = near
             .filter(|(hint, _)| angle.is_finite() && hint.iter().all(|joint| joint.is_finite()))
             .ok_or(Unreachable::NotFinite)?;
-        let configuration = Configuration {
+        let configuration = ArmConfiguration {
             branch: arm.branch(&hint),
             arm_angle: angle,
         };
@@ -74,13 +74,13 @@ fn step(
 #[cfg(test)]
 mod tests {
     use crate::frame::joints_from;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     const JOINTS: [f64; 8] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
 
     #[test]
     fn arm_angle_pose_and_branch_of_joints_give_the_joints_back() {
-        let mut bench = Bench::new("InverseKinematicsNear");
+        let mut bench = PrimitiveHarness::new("InverseKinematicsNear");
         let arm = bench.model.arm.unwrap();
         bench.set_reals("pose", &arm.forward(&JOINTS).to_slots());
         bench.set_real("arm_angle", arm.arm_angle(&JOINTS).unwrap());
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_elbow_goes_round_while_the_flange_stays() {
-        let mut bench = Bench::new("InverseKinematicsNear");
+        let mut bench = PrimitiveHarness::new("InverseKinematicsNear");
         bench.model.limits.lower = [-4.0; 8];
         bench.model.limits.upper = [4.0; 8];
         let arm = bench.model.arm.unwrap();
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn null_or_out_of_reach_is_null() {
-        let mut bench = Bench::new("InverseKinematicsNear");
+        let mut bench = PrimitiveHarness::new("InverseKinematicsNear");
         bench
             .set_real("arm_angle", 0.0)
             .set_reals("hint", &JOINTS[..7]);

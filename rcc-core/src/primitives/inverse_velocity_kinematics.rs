@@ -1,12 +1,14 @@
 //! `InverseVelocityKinematics`: the smallest joint velocities that move the flange of an arm as wanted.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+};
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "InverseVelocityKinematics",
 summary: "Joint velocities for a twist of the flange, the smallest there are; damped near singular positions.",

@@ -4,12 +4,12 @@
 //! -((r₀ᵢ·x + r₁ᵢ·y) + r₂ᵢ·z), every operation rounded once.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
 use crate::rotation;
 use crate::types::{NULL_REAL, Store, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Invert",
         summary: "The inverse of a rotation, pose or transform.",
@@ -38,13 +38,13 @@ pub const ENTRY: Entry = Entry::new(
         ],
         inputs: &[Port::of(
             "in",
-            Family::Frame,
+            TypeFamily::Frame,
             UnitRule::Var(0),
             "frame B in frame A",
         )],
         outputs: &[Port::of(
             "out",
-            Family::Frame,
+            TypeFamily::Frame,
             UnitRule::Var(0),
             "frame A in frame B",
         )],
@@ -101,13 +101,13 @@ fn transform(frame: &mut Frame<'_>, input: u32, out: u32) -> Option<()> {
 #[cfg(test)]
 mod tests {
     use crate::pose::Pose;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
     use crate::types::Store;
 
     #[test]
     fn a_pose_and_its_inverse_cancel() {
         let pose = Pose::from_xyz_rpy([0.4, -0.1, 0.7], [0.3, -1.1, 2.2]);
-        let mut bench = Bench::wide("Invert", Some(Store::Real), 7);
+        let mut bench = PrimitiveHarness::wide("Invert", Some(Store::Real), 7);
         let out = bench.set_reals("in", &pose.to_slots()).step();
         let inverse = Pose::from_slots(out.reals("out", 7).try_into().unwrap());
         let both = pose.compose(&inverse).to_slots();

@@ -4,12 +4,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, each, is_null,
+    CatalogueEntry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, each, is_null,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "IsNull",
         summary: "True while its input has no value.",
@@ -96,23 +96,23 @@ fn wide_int(frame: &mut Frame<'_>, [input, out, width]: [u32; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn tells_null_for_every_arena() {
-        let mut bench = Bench::wide("IsNull", Some(Store::Real), 7);
+        let mut bench = PrimitiveHarness::wide("IsNull", Some(Store::Real), 7);
         assert_eq!(bench.step().bool("out"), Some(true));
         assert_eq!(
             bench.set_reals("in", &[0.0; 7]).step().bool("out"),
             Some(false)
         );
-        let mut bench = Bench::wide("IsNull", Some(Store::Bool), 1);
+        let mut bench = PrimitiveHarness::wide("IsNull", Some(Store::Bool), 1);
         assert_eq!(bench.set_bool("in", None).step().bool("out"), Some(true));
         assert_eq!(
             bench.set_bool("in", Some(false)).step().bool("out"),
             Some(false)
         );
-        let mut bench = Bench::wide("IsNull", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("IsNull", Some(Store::Int), 1);
         assert_eq!(bench.set_int("in", NULL_INT).step().bool("out"), Some(true));
         assert_eq!(bench.set_int("in", 0).step().bool("out"), Some(false));
     }

@@ -2,12 +2,14 @@
 
 use crate::frame::Frame;
 use crate::message::JOINTS_MAX;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+};
 use crate::types::NULL_REAL;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Jacobian",
         summary: "How the flange moves per joint velocity: the geometric Jacobian at joint positions.",

@@ -6,13 +6,13 @@
 //! (median), 29 µs (99 of 100) in one in which all goals did. No loop without a constant bound: each joint is planned once a
 //! cycle at most, from two tries of the closed forms (`docs/performance-motion.md`).
 
-use crate::axis::{AXIS_WORDS, Follower, is_new, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, AxisFollower, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::message::{JOINTS_MAX, Joints};
-use crate::path::Limits;
+use crate::path::MotionLimits;
 use crate::primitive::{
-    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec, State,
-    UnitRule, each,
+    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
+    StateSpec, UnitRule, each,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 use crate::unit::Unit;
@@ -21,12 +21,12 @@ use crate::unit::Unit;
 const fn limit(name: &'static str, unit: Unit, doc: &'static str) -> Parameter {
     let value = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Is(unit));
     Parameter::new(name, value, doc)
-        .default(Literal::Null)
+        .default(DefaultValue::Null)
         .above(0.0)
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointGoal",
         summary: "Joints go to a goal that may change in any cycle, each as fast as its limits of velocity, acceleration and \
@@ -47,9 +47,9 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::ONE,
                 "share of the greatest velocity: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
             )
-            .default(Literal::Real(1.0)).within(0.0, 1.0),
+            .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
             Port::bool("stop", "while true all joints brake to rest and stay; then they go on")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::new(
@@ -76,7 +76,7 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::ONE,
                 "share of the velocity, acceleration and jerk that the robot's configuration allows",
             )
-            .default(Literal::Real(1.0))
+            .default(DefaultValue::Real(1.0))
             .above(0.0)
             .at_most(1.0),
             limit(
@@ -95,9 +95,9 @@ pub const ENTRY: Entry = Entry::new(
                 "greatest jerk of every joint, where it is less",
             ),
         ],
-        state: State {
+        state: StateSpec {
             reals: (JOINTS_MAX * AXIS_WORDS) as u32,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -160,7 +160,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
         let goal = goal.and_then(|goal| goal.get(joint).copied());
         let axis = step_axis(frame, slot, goal, &limits);
         known &= axis.is_some();
-        if let Some(now) = axis.as_ref().map(Follower::state) {
+        if let Some(now) = axis.as_ref().map(AxisFollower::state) {
             (*places.0, *places.1) = (now.position, now.velocity);
             rests &= now.rests();
         }
@@ -174,14 +174,14 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
 }
 
 /// What one joint may do: the robot's, scaled, or what is given where that is less.
-fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> Limits {
+fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> MotionLimits {
     let [robot_v, robot_a, robot_j] = robot;
     let [v, a, j] = given;
     let least = |robot: f64, given: f64| {
         let scaled = robot * scale;
         if given < scaled { given } else { scaled }
     };
-    Limits {
+    MotionLimits {
         velocity: least(robot_v, v) * share,
         acceleration: least(robot_a, a),
         jerk: least(robot_j, j),
@@ -191,13 +191,13 @@ fn limits(robot: [f64; 3], scale: f64, given: [f64; 3], share: f64) -> Limits {
 #[cfg(test)]
 mod tests {
     use crate::frame::PrepareFault;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     const HOLD: [f64; 7] = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4];
     const GOAL: [f64; 7] = [0.5, 0.3, -0.2, -1.0, 0.2, 1.1, 0.0];
 
-    fn bench() -> Bench {
-        let mut bench = Bench::new("JointGoal");
+    fn bench() -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("JointGoal");
         bench.hold = Some([0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
         bench.set_real("speed", 1.0).set_real("scale", 1.0);
         bench.set_reals("goal", &GOAL).set_bool("stop", Some(false));
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn nobody_knows_the_way_from_an_unknown_hold_set_point() {
-        let mut bench = Bench::new("JointGoal");
+        let mut bench = PrimitiveHarness::new("JointGoal");
         bench.hold = None;
         let fault = PrepareFault::HoldUnknown { device: 0 };
         assert_eq!(bench.prepare(), Err(fault));

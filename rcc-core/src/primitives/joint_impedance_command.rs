@@ -4,9 +4,9 @@
 //! the controller runs this strategy. Null sends no command, and the driver brings the arm to rest.
 
 use crate::frame::Frame;
-use crate::impedance::{Impedance, Strategy};
+use crate::impedance::{ControlStrategy, Impedance};
 use crate::primitive::{
-    Entry, Kernel, Literal, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
 };
 use crate::unit::Unit;
 
@@ -15,7 +15,7 @@ const fn joints(name: &'static str, unit: Unit, doc: &'static str) -> Port {
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointImpedanceCommand",
         summary: "Commands an arm that runs joint impedance control, which belongs to this net alone: each joint is held at \
@@ -30,13 +30,14 @@ pub const ENTRY: Entry = Entry::new(
                 Unit::NEWTON_METRE.per(Unit::RADIAN),
                 "of each joint, A1 first",
             ),
-            joints("damping", Unit::ONE, "damping ratio of each joint").default(Literal::Real(0.7)),
+            joints("damping", Unit::ONE, "damping ratio of each joint")
+                .default(DefaultValue::Real(0.7)),
             joints(
                 "torque",
                 Unit::NEWTON_METRE,
                 "what each joint presses with on top; left out: nothing",
             )
-            .default(Literal::Real(0.0)),
+            .default(DefaultValue::Real(0.0)),
         ],
         parameters: &[Parameter::arm()],
         role: Role::CommandsArm,
@@ -56,7 +57,7 @@ fn step(frame: &mut Frame<'_>, [position, stiffness, damping, torque, device, wi
         output.has_position = true;
         output.position = position;
         output.impedance = Impedance {
-            strategy: Strategy::JointImpedance as u64,
+            strategy: ControlStrategy::JointImpedance as u64,
             stiffness,
             damping,
             added,
@@ -67,10 +68,10 @@ fn step(frame: &mut Frame<'_>, [position, stiffness, damping, torque, device, wi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
-    fn bench() -> Bench {
-        let mut bench = Bench::new("JointImpedanceCommand");
+    fn bench() -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("JointImpedanceCommand");
         bench
             .set_reals("position", &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
             .set_reals(

@@ -4,11 +4,11 @@
 
 use crate::frame::{Preparation, PrepareFault};
 use crate::message::JOINTS_MAX;
-use crate::path::{Leg, Pace, PathRequest, Segment};
+use crate::path::{Leg, PathRequest, PathSegment, SpeedProfile};
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
-    each,
+    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Role, Spec,
+    UnitRule, each,
 };
 use crate::types::Type;
 use crate::unit::Unit;
@@ -16,7 +16,7 @@ use crate::unit::Unit;
 use super::along::{self, PORTS};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointMotion",
         summary: "Point to point: all joints together, jerk-limited, to joints or to a flange pose.",
@@ -32,32 +32,32 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Joints, UnitRule::Is(Unit::RADIAN)),
                 "joints at the end, A1 first; or give `pose`",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::new(
                 "pose",
                 ParameterKind::Value(PortType::Is(Type::Pose), UnitRule::Typed),
                 "flange at the end, in the arm's base; or give `to`",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::int(
                 "branch",
                 "with `pose`: in this branch, 0 to 7 (bit 0 shoulder, 1 elbow, 2 wrist); without it in the one reached soonest",
             )
-            .default(Literal::Null)
+            .default(DefaultValue::Null)
             .at_least(0.0)
             .at_most(7.0),
             Parameter::int(
                 "status",
                 "with `pose`: KUKA's Status of a 6-axis arm, of which bits 0 to 2 say the branch",
             )
-            .default(Literal::Null)
+            .default(DefaultValue::Null)
             .at_least(0.0)
             .at_most(31.0),
             Parameter::int(
                 "turn",
                 "with `pose`: KUKA's Turn, bit i set if joint i + 1 is negative at the end",
             )
-            .default(Literal::Null)
+            .default(DefaultValue::Null)
             .at_least(0.0)
             .at_most(255.0),
             along::SCALE,
@@ -98,10 +98,10 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let [scale] = preparation.reals(scale);
     let pose = Pose::from_slots(preparation.reals(pose));
     let segment = if joints.iter().any(|joint| !joint.is_nan()) {
-        Segment::Joints { to: joints }
+        PathSegment::Joints { to: joints }
     } else {
         let [branch, status, turn] = [branch, status, turn].map(|slot| bits(preparation.int(slot)));
-        Segment::JointsToPose {
+        PathSegment::JointsToPose {
             to: pose,
             branch,
             status,
@@ -116,7 +116,7 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         device,
         from: None,
         legs: &[leg],
-        pace: Pace::Even,
+        pace: SpeedProfile::Even,
     };
     preparation.motions.path(motion, &request)
 }

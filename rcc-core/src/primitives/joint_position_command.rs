@@ -4,11 +4,13 @@
 //! driver brings the arm to rest; it never repeats the last one.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Kernel, Parameter, Port, PortType, Role, Spec, UnitRule, each,
+};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointPositionCommand",
         summary: "Commands the joint positions of an arm, which belongs to this net alone.",
@@ -36,11 +38,11 @@ fn step(frame: &mut Frame<'_>, [position, device, width]: [u32; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn passes_a_whole_vector_on() {
-        let mut bench = Bench::new("JointPositionCommand");
+        let mut bench = PrimitiveHarness::new("JointPositionCommand");
         bench
             .set_reals("position", &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
             .step();
@@ -54,7 +56,7 @@ mod tests {
     #[test]
     fn any_null_element_sends_no_command() {
         for joint in 0..7 {
-            let mut bench = Bench::new("JointPositionCommand");
+            let mut bench = PrimitiveHarness::new("JointPositionCommand");
             let mut position = [0.1; 7];
             position[joint] = f64::NAN;
             bench.set_reals("position", &position).step();

@@ -2,11 +2,11 @@
 
 use crate::frame::Frame;
 use crate::message::Joints;
-use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointState",
         summary: "Joint positions and torques that an arm measures.",
@@ -62,11 +62,11 @@ fn step(frame: &mut Frame<'_>, [position, hold, torque, external, device, width]
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn gives_what_was_latched_and_null_when_the_device_is_lost() {
-        let mut bench = Bench::new("JointState");
+        let mut bench = PrimitiveHarness::new("JointState");
         bench.device.measurement.position[6] = 0.7;
         bench.device.measurement.hold[0] = 0.1;
         assert_eq!(

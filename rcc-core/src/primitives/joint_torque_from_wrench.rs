@@ -2,12 +2,14 @@
 
 use crate::frame::Frame;
 use crate::message::JOINTS_MAX;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+};
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointTorqueFromWrench",
         summary: "The joint torques that belong to a wrench that the flange exerts, at joint positions, at rest.",

@@ -5,7 +5,9 @@
 
 use crate::frame::Frame;
 use crate::message::{JOINTS_MAX, Joints};
-use crate::primitive::{Entry, Kernel, Parameter, Port, PortType, Spec, State, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Kernel, Parameter, Port, PortType, Spec, StateSpec, UnitRule, each,
+};
 use crate::types::NULL_REAL;
 use crate::unit::Unit;
 
@@ -13,7 +15,7 @@ use crate::unit::Unit;
 const REALS: usize = 4 * JOINTS_MAX;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "JointVelocity",
         summary: "Measured and commanded joint velocities: what changed between the last two exchanges, per time.",
@@ -36,10 +38,10 @@ pub const ENTRY: Entry = Entry::new(
             .diagnostic(),
         ],
         parameters: &[Parameter::arm()],
-        state: State {
+        state: StateSpec {
             reals: REALS as u32,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -92,11 +94,11 @@ fn quotient(now: &Joints, before: &Joints, time_s: f64) -> Joints {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn divides_by_the_periods_of_the_device_and_keeps_it_between_exchanges() {
-        let mut bench = Bench::new("JointVelocity");
+        let mut bench = PrimitiveHarness::new("JointVelocity");
         bench.device.measurement.period_ns = 2_000_000;
         bench.device.measurement.periods = 10;
         assert!(bench.step().real("velocity").is_nan(), "no difference yet");
@@ -115,7 +117,7 @@ mod tests {
 
     #[test]
     fn begins_anew_when_the_device_or_its_driver_does() {
-        let mut bench = Bench::new("JointVelocity");
+        let mut bench = PrimitiveHarness::new("JointVelocity");
         bench.device.measurement.period_ns = 1_000_000;
         for periods in [5, 6] {
             bench.device.measurement.periods = periods;

@@ -3,13 +3,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Memory, NullRule, Parameter, ParameterKind, Port, PortType,
-    Spec, UnitRule, copy, each, is_null,
+    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, NullRule, Parameter, ParameterKind,
+    Port, PortType, Spec, UnitRule, copy, each, is_null,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "LastKnown",
         summary: "Its input, or what it was last while it is null.",
@@ -32,8 +32,8 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::First(UnitRule::Var(0)),
             "the output before the first value",
         )
-        .default(Literal::Null)],
-        memory: Memory::values(1),
+        .default(DefaultValue::Null)],
+        memory: MemorySpec::values(1),
         examples: &[
             Example::new(
                 "with a first value",

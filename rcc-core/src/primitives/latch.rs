@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
-    each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
+    UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Latch",
         summary: "Becomes true by one condition and false by another, and stays so in between.",
@@ -52,17 +52,17 @@ pub const ENTRY: Entry = Entry::new(
                 "set_wins",
                 "if both are true at once: true becomes true, false becomes false",
             )
-            .default(Literal::Bool(false)),
+            .default(DefaultValue::Bool(false)),
             Parameter::new(
                 "initial",
                 ParameterKind::Start(Type::Bool, UnitRule::Typed),
                 "value before the first cycle",
             )
-            .default(Literal::Bool(false)),
+            .default(DefaultValue::Bool(false)),
         ],
-        state: State {
+        state: StateSpec {
             bools: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

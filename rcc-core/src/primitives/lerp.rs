@@ -1,10 +1,10 @@
 //! `Lerp`: linear interpolation between two numbers, and extrapolation beyond them.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, finite};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lerp",
         summary: "A number between two others, at a part of the way; beyond 0 and 1 the line goes on.",

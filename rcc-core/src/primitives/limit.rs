@@ -3,11 +3,13 @@
 //! A lower bound above the upper one leaves no number and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless,
+};
 use crate::types::{NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Limit",
         summary: "Keeps a number, or each element of a vector, array or matrix, between two bounds.",
@@ -84,16 +86,16 @@ fn wide_int(frame: &mut Frame<'_>, [input, low, high, out, width]: [u32; 5]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn stays_between_the_bounds() {
-        let mut bench = Bench::wide("Limit", Some(Store::Real), 1);
+        let mut bench = PrimitiveHarness::wide("Limit", Some(Store::Real), 1);
         bench.set_real("low", -1.0).set_real("high", 2.0);
         for (input, out) in [(0.5, 0.5), (-3.0, -1.0), (f64::INFINITY, 2.0), (2.0, 2.0)] {
             assert_eq!(bench.set_real("in", input).step().real("out"), out);
         }
-        let mut bench = Bench::wide("Limit", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("Limit", Some(Store::Int), 1);
         bench.set_int("low", -1).set_int("high", 2);
         for (input, out) in [(1, 1), (-3, -1), (i64::MAX, 2)] {
             assert_eq!(bench.set_int("in", input).step().int("out"), out);
@@ -109,7 +111,7 @@ mod tests {
             (0.5, 0.0, nan),
             (0.5, 1.0, 0.0),
         ] {
-            let mut bench = Bench::wide("Limit", Some(Store::Real), 1);
+            let mut bench = PrimitiveHarness::wide("Limit", Some(Store::Real), 1);
             bench
                 .set_real("in", input)
                 .set_real("low", low)
@@ -122,7 +124,7 @@ mod tests {
             (1, 0, NULL_INT),
             (1, 2, 1),
         ] {
-            let mut bench = Bench::wide("Limit", Some(Store::Int), 1);
+            let mut bench = PrimitiveHarness::wide("Limit", Some(Store::Int), 1);
             bench
                 .set_int("in", input)
                 .set_int("low", low)

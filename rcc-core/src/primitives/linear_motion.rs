@@ -4,11 +4,11 @@
 //! still there. Joints are given as well, by the arm angle and the branch of the hold set-point.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{Leg, Limits, PathRequest, Segment};
+use crate::path::{Leg, MotionLimits, PathRequest, PathSegment};
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Kernel, Literal, NullRule, Parameter, ParameterKind, PortType, Role, Spec, UnitRule,
-    each,
+    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, ParameterKind, PortType, Role, Spec,
+    UnitRule, each,
 };
 use crate::types::Type;
 
@@ -20,20 +20,20 @@ const POSE: ParameterKind = ParameterKind::Value(PortType::Is(Type::Pose), UnitR
 const TURN: [Parameter; 3] = [
     Parameter {
         doc: "largest angular speed; a line that turns by much on a short way keeps this instead of `velocity`",
-        ..along::FLANGE[3].default(Literal::Real(1.0))
+        ..along::FLANGE[3].default(DefaultValue::Real(1.0))
     },
     Parameter {
         doc: "largest angular acceleration",
-        ..along::FLANGE[4].default(Literal::Real(4.0))
+        ..along::FLANGE[4].default(DefaultValue::Real(4.0))
     },
     Parameter {
         doc: "largest angular jerk",
-        ..along::FLANGE[5].default(Literal::Real(40.0))
+        ..along::FLANGE[5].default(DefaultValue::Real(40.0))
     },
 ];
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "LinearMotion",
         summary: "A straight, jerk-limited line to a flange pose, with a soft stop on the path.",
@@ -50,7 +50,7 @@ pub const ENTRY: Entry = Entry::new(
                 POSE,
                 "flange at the start, with joints near where the arm is held; START is refused elsewhere; without it the arm's hold set-point",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             along::FLANGE[0],
             along::FLANGE[1],
             along::FLANGE[2],
@@ -98,11 +98,11 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     let from = Pose::from_slots(preparation.reals(from));
     let to = Pose::from_slots(preparation.reals(to));
     let leg = Leg {
-        line: Limits::of([v, a, j].map(number)),
-        turn: Limits::of([w, wa, wj].map(number)),
+        line: MotionLimits::of([v, a, j].map(number)),
+        turn: MotionLimits::of([w, wa, wj].map(number)),
         elbow: along::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
-        ..Leg::new(Segment::Line { to })
+        ..Leg::new(PathSegment::Line { to })
     };
     let request = PathRequest {
         device,
@@ -122,13 +122,13 @@ fn step(frame: &mut Frame<'_>, operands: [u32; PORTS + 15]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     /// Lines themselves are tested where motions are built (rcc-motion).
     #[test]
     fn null_stops_it_like_true() {
         for stop in [None, Some(true)] {
-            let mut bench = Bench::new("LinearMotion");
+            let mut bench = PrimitiveHarness::new("LinearMotion");
             bench.set_bool("stop", Some(false)).prepare().unwrap();
             assert_eq!(bench.step().bool("done"), Some(false));
             assert_eq!(bench.set_bool("stop", stop).step().bool("done"), Some(true));

@@ -1,9 +1,9 @@
 //! `Logarithm`: the natural logarithm; to another base it is divided by the logarithm of that.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Logarithm",
         summary: "The natural logarithm of a number.",

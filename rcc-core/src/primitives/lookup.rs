@@ -2,15 +2,15 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec,
-    UnitRule, each, real_unless,
+    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter, ParameterKind,
+    Port, PortType, Spec, UnitRule, each, real_unless,
 };
 use crate::types::Type;
 
-const TABLE: PortType = PortType::Array(Elements::Are(Type::Real), Dim::Var(0));
+const TABLE: PortType = PortType::Array(ElementType::Are(Type::Real), Dim::Var(0));
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lookup",
         summary: "What a table of points says for a number, on straight lines between them.",
@@ -34,7 +34,7 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
                 "outside of the table the first and the last line go on; else the first and the last value hold",
             )
-            .default(Literal::Bool(false)),
+            .default(DefaultValue::Bool(false)),
         ],
         examples: &[
             Example::new(

@@ -2,8 +2,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
-    UnitRule, each, real_unless,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Parameter, ParameterKind, Port, PortType,
+    Spec, UnitRule, each, real_unless,
 };
 use crate::types::Type;
 
@@ -11,11 +11,11 @@ const ROWS: Dim = Dim::Var(0);
 const COLUMNS: Dim = Dim::Var(1);
 
 const fn axis(length: Dim) -> PortType {
-    PortType::Array(Elements::Are(Type::Real), length)
+    PortType::Array(ElementType::Are(Type::Real), length)
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Lookup2",
         summary: "What a table over a grid says for two numbers, bilinear between its points; outside its edge holds.",

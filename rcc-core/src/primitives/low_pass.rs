@@ -4,13 +4,14 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
+    UnitRule, each,
 };
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "LowPass",
         summary: "Smooths a number by a first-order low-pass filter.",
@@ -42,11 +43,11 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Start(Type::Real, UnitRule::Var(0)),
                 "output before the first cycle; null: the first known input is taken as it is",
             )
-            .default(Literal::Real(0.0)),
+            .default(DefaultValue::Real(0.0)),
         ],
-        state: State {
+        state: StateSpec {
             reals: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -66,11 +67,11 @@ fn step(frame: &mut Frame<'_>, [input, out, gain, last]: [u32; 4]) -> Option<()>
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn takes_over_a_part_of_the_difference_each_cycle() {
-        let mut bench = Bench::new("LowPass");
+        let mut bench = PrimitiveHarness::new("LowPass");
         bench
             .start_real(0.0)
             .set_real("gain", 0.25)
@@ -81,7 +82,7 @@ mod tests {
 
     #[test]
     fn without_an_initial_value_it_begins_at_the_first_known_input() {
-        let mut bench = Bench::new("LowPass");
+        let mut bench = PrimitiveHarness::new("LowPass");
         bench.set_real("gain", 0.5);
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
         assert_eq!(bench.set_real("in", 4.0).step().real("out"), 4.0);
@@ -90,7 +91,7 @@ mod tests {
 
     #[test]
     fn null_holds_the_state() {
-        let mut bench = Bench::new("LowPass");
+        let mut bench = PrimitiveHarness::new("LowPass");
         bench
             .start_real(0.0)
             .set_real("gain", 0.5)
@@ -102,7 +103,7 @@ mod tests {
 
     #[test]
     fn infinity_does_not_stay() {
-        let mut bench = Bench::new("LowPass");
+        let mut bench = PrimitiveHarness::new("LowPass");
         bench.start_real(0.0).set_real("gain", 0.5);
         assert_eq!(
             bench.set_real("in", f64::INFINITY).step().real("out"),

@@ -1,11 +1,11 @@
 //! `Majority`: two of three: what at least two of three conditions say, even if the third one is not known.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, NullRule, Port, Spec, choose, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, NullRule, Port, Spec, choose, each};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Majority",
         summary: "What at least two of three conditions say.",

@@ -2,12 +2,12 @@
 
 use crate::frame::Frame;
 use crate::pose::Pose;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MakePose",
         summary: "A pose from its position and its rotation.",

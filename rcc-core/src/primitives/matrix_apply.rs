@@ -2,16 +2,16 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, each,
 };
 use crate::types::Type;
 
 const ROWS: Dim = Dim::Var(0);
 const COLUMNS: Dim = Dim::Var(1);
-const REALS: Elements = Elements::Are(Type::Real);
+const REALS: ElementType = ElementType::Are(Type::Real);
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MatrixApply",
         summary: "A matrix times an array, as a column.",

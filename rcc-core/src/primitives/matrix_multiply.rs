@@ -1,14 +1,16 @@
 //! `MatrixMultiply`: the product of two matrices, each element summed from the first term to the last.
 
 use crate::frame::Frame;
-use crate::primitive::{Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+};
 
 const ROWS: Dim = Dim::Var(0);
 const INNER: Dim = Dim::Var(1);
 const COLUMNS: Dim = Dim::Var(2);
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MatrixMultiply",
         summary: "The product of two matrices.",

@@ -1,12 +1,12 @@
 //! `Max`: out = the larger of a and b; null if either is null.
 
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Max",
         summary: "The larger of two numbers, of vectors, arrays and matrices element by element.",

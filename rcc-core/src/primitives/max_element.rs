@@ -1,10 +1,10 @@
 //! `MaxElement`: the largest element of an array.
 
-use crate::primitive::{ELEMENTS, Entry, Example, Kernel, Spec, fold_int, fold_real};
+use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Kernel, Spec, fold_int, fold_real};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MaxElement",
         summary: "The largest element of an array.",

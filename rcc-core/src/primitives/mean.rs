@@ -2,12 +2,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, each,
 };
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Mean",
         summary: "The arithmetic mean of the elements of an array.",
@@ -15,7 +15,7 @@ pub const ENTRY: Entry = Entry::new(
         formula: "(in[0] + … + in[n-1]) / n",
         inputs: &[Port::new(
             "in",
-            PortType::Array(Elements::Are(Type::Real), Dim::Var(0)),
+            PortType::Array(ElementType::Are(Type::Real), Dim::Var(0)),
             UnitRule::Var(0),
             "an array of numbers",
         )],

@@ -2,12 +2,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, UnitRule, choose, each, higher, lower, real_unless,
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, higher, lower, real_unless,
 };
 use crate::types::{NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Median",
         summary: "The middle one of three numbers.",

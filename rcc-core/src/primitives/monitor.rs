@@ -3,11 +3,11 @@
 //! It computes nothing in the cycle: after it, the executor copies the slots that it watches.
 
 use crate::primitive::{
-    Entry, Literal, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+    CatalogueEntry, DefaultValue, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Monitor",
         summary: "Makes a value visible to monitors.",
@@ -23,7 +23,7 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::Rate,
             "how often; the nearest rate that divides the cycle's is taken, at most that",
         )
-        .default(Literal::Real(100.0))
+        .default(DefaultValue::Real(100.0))
         .above(0.0)],
         role: Role::Monitor,
         ..Spec::PLAIN

@@ -4,15 +4,17 @@
 //! that is smooth to the second derivative. Roundings from and to a `ptp` are made in joint space.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::record::{self, Row};
-use crate::path::{LEGS_MAX, Leg, MotionFault, PathRequest, Segment};
+use crate::path::leg_row::{self, LegRow};
+use crate::path::{LEGS_MAX, Leg, MotionFault, PathRequest, PathSegment};
 use crate::pose::Pose;
-use crate::primitive::{Dim, Entry, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each};
+use crate::primitive::{
+    CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each,
+};
 
 use super::along::{self, PORTS};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "MotionSequence",
         summary: "Motions one after the other (ptp, lin, circ, spline), rounded where wanted, with a soft stop on the path.",
@@ -55,25 +57,25 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
     if count as usize > LEGS_MAX {
         return Err(too_many(motion, count));
     }
-    let row = |number: u32| -> Row { preparation.reals(path + record::WIDTH as u32 * number) };
+    let row = |number: u32| -> LegRow { preparation.reals(path + leg_row::WIDTH as u32 * number) };
     let mut poses = [Pose::NULL; LEGS_MAX];
     for (pose, number) in poses.iter_mut().zip(0..count) {
-        *pose = record::pose(&row(number));
+        *pose = leg_row::pose(&row(number));
     }
-    let nothing = Leg::new(Segment::Spline { through: &[] });
+    let nothing = Leg::new(PathSegment::Spline { through: &[] });
     let mut legs = [nothing; LEGS_MAX];
     let (mut used, mut first) = (0usize, 0usize);
     for (number, behind) in (0..count).zip(1usize..) {
         let through = poses.get(first..behind).unwrap_or(&[]);
         let row = row(number);
-        if let (Some(leg), Some(place)) = (record::leg(&row, through), legs.get_mut(used)) {
+        if let (Some(leg), Some(place)) = (leg_row::leg(&row, through), legs.get_mut(used)) {
             *place = Leg {
                 scale: leg.scale * scale,
                 ..leg
             };
             used += 1;
             first = behind;
-        } else if row.first() != Some(&record::THROUGH) {
+        } else if row.first() != Some(&leg_row::THROUGH) {
             first = behind;
         }
     }

@@ -2,12 +2,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Entry, Kernel, NullRule, Port, PortType, Spec, UnitRule, copy, each, fill_null,
+    CatalogueEntry, Dim, Kernel, NullRule, Port, PortType, Spec, UnitRule, copy, each, fill_null,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Multiplexer",
         summary: "One of a list of values of any one type, by an index.",

@@ -1,10 +1,12 @@
 //! `Multiply`: out = a · b, rounded once; an Int that overflows has no meaningful result and is null.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Multiply",
         summary: "The product of two numbers; its unit is the product of theirs.",

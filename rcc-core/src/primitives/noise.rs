@@ -2,11 +2,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, UnitRule, each, finite,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, UnitRule,
+    each, finite,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Noise",
         summary: "Evenly distributed pseudo-random numbers, in every run the same for a seed.",
@@ -24,7 +25,7 @@ pub const ENTRY: Entry = Entry::new(
         )],
         inputs: &[
             Port::real("amplitude", UnitRule::Var(0), "greatest distance from 0")
-                .default(Literal::Real(1.0)),
+                .default(DefaultValue::Real(1.0)),
         ],
         outputs: &[Port::real(
             "out",
@@ -32,11 +33,11 @@ pub const ENTRY: Entry = Entry::new(
             "from -amplitude (included) to amplitude (excluded)",
         )],
         parameters: &[
-            Parameter::int("seed", "another one makes other numbers").default(Literal::Int(1))
+            Parameter::int("seed", "another one makes other numbers").default(DefaultValue::Int(1))
         ],
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,11 +1,11 @@
 //! `Norm`: the Euclidean length of a vector.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, TypeFamily, UnitRule, each};
 use crate::types::{NULL_REAL, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Norm",
         summary: "The Euclidean length of a vector or array.",
@@ -21,7 +21,12 @@ pub const ENTRY: Entry = Entry::new(
              [0.0, 0.0, 0.0] | 0\n\
              null | null",
         )],
-        inputs: &[Port::of("in", Family::Vector, UnitRule::Var(0), "vector")],
+        inputs: &[Port::of(
+            "in",
+            TypeFamily::Vector,
+            UnitRule::Var(0),
+            "vector",
+        )],
         outputs: &[Port::real("out", UnitRule::Var(0), "its length").within(0.0, f64::MAX)],
         ..Spec::PLAIN
     },

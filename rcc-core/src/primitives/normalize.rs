@@ -1,13 +1,13 @@
 //! `Normalize`: the direction of a vector, at length one.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::types::Type;
 use crate::unit::Unit;
 use crate::vector;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Normalize",
         summary: "The direction of a vector: the vector divided by its length.",

@@ -1,11 +1,11 @@
 //! `Not`: out = not in; null if it is null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, choose, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, choose, each};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Not",
         summary: "True while its input is false.",
@@ -32,11 +32,11 @@ fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn truth_table() {
-        let mut bench = Bench::new("Not");
+        let mut bench = PrimitiveHarness::new("Not");
         for (input, out) in [
             (Some(false), Some(true)),
             (Some(true), Some(false)),

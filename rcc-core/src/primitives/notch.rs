@@ -2,10 +2,10 @@
 
 use crate::filter::{self, Biquad};
 use crate::frame::{Preparation, PrepareFault};
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Parameter, Port, Spec, UnitRule, each};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Notch",
         summary: "Takes one frequency out of a number, for instance a resonance.",

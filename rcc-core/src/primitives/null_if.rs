@@ -4,12 +4,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, real_unless,
+    CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, real_unless,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "NullIf",
         summary: "A value, or null while a condition is true.",
@@ -103,12 +103,12 @@ fn wide_int(frame: &mut Frame<'_>, [input, condition, out, width]: [u32; 4]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn only_a_condition_that_is_false_lets_the_value_through() {
         for width in [1, 2] {
-            let mut bench = Bench::wide("NullIf", Some(Store::Real), width);
+            let mut bench = PrimitiveHarness::wide("NullIf", Some(Store::Real), width);
             bench.set_real("in", 2.0);
             assert_eq!(
                 bench.set_bool("condition", Some(false)).step().real("out"),
@@ -118,7 +118,7 @@ mod tests {
                 let out = bench.set_bool("condition", condition).step().real("out");
                 assert!(out.is_nan(), "{condition:?}");
             }
-            let mut bench = Bench::wide("NullIf", Some(Store::Bool), width);
+            let mut bench = PrimitiveHarness::wide("NullIf", Some(Store::Bool), width);
             bench.set_bool("in", Some(true));
             assert_eq!(
                 bench.set_bool("condition", Some(false)).step().bool("out"),
@@ -128,7 +128,7 @@ mod tests {
                 bench.set_bool("condition", Some(true)).step().bool("out"),
                 None
             );
-            let mut bench = Bench::wide("NullIf", Some(Store::Int), width);
+            let mut bench = PrimitiveHarness::wide("NullIf", Some(Store::Int), width);
             bench.set_int("in", 3);
             assert_eq!(
                 bench.set_bool("condition", Some(false)).step().int("out"),

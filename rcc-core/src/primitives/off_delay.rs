@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, State, UnitRule, choose, each, elapsed, reached,
-    real_unless,
+    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, choose, each, elapsed,
+    reached, real_unless,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OffDelay",
         summary: "True while its input is true, and for a time after.",
@@ -49,9 +49,9 @@ pub const ENTRY: Entry = Entry::new(
             )
             .diagnostic(),
         ],
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, State, UnitRule, choose, each, elapsed, reached,
-    real_unless,
+    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, choose, each, elapsed,
+    reached, real_unless,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OnDelay",
         summary: "True once its input has been true for a time; false as soon as it is false.",
@@ -47,9 +47,9 @@ pub const ENTRY: Entry = Entry::new(
             )
             .diagnostic(),
         ],
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

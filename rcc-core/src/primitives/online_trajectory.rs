@@ -7,12 +7,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, NullRule, Port, Spec, State, UnitRule, each, finite, within,
+    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Port, Spec, StateSpec, UnitRule, each,
+    finite, within,
 };
 use crate::types::{NULL_BOOL, NULL_REAL};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OnlineTrajectory",
         summary: "Follows a goal as fast as limits of speed and acceleration allow, without overshoot.",
@@ -57,7 +58,7 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::PerSecond(0),
                 "how fast the goal moves",
             )
-            .default(Literal::Real(0.0)),
+            .default(DefaultValue::Real(0.0)),
             Port::real(
                 "max_velocity",
                 UnitRule::PerSecond(0),
@@ -69,13 +70,13 @@ pub const ENTRY: Entry = Entry::new(
                 "greatest acceleration, also for braking",
             ),
             Port::bool("reset", "while true it is at `reset_to`, at rest")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
             Port::real(
                 "reset_to",
                 UnitRule::Var(0),
                 "where it begins, and is after a reset; null: at the goal",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
         ],
         outputs: &[
             Port::real("position", UnitRule::Var(0), "set-point"),
@@ -88,9 +89,9 @@ pub const ENTRY: Entry = Entry::new(
             .diagnostic(),
         ],
         // position, velocity
-        state: State {
+        state: StateSpec {
             reals: 2,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -161,12 +162,12 @@ fn braking_speed(left: f64, velocity: f64, acceleration: f64, dt_s: f64) -> f64 
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     const DT_S: f64 = 1e-3;
 
-    fn bench(velocity: f64, acceleration: f64) -> Bench {
-        let mut bench = Bench::new("OnlineTrajectory");
+    fn bench(velocity: f64, acceleration: f64) -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("OnlineTrajectory");
         bench
             .set_real("goal_velocity", 0.0)
             .set_real("max_velocity", velocity)
@@ -184,7 +185,12 @@ mod tests {
     }
 
     /// One cycle, in which the limits hold and position and speed belong together.
-    fn checked_step(bench: &mut Bench, last: &mut [f64; 2], velocity: f64, acceleration: f64) {
+    fn checked_step(
+        bench: &mut PrimitiveHarness,
+        last: &mut [f64; 2],
+        velocity: f64,
+        acceleration: f64,
+    ) {
         bench.step();
         let [position, speed] = [bench.real("position"), bench.real("velocity")];
         let rate = (speed - last[1]) / DT_S;

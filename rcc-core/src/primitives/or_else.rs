@@ -2,12 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, is_null,
+    CatalogueEntry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each,
+    is_null,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "OrElse",
         summary: "A value, or another one while the first is null.",
@@ -114,11 +115,11 @@ fn wide_int(frame: &mut Frame<'_>, [input, other, out, width]: [u32; 4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn replaces_null_and_nothing_else() {
-        let mut bench = Bench::wide("OrElse", Some(Store::Real), 1);
+        let mut bench = PrimitiveHarness::wide("OrElse", Some(Store::Real), 1);
         assert_eq!(
             bench
                 .set_real("in", f64::NAN)
@@ -128,7 +129,7 @@ mod tests {
             2.0
         );
         assert_eq!(bench.set_real("in", 1.0).step().real("out"), 1.0);
-        let mut bench = Bench::wide("OrElse", Some(Store::Bool), 1);
+        let mut bench = PrimitiveHarness::wide("OrElse", Some(Store::Bool), 1);
         assert_eq!(
             bench
                 .set_bool("in", None)
@@ -141,7 +142,7 @@ mod tests {
             bench.set_bool("in", Some(false)).step().bool("out"),
             Some(false)
         );
-        let mut bench = Bench::wide("OrElse", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("OrElse", Some(Store::Int), 1);
         assert_eq!(
             bench
                 .set_int("in", NULL_INT)
@@ -154,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_null_composite_is_replaced_whole() {
-        let mut bench = Bench::wide("OrElse", Some(Store::Real), 3);
+        let mut bench = PrimitiveHarness::wide("OrElse", Some(Store::Real), 3);
         bench
             .set_reals("in", &[1.0, 2.0, f64::NAN])
             .set_reals("other", &[7.0, 8.0, 9.0]);

@@ -4,12 +4,12 @@
 //! conveyor may move the frame that a motion is relative to, and the sum of both limits is the limit of the tool.
 
 use super::pose_goal::{limits, step_six};
-use crate::axis::{AXIS_WORDS, Follower, rest_at, share_of};
+use crate::axis::{AXIS_WORDS, AxisFollower, rest_at, share_of};
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
-    State, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Spec, StateSpec, UnitRule, each,
 };
 use crate::rotation::{exp, product, rotate};
 use crate::types::{NULL_BOOL, Type};
@@ -19,7 +19,7 @@ use crate::vector::add;
 /// A positive number with a unit that may be left out.
 const fn angular(name: &'static str, unit: Unit, value: f64, doc: &'static str) -> Parameter {
     Parameter::real(name, UnitRule::Is(unit), doc)
-        .default(Literal::Real(value))
+        .default(DefaultValue::Real(value))
         .above(0.0)
 }
 
@@ -28,7 +28,7 @@ const fn vector(name: &'static str, unit: Unit, doc: &'static str) -> Port {
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PathCorrection",
         summary: "Adds an offset that a sensor wishes to the pose of a path, within a bound and within limits of velocity, \
@@ -72,15 +72,15 @@ pub const ENTRY: Entry = Entry::new(
                 Unit::RADIAN,
                 "the turn that is wished for: a rotation vector",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Port::real(
                 "speed",
                 UnitRule::ONE,
                 "share of the greatest velocities: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
             )
-            .default(Literal::Real(1.0)).within(0.0, 1.0),
+            .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
             Port::bool("stop", "while true the offset comes to rest and stays")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::typed("pose_out", Type::Pose, "the corrected pose, in the frame of `pose`"),
@@ -120,7 +120,7 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::RADIAN,
                 "greatest size of each element of the turn",
             )
-            .default(Literal::Real(0.0))
+            .default(DefaultValue::Real(0.0))
             .at_least(0.0)
             .at_most(1.0),
             angular(
@@ -146,11 +146,11 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
                 "corrections are in axes of the path's pose (its tool); false: in axes of the frame that `pose` is given in",
             )
-            .default(Literal::Bool(true)),
+            .default(DefaultValue::Bool(true)),
         ],
-        state: State {
+        state: StateSpec {
             reals: (6 * AXIS_WORDS) as u32,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -242,7 +242,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 20]) {
     frame.set_bool(limited, u8::from(beyond));
     let rests = axes.map(|axes| {
         let [x, y, z, turns @ ..] = &axes;
-        let wished = shift.is_some() && [x, y, z].into_iter().all(Follower::arrived);
+        let wished = shift.is_some() && [x, y, z].into_iter().all(AxisFollower::arrived);
         let turned = turns.iter().all(|axis| {
             if turn.is_some() {
                 axis.arrived()
@@ -258,10 +258,10 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 20]) {
 #[cfg(test)]
 mod tests {
     use crate::pose::Pose;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
-    fn bench(most: f64) -> Bench {
-        let mut bench = Bench::new("PathCorrection");
+    fn bench(most: f64) -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("PathCorrection");
         let values = [
             ("speed", 1.0),
             ("max", most),

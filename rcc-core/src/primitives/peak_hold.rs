@@ -2,12 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Port, Spec, State, UnitRule, each, higher, lower, real_unless,
+    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, UnitRule, each, higher,
+    lower, real_unless,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PeakHold",
         summary: "The least and the greatest value of a number since the last reset.",
@@ -26,7 +27,8 @@ pub const ENTRY: Entry = Entry::new(
         )],
         inputs: &[
             Port::real("in", UnitRule::Var(0), "number to watch"),
-            Port::bool("reset", "forgets what was before this cycle").default(Literal::Bool(false)),
+            Port::bool("reset", "forgets what was before this cycle")
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::real(
@@ -43,9 +45,9 @@ pub const ENTRY: Entry = Entry::new(
             .diagnostic(),
         ],
         // least, greatest
-        state: State {
+        state: StateSpec {
             reals: 2,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

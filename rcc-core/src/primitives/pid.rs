@@ -6,15 +6,15 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, State,
-    UnitRule, choose, each, finite, within,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
+    StateSpec, UnitRule, choose, each, finite, within,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 
 const OUTPUT: ParameterKind = ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(1));
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PID",
         summary: "A controller: proportional, integral and derivative, with limits, anti-windup and manual mode.",
@@ -66,10 +66,10 @@ pub const ENTRY: Entry = Entry::new(
             Port::real("setpoint", UnitRule::Var(0), "what is wanted"),
             Port::real("measured", UnitRule::Var(0), "what is"),
             Port::real("feed_forward", UnitRule::Var(1), "what is known to be needed, added to the output")
-                .default(Literal::Real(0.0)),
+                .default(DefaultValue::Real(0.0)),
             Port::bool("manual", "while true, the output is `manual_value` and the integral follows it")
-                .default(Literal::Bool(false)),
-            Port::real("manual_value", UnitRule::Var(1), "output in manual mode").default(Literal::Real(0.0)),
+                .default(DefaultValue::Bool(false)),
+            Port::real("manual_value", UnitRule::Var(1), "output in manual mode").default(DefaultValue::Real(0.0)),
         ],
         outputs: &[
             Port::real("out", UnitRule::Var(1), "what to do"),
@@ -79,31 +79,31 @@ pub const ENTRY: Entry = Entry::new(
         parameters: &[
             Parameter::real("gain", UnitRule::Quotient(1, 0), "K; negative if more output makes less of what is measured"),
             Parameter::real("integral_time", UnitRule::SECOND, "Ti, in which the integral does what P does; null: no integral")
-                .default(Literal::Null)
+                .default(DefaultValue::Null)
                 .above(0.0),
             Parameter::real("derivative_time", UnitRule::SECOND, "Td, by which the derivative looks ahead; 0: no derivative")
-                .default(Literal::Real(0.0))
+                .default(DefaultValue::Real(0.0))
                 .at_least(0.0),
             Parameter::real("derivative_gain", UnitRule::ONE, "N: the derivative's filter has the time constant Td / N")
-                .default(Literal::Real(10.0))
+                .default(DefaultValue::Real(10.0))
                 .above(0.0),
             Parameter::real("weight", UnitRule::ONE, "b, part of the set-point that P sees; less overshoots less")
-                .default(Literal::Real(1.0))
+                .default(DefaultValue::Real(1.0))
                 .at_least(0.0),
             Parameter::real(
                 "tracking_time",
                 UnitRule::SECOND,
                 "Tt, in which the integral follows a limited output; null: √(Ti Td), without derivative Ti",
             )
-            .default(Literal::Null)
+            .default(DefaultValue::Null)
             .above(0.0),
-            Parameter::new("low", OUTPUT, "least output; null: none").default(Literal::Null),
-            Parameter::new("high", OUTPUT, "greatest output; null: none").default(Literal::Null),
+            Parameter::new("low", OUTPUT, "least output; null: none").default(DefaultValue::Null),
+            Parameter::new("high", OUTPUT, "greatest output; null: none").default(DefaultValue::Null),
         ],
         // integral, derivative, last measured
-        state: State {
+        state: StateSpec {
             reals: 3,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -136,7 +136,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 17]) -> Option<()> {
     let (setpoint, measured) = (frame.get_real(setpoint)?, frame.get_real(measured)?);
     let (feed_forward, manual) = (frame.get_real(feed_forward)?, frame.get_bool(manual)?);
     let manual_value = frame.get_real(manual_value)?;
-    let law = Law {
+    let law = PidParameters {
         gain: frame.get_real(gain)?,
         integral_time: frame.get_real(integral_time)?,
         derivative_time: frame.get_real(derivative_time)?,
@@ -182,7 +182,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 17]) -> Option<()> {
 }
 
 /// The parameters; times in s.
-struct Law {
+struct PidParameters {
     gain: f64,
     integral_time: f64,
     derivative_time: f64,
@@ -191,7 +191,7 @@ struct Law {
     dt_s: f64,
 }
 
-impl Law {
+impl PidParameters {
     /// D after a change of the measurement; without a last measurement there is no change.
     fn derivative(&self, rate: f64, change: f64) -> f64 {
         let change = if change.is_nan() { 0.0 } else { change };
@@ -238,12 +238,12 @@ impl Law {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     const DT_S: f64 = 1e-3;
 
-    fn bench(parameters: &[(&str, f64)]) -> Bench {
-        let mut bench = Bench::new("PID");
+    fn bench(parameters: &[(&str, f64)]) -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("PID");
         bench.set_bool("manual", Some(false));
         let usual = [
             ("feed_forward", 0.0),

@@ -1,12 +1,12 @@
 //! `PoseAddTwist`: where a pose is one cycle later if it moves with a twist.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
 use crate::spatial;
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseAddTwist",
 summary: "The pose after one period of the net with a constant twist.",

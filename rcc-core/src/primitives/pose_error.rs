@@ -1,14 +1,14 @@
 //! `PoseError`: what is missing from one pose to another.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
 use crate::vector;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseError",
         summary: "The way and the turn that lead from one pose to another, in the outer axes.",

@@ -7,12 +7,13 @@
 
 use core::f64::consts::TAU;
 
-use crate::axis::{AXIS_WORDS, Follower, is_new, rest_at, share_of, step_axis};
+use crate::axis::{AXIS_WORDS, AxisFollower, is_new, rest_at, share_of, step_axis};
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::Limits;
+use crate::path::MotionLimits;
 use crate::pose::Pose;
 use crate::primitive::{
-    Entry, Kernel, Literal, NullRule, Parameter, Port, Spec, State, UnitRule, each,
+    CatalogueEntry, DefaultValue, Kernel, NullRule, Parameter, Port, Spec, StateSpec, UnitRule,
+    each,
 };
 use crate::rotation::{exp, inverse, log, product, unit};
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
@@ -20,7 +21,7 @@ use crate::unit::Unit;
 use crate::vector::{norm, scale};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "PoseGoal",
         summary: "A flange goes to a pose that may change in any cycle, as fast as limits of velocity, acceleration and jerk \
@@ -36,9 +37,9 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::ONE,
                 "share of the greatest velocities: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
             )
-            .default(Literal::Real(1.0)).within(0.0, 1.0),
+            .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
             Port::bool("stop", "while true it brakes to rest and stays; then it goes on")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::typed("pose", Type::Pose, "set-point of the flange in the arm's base"),
@@ -75,26 +76,26 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::Is(Unit::RADIAN_PER_SECOND),
                 "greatest rate of each element of the rotation vector",
             )
-            .default(Literal::Real(1.0))
+            .default(DefaultValue::Real(1.0))
             .above(0.0),
             Parameter::real(
                 "angular_acceleration",
                 UnitRule::Is(Unit::RADIAN_PER_SECOND2),
                 "greatest second derivative of each element of the rotation vector",
             )
-            .default(Literal::Real(4.0))
+            .default(DefaultValue::Real(4.0))
             .above(0.0),
             Parameter::real(
                 "angular_jerk",
                 UnitRule::Is(Unit::RADIAN_PER_SECOND3),
                 "greatest third derivative of each element of the rotation vector",
             )
-            .default(Literal::Real(40.0))
+            .default(DefaultValue::Real(40.0))
             .above(0.0),
         ],
-        state: State {
+        state: StateSpec {
             reals: (6 * AXIS_WORDS + 4) as u32,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -145,7 +146,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
     let first = unit(frame.reals(first_orientation(state)));
     let mut now = [NULL_REAL; 6];
     for (place, slot) in now.iter_mut().zip(axes(state)) {
-        let follower = Follower::from_words(&frame.reals(slot));
+        let follower = AxisFollower::from_words(&frame.reals(slot));
         *place = follower.state().position;
     }
     let [.., rx, ry, rz] = now;
@@ -166,7 +167,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
     });
     frame.set_known_pose(pose, result);
     let at_rest = axes.map(|axes| {
-        let there = axes.iter().all(Follower::arrived);
+        let there = axes.iter().all(AxisFollower::arrived);
         u8::from(there || stopped && axes.iter().all(|axis| axis.state().rests()))
     });
     frame.set_bool(done, at_rest.unwrap_or(NULL_BOOL));
@@ -178,9 +179,9 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 14]) {
 }
 
 /// Three limits from their slots, the first one by a share of it.
-pub(super) fn limits(frame: &Frame<'_>, slots: [u32; 3], share: f64) -> Limits {
+pub(super) fn limits(frame: &Frame<'_>, slots: [u32; 3], share: f64) -> MotionLimits {
     let [velocity, acceleration, jerk] = slots.map(|slot| frame.real(slot));
-    Limits {
+    MotionLimits {
         velocity: velocity * share,
         acceleration,
         jerk,
@@ -192,9 +193,9 @@ pub(super) fn step_six(
     frame: &mut Frame<'_>,
     state: u32,
     wish: Option<[f64; 6]>,
-    [line, turn]: [&Limits; 2],
-) -> Option<[Follower; 6]> {
-    let mut all = [Follower::at_rest(NULL_REAL); 6];
+    [line, turn]: [&MotionLimits; 2],
+) -> Option<[AxisFollower; 6]> {
+    let mut all = [AxisFollower::at_rest(NULL_REAL); 6];
     let mut goals = wish.unwrap_or([NULL_REAL; 6]).into_iter();
     let limits = [line, line, line, turn, turn, turn];
     let mut known = true;
@@ -229,10 +230,10 @@ fn nearest_turn(turn: [f64; 3], to: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
-    fn bench() -> Bench {
-        let mut bench = Bench::new("PoseGoal");
+    fn bench() -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("PoseGoal");
         bench.hold = Some([0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0]);
         let values = [
             ("velocity", 0.2),
@@ -251,13 +252,13 @@ mod tests {
         bench
     }
 
-    fn start(bench: &Bench) -> Pose {
+    fn start(bench: &PrimitiveHarness) -> Pose {
         let hold = bench.hold.unwrap();
         let arm = bench.model.arm.unwrap();
         arm.forward(&hold)
     }
 
-    fn pose(bench: &Bench) -> Pose {
+    fn pose(bench: &PrimitiveHarness) -> Pose {
         Pose::from_slots(bench.reals("pose", 7).try_into().unwrap())
     }
 

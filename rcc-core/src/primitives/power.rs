@@ -1,9 +1,9 @@
 //! `Power`: one plain number to the power of another.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each_finite};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_finite};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Power",
         summary: "A number to the power of another.",

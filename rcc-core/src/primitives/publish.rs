@@ -5,11 +5,11 @@
 
 use super::copy;
 use crate::primitive::{
-    Entry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+    CatalogueEntry, Example, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Publish",
         summary: "Gives a value to other nets: they read it with `Subscribe` in the cycle after this one.",

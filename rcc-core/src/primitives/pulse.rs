@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, State, UnitRule, choose, each, elapsed, reached,
-    real_unless,
+    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, choose, each, elapsed,
+    reached, real_unless,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Pulse",
         summary: "True for a time from when its input becomes true; further edges in that time do not count.",
@@ -46,10 +46,10 @@ pub const ENTRY: Entry = Entry::new(
             )
             .diagnostic(),
         ],
-        state: State {
+        state: StateSpec {
             bools: 1,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

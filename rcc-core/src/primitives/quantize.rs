@@ -1,10 +1,12 @@
 //! `Quantize`: the nearest multiple of a step, as a coarse display or converter gives it.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, Spec, UnitRule, each, finite};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, Spec, UnitRule, each, finite,
+};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Quantize",
         summary: "The nearest multiple of a step.",

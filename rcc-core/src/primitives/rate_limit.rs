@@ -5,12 +5,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, State, UnitRule, each,
+    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, StateSpec,
+    UnitRule, each,
 };
 use crate::types::{NULL_REAL, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RateLimit",
         summary: "Follows a number no faster than a given rate.",
@@ -36,9 +37,9 @@ pub const ENTRY: Entry = Entry::new(
             "largest change per second",
         )
         .above(0.0)],
-        state: State {
+        state: StateSpec {
             reals: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -65,11 +66,11 @@ fn step(frame: &mut Frame<'_>, [input, out, rate, last]: [u32; 4]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn never_exceeds_the_rate() {
-        let mut bench = Bench::new("RateLimit");
+        let mut bench = PrimitiveHarness::new("RateLimit");
         bench.set_real("rate", 2.0);
         let mut last = bench.set_real("in", 0.5).step().real("out");
         assert_eq!(last, 0.5, "the first input is taken as it is");
@@ -93,7 +94,7 @@ mod tests {
 
     #[test]
     fn arrives_exactly() {
-        let mut bench = Bench::new("RateLimit");
+        let mut bench = PrimitiveHarness::new("RateLimit");
         bench.set_real("rate", 1.0).set_real("in", 0.0).step();
         bench.set_real("in", 0.0025);
         let out: [f64; 4] = core::array::from_fn(|_| bench.step().real("out"));
@@ -102,7 +103,7 @@ mod tests {
 
     #[test]
     fn null_is_passed_on_and_remembered_over() {
-        let mut bench = Bench::new("RateLimit");
+        let mut bench = PrimitiveHarness::new("RateLimit");
         bench.set_real("rate", 1.0).set_real("in", 1.0).step();
         assert!(bench.set_real("in", f64::NAN).step().real("out").is_nan());
         assert_eq!(bench.set_real("in", 2.0).step().real("out"), 1.001);

@@ -1,11 +1,13 @@
 //! `Remainder`: what is left of a number after as many whole divisors as fit. It has the sign of the number, as MOD of
 //! IEC 61131-3 and `fmod` of C have it; an angle is brought into one turn by `Wrap`.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each_finite, each_int};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_finite, each_int,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Remainder",
         summary: "The remainder of a division; it has the sign of the dividend.",

@@ -5,13 +5,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, Spec, State, UnitRule, choose,
-    each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, Spec, StateSpec,
+    UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RisingEdge",
         summary: "True in the one cycle in which its input becomes true.",
@@ -45,10 +45,10 @@ pub const ENTRY: Entry = Entry::new(
             ParameterKind::Start(Type::Bool, UnitRule::Typed),
             "value before the first cycle; null: the first known value gives no edge",
         )
-        .default(Literal::Null)],
-        state: State {
+        .default(DefaultValue::Null)],
+        state: StateSpec {
             bools: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -66,11 +66,11 @@ fn step(frame: &mut Frame<'_>, [input, out, last]: [u32; 3]) -> Option<()> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn only_the_change_counts() {
-        let mut bench = Bench::new("RisingEdge");
+        let mut bench = PrimitiveHarness::new("RisingEdge");
         let (no, yes) = (Some(false), Some(true));
         for (input, out) in [
             (yes, no),
@@ -88,7 +88,7 @@ mod tests {
     }
     #[test]
     fn an_initial_value_is_what_was_before_the_first_cycle() {
-        let mut bench = Bench::new("RisingEdge");
+        let mut bench = PrimitiveHarness::new("RisingEdge");
         bench.start_bool(false).set_bool("in", Some(true));
         assert_eq!(bench.step().bool("out"), Some(true));
         assert_eq!(bench.step().bool("out"), Some(false));

@@ -1,13 +1,13 @@
 //! `Rotate`: a vector, twist or wrench that is given in axes of an inner frame, in axes of the outer one.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Family, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Kernel, Port, Spec, TypeFamily, UnitRule, each};
 use crate::rotation;
 use crate::spatial;
 use crate::types::{Store, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Rotate",
         summary: "A vector, twist or wrench in axes of an inner frame, in axes of the outer one; reference points stay.",
@@ -15,11 +15,11 @@ pub const ENTRY: Entry = Entry::new(
         formula: "R in, of twists and wrenches both vectors; q [in, 0] q⁻¹ as in + 2w (u × in) + 2u × (u × in)",
         inputs: &[
             Port::typed("rotation", Type::Rotation, "rotation of B in A"),
-            Port::of("in", Family::Axes, UnitRule::Var(0), "in axes of B"),
+            Port::of("in", TypeFamily::Axes, UnitRule::Var(0), "in axes of B"),
         ],
         outputs: &[Port::of(
             "out",
-            Family::Axes,
+            TypeFamily::Axes,
             UnitRule::Var(0),
             "the same in axes of A",
         )],
@@ -58,7 +58,7 @@ fn step(frame: &mut Frame<'_>, [turn, input, out, width]: [u32; 4]) -> Option<()
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
     use crate::types::Store;
 
     /// Roll 0.3, pitch -0.5, yaw 1.2 rad, and where it takes [1, 2, 3] (scipy 1.17).
@@ -72,14 +72,14 @@ mod tests {
 
     #[test]
     fn one_vector_or_both_are_turned() {
-        let mut bench = Bench::wide("Rotate", Some(Store::Real), 3);
+        let mut bench = PrimitiveHarness::wide("Rotate", Some(Store::Real), 3);
         bench
             .set_reals("rotation", &TURN)
             .set_reals("in", &[1.0, 2.0, 3.0]);
         for (got, want) in bench.step().reals("out", 3).iter().zip(TURNED) {
             assert!((got - want).abs() < 1e-14, "{got} {want}");
         }
-        let mut bench = Bench::wide("Rotate", Some(Store::Real), 6);
+        let mut bench = PrimitiveHarness::wide("Rotate", Some(Store::Real), 6);
         bench
             .set_reals("rotation", &TURN)
             .set_reals("in", &[1.0, 2.0, 3.0, -1.0, -2.0, -3.0]);
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn null_makes_every_element_null() {
-        let mut bench = Bench::wide("Rotate", Some(Store::Real), 6);
+        let mut bench = PrimitiveHarness::wide("Rotate", Some(Store::Real), 6);
         bench
             .set_reals("rotation", &TURN)
             .set_reals("in", &[1.0, 2.0, 3.0, -1.0, -2.0, f64::NAN]);

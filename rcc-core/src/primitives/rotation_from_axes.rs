@@ -1,12 +1,12 @@
 //! `RotationFromAxes`: a rotation from where its x axis points and on which side its y axis is.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::rotation;
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationFromAxes",
         summary: "The rotation whose x axis points along a vector and whose y axis is in the half plane of another.",

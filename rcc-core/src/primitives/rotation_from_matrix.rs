@@ -1,13 +1,13 @@
 //! `RotationFromMatrix`: the rotation that is nearest to a matrix which is nearly one.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationFromMatrix",
         summary: "The rotation nearest to a 3 × 3 matrix, made orthonormal first.",

@@ -1,7 +1,7 @@
 //! `RotationToQuaternion`: the four numbers of a rotation.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::rotation;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
@@ -10,7 +10,7 @@ use crate::unit::Unit;
 const BOUND: f64 = 1.0 + 1e-14;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToQuaternion",
         summary: "The quaternion of a rotation, of the two the one with w ≥ 0.",

@@ -3,13 +3,13 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::rotation;
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToRpy",
         summary: "Roll, pitch and yaw of a rotation; where they are not determined, at a pitch of ±90°, yaw is 0.",

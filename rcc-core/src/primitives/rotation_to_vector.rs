@@ -1,13 +1,13 @@
 //! `RotationToVector`: the rotation vector of a rotation, the logarithm.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::rotation;
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "RotationToVector",
         summary: "The axis of a rotation times its angle: the logarithm.",

@@ -1,9 +1,9 @@
 //! `Round`: the nearest whole number; halves go away from zero.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_whole};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_whole};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Round",
         summary: "A number rounded to the nearest whole number.",

@@ -3,15 +3,15 @@
 
 use crate::axis::{AXIS_WORDS, rest_at, share_of, step_axis};
 use crate::frame::Frame;
-use crate::path::Limits;
+use crate::path::MotionLimits;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Spec,
-    State, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, NullRule, Parameter, ParameterKind, Port,
+    PortType, Spec, StateSpec, UnitRule, each,
 };
 use crate::types::{NULL_BOOL, NULL_REAL, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ScalarGoal",
         summary: "Goes to a goal that may change in any cycle, as fast as limits of velocity, acceleration and jerk allow.",
@@ -53,9 +53,9 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::ONE,
                 "share of the greatest velocity: what is computed above 1 counts as 1, and below 0.0001 as 0, a stop",
             )
-            .default(Literal::Real(1.0)).within(0.0, 1.0),
+            .default(DefaultValue::Real(1.0)).within(0.0, 1.0),
             Port::bool("stop", "while true it brakes to rest and stays; then it goes on")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::real("position", UnitRule::Var(0), "set-point"),
@@ -77,11 +77,11 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::Var(0)),
                 "where it begins, at rest; without it at the first goal",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
         ],
-        state: State {
+        state: StateSpec {
             reals: AXIS_WORDS as u32,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -99,7 +99,7 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 12]) {
         let begin = initial.or(goal).unwrap_or(NULL_REAL);
         frame.set_reals(state, rest_at(begin));
     }
-    let limits = Limits {
+    let limits = MotionLimits {
         velocity: frame.real(v) * share,
         acceleration: frame.real(a),
         jerk: frame.real(j),
@@ -115,10 +115,10 @@ fn step(frame: &mut Frame<'_>, operands: [u32; 12]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
-    fn bench() -> Bench {
-        let mut bench = Bench::new("ScalarGoal");
+    fn bench() -> PrimitiveHarness {
+        let mut bench = PrimitiveHarness::new("ScalarGoal");
         for (name, value) in [
             ("max_velocity", 0.5),
             ("max_acceleration", 2.0),

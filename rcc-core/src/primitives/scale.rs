@@ -2,12 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, each_int, each_real,
+    CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, choose, each, each_int,
+    each_real,
 };
 use crate::types::{NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Scale",
         summary: "A number, vector, array or matrix times a number; its unit is the product of theirs.",

@@ -5,10 +5,12 @@ use core::f64::consts::FRAC_1_SQRT_2;
 
 use crate::filter::{self, Biquad};
 use crate::frame::{Preparation, PrepareFault};
-use crate::primitive::{Entry, Example, Kernel, Literal, Parameter, Port, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, UnitRule, each,
+};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SecondOrderLowPass",
         summary: "Smooths a number by a second-order low-pass filter.",
@@ -33,7 +35,7 @@ pub const ENTRY: Entry = Entry::new(
         outputs: &[Port::real("out", UnitRule::Var(0), "filtered number")],
         parameters: &[Parameter::real("cutoff", UnitRule::HERTZ, "frequency at which the gain is 1 / (2 damping), below half of the net's rate").above(0.0).below_nyquist(),
             Parameter::real("damping", UnitRule::ONE, "1/√2: as flat as possible (Butterworth); 1: no overshoot")
-                .default(Literal::Real(FRAC_1_SQRT_2))
+                .default(DefaultValue::Real(FRAC_1_SQRT_2))
                 .above(0.0),],
         state: filter::STATE,
         ..Spec::PLAIN

@@ -4,12 +4,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each, real_unless,
+    CatalogueEntry, Example, Kernel, NullRule, Port, PortType, Spec, UnitRule, choose, each,
+    real_unless,
 };
 use crate::types::{NULL_BOOL, NULL_INT, NULL_REAL, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Select",
         summary: "One of two values, by a condition.",
@@ -154,11 +155,11 @@ fn wide_int(frame: &mut Frame<'_>, [condition, yes, no, out, width]: [u32; 5]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn only_the_chosen_value_matters() {
-        let mut bench = Bench::wide("Select", Some(Store::Real), 3);
+        let mut bench = PrimitiveHarness::wide("Select", Some(Store::Real), 3);
         bench.set_reals("yes", &[1.0, 2.0, 3.0]);
         assert_eq!(
             bench
@@ -187,19 +188,19 @@ mod tests {
 
     #[test]
     fn arrays_are_chosen_whole() {
-        let mut bench = Bench::wide("Select", Some(Store::Bool), 2);
+        let mut bench = PrimitiveHarness::wide("Select", Some(Store::Bool), 2);
         bench
             .set_bool("condition", Some(false))
             .set_bool("no", Some(true));
         assert_eq!(bench.step().bool("out"), Some(true));
-        let mut bench = Bench::wide("Select", Some(Store::Int), 2);
+        let mut bench = PrimitiveHarness::wide("Select", Some(Store::Int), 2);
         bench.set_bool("condition", Some(true)).set_int("yes", 7);
         assert_eq!(bench.step().int("out"), 7);
     }
 
     #[test]
     fn works_for_single_values() {
-        let mut bench = Bench::wide("Select", Some(Store::Real), 1);
+        let mut bench = PrimitiveHarness::wide("Select", Some(Store::Real), 1);
         bench.set_real("yes", 1.0).set_bool("condition", Some(true));
         assert_eq!(bench.step().real("out"), 1.0);
         for condition in [Some(false), None] {
@@ -207,13 +208,13 @@ mod tests {
             assert!(out.is_nan(), "{condition:?}");
         }
 
-        let mut bench = Bench::wide("Select", Some(Store::Bool), 1);
+        let mut bench = PrimitiveHarness::wide("Select", Some(Store::Bool), 1);
         bench
             .set_bool("yes", Some(true))
             .set_bool("no", Some(false))
             .set_bool("condition", Some(true));
         assert_eq!(bench.step().bool("out"), Some(true));
-        let mut bench = Bench::wide("Select", Some(Store::Int), 1);
+        let mut bench = PrimitiveHarness::wide("Select", Some(Store::Int), 1);
         bench
             .set_int("yes", 7)
             .set_int("no", 8)

@@ -2,14 +2,15 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each, fill_null,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, copy, each,
+    fill_null,
 };
 use crate::types::Store;
 
-const ARRAY: PortType = PortType::Array(Elements::Open, Dim::Var(0));
+const ARRAY: PortType = PortType::Array(ElementType::Open, Dim::Var(0));
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SetElement",
         summary: "An array with another value at an index.",

@@ -1,10 +1,10 @@
 //! `Shift`: the bits of a whole number moved to the left, or, by a negative number of places, to the right. It is
 //! arithmetic: to the left multiplies by powers of 2, to the right divides and rounds down.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_int};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_int};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Shift",
         summary: "The bits of a whole number moved to the left; by a negative number of places, to the right.",

@@ -1,11 +1,13 @@
 //! `Sign`: -1, 0 or 1.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, choose, each, real_unless,
+};
 use crate::types::{NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Sign",
         summary: "The sign of a number: -1, 0 or 1.",

@@ -4,11 +4,11 @@ use core::f64::consts::TAU;
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Port, Spec, State, UnitRule, each, finite,
+    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, UnitRule, each, finite,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SignalGenerator",
         summary: "Periodic test signals: sine, square, triangle and sawtooth.",
@@ -35,8 +35,8 @@ pub const ENTRY: Entry = Entry::new(
                 UnitRule::Var(0),
                 "greatest distance from `offset`",
             )
-            .default(Literal::Real(1.0)),
-            Port::real("offset", UnitRule::Var(0), "mean").default(Literal::Real(0.0)),
+            .default(DefaultValue::Real(1.0)),
+            Port::real("offset", UnitRule::Var(0), "mean").default(DefaultValue::Real(0.0)),
         ],
         outputs: &[
             Port::real("sine", UnitRule::Var(0), "begins at the mean, upwards").diagnostic(),
@@ -60,9 +60,9 @@ pub const ENTRY: Entry = Entry::new(
             .diagnostic(),
         ],
         // phase, turns
-        state: State {
+        state: StateSpec {
             reals: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,9 +1,9 @@
 //! `Sine`: the sine of an angle, of any size.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Sine",
         summary: "The sine of an angle.",

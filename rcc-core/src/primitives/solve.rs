@@ -1,17 +1,18 @@
 //! `Solve`: the solution of a system of linear equations.
 
 use crate::frame::Frame;
-use crate::linear::Tableau;
+use crate::linear::AugmentedMatrix;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each, fill_null,
+    CatalogueEntry, Dim, ElementType, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+    fill_null,
 };
 use crate::types::{Store, Type};
 
 const SIDE: Dim = Dim::Small(0);
-const VECTOR: PortType = PortType::Array(Elements::Are(Type::Real), SIDE);
+const VECTOR: PortType = PortType::Array(ElementType::Are(Type::Real), SIDE);
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Solve",
         summary: "The array that a square matrix, at most 8×8, turns into a given one.",
@@ -56,8 +57,8 @@ fn step(frame: &mut Frame<'_>, [matrix, input, out, side]: [u32; 4]) -> Option<(
     Some(())
 }
 
-fn solved(frame: &Frame<'_>, matrix: u32, input: u32, side: u32) -> Option<Tableau<9>> {
-    let mut tableau = Tableau::read(frame, matrix, side)?;
+fn solved(frame: &Frame<'_>, matrix: u32, input: u32, side: u32) -> Option<AugmentedMatrix<9>> {
+    let mut tableau = AugmentedMatrix::read(frame, matrix, side)?;
     tableau.fill(|row, _| {
         frame
             .get_real(input + row)

@@ -4,14 +4,16 @@
 //! curves through the poses. Joints are given as well, by the arm angle and the branch of the start.
 
 use crate::frame::{Frame, Preparation, PrepareFault};
-use crate::path::{LEGS_MAX, Leg, Limits, PathRequest, Segment};
+use crate::path::{LEGS_MAX, Leg, MotionLimits, PathRequest, PathSegment};
 use crate::pose::Pose;
-use crate::primitive::{Dim, Entry, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each};
+use crate::primitive::{
+    CatalogueEntry, Dim, Kernel, NullRule, Parameter, ParameterKind, Role, Spec, each,
+};
 
 use super::along::{self, PORTS};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SplineMotion",
         summary: "A smooth curve of the flange through poses, jerk-limited, with a soft stop on the path.",
@@ -81,11 +83,11 @@ fn prepare(preparation: &mut Preparation<'_>, operands: &[u32]) -> Result<(), Pr
         return Err(super::motion_sequence::too_many(motion, count));
     };
     let leg = Leg {
-        line: Limits::of([v, a, j].map(number)),
-        turn: Limits::of([w, wa, wj].map(number)),
+        line: MotionLimits::of([v, a, j].map(number)),
+        turn: MotionLimits::of([w, wa, wj].map(number)),
         elbow: along::elbow(preparation, [arm_angle, elbow]),
         scale: number(scale),
-        ..Leg::new(Segment::Spline { through })
+        ..Leg::new(PathSegment::Spline { through })
     };
     let request = PathRequest {
         device,

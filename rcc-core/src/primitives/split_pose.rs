@@ -1,12 +1,12 @@
 //! `SplitPose`: position and rotation of a pose.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SplitPose",
         summary: "The position and the rotation of a pose.",

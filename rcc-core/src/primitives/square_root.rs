@@ -1,10 +1,10 @@
 //! `SquareRoot`: correctly rounded; a negative number has none and yields null.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "SquareRoot",
         summary: "The square root of a number; its unit is the root of the number's.",
@@ -36,11 +36,11 @@ fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn worked_values_and_null() {
-        let mut bench = Bench::new("SquareRoot");
+        let mut bench = PrimitiveHarness::new("SquareRoot");
         for (input, out) in [
             (4.0, 2.0),
             (2.0, core::f64::consts::SQRT_2),

@@ -2,11 +2,11 @@
 
 use crate::frame::{Frame, Preparation, PrepareFault};
 use crate::pose::Pose;
-use crate::primitive::{Entry, Kernel, Parameter, Port, Spec, State, each};
+use crate::primitive::{CatalogueEntry, Kernel, Parameter, Port, Spec, StateSpec, each};
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "StartPose",
         summary: "Where an arm's flange is when the command starts: the pose of its hold set-point, the same in every cycle.",
@@ -16,9 +16,9 @@ pub const ENTRY: Entry = Entry::new(
         ],
         parameters: &[Parameter::arm()],
         // both poses
-        state: State {
+        state: StateSpec {
             reals: 14,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },
@@ -49,11 +49,11 @@ fn step(frame: &mut Frame<'_>, [pose, world, _device, state]: [u32; 4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn it_stays_where_the_arm_was_held() {
-        let mut bench = Bench::new("StartPose");
+        let mut bench = PrimitiveHarness::new("StartPose");
         let hold = [0.3, 0.5, -0.2, -1.6, 0.1, 1.0, 0.4, 0.0];
         bench.hold = Some(hold);
         bench.model.base = Pose::from_xyz_rpy([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);

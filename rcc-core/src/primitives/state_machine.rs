@@ -2,14 +2,14 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Literal, NullRule, Parameter, ParameterKind, Port,
-    PortType, Spec, State, UnitRule, each,
+    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, NullRule, Parameter,
+    ParameterKind, Port, PortType, Spec, StateSpec, UnitRule, each,
 };
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "StateMachine",
         summary: "A state that changes by a table of transitions, at most once a cycle.",
@@ -19,12 +19,12 @@ pub const ENTRY: Entry = Entry::new(
         inputs: &[
             Port::new(
                 "on",
-                PortType::Array(Elements::Are(Type::Bool), Dim::Var(0)),
+                PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
                 UnitRule::Typed,
                 "the conditions that rows name by their number",
             ),
             Port::bool("reset", "back to the initial state, before any transition")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::int("state", "the state after this cycle's transition"),
@@ -51,12 +51,12 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Is(Type::Int), UnitRule::Typed),
                 "the state before the first transition",
             )
-            .default(Literal::Int(0)),
+            .default(DefaultValue::Int(0)),
         ],
-        state: State {
+        state: StateSpec {
             reals: 1,
             ints: 2,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         examples: &[Example::new(
             "idle 0, moving 1, done 2; on[0] starts, on[1] ends",

@@ -5,12 +5,13 @@
 
 use super::input::{TYPE, UNIT};
 use crate::primitive::{
-    Entry, Literal, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec, UnitRule,
+    CatalogueEntry, DefaultValue, NullRule, Parameter, ParameterKind, Port, PortType, Role, Spec,
+    UnitRule,
 };
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Subscribe",
         summary: "A value that another net publishes, as of the cycle before.",
@@ -46,13 +47,13 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Any, UnitRule::Var(0)),
                 "the value before the first one comes; it does not expire, and does not come again when the other net ends",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
             Parameter::new(
                 "expires",
                 ParameterKind::Value(PortType::Is(Type::Real), UnitRule::SECOND),
                 "what could be seen longer ago than this is null: for a net that publishes more seldom than this one reads",
             )
-            .default(Literal::Null)
+            .default(DefaultValue::Null)
             .above(0.0),
         ],
         role: Role::Input,

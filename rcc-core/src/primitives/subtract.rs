@@ -1,12 +1,12 @@
 //! `Subtract`: out = a - b, rounded once; an Int that overflows has no meaningful result and is null.
 
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
+    CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each_int, each_real, wide_int, wide_real,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Subtract",
         summary: "The difference of two numbers, vectors, arrays or matrices of the same unit.",

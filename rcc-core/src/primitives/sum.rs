@@ -1,10 +1,10 @@
 //! `Sum`: the sum of the elements of an array, from the first to the last, each step rounded once.
 
-use crate::primitive::{ELEMENTS, Entry, Example, Kernel, Spec, fold_int, fold_real};
+use crate::primitive::{CatalogueEntry, ELEMENTS, Example, Kernel, Spec, fold_int, fold_real};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Sum",
         summary: "The sum of the elements of an array.",

@@ -1,9 +1,9 @@
 //! `Tangent`: the tangent of an angle; no Real is exactly a right angle, so that every angle has one.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Tangent",
         summary: "The tangent of an angle.",

@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Memory, Parameter, ParameterKind, Port, PortType, Spec, State,
-    UnitRule, each, finite, reached,
+    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, Parameter, ParameterKind, Port,
+    PortType, Spec, StateSpec, UnitRule, each, finite, reached,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Tare",
         summary: "A number, vector or wrench relative to what it was when `trigger` became true, averaged over a time.",
@@ -45,7 +45,7 @@ pub const ENTRY: Entry = Entry::new(
         inputs: &[
             Port::linear("in", UnitRule::Var(0), "value to tare"),
             Port::bool("trigger", "begins to average when it becomes true, also in the first cycle")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[
             Port::linear("out", UnitRule::Var(0), "value relative to the zero"),
@@ -62,17 +62,17 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Linear, UnitRule::Var(0)),
                 "largest zero, by element; what is beyond, a load for instance, is refused; left out: any",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
         ],
         // the trigger of the last cycle, the last mean was refused
         // 1 + values averaged so far, 0 while it does not average
-        state: State {
+        state: StateSpec {
             bools: 2,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         // zero, sum
-        memory: Memory::values(2).starting(Literal::Real(0.0)),
+        memory: MemorySpec::values(2).starting(DefaultValue::Real(0.0)),
         ..Spec::PLAIN
     },
     &[Kernel::of(Store::Real, |frame, operands| {

@@ -2,10 +2,10 @@
 //! (paper, section IV-C).
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Kernel, Port, Role, Spec, each};
+use crate::primitive::{CatalogueEntry, Kernel, Port, Role, Spec, each};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Termination",
         summary: "Ends the command when its input becomes true.",
@@ -24,11 +24,11 @@ fn step(frame: &mut Frame<'_>, [done]: [u32; 1]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn only_true_ends_the_command() {
-        let mut bench = Bench::new("Termination");
+        let mut bench = PrimitiveHarness::new("Termination");
         for (done, over) in [(Some(false), false), (None, false), (Some(true), true)] {
             assert_eq!(bench.set_bool("done", done).step().terminated, over);
         }

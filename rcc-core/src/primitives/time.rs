@@ -2,11 +2,11 @@
 //! the wall clock does.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Time",
         summary: "Logical time since the command was started.",
@@ -48,11 +48,11 @@ fn step(frame: &mut Frame<'_>, [out]: [u32; 1]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn counts_periods_from_zero() {
-        let mut bench = Bench::new("Time");
+        let mut bench = PrimitiveHarness::new("Time");
         assert_eq!(bench.step().real("out"), 0.0);
         assert_eq!(bench.step().real("out"), 1e-3);
         bench.cycle = 3_600_000;

@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Dim, Elements, Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec,
-    UnitRule, choose, each,
+    CatalogueEntry, DefaultValue, Dim, ElementType, Example, Kernel, Parameter, ParameterKind,
+    Port, PortType, Spec, UnitRule, choose, each,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Type};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ToBits",
         summary: "The lowest bits of a whole number, and whether that is all of it.",
@@ -17,7 +17,7 @@ pub const ENTRY: Entry = Entry::new(
         outputs: &[
             Port::new(
                 "out",
-                PortType::Array(Elements::Are(Type::Bool), Dim::Var(0)),
+                PortType::Array(ElementType::Are(Type::Bool), Dim::Var(0)),
                 UnitRule::Typed,
                 "its bits, the lowest first",
             ),
@@ -32,7 +32,7 @@ pub const ENTRY: Entry = Entry::new(
                 ParameterKind::Value(PortType::Is(Type::Bool), UnitRule::Typed),
                 "what fits: -2^(bits-1) to 2^(bits-1)-1, or else 0 to 2^bits-1",
             )
-            .default(Literal::Bool(false)),
+            .default(DefaultValue::Bool(false)),
         ],
         examples: &[
             Example::new(

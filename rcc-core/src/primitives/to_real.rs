@@ -1,11 +1,11 @@
 //! `ToReal`: a whole number as a Real; beyond ±2^53 the nearest one, ties to even.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, each, real_unless};
 use crate::types::NULL_INT;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "ToReal",
         summary: "A whole number as a real one.",
@@ -37,11 +37,11 @@ fn step(frame: &mut Frame<'_>, [input, out]: [u32; 2]) -> Option<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn worked_values_and_null() {
-        let mut bench = Bench::new("ToReal");
+        let mut bench = PrimitiveHarness::new("ToReal");
         for (input, out) in [
             (0, 0.0),
             (-7, -7.0),

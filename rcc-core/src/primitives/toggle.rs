@@ -2,12 +2,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, Port, Spec, State, choose, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, StateSpec, choose, each,
 };
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Toggle",
         summary: "Turns over in each cycle in which its input becomes true.",
@@ -29,13 +29,12 @@ pub const ENTRY: Entry = Entry::new(
             "out",
             "turned over with each edge, in the same cycle",
         )],
-        parameters: &[
-            Parameter::bool("initial", "value before the first edge").default(Literal::Bool(false))
-        ],
-        state: State {
+        parameters: &[Parameter::bool("initial", "value before the first edge")
+            .default(DefaultValue::Bool(false))],
+        state: StateSpec {
             bools: 1,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -2,13 +2,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
 };
 use crate::types::{NULL_REAL, Type};
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TransformFromPosition",
         summary: "The transform of a frame at a position, turned by a constant rotation.",
@@ -50,11 +50,11 @@ fn step(frame: &mut Frame<'_>, [x, y, z, out, rotation]: [u32; 5]) -> Option<()>
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::Bench;
+    use crate::testing::PrimitiveHarness;
 
     #[test]
     fn the_position_is_the_last_column() {
-        let mut bench = Bench::new("TransformFromPosition");
+        let mut bench = PrimitiveHarness::new("TransformFromPosition");
         bench.set_reals("rotation", &[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
         bench
             .set_real("x", 1.0)
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn null_makes_every_element_null() {
-        let mut bench = Bench::new("TransformFromPosition");
+        let mut bench = PrimitiveHarness::new("TransformFromPosition");
         bench.set_reals("rotation", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
         bench.set_real("x", 1.0).set_real("y", 2.0);
         assert!(

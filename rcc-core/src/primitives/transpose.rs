@@ -1,10 +1,12 @@
 //! `Transpose`: a matrix with its rows as columns.
 
 use crate::frame::Frame;
-use crate::primitive::{Dim, Entry, Example, Kernel, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Dim, Example, Kernel, Port, PortType, Spec, UnitRule, each,
+};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Transpose",
         summary: "A matrix with its rows as columns.",

@@ -2,11 +2,12 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, Port, Spec, UnitRule, each, real_unless,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, Port, Spec, UnitRule, each,
+    real_unless,
 };
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TrapezoidalProgress",
         summary: "A progress from 0 to 1 with a trapezoidal speed: up, constant and down again.",
@@ -55,7 +56,7 @@ pub const ENTRY: Entry = Entry::new(
             UnitRule::ONE,
             "part of the time at constant speed; 1: no ramps",
         )
-        .default(Literal::Real(0.5))
+        .default(DefaultValue::Real(0.5))
         .at_least(0.0)
         .at_most(1.0)],
         ..Spec::PLAIN

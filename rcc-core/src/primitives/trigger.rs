@@ -2,11 +2,13 @@
 //! twice.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Literal, Port, Spec, State, choose, each};
+use crate::primitive::{
+    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, choose, each,
+};
 use crate::types::NULL_BOOL;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Trigger",
         summary: "Goes on once and then off for good, until it is reset.",
@@ -29,12 +31,12 @@ pub const ENTRY: Entry = Entry::new(
             Port::bool("on", "switches it on, if it was never switched off"),
             Port::bool("off", "switches it off for good, even before it was on"),
             Port::bool("reset", "makes it as it was in the beginning")
-                .default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
         ],
         outputs: &[Port::bool("out", "on")],
-        state: State {
+        state: StateSpec {
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

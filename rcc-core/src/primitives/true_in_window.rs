@@ -3,13 +3,13 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Memory, Parameter, ParameterKind, Port, Spec, State, choose,
-    each,
+    CatalogueEntry, DefaultValue, Example, Kernel, MemorySpec, Parameter, ParameterKind, Port,
+    Spec, StateSpec, choose, each,
 };
 use crate::types::{NULL_BOOL, NULL_INT, Store};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TrueInWindow",
         summary: "In how many cycles of a window that ends now a condition was true.",
@@ -26,13 +26,13 @@ pub const ENTRY: Entry = Entry::new(
             "how long the window is, with the cycle of now; 1 to 10 000 cycles of the net",
         )
         .above(0.0)],
-        state: State {
+        state: StateSpec {
             ints: 3,
-            ..State::NONE
+            ..StateSpec::NONE
         },
-        memory: Memory::window(1)
+        memory: MemorySpec::window(1)
             .of(Store::Bool)
-            .starting(Literal::Bool(false)),
+            .starting(DefaultValue::Bool(false)),
         examples: &[Example::new(
             "a window of three cycles",
             "{window: 3 ms}",

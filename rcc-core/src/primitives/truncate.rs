@@ -1,9 +1,9 @@
 //! `Truncate`: a number without its fraction.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_whole};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_whole};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Truncate",
         summary: "A number rounded towards zero, as a whole number.",

@@ -1,12 +1,12 @@
 //! `TwistFromPoses`: the twist that leads from one pose to the next in one cycle.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
 use crate::spatial;
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "TwistFromPoses",
 summary: "The constant twist that leads from the pose before to this one in one period of the net.",

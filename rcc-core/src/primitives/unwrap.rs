@@ -4,12 +4,13 @@ use core::f64::consts::TAU;
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Port, Spec, State, UnitRule, each, finite, real_unless, whole,
+    CatalogueEntry, Example, Kernel, Port, Spec, StateSpec, UnitRule, each, finite, real_unless,
+    whole,
 };
 use crate::types::NULL_INT;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Unwrap",
         summary: "An angle without the jumps by whole turns: from cycle to cycle it takes the shorter way.",
@@ -38,10 +39,10 @@ pub const ENTRY: Entry = Entry::new(
             UnitRule::RADIAN,
             "continuous angle; the first one is the input",
         )],
-        state: State {
+        state: StateSpec {
             reals: 1,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,11 +1,13 @@
 //! `UpDownCounter`: counts the rising edges of one signal up and of another down.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Literal, Port, Spec, State, choose, each};
+use crate::primitive::{
+    CatalogueEntry, DefaultValue, Example, Kernel, Port, Spec, StateSpec, choose, each,
+};
 use crate::types::{NULL_BOOL, NULL_INT};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "UpDownCounter",
         summary: "Counts rising edges, up and down; it can be reset and loaded.",
@@ -34,22 +36,22 @@ pub const ENTRY: Entry = Entry::new(
         inputs: &[
             Port::bool("up", "signal whose rising edges count up"),
             Port::bool("down", "signal whose rising edges count down")
-                .default(Literal::Bool(false)),
-            Port::bool("reset", "makes the count 0").default(Literal::Bool(false)),
-            Port::bool("load", "makes the count `preset`").default(Literal::Bool(false)),
+                .default(DefaultValue::Bool(false)),
+            Port::bool("reset", "makes the count 0").default(DefaultValue::Bool(false)),
+            Port::bool("load", "makes the count `preset`").default(DefaultValue::Bool(false)),
             Port::int("preset", "count to load, and from which on it is full")
-                .default(Literal::Int(0)),
+                .default(DefaultValue::Int(0)),
         ],
         outputs: &[
             Port::int("count", "edges up minus edges down; 0 in the beginning"),
             Port::bool("full", "the count is at least `preset`").diagnostic(),
             Port::bool("empty", "the count is at most 0").diagnostic(),
         ],
-        state: State {
+        state: StateSpec {
             // up, down
             bools: 2,
             ints: 1,
-            ..State::NONE
+            ..StateSpec::NONE
         },
         ..Spec::PLAIN
     },

@@ -1,12 +1,14 @@
 //! `VelocityKinematics`: how the flange of an arm moves while its joints do.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each};
+use crate::primitive::{
+    CatalogueEntry, Example, Kernel, Parameter, Port, PortType, Spec, UnitRule, each,
+};
 use crate::types::Type;
 use crate::unit::Unit;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "VelocityKinematics",
         summary: "The twist of the flange that belongs to joint velocities at joint positions.",

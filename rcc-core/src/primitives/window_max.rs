@@ -1,15 +1,17 @@
 //! `WindowMax`: the largest of the last values.
 
-use crate::primitive::{Entry, Example, Fold, Kernel, Literal, Memory, Spec, WINDOW, each_window};
+use crate::primitive::{
+    CatalogueEntry, DefaultValue, Example, Fold, Kernel, MemorySpec, Spec, WINDOW, each_window,
+};
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WindowMax",
         summary: "The largest value of a window that ends now.",
         formula: "Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015): a tree, one node a doubling of the window and cycle",
-        memory: Memory::window(2).starting(Literal::Real(f64::NEG_INFINITY)),
+        memory: MemorySpec::window(2).starting(DefaultValue::Real(f64::NEG_INFINITY)),
         examples: &[
             Example::new(
                 "a window of three cycles",
@@ -33,12 +35,12 @@ pub const ENTRY: Entry = Entry::new(
         ],
         ..WINDOW
     },
-    &[Kernel::of(Store::Real, each_window::<Window>)],
+    &[Kernel::of(Store::Real, each_window::<MaxFold>)],
 );
 
-struct Window;
+struct MaxFold;
 
-impl Fold for Window {
+impl Fold for MaxFold {
     #[inline(always)]
     fn leaf(value: f64) -> f64 {
         value

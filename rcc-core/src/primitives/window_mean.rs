@@ -1,18 +1,19 @@
 //! `WindowMean`: the mean of the last values.
 
 use crate::primitive::{
-    Entry, Example, Fold, Kernel, Literal, Memory, Spec, WINDOW, each_window, finite,
+    CatalogueEntry, DefaultValue, Example, Fold, Kernel, MemorySpec, Spec, WINDOW, each_window,
+    finite,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WindowMean",
         summary: "The mean of the values of a window that ends now.",
         undefined: "overflow: a sum too large for a number",
         formula: "(in(t) + … + in(t-(n-1)·dt)) / n, summed as a tree, which does not drift: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015)",
-        memory: Memory::window(2).starting(Literal::Real(0.0)),
+        memory: MemorySpec::window(2).starting(DefaultValue::Real(0.0)),
         examples: &[
             Example::new(
                 "a window of three cycles",
@@ -34,12 +35,12 @@ pub const ENTRY: Entry = Entry::new(
         ],
         ..WINDOW
     },
-    &[Kernel::of(Store::Real, each_window::<Window>)],
+    &[Kernel::of(Store::Real, each_window::<MeanFold>)],
 );
 
-struct Window;
+struct MeanFold;
 
-impl Fold for Window {
+impl Fold for MeanFold {
     #[inline(always)]
     fn leaf(value: f64) -> f64 {
         value

@@ -1,18 +1,19 @@
 //! `WindowRms`: the root of the mean square of the last values.
 
 use crate::primitive::{
-    Entry, Example, Fold, Kernel, Literal, Memory, Spec, WINDOW, each_window, finite,
+    CatalogueEntry, DefaultValue, Example, Fold, Kernel, MemorySpec, Spec, WINDOW, each_window,
+    finite,
 };
 use crate::types::Store;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WindowRms",
         summary: "The root mean square of the values of a window that ends now.",
         undefined: "overflow: a sum of squares too large for a number",
         formula: "sqrt((in(t)² + … + in(t-(n-1)·dt)²) / n), summed as a tree: Tangwongsan et al., General incremental sliding-window aggregation, PVLDB 8 (2015)",
-        memory: Memory::window(2).starting(Literal::Real(0.0)),
+        memory: MemorySpec::window(2).starting(DefaultValue::Real(0.0)),
         examples: &[
             Example::new(
                 "a window of three cycles",
@@ -31,12 +32,12 @@ pub const ENTRY: Entry = Entry::new(
         ],
         ..WINDOW
     },
-    &[Kernel::of(Store::Real, each_window::<Window>)],
+    &[Kernel::of(Store::Real, each_window::<RmsFold>)],
 );
 
-struct Window;
+struct RmsFold;
 
-impl Fold for Window {
+impl Fold for RmsFold {
     #[inline(always)]
     fn leaf(value: f64) -> f64 {
         value * value

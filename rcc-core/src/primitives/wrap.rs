@@ -2,10 +2,10 @@
 
 use core::f64::consts::{PI, TAU};
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, UnitRule, map_real};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, UnitRule, map_real};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Wrap",
         summary: "An angle brought into one turn, above -180° up to 180°.",

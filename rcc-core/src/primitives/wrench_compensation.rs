@@ -4,7 +4,8 @@
 
 use crate::frame::Frame;
 use crate::primitive::{
-    Entry, Example, Kernel, Literal, Parameter, ParameterKind, Port, PortType, Spec, UnitRule, each,
+    CatalogueEntry, DefaultValue, Example, Kernel, Parameter, ParameterKind, Port, PortType, Spec,
+    UnitRule, each,
 };
 use crate::rotation;
 use crate::spatial;
@@ -23,7 +24,7 @@ const fn vector(unit: Unit) -> ParameterKind {
 }
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchCompensation",
         summary: "The external wrench on a tool from what a wrist sensor reads: without the tool's weight, its inertia in a \
@@ -62,7 +63,7 @@ pub const ENTRY: Entry = Entry::new(
                 ACCELERATION,
                 "of the tool's centre of mass, axes of the base; left out: none",
             )
-            .default(Literal::Real(0.0)),
+            .default(DefaultValue::Real(0.0)),
         ],
         outputs: &[Port::typed(
             "out",
@@ -77,15 +78,15 @@ pub const ENTRY: Entry = Entry::new(
                 "its centre of mass, axes and origin of the sensor",
             ),
             Parameter::new("force_offset", vector(Unit::NEWTON), "what it reads without any load, axes of the sensor")
-                .default(Literal::Real(0.0)),
+                .default(DefaultValue::Real(0.0)),
             Parameter::new("torque_offset", vector(Unit::NEWTON_METRE), "the same for the torque")
-                .default(Literal::Real(0.0)),
+                .default(DefaultValue::Real(0.0)),
             Parameter::new(
                 "gravity",
                 vector(Unit::METRE_PER_SECOND2),
                 "acceleration of a body that falls, axes of the base; left out: 9.80665 m/s² against z, an upright base",
             )
-            .default(Literal::Null),
+            .default(DefaultValue::Null),
         ],
         ..Spec::PLAIN
     },

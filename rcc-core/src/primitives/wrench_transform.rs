@@ -1,12 +1,12 @@
 //! `WrenchTransform`: a wrench in another frame.
 
 use crate::frame::Frame;
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each};
 use crate::spatial;
 use crate::types::Type;
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "WrenchTransform",
         summary: "A wrench that is given in an inner frame, in the outer one: axes and reference point both change.",

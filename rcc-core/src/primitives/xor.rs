@@ -1,9 +1,9 @@
 //! `Xor`: exactly one is true; null if either is null.
 
-use crate::primitive::{Entry, Example, Kernel, Port, Spec, each_bool};
+use crate::primitive::{CatalogueEntry, Example, Kernel, Port, Spec, each_bool};
 
 /// The row of the catalogue.
-pub const ENTRY: Entry = Entry::new(
+pub const ENTRY: CatalogueEntry = CatalogueEntry::new(
     Spec {
         name: "Xor",
         summary: "True while exactly one of two is true.",

@@ -1,10 +1,10 @@
 //! Force control: its limits under any force, a contact that is a spring, and the ways to rest.
 
-use super::{Limits, Way, follow};
-use crate::testing::Bench;
+use super::{OffsetLimits, OffsetState, follow};
+use crate::testing::PrimitiveHarness;
 
 const DT_S: f64 = 1e-3;
-const AT_REST: Way = Way {
+const AT_REST: OffsetState = OffsetState {
     s: 0.0,
     v: 0.0,
     a: 0.0,
@@ -20,7 +20,7 @@ fn random(state: &mut u64) -> f64 {
 }
 
 /// One cycle, in which every limit holds.
-fn checked(before: Way, goal: f64, limits: &Limits) -> Way {
+fn checked(before: OffsetState, goal: f64, limits: &OffsetLimits) -> OffsetState {
     let way = follow(before, goal, limits, DT_S);
     let jerk = (way.a - before.a) / DT_S;
     let moved = (before.v + way.v) / 2.0 * DT_S;
@@ -51,7 +51,7 @@ fn goals_that_jump_at_any_time_break_no_limit_and_never_leave_the_travel() {
     for seed in 1..400 {
         let mut state = seed;
         let mut share = |low: f64, high: f64| low + (high - low) * (random(&mut state) + 1.0) / 2.0;
-        let limits = Limits {
+        let limits = OffsetLimits {
             velocity: share(0.005, 0.5),
             acceleration: share(0.05, 5.0),
             jerk: share(0.5, 200.0),
@@ -71,7 +71,7 @@ fn goals_that_jump_at_any_time_break_no_limit_and_never_leave_the_travel() {
 
 #[test]
 fn at_the_end_of_the_travel_it_rests_and_the_way_back_is_free() {
-    let limits = Limits {
+    let limits = OffsetLimits {
         velocity: 0.1,
         acceleration: 1.0,
         jerk: 20.0,
@@ -89,8 +89,8 @@ fn at_the_end_of_the_travel_it_rests_and_the_way_back_is_free() {
     assert!(way.s < 0.015 && way.held == 0.0 && way.v == -0.1, "{way:?}");
 }
 
-fn bench() -> Bench {
-    let mut bench = Bench::new("ForceControl");
+fn bench() -> PrimitiveHarness {
+    let mut bench = PrimitiveHarness::new("ForceControl");
     bench
         .set_reals("pose", &[0.5, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0])
         .set_real("force", 10.0)
@@ -107,7 +107,7 @@ fn bench() -> Bench {
 }
 
 /// A floor 10 mm below the path, 5000 N/m, felt `delay` cycles later.
-fn on_the_floor(bench: &mut Bench, cycles: usize, delay: usize) -> f64 {
+fn on_the_floor(bench: &mut PrimitiveHarness, cycles: usize, delay: usize) -> f64 {
     let mut forces = std::collections::VecDeque::from(std::vec![0.0; delay]);
     let mut most = 0.0_f64;
     for _ in 0..cycles {

@@ -17,7 +17,7 @@
 //! | 24 | arm angle at the end, rad |
 //! | 25 | elbow: 1 to the middle of its range |
 
-use super::{ArcOrientation, Elbow, Leg, Limits, Relative, Segment};
+use super::{ArcOrientation, ElbowMotion, Leg, MotionLimits, PathSegment, RelativeTo};
 use crate::pose::Pose;
 
 /// Numbers of a leg.
@@ -45,11 +45,11 @@ pub const ORIENTATIONS: &[&str] = &["even", "constant", "path"];
 pub const ELBOWS: &[&str] = &["stays", "middle"];
 
 /// A row.
-pub type Row = [f64; WIDTH];
+pub type LegRow = [f64; WIDTH];
 
 /// The pose of a row.
 #[must_use]
-pub fn pose(row: &Row) -> Pose {
+pub fn pose(row: &LegRow) -> Pose {
     let [_, x, y, z, qx, qy, qz, qw, ..] = *row;
     Pose::from_slots([x, y, z, qx, qy, qz, qw])
 }
@@ -57,7 +57,7 @@ pub fn pose(row: &Row) -> Pose {
 /// The leg of a row; of the last row of a spline, with all its poses. `None` for a point that is not the last one, and for
 /// a row that is none.
 #[must_use]
-pub fn leg<'a>(row: &Row, through: &'a [Pose]) -> Option<Leg<'a>> {
+pub fn leg<'a>(row: &LegRow, through: &'a [Pose]) -> Option<Leg<'a>> {
     let [
         kind,
         a,
@@ -89,39 +89,39 @@ pub fn leg<'a>(row: &Row, through: &'a [Pose]) -> Option<Leg<'a>> {
     let to = pose(row);
     let segment = if kind == PTP_JOINTS {
         let to = [a, b, c, d, e, f, g, h];
-        Segment::Joints { to }
+        PathSegment::Joints { to }
     } else if kind == PTP_POSE {
         let number = |value: f64| (0..=u8::MAX).find(|number| f64::from(*number) == value);
-        Segment::JointsToPose {
+        PathSegment::JointsToPose {
             to,
             branch: number(branch),
             status: number(vx),
             turn: number(vy),
         }
     } else if kind == LIN {
-        Segment::Line { to }
+        PathSegment::Line { to }
     } else if kind == CIRC {
-        Segment::Circle {
+        PathSegment::Circle {
             via: [vx, vy, vz],
             to,
             orientation: arc_orientation(orientation),
             angle: (!angle.is_nan()).then_some(angle),
         }
     } else if kind == SPLINE {
-        Segment::Spline { through }
+        PathSegment::Spline { through }
     } else {
         return None;
     };
     Some(Leg {
         segment,
         relative: match relative {
-            1.0 => Some(Relative::Tool),
-            2.0 => Some(Relative::Base),
+            1.0 => Some(RelativeTo::Tool),
+            2.0 => Some(RelativeTo::Base),
             _ => None,
         },
         elbow: self::elbow(arm_angle, elbow),
-        line: Limits::of([v, va, vj]),
-        turn: Limits::of([w, wa, wj]),
+        line: MotionLimits::of([v, va, vj]),
+        turn: MotionLimits::of([w, wa, wj]),
         scale: if scale.is_nan() { 1.0 } else { scale },
         blend: if blend.is_nan() { 0.0 } else { blend },
     })
@@ -129,11 +129,11 @@ pub fn leg<'a>(row: &Row, through: &'a [Pose]) -> Option<Leg<'a>> {
 
 /// What the elbow does, by the arm angle at the end (null: none is given) and the number of a word.
 #[must_use]
-pub fn elbow(arm_angle: f64, word: f64) -> Elbow {
+pub fn elbow(arm_angle: f64, word: f64) -> ElbowMotion {
     match (arm_angle.is_nan(), word) {
-        (false, _) => Elbow::To(arm_angle),
-        (true, 1.0) => Elbow::Middle,
-        (true, _) => Elbow::Stays,
+        (false, _) => ElbowMotion::To(arm_angle),
+        (true, 1.0) => ElbowMotion::Middle,
+        (true, _) => ElbowMotion::Stays,
     }
 }
 

@@ -5,9 +5,9 @@ use std::vec::Vec;
 
 use super::CATALOGUE;
 use crate::primitive::{
-    Entry, Literal, PROPAGATES, Parameter, ParameterKind, Port, PortType, Role,
+    CatalogueEntry, DefaultValue, PROPAGATES, Parameter, ParameterKind, Port, PortType, Role,
 };
-use crate::testing::Bench;
+use crate::testing::PrimitiveHarness;
 use crate::types::{NULL_INT, Store, Type};
 
 /// What passes an infinite number on, as IEEE 754 has it: primitives that nets have by the hundred.
@@ -85,7 +85,7 @@ fn store(ty: PortType, open: Store) -> Option<Store> {
 }
 
 /// The primitives whose ports are all scalars, each with an arena of its open ports.
-fn scalars() -> Vec<(&'static Entry, Store)> {
+fn scalars() -> Vec<(&'static CatalogueEntry, Store)> {
     let all = CATALOGUE.iter().flat_map(|entry| {
         let stores = [Store::Real, Store::Int, Store::Bool];
         stores.map(move |store| (*entry, store))
@@ -108,9 +108,9 @@ fn scalars() -> Vec<(&'static Entry, Store)> {
 }
 
 /// A bench of the primitive, with parameters in the middle of their ranges.
-fn bench((entry, open): (&'static Entry, Store)) -> Bench {
+fn bench((entry, open): (&'static CatalogueEntry, Store)) -> PrimitiveHarness {
     let spec = &entry.spec;
-    let mut bench = Bench::wide(spec.name, Some(open), 1);
+    let mut bench = PrimitiveHarness::wide(spec.name, Some(open), 1);
     for parameter in spec.parameters {
         let ParameterKind::Value(ty, _) = parameter.kind else {
             continue;
@@ -129,8 +129,8 @@ fn bench((entry, open): (&'static Entry, Store)) -> Bench {
 
 fn usual(parameter: &Parameter) -> f64 {
     match (parameter.default, parameter.at_most) {
-        (Some(Literal::Real(value)), _) => value,
-        (Some(Literal::Null), _) => f64::NAN,
+        (Some(DefaultValue::Real(value)), _) => value,
+        (Some(DefaultValue::Null), _) => f64::NAN,
         (_, Some(most)) => most / 2.0,
         _ if parameter.below_nyquist => 50.0,
         _ => 0.25,
@@ -138,7 +138,7 @@ fn usual(parameter: &Parameter) -> f64 {
 }
 
 /// Sets an input to something, and says whether it is null.
-fn set(bench: &mut Bench, port: &Port, store: Store, random: &mut Random) -> bool {
+fn set(bench: &mut PrimitiveHarness, port: &Port, store: Store, random: &mut Random) -> bool {
     match store {
         Store::Real => {
             let value = random.real();
@@ -159,7 +159,7 @@ fn set(bench: &mut Bench, port: &Port, store: Store, random: &mut Random) -> boo
 }
 
 /// An output as a number, NaN if it is null.
-fn number(bench: &Bench, port: &Port, store: Store) -> f64 {
+fn number(bench: &PrimitiveHarness, port: &Port, store: Store) -> f64 {
     match store {
         Store::Real => bench.real(port.name),
         Store::Int if bench.int(port.name) == NULL_INT => f64::NAN,

@@ -1,8 +1,8 @@
 //! The follower of one axis: it keeps the way that it is on as words in an arena, and asks for another one when the goal or
 //! the limits have changed. Run by the real-time thread.
 
-use super::{AxisState, PHASES_MAX, Phases, to_velocity, usable};
-use crate::path::Limits;
+use super::{AxisState, PHASES_MAX, Phases, limits_are_valid, to_velocity};
+use crate::path::MotionLimits;
 
 /// Numbers that an axis remembers: goal, limits of the way, cycles on it, state now, state at its beginning, phases.
 pub const AXIS_WORDS: usize = 1 + 3 + 1 + 3 + 3 + 2 * PHASES_MAX;
@@ -18,11 +18,11 @@ const LONGEST_S: f64 = 1e9;
 
 /// One axis that follows a goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Follower {
+pub struct AxisFollower {
     /// Where the way leads; NaN: to rest, wherever that is.
     goal: f64,
     /// What the way was planned with.
-    limits: Limits,
+    limits: MotionLimits,
     /// Periods since the way began, of the state now.
     periods: f64,
     now: AxisState,
@@ -30,13 +30,13 @@ pub struct Follower {
     phases: Phases,
 }
 
-impl Follower {
+impl AxisFollower {
     /// At rest there, without a goal.
     #[must_use]
-    pub fn at_rest(position: f64) -> Follower {
-        Follower {
+    pub fn at_rest(position: f64) -> AxisFollower {
+        AxisFollower {
             goal: f64::NAN,
-            limits: Limits {
+            limits: MotionLimits {
                 velocity: f64::NAN,
                 acceleration: f64::NAN,
                 jerk: f64::NAN,
@@ -75,12 +75,12 @@ impl Follower {
     pub fn step(
         &mut self,
         goal: Option<f64>,
-        limits: &Limits,
+        limits: &MotionLimits,
         dt_s: f64,
-        plan: impl FnOnce(&AxisState, f64, &Limits) -> Phases,
+        plan: impl FnOnce(&AxisState, f64, &MotionLimits) -> Phases,
     ) -> AxisState {
         let near = |goal: &f64| (goal - self.now.position).abs() <= LONGEST_S * limits.velocity;
-        let goal = goal.filter(|goal| near(goal) && usable(limits));
+        let goal = goal.filter(|goal| near(goal) && limits_are_valid(limits));
         let bounded = |limit: f64| limit.is_finite() && limit > 0.0;
         let stays = !(bounded(limits.acceleration) && bounded(limits.jerk));
         let same = match goal {
@@ -123,7 +123,7 @@ impl Follower {
     /// Everything that it is; two followers with equal words go on equally.
     #[must_use]
     pub fn words(&self) -> [f64; AXIS_WORDS] {
-        let Limits {
+        let MotionLimits {
             velocity,
             acceleration,
             jerk,
@@ -148,7 +148,7 @@ impl Follower {
 
     /// The follower that gave these words. Others give one of no use, which cannot fail either.
     #[must_use]
-    pub fn from_words(words: &[f64; AXIS_WORDS]) -> Follower {
+    pub fn from_words(words: &[f64; AXIS_WORDS]) -> AxisFollower {
         let [
             goal,
             velocity,
@@ -173,9 +173,9 @@ impl Follower {
             velocity,
             acceleration,
         };
-        Follower {
+        AxisFollower {
             goal,
-            limits: Limits {
+            limits: MotionLimits {
                 velocity,
                 acceleration,
                 jerk,
