@@ -16,13 +16,13 @@ use rcc_core::unit::Unit;
 use crate::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use crate::host::reason::Reason;
 
-pub mod bench;
 pub mod capture;
+pub mod driver_bench;
+pub mod fault_path;
 pub mod hosted;
-pub mod judge;
+pub mod limit_checker;
 pub mod real;
 pub mod rules;
-pub mod wire;
 
 /// Waits of a receive: a driver waits no longer than this for nothing.
 pub const TIMEOUT: Duration = Duration::from_millis(20);
@@ -39,7 +39,7 @@ pub trait Peer {
 
 /// What carries the bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wire {
+pub enum Transport {
     /// The device sends the first datagram to where the driver listens; its clock is the test's.
     UdpFromDevice,
     /// The driver sends the first datagram; the device lives in threads of its own.
@@ -50,7 +50,7 @@ pub enum Wire {
 
 /// The outputs that a device has been told, by the index of their channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Told {
+pub struct ObservedOutputs {
     /// Bit i: digital output i.
     pub digital: u64,
     /// Analog outputs, SI; NaN = never told.
@@ -66,9 +66,9 @@ pub trait Subject: Peer + Sized {
     /// Its reasons.
     const REASONS: &'static [Reason];
     /// Its wire.
-    const WIRE: Wire;
+    const TRANSPORT: Transport;
     /// The wire has checks that find corrupted packets.
-    const CHECKED: bool;
+    const HAS_CHECKSUM: bool;
     /// Values that settings must not have, as JSON: one row or more for every setting that has a range or a set of words.
     const BAD_SETTINGS: &'static [(&'static str, &'static str)];
     /// Addresses that channels of a kind must not have, as JSON; that they are of another type is tested anyway.
@@ -86,7 +86,7 @@ pub trait Subject: Peer + Sized {
     /// has a channel, and a digital output holds.
     fn device(at: SocketAddr) -> DeviceConfig;
     /// What its outputs are now.
-    fn told(&mut self) -> Told;
+    fn told(&mut self) -> ObservedOutputs;
     /// The set-points in a packet of the driver, if the device follows them.
     fn followed(&self, packet: &[u8]) -> Option<Joints> {
         let _ = packet;
@@ -100,7 +100,7 @@ pub trait Subject: Peer + Sized {
     fn capture() -> Option<capture::Capture>;
 }
 
-/// Gives a driver all rules: `conformance!(io: Station)` for plain I/O, `conformance!(arm: Controller)` for a device
+/// Gives a driver all rules: `conformance!(io: IoServer)` for plain I/O, `conformance!(arm: Controller)` for a device
 /// with joints.
 macro_rules! conformance {
     (io: $subject:ty) => {
@@ -164,7 +164,7 @@ macro_rules! conformance {
 pub(crate) use conformance;
 
 /// A channel: name, kind, address, release, range.
-pub type Row<'a> = (
+pub type ChannelRow<'a> = (
     &'a str,
     ChannelKind,
     serde_json::Value,
@@ -173,8 +173,8 @@ pub type Row<'a> = (
 );
 
 /// A device without robot.
-pub fn device(driver: &str, settings: serde_json::Value, rows: &[Row<'_>]) -> DeviceConfig {
-    let channel = |(place, row): (usize, &Row<'_>)| {
+pub fn device(driver: &str, settings: serde_json::Value, rows: &[ChannelRow<'_>]) -> DeviceConfig {
+    let channel = |(place, row): (usize, &ChannelRow<'_>)| {
         let (name, kind, address, on_release, range) = row.clone();
         let before = rows[..place].iter().filter(|other| other.1 == kind);
         ChannelConfig {

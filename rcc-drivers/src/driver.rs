@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::{Impedance, Strategy};
+use rcc_core::impedance::{ControlStrategy, Impedance};
 use rcc_core::message::{ANALOG_MAX, JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 use thiserror::Error;
@@ -79,7 +79,7 @@ pub struct Exchange {
     /// A net may begin to command it; otherwise `reason` says why not. What runs already goes on while commandable.
     pub startable: bool,
     /// What the device makes of set-points; a net for another strategy does not begin.
-    pub strategy: Strategy,
+    pub strategy: ControlStrategy,
     /// Where the device holds itself while it is not commandable, rad.
     pub mirror: Joints,
     /// Periods of the device since the last exchange, at least 1.
@@ -235,13 +235,13 @@ pub trait Driver: Send {
     }
 
     /// What it counts about its connection, for `rcc-cli doctor device`; none by default. Asked for once, at the start.
-    fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
+    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
         None
     }
 }
 
 /// Figures that a driver counts while it exchanges, as atomics: any thread may look at any time, and nobody waits.
-pub trait Diagnosis: Send + Sync + std::fmt::Debug {
+pub trait LinkDiagnosis: Send + Sync + std::fmt::Debug {
     /// Everything that is known about the connection now, as a JSON object. Called about once a second by a thread that
     /// is not the exchange's; it may allocate.
     fn link(&self) -> serde_json::Value;

@@ -14,7 +14,7 @@ pub mod template;
 
 /// One driver.
 #[derive(Debug)]
-pub struct Row {
+pub struct DriverEntry {
     /// As written in a cell's configuration.
     pub name: &'static str,
     /// Prepares it.
@@ -24,18 +24,18 @@ pub struct Row {
 }
 
 /// All drivers.
-pub const DRIVERS: &[Row] = &[
-    Row {
+pub const DRIVERS: &[DriverEntry] = &[
+    DriverEntry {
         name: "fri-lwr",
         open: boxed::<fri_lwr::FriLwr>,
         reasons: fri_lwr::REASONS,
     },
-    Row {
+    DriverEntry {
         name: "ideal-arm",
         open: boxed::<ideal_arm::IdealArm>,
         reasons: ideal_arm::REASONS,
     },
-    Row {
+    DriverEntry {
         name: "modbus",
         open: boxed::<modbus::Modbus>,
         reasons: modbus::REASONS,
@@ -50,7 +50,7 @@ fn boxed<D: Driver + 'static>(device: &DeviceConfig) -> Result<Box<dyn Driver>, 
 ///
 /// # Errors
 /// There is none of that name.
-pub fn find(device: &DeviceConfig) -> Result<&'static Row, DriverError> {
+pub fn find(device: &DeviceConfig) -> Result<&'static DriverEntry, DriverError> {
     let row = DRIVERS.iter().find(|row| row.name == device.driver);
     row.ok_or_else(|| DriverError::UnknownDriver {
         device: device.name.clone(),

@@ -8,7 +8,7 @@ use std::time::Duration;
 use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::Measurement;
 use rcc_ipc::control::MEASUREMENT;
-use rcc_ipc::events::{self, Kind, Recorder};
+use rcc_ipc::events::{self, EventKind, EventRecorder};
 use rcc_ipc::{
     AnnounceError, Announced, Announcement, BoardError, BoardWriter, Cell, CommandReader,
     Configuration, Role, Session, SessionError, monotonic_ns,
@@ -18,39 +18,39 @@ use thiserror::Error;
 
 use crate::driver::{Driver, Inputs, LinkError};
 
-mod answer;
-pub mod blend;
-pub mod compliance;
-pub mod detour;
-pub mod diagnosis;
-pub mod diary;
+pub mod device_session;
+pub mod diagnosis_file;
+pub mod executor_watch;
+pub mod health;
+pub mod impedance_ramp;
 pub mod limits;
-pub mod pace;
-pub mod player;
-pub mod pulse;
+pub mod output_release;
+pub mod playback_rate;
 pub mod reason;
-pub mod release;
-pub mod station;
-pub mod track;
-pub mod watch;
+pub mod set_point_buffer;
+pub mod set_point_player;
+mod set_point_wait;
+pub mod start_blend;
+pub mod state_log;
+pub mod tracking_offset;
 
 #[cfg(test)]
 mod tests;
 
-use answer::{Answer, Look};
-use diagnosis::Diagnosis;
-use diary::Diary;
-use pulse::Pulse;
+use device_session::{DeviceSession, OBSERVE_PERIODS_MAX};
+use diagnosis_file::DiagnosisFile;
+use executor_watch::{ExecutorEvent, ExecutorWatch};
+use health::DriverHealth;
 use reason::Reason;
-use station::{LOOK_PERIODS, Station};
-use watch::{News, Watch};
+use set_point_wait::{SetPointStatus, SetPointWait};
+use state_log::StateLog;
 
 /// Longest wait for the device: a stop that was asked for is seen after it.
 const WAIT_MAX: Duration = Duration::from_millis(10);
 /// How long a line of the event log may take on a slow disk.
 const SLOW_TURN_MAX: Duration = Duration::from_secs(10);
 /// How long a device that was asked to leave command mode is still answered, ns.
-const FAREWELL_NS: u64 = 1_000_000_000;
+const RELEASE_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// Why a driver cannot work in its cell.
 #[derive(Debug, Error)]
@@ -72,19 +72,19 @@ pub enum HostError {
 /// One device in its cell.
 pub struct Host {
     driver: Box<dyn Driver>,
-    station: Station,
+    session: DeviceSession,
     board: BoardWriter<Measurement>,
-    watch: Watch,
+    watch: ExecutorWatch,
     commands: Option<CommandReader>,
-    /// When to answer, if the executor's clock follows this device.
-    answer: Option<Answer>,
+    /// When to set_point_wait, if the executor's clock follows this device.
+    set_point_wait: Option<SetPointWait>,
     wait: Duration,
-    diary: Diary,
-    diagnosis: Diagnosis,
-    recorder: Recorder,
-    pulse: Arc<Pulse>,
+    state_log: StateLog,
+    diagnosis: DiagnosisFile,
+    recorder: EventRecorder,
+    health: Arc<DriverHealth>,
     /// CLOCK_MONOTONIC at which the device was asked to leave command mode.
-    farewell_ns: Option<u64>,
+    release_requested_ns: Option<u64>,
     helpers: Helpers,
     /// Taken back when the host ends.
     _announced: Announced,
@@ -112,12 +112,12 @@ impl Host {
         let link = driver.diagnosis();
         let reasons = driver.reasons().unwrap_or(reasons);
         let mut board = session.create_board::<Measurement>(MEASUREMENT)?;
-        let station = Station::new(device, monotonic_ns());
-        let station = match leads {
-            Some(_) => station.leading(),
-            None => station,
+        let session_state = DeviceSession::new(device, monotonic_ns());
+        let session_state = match leads {
+            Some(_) => session_state.with_leading_clock(),
+            None => session_state,
         };
-        board.write(station.measurement());
+        board.write(session_state.measurement());
         let announcement = Announcement::of(&session)
             .configured(Configuration::new(config.identity()).only(&device.name))
             .service(MEASUREMENT, board.service())
@@ -125,31 +125,32 @@ impl Host {
         let helpers = Helpers::default();
         let writer = helpers.helper("events", SLOW_TURN_MAX);
         let turn = move || writer.turn();
-        let recorder = Recorder::watched(cell, Role::Driver, &device.name, turn)?;
+        let recorder = EventRecorder::watched(cell, Role::Driver, &device.name, turn)?;
         // All threads are made before the device is announced; they begin with `Host::run`.
-        let watch = Watch::start(session, announcement.clone(), recorder.clone(), &helpers)?;
-        let diagnosis = Diagnosis::start(cell, device, reasons, link, &helpers)?;
+        let watch =
+            ExecutorWatch::start(session, announcement.clone(), recorder.clone(), &helpers)?;
+        let diagnosis = DiagnosisFile::start(cell, device, reasons, link, &helpers)?;
         let predecessor = events::predecessor(cell, Role::Driver, &device.name);
         let announced = cell.announce(&announcement)?;
-        recorder.tell(Kind::Started {
+        recorder.tell(EventKind::Started {
             note: String::new(),
             predecessor,
         });
-        let look_ns = config.period_ns.saturating_mul(LOOK_PERIODS);
+        let look_ns = config.period_ns.saturating_mul(OBSERVE_PERIODS_MAX);
         tracing::info!(device = %device.name, "announced");
         Ok(Self {
             driver,
-            station,
+            session: session_state,
             board,
             watch,
             commands: None,
-            answer: leads.map(Answer::after),
+            set_point_wait: leads.map(SetPointWait::after),
             wait: Duration::from_nanos(look_ns).clamp(Duration::from_millis(1), WAIT_MAX),
-            diary: Diary::new(recorder.clone(), device, reasons),
+            state_log: StateLog::new(recorder.clone(), device, reasons),
             diagnosis,
             recorder,
-            pulse: Pulse::new(reasons),
-            farewell_ns: None,
+            health: DriverHealth::new(reasons),
+            release_requested_ns: None,
             helpers,
             _announced: announced,
         })
@@ -157,8 +158,8 @@ impl Host {
 
     /// How this driver does, for whoever supervises it.
     #[must_use]
-    pub fn pulse(&self) -> Arc<Pulse> {
-        Arc::clone(&self.pulse)
+    pub fn health(&self) -> Arc<DriverHealth> {
+        Arc::clone(&self.health)
     }
 
     /// The threads beside the one that exchanges with the device. They begin with [`Host::run`].
@@ -169,85 +170,86 @@ impl Host {
 
     /// To both logs, as an event of this driver.
     #[must_use]
-    pub fn recorder(&self) -> &Recorder {
+    pub fn recorder(&self) -> &EventRecorder {
         &self.recorder
     }
 
     /// Exchanges with the device until `stop` is set and the device has been brought to rest and let go.
     pub fn run(&mut self, stop: &AtomicBool) {
-        self.helpers.go();
+        self.helpers.start();
         let mut inputs = Inputs::NONE;
         // Relaxed: nothing else is told with it.
-        while !(stop.load(Ordering::Relaxed) && self.is_let_go()) {
-            self.take_boards();
+        while !(stop.load(Ordering::Relaxed) && self.is_released()) {
+            self.update_command_board();
             match self.driver.receive(self.wait, &mut inputs) {
                 Ok(exchange) => {
                     let arrived_ns = monotonic_ns();
                     self.observe();
-                    self.station.arrive(arrived_ns, &inputs, &exchange);
+                    self.session.begin_exchange(arrived_ns, &inputs, &exchange);
                     self.await_set_point(arrived_ns, exchange.period_ns);
-                    let outputs = self.station.answer(&exchange);
+                    let outputs = self.session.finish_exchange(&exchange);
                     if let Err(error) = self.driver.send(&outputs) {
-                        self.silence(error);
+                        self.report_link_error(error);
                     }
-                    self.board.write(self.station.measurement());
+                    self.board.write(self.session.measurement());
                 }
                 Err(error) => {
                     self.observe();
-                    if self.silence(error) {
-                        self.board.write(self.station.measurement());
+                    if self.report_link_error(error) {
+                        self.board.write(self.session.measurement());
                     }
                 }
             }
-            self.pulse.turn(self.station.measurement());
-            self.diary.look(&self.station);
-            self.diagnosis.turn(self.station.measurement());
+            self.health.update(self.session.measurement());
+            self.state_log.update(&self.session);
+            self.diagnosis.update(self.session.measurement());
         }
         self.recorder.tell(match self.helpers.failure() {
-            None => Kind::Stopping {
+            None => EventKind::Stopping {
                 why: "asked to".to_owned(),
             },
-            Some(why) => Kind::HelperEnded { why },
+            Some(why) => EventKind::HelperEnded { why },
         });
     }
 
     /// True if the device is offline.
-    fn silence(&mut self, error: LinkError) -> bool {
+    fn report_link_error(&mut self, error: LinkError) -> bool {
         let lost = match error {
             LinkError::Silent => None,
             LinkError::Lost { reason } => Some(reason),
         };
-        self.station.silence(monotonic_ns(), lost)
+        self.session.silence(monotonic_ns(), lost)
     }
 
     fn observe(&mut self) {
         let image = self.commands.as_mut().map(CommandReader::read);
-        self.station.observe(monotonic_ns(), image);
+        self.session.observe(monotonic_ns(), image);
     }
 
     /// Where the executor's clock follows the device: tells the executor at once what was measured, and waits a while
     /// for the set-point that it computes from that.
     fn await_set_point(&mut self, arrived_ns: u64, period_ns: u64) {
-        let (Some(answer), Some(board)) = (&mut self.answer, &self.commands) else {
+        let (Some(set_point_wait), Some(board)) = (&mut self.set_point_wait, &self.commands) else {
             return;
         };
-        let measurement = self.station.measurement();
+        let measurement = self.session.measurement();
         self.board.write(measurement);
         let sequence = measurement.sequence;
-        let is_here = answer.wait(arrived_ns, period_ns, |now_ns| {
-            Look::of(&board.head(), sequence, now_ns, period_ns)
+        let is_current = set_point_wait.wait(arrived_ns, period_ns, |now_ns| {
+            SetPointStatus::of(&board.head(), sequence, now_ns, period_ns)
         });
-        if is_here {
+        if is_current {
             self.observe();
         }
     }
 
-    fn take_boards(&mut self) {
-        while let Some(news) = self.watch.news() {
-            self.station.meet_stranger(matches!(news, News::Stranger));
-            let commands = match news {
-                News::Commands(commands) => Some(commands),
-                News::Gone | News::Stranger => None,
+    fn update_command_board(&mut self) {
+        while let Some(event) = self.watch.next_event() {
+            self.session
+                .set_executor_incompatible(matches!(event, ExecutorEvent::Incompatible));
+            let commands = match event {
+                ExecutorEvent::Commands(commands) => Some(commands),
+                ExecutorEvent::Gone | ExecutorEvent::Incompatible => None,
             };
             if let Some(old) = std::mem::replace(&mut self.commands, commands) {
                 self.watch.give_back(old);
@@ -256,20 +258,20 @@ impl Host {
     }
 
     /// The end was asked for: the device rests, and has left command mode or has had its time to.
-    fn is_let_go(&mut self) -> bool {
-        self.station.terminate();
-        if !self.station.is_at_rest() {
+    fn is_released(&mut self) -> bool {
+        self.session.terminate();
+        if !self.session.is_at_rest() {
             return false;
         }
-        if !self.station.is_held_by_us() {
+        if !self.session.needs_release() {
             return true;
         }
         let now_ns = monotonic_ns();
-        let since_ns = *self.farewell_ns.get_or_insert_with(|| {
+        let since_ns = *self.release_requested_ns.get_or_insert_with(|| {
             self.driver.release();
             now_ns
         });
-        now_ns.saturating_sub(since_ns) > FAREWELL_NS
+        now_ns.saturating_sub(since_ns) > RELEASE_TIMEOUT_NS
     }
 }
 

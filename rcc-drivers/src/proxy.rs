@@ -4,13 +4,13 @@
 //!
 //! The same seed and the same packets give the same faults in each direction, whatever the other direction does.
 
-pub mod chance;
-pub mod line;
+pub mod faulty_link;
+pub mod random;
 pub mod tcp;
 pub mod udp;
 
-pub use chance::Chance;
-pub use line::{Counts, Line, Rates};
+pub use faulty_link::{FaultCounts, FaultRates, FaultyLink};
+pub use random::SplitMix64;
 pub use tcp::TcpProxy;
 pub use udp::UdpProxy;
 
@@ -24,10 +24,10 @@ pub enum Direction {
 }
 
 /// The two lines of a proxy, each with chances of its own.
-fn lines(rates: Rates, seed: u64) -> [Line; 2] {
-    let mut chance = Chance::new(seed);
+fn lines(rates: FaultRates, seed: u64) -> [FaultyLink; 2] {
+    let mut chance = SplitMix64::new(seed);
     [
-        Line::new(rates, chance.draw()),
-        Line::new(rates, chance.draw()),
+        FaultyLink::new(rates, chance.draw()),
+        FaultyLink::new(rates, chance.draw()),
     ]
 }

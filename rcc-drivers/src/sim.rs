@@ -3,5 +3,5 @@
 
 pub mod control_socket;
 pub mod io;
-pub mod lines;
+pub mod line_server;
 pub mod lwr;

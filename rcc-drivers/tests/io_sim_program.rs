@@ -4,7 +4,7 @@
 mod common;
 
 use common::Folder;
-use rcc_drivers::sim::lines::Client;
+use rcc_drivers::sim::line_server::ControlClient;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind};
@@ -19,7 +19,7 @@ use tokio_modbus::client::{Reader, Writer, tcp};
 struct Simulator {
     child: Child,
     modbus: SocketAddr,
-    control: Client,
+    control: ControlClient,
     folder: Folder,
 }
 
@@ -45,7 +45,7 @@ impl Simulator {
                 .parse()
                 .unwrap()
         };
-        let control = Client::connect(folder.socket()).unwrap();
+        let control = ControlClient::connect(folder.socket()).unwrap();
         Self {
             modbus: address("modbus="),
             child,
@@ -152,7 +152,7 @@ fn a_dead_simulators_socket_is_replaced_and_an_ended_one_leaves_none() {
     let mut line = String::new();
     let stdout = next.stdout.take().unwrap();
     BufReader::new(stdout).read_line(&mut line).unwrap();
-    let mut control = Client::connect(&socket).unwrap();
+    let mut control = ControlClient::connect(&socket).unwrap();
     // A second one is refused while the first lives.
     let refused = Command::new(env!("CARGO_BIN_EXE_io-sim"))
         .arg("--control")

@@ -5,7 +5,7 @@ mod common;
 
 use common::Folder;
 use rcc_drivers::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState, flags};
-use rcc_drivers::sim::lines::Client;
+use rcc_drivers::sim::line_server::ControlClient;
 use rcc_drivers::sim::lwr::trace::TraceRecord;
 use serde_json::{Value, json};
 use std::fs;
@@ -19,7 +19,7 @@ use std::time::Duration;
 /// A running simulator; killed if the test ends before it does.
 struct Simulator {
     child: Child,
-    control: Client,
+    control: ControlClient,
     folder: Folder,
 }
 
@@ -48,7 +48,7 @@ impl Simulator {
         let told = line.trim().rsplit_once("control=");
         let (_, told) = told.expect("a line with the places");
         assert_eq!(Path::new(told), folder.socket());
-        let control = Client::connect(told).unwrap();
+        let control = ControlClient::connect(told).unwrap();
         Self {
             child,
             control,

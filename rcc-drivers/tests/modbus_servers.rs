@@ -16,7 +16,7 @@ use rcc_core::unit::Unit;
 use rcc_drivers::driver::{Driver, Exchange, Inputs, LinkError, Outputs};
 use rcc_drivers::drivers::modbus::Modbus;
 use rcc_drivers::drivers::modbus::fault::{EXCEPTIONS, NAMED, TIMEOUT, UNREACHABLE};
-use rcc_drivers::sim::lines::Client;
+use rcc_drivers::sim::line_server::ControlClient;
 use serde_json::{Value, json};
 
 /// Exchanges, or attempts at one, in which something must have happened.
@@ -26,7 +26,7 @@ const PATIENCE: usize = 3000;
 struct Simulator {
     child: Child,
     modbus: SocketAddr,
-    control: Client,
+    control: ControlClient,
     _folder: Folder,
 }
 
@@ -57,7 +57,7 @@ impl Simulator {
                 .unwrap()
         };
         Self {
-            control: Client::connect(folder.socket()).unwrap(),
+            control: ControlClient::connect(folder.socket()).unwrap(),
             modbus: address("modbus="),
             child,
             _folder: folder,

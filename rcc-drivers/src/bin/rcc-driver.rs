@@ -14,8 +14,8 @@ use rcc_drivers::drivers;
 use rcc_drivers::host::Host;
 use rcc_drivers::priority::rise;
 use rcc_ipc::Cell;
-use rcc_ipc::events::Kind;
-use rcc_process::{CellArguments, Ending, Notifier, Stop, ending, helpers};
+use rcc_ipc::events::EventKind;
+use rcc_process::{CellArguments, ExitError, Notifier, Stop, exit, helpers};
 
 /// Set by the signal thread; the host reads it.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -37,37 +37,37 @@ struct Options {
 fn main() -> ExitCode {
     let options = Options::parse();
     rcc_process::log();
-    ending::conclude(run(&options))
+    exit::conclude(run(&options))
 }
 
-fn run(options: &Options) -> Result<(), Ending> {
+fn run(options: &Options) -> Result<(), ExitError> {
     // Before the first thread, so that all threads leave the signals to the one that waits for them.
     let signals = Stop::prepare(options.cell.parent_death)?;
     let config = options.cell.load()?;
     let device = device(&config, &options.device)?;
     let wrong = |error: &dyn std::error::Error| {
-        Ending::configuration(&format!("rcc-driver {}: {error}", options.device))
+        ExitError::configuration(&format!("rcc-driver {}: {error}", options.device))
     };
     let row = drivers::find(device).map_err(|error| wrong(&error))?;
     let driver = (row.open)(device).map_err(|error| match error {
-        DriverError::System { .. } => Ending::from(error),
+        DriverError::System { .. } => ExitError::from(error),
         _ => wrong(&error),
     })?;
     let cell = Cell::new(&options.cell.cell)?;
     let mut host = Host::join(&cell, (&config, device), (driver, row.reasons))?;
-    let pulse = host.pulse();
+    let pulse = host.health();
     let helpers = host.helpers().clone();
     let recorder = host.recorder().clone();
     let mut hangs = helpers.watch(move |hang| {
         tracing::error!("{hang}");
-        recorder.tell(Kind::HelperHangs {
+        recorder.tell(EventKind::HelperHangs {
             helper: hang.helper.to_owned(),
             silent_ms: hang.silent.as_millis().try_into().unwrap_or(u64::MAX),
             limit_ms: hang.limit.as_millis().try_into().unwrap_or(u64::MAX),
         });
     });
     // READY comes when the host runs: then all threads are made.
-    let supervisor = Notifier::start(&helpers, move || hangs.look(pulse.look()))?;
+    let supervisor = Notifier::start(&helpers, move || hangs.check(pulse.look()))?;
     let failed = helpers.clone();
     helpers::thread("signals", move || {
         signals.wait();
@@ -85,13 +85,13 @@ fn run(options: &Options) -> Result<(), Ending> {
     helpers.conclude()
 }
 
-fn device<'a>(config: &'a CellConfig, name: &str) -> Result<&'a DeviceConfig, Ending> {
+fn device<'a>(config: &'a CellConfig, name: &str) -> Result<&'a DeviceConfig, ExitError> {
     config
         .device(name)
         .map(|(_, device)| device)
         .ok_or_else(|| {
             let names: Vec<&str> = config.devices.iter().map(|one| one.name.as_str()).collect();
-            Ending::configuration(&format!(
+            ExitError::configuration(&format!(
                 "{} has no device '{name}'; it has: {}",
                 config.source.display(),
                 names.join(", ")

@@ -11,7 +11,7 @@ use clap::Parser;
 use rcc_drivers::driver::{DriverError, Exchange, Inputs, LinkError};
 use rcc_drivers::drivers;
 use rcc_drivers::host::reason;
-use rcc_process::{CellArguments, Ending, ending};
+use rcc_process::{CellArguments, ExitError, exit};
 use serde_json::{Value, json};
 
 /// Longest wait for one datagram.
@@ -33,13 +33,13 @@ struct Options {
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    ending::conclude(run(&options))
+    exit::conclude(run(&options))
 }
 
-fn run(options: &Options) -> Result<(), Ending> {
+fn run(options: &Options) -> Result<(), ExitError> {
     let config = options.cell.load()?;
     let (_, device) = config.device(&options.device).ok_or_else(|| {
-        Ending::configuration(&format!("there is no device '{}'", options.device))
+        ExitError::configuration(&format!("there is no device '{}'", options.device))
     })?;
     let told = match drivers::find(device)
         .and_then(|row| (row.open)(device).map(|driver| (row, driver)))

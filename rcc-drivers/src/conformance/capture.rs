@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use rcc_config::DeviceConfig;
 
-use super::wire::Between;
-use super::{Subject, TIMEOUT, Wire};
+use super::fault_path::FaultPath;
+use super::{Subject, TIMEOUT, Transport};
 use crate::driver::{Driver, Inputs, Outputs};
 
 /// Receives until the capture is over.
@@ -22,7 +22,7 @@ const WAIT: Duration = Duration::from_secs(10);
 
 /// Who sent captured bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum From {
+pub enum PacketSource {
     /// The driver, to the device.
     Driver,
     /// The device, to the driver.
@@ -34,7 +34,7 @@ pub struct Capture {
     /// The driver's configuration, for a device (or, if that sends first, a driver) at an address.
     pub device: fn(SocketAddr) -> DeviceConfig,
     /// Packets, in their order. What a driver sends is compared if it is the first to send.
-    pub packets: Vec<(From, Vec<u8>)>,
+    pub packets: Vec<(PacketSource, Vec<u8>)>,
     /// Exchanges in it.
     pub exchanges: usize,
     /// Checks what the driver made of it, one row an exchange.
@@ -44,11 +44,11 @@ pub struct Capture {
 impl Capture {
     /// Packets from text: a line each, `>` for the driver's and `<` for the device's, and bytes in hexadecimal digits;
     /// other lines say where it comes from.
-    pub fn packets(text: &str) -> Vec<(From, Vec<u8>)> {
+    pub fn packets(text: &str) -> Vec<(PacketSource, Vec<u8>)> {
         let packet = |line: &str| {
             let (from, hex) = match line.split_at_checked(1)? {
-                (">", hex) => (From::Driver, hex),
-                ("<", hex) => (From::Device, hex),
+                (">", hex) => (PacketSource::Driver, hex),
+                ("<", hex) => (PacketSource::Device, hex),
                 _ => return None,
             };
             let digits: Vec<u8> = hex
@@ -99,10 +99,14 @@ fn replays(capture: &Capture, replay: fn(&Capture) -> Vec<Inputs>) -> Vec<Inputs
     first
 }
 
-fn text(packets: &[(From, Vec<u8>)]) -> String {
+fn text(packets: &[(PacketSource, Vec<u8>)]) -> String {
     let mut text = String::new();
     for (from, bytes) in packets {
-        text.push(if *from == From::Driver { '>' } else { '<' });
+        text.push(if *from == PacketSource::Driver {
+            '>'
+        } else {
+            '<'
+        });
         bytes
             .iter()
             .for_each(|byte| text += &format!(" {byte:02x}"));
@@ -112,22 +116,22 @@ fn text(packets: &[(From, Vec<u8>)]) -> String {
 }
 
 /// What passed and what came of it.
-type Recording = (Vec<(From, Vec<u8>)>, Vec<Inputs>);
+type Recording = (Vec<(PacketSource, Vec<u8>)>, Vec<Inputs>);
 
 /// Bytes and inputs of some exchanges; `None` if one of them failed, as the machine was too busy.
 fn record<S: Subject>() -> Option<Recording> {
     let mut subject = S::start();
-    let (between, address) = Between::of(&mut subject, 1);
-    drop(between.heard());
+    let (path, address) = FaultPath::of(&mut subject, 1);
+    drop(path.take_recording());
     let device = S::device(address);
     let mut driver = S::Driver::open(&device).unwrap_or_else(|error| panic!("{error}"));
     let mut packets = Vec::new();
     let mut seen = Vec::new();
     for _ in 0..PATIENCE {
         subject.before();
-        between.step();
+        path.step();
         let inputs = exchange(&mut driver);
-        packets.extend(between.heard());
+        packets.extend(path.take_recording());
         subject.after();
         match inputs {
             Some(inputs) => seen.push(inputs),
@@ -153,16 +157,16 @@ fn exchange(driver: &mut impl Driver) -> Option<Inputs> {
 }
 
 fn replay<S: Subject>(capture: &Capture) -> Vec<Inputs> {
-    match S::WIRE {
-        Wire::UdpFromDevice => from_device::<S>(capture),
-        Wire::UdpFromDriver => {
+    match S::TRANSPORT {
+        Transport::UdpFromDevice => from_device::<S>(capture),
+        Transport::UdpFromDriver => {
             let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
             let address = socket.local_addr().expect("an address");
             let packets = capture.packets.clone();
             let device = std::thread::spawn(move || answer_datagrams(&socket, &packets));
             from_driver::<S>(capture, address, device)
         }
-        Wire::TcpFromDriver => {
+        Transport::TcpFromDriver => {
             let listener = TcpListener::bind("127.0.0.1:0").expect("loopback");
             let address = listener.local_addr().expect("an address");
             let packets = capture.packets.clone();
@@ -173,12 +177,16 @@ fn replay<S: Subject>(capture: &Capture) -> Vec<Inputs> {
 }
 
 fn from_device<S: Subject>(capture: &Capture) -> Vec<Inputs> {
-    let address = super::wire::free_udp();
+    let address = super::fault_path::free_udp();
     let device = (capture.device)(address);
     let mut driver = S::Driver::open(&device).unwrap_or_else(|error| panic!("{error}"));
     let socket = UdpSocket::bind("127.0.0.1:0").expect("loopback");
     let mut seen = Vec::new();
-    for (_, bytes) in capture.packets.iter().filter(|row| row.0 == From::Device) {
+    for (_, bytes) in capture
+        .packets
+        .iter()
+        .filter(|row| row.0 == PacketSource::Device)
+    {
         socket.send_to(bytes, address).expect("loopback");
         seen.extend(exchange(&mut driver));
     }
@@ -206,36 +214,36 @@ fn from_driver<S: Subject>(
     seen
 }
 
-fn answer_datagrams(socket: &UdpSocket, packets: &[(From, Vec<u8>)]) {
+fn answer_datagrams(socket: &UdpSocket, packets: &[(PacketSource, Vec<u8>)]) {
     socket.set_read_timeout(Some(WAIT)).expect("a socket");
     let mut peer = None;
     let mut bytes = [0; 65536];
     for (from, packet) in packets {
         match (from, peer) {
-            (From::Driver, _) => {
+            (PacketSource::Driver, _) => {
                 let (size, source) = socket.recv_from(&mut bytes).expect("the driver's packet");
                 assert_eq!(&bytes[..size], packet, "the driver sends something else");
                 peer = Some(source);
             }
-            (From::Device, Some(peer)) => {
+            (PacketSource::Device, Some(peer)) => {
                 socket.send_to(packet, peer).expect("loopback");
             }
-            (From::Device, None) => panic!("the driver is the first to send"),
+            (PacketSource::Device, None) => panic!("the driver is the first to send"),
         }
     }
 }
 
-fn answer_stream(listener: &TcpListener, packets: &[(From, Vec<u8>)]) {
+fn answer_stream(listener: &TcpListener, packets: &[(PacketSource, Vec<u8>)]) {
     let (mut stream, _) = listener.accept().expect("the driver connects");
     stream.set_read_timeout(Some(WAIT)).expect("a socket");
     for (from, packet) in packets {
         match from {
-            From::Driver => {
+            PacketSource::Driver => {
                 let mut bytes = vec![0; packet.len()];
                 stream.read_exact(&mut bytes).expect("the driver's bytes");
                 assert_eq!(bytes, *packet, "the driver sends something else");
             }
-            From::Device => stream.write_all(packet).expect("the driver reads"),
+            PacketSource::Device => stream.write_all(packet).expect("the driver reads"),
         }
     }
     // The driver ends first: what it has not read yet would be lost otherwise.

@@ -16,9 +16,9 @@ use rcc_ipc::{
     monotonic_ns,
 };
 
-use super::judge::Judge;
-use super::wire::Between;
-use super::{Subject, Wire};
+use super::fault_path::FaultPath;
+use super::limit_checker::LimitChecker;
+use super::{Subject, Transport};
 use crate::driver::Driver;
 use crate::host::limits::ArmLimits;
 use crate::host::reason::Reason;
@@ -181,7 +181,7 @@ impl Drop for TestCell {
 }
 
 /// A subject, and its driver in the host of a cell.
-pub struct Hosted<S: Subject> {
+pub struct HostedDriver<S: Subject> {
     /// The cell.
     pub cell: TestCell,
     /// The device.
@@ -189,28 +189,28 @@ pub struct Hosted<S: Subject> {
     /// What the device was told to follow.
     pub followed: Vec<Joints>,
     /// Watches that.
-    pub judge: Judge,
-    between: Between,
+    pub checker: LimitChecker,
+    path: FaultPath,
     steps: u64,
     /// When the device's last packet left.
     spoke: Instant,
 }
 
-impl<S: Subject> Hosted<S> {
+impl<S: Subject> HostedDriver<S> {
     /// A device, its driver and an executor, ready for a net.
     pub fn ready() -> Self {
         let mut subject = S::start();
-        let (between, address) = Between::of(&mut subject, 1);
+        let (path, address) = FaultPath::of(&mut subject, 1);
         let device = S::device(address);
         let mut cell = TestCell::new(&device);
         cell.start_executor();
         cell.run(Self::driver(&device), S::REASONS);
         let mut hosted = Self {
-            judge: Judge::new(ArmLimits::of(&device)),
+            checker: LimitChecker::new(ArmLimits::of(&device)),
             cell,
             subject,
             followed: Vec::new(),
-            between,
+            path,
             steps: 0,
             spoke: Instant::now(),
         };
@@ -235,7 +235,7 @@ impl<S: Subject> Hosted<S> {
             self.step(Some(entry()));
         }
         self.cell.end();
-        self.judge.forget();
+        self.checker.forget();
         self.cell.run(Self::driver(&self.cell.device), S::REASONS);
     }
 
@@ -247,30 +247,30 @@ impl<S: Subject> Hosted<S> {
             self.cell.write(entry);
         }
         self.subject.before();
-        self.between.step();
+        self.path.step();
         // A test that was kept waiting was a device that fell silent: whoever does that is no longer followed, and has
         // come to rest by itself.
         let silent = std::mem::replace(&mut self.spoke, Instant::now()).elapsed();
         if silent > Duration::from_nanos(self.cell.device.command_timeout_ns) / 2 {
-            self.judge.forget();
+            self.checker.forget();
         }
-        let mut answers = self.between.answers();
-        while S::WIRE == Wire::UdpFromDevice
+        let mut answers = self.path.answers();
+        while S::TRANSPORT == Transport::UdpFromDevice
             && answers.is_empty()
             && begin.elapsed() < ANSWER_MAX
             && !self.cell.has_ended()
         {
             thread::sleep(CYCLE / 20);
-            answers = self.between.answers();
+            answers = self.path.answers();
         }
         for packet in answers {
             match self.subject.followed(&packet) {
                 Some(position) => {
-                    self.judge
+                    self.checker
                         .see(self.steps as f64 * CYCLE.as_secs_f64(), &position);
                     self.followed.push(position);
                 }
-                None => self.judge.forget(),
+                None => self.checker.forget(),
             }
         }
         self.subject.after();

@@ -14,11 +14,11 @@ use rcc_config::{CellConfig, DeviceConfig};
 use rcc_core::message::{CommandImage, SetPoint};
 use rcc_ipc::monotonic_ns;
 
-use super::bench::all_on;
-use super::wire::free_udp;
+use super::driver_bench::all_on;
+use super::fault_path::free_udp;
 use super::{Subject, TIMEOUT};
 use crate::driver::{Driver, Inputs, Outputs};
-use crate::host::station::Station;
+use crate::host::device_session::DeviceSession;
 
 /// Seeds of a rule with faults, unless `RCC_SEED` names one.
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=2;
@@ -127,7 +127,7 @@ fn listen<S: Subject>(device: &DeviceConfig) {
 /// All outputs on for a while, then released.
 fn blink<S: Subject>(device: &DeviceConfig) {
     let mut driver = S::Driver::open(device).unwrap_or_else(|error| panic!("{error}"));
-    let mut station = Station::new(device, monotonic_ns());
+    let mut session = DeviceSession::new(device, monotonic_ns());
     let mut image = CommandImage::new(1, 1_000_000);
     let (begin, mut heard) = (Instant::now(), 0);
     while heard < EXCHANGES {
@@ -147,8 +147,8 @@ fn blink<S: Subject>(device: &DeviceConfig) {
             SetPoint::NONE
         };
         image.push(image.head.sequence + 1, monotonic_ns(), point);
-        station.observe(monotonic_ns(), Some(&image));
-        let outputs: Outputs = station.exchange(monotonic_ns(), &inputs, &exchange);
+        session.observe(monotonic_ns(), Some(&image));
+        let outputs: Outputs = session.exchange(monotonic_ns(), &inputs, &exchange);
         driver
             .send(&outputs)
             .unwrap_or_else(|error| panic!("{error}"));

@@ -1,6 +1,6 @@
 //! The driver `fri-lwr`: a KUKA LWR 4+ over FRI 1.0 on UDP, in joint position, Cartesian impedance or joint impedance
 //! control, with KRL booleans and reals as I/O.
-//! Run by the host's thread; [`dialog::Dialog`] is the pure part, this file is the socket around it.
+//! Run by the host's thread; [`fri_session::FriSession`] is the pure part, this file is the socket around it.
 //!
 //! The controller sends first, on its own clock, and is answered at the address that it sent from.
 
@@ -13,17 +13,17 @@ use rcc_config::DeviceConfig;
 use rcc_ipc::monotonic_ns;
 
 use crate::driver::{
-    Diagnosis, Driver, DriverError, Exchange, Inputs, LinkError, Outputs, Settings,
+    Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs, Settings,
 };
 use crate::fri_lwr::wire::{MSR_SIZE, Quality};
 use crate::host::reason::Reason;
 
 pub mod counters;
-pub mod dialog;
+pub mod fri_session;
 pub mod strategy;
 
-use counters::Counters;
-use dialog::{Dialog, Script};
+use counters::FriCounters;
+use fri_session::{FriSession, KrlConvention};
 
 /// The controller is in monitor state.
 pub const MONITORING: u32 = 100;
@@ -68,7 +68,7 @@ pub const REASONS: &[Reason] = &[
 ];
 
 /// After this silence another controller, or the same one restarted, may come.
-const FORGET_AFTER: Duration = Duration::from_millis(200);
+const CONTROLLER_TIMEOUT: Duration = Duration::from_millis(200);
 /// Datagrams that are taken at once after a stall of ours; more wait for the next cycle.
 const BURST_MAX: usize = 64;
 
@@ -83,8 +83,8 @@ pub struct FriLwr {
     /// How long nothing has been heard, in time that was waited for: a stall of ours is no silence.
     silence: Duration,
     read_timeout: Duration,
-    dialog: Dialog,
-    counters: Arc<Counters>,
+    session: FriSession,
+    counters: Arc<FriCounters>,
 }
 
 impl Driver for FriLwr {
@@ -100,8 +100,11 @@ impl Driver for FriLwr {
         let script = settings.word(
             "krl",
             "first-app ($FRI_FRM_INT[1] asks for command mode) or auto (the KRL program decides)",
-            Script::FirstApp,
-            &[("first-app", Script::FirstApp), ("auto", Script::Auto)],
+            KrlConvention::FirstApp,
+            &[
+                ("first-app", KrlConvention::FirstApp),
+                ("auto", KrlConvention::Auto),
+            ],
         )?;
         let quality_min = settings.word(
             "quality_min",
@@ -114,7 +117,7 @@ impl Driver for FriLwr {
             ],
         )?;
         settings.finish()?;
-        let dialog = Dialog::new(device, script, quality_min)?;
+        let session = FriSession::new(device, script, quality_min)?;
         let system = |source| DriverError::System {
             device: device.name.clone(),
             key: "listen",
@@ -132,8 +135,8 @@ impl Driver for FriLwr {
             controller: None,
             silence: Duration::ZERO,
             read_timeout,
-            dialog,
-            counters: Arc::new(Counters::new(listen, peer)),
+            session,
+            counters: Arc::new(FriCounters::new(listen, peer)),
         })
     }
 
@@ -147,23 +150,23 @@ impl Driver for FriLwr {
                 return Err(self.silent(timeout));
             }
             looked = true;
-            match self.take(left.max(Duration::from_micros(1))) {
+            match self.receive_one(left.max(Duration::from_micros(1))) {
                 Ok(true) => break,
                 Ok(false) => {}
                 Err(error) if is_pause(&error) => return Err(self.silent(timeout)),
                 Err(error) => return Err(lost(&error)),
             }
         }
-        self.take_what_waits().map_err(|error| lost(&error))?;
+        self.drain_socket().map_err(|error| lost(&error))?;
         self.silence = Duration::ZERO;
-        Ok(self.dialog.exchange(inputs))
+        Ok(self.session.exchange(inputs))
     }
 
     fn send(&mut self, outputs: &Outputs) -> Result<(), LinkError> {
         let Some(controller) = self.controller else {
             return Err(LinkError::Silent);
         };
-        let bytes = self.dialog.answer(outputs);
+        let bytes = self.session.answer(outputs);
         match self.socket.send_to(&bytes, controller) {
             Ok(_) => {
                 self.counters.answered(monotonic_ns());
@@ -174,11 +177,11 @@ impl Driver for FriLwr {
     }
 
     fn release(&mut self) {
-        self.dialog.release();
+        self.session.release();
     }
 
-    fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
-        Some(Arc::clone(&self.counters) as Arc<dyn Diagnosis>)
+    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
+        Some(Arc::clone(&self.counters) as Arc<dyn LinkDiagnosis>)
     }
 }
 
@@ -192,7 +195,7 @@ impl FriLwr {
     }
 
     /// Waits for one datagram; true if it counts.
-    fn take(&mut self, timeout: Duration) -> io::Result<bool> {
+    fn receive_one(&mut self, timeout: Duration) -> io::Result<bool> {
         if self.read_timeout != timeout {
             self.socket.set_read_timeout(Some(timeout))?;
             self.read_timeout = timeout;
@@ -202,15 +205,15 @@ impl FriLwr {
         let (size, source) = self.socket.recv_from(&mut bytes)?;
         let expected = self.controller.or(self.peer);
         if expected.is_some_and(|expected| expected != source) {
-            self.dialog.refuse();
+            self.session.refuse();
             self.counters.foreign(source);
             return Ok(false);
         }
         let bytes = bytes.get(..size).unwrap_or_default();
-        let counts = self.dialog.accept(bytes);
+        let counts = self.session.accept(bytes);
         if counts {
             self.controller = Some(source);
-            let measured = self.dialog.measured();
+            let measured = self.session.measured();
             self.counters.accepted(monotonic_ns(), source, measured);
         } else {
             self.counters.refused(bytes, source);
@@ -219,12 +222,12 @@ impl FriLwr {
     }
 
     /// After a stall of ours several cycles have been waiting: only the newest is answered.
-    fn take_what_waits(&mut self) -> io::Result<()> {
+    fn drain_socket(&mut self) -> io::Result<()> {
         self.socket.set_nonblocking(true)?;
         let timeout = self.read_timeout;
         let mut result = Ok(());
         for _ in 0..BURST_MAX {
-            match self.take(timeout) {
+            match self.receive_one(timeout) {
                 Ok(_) => {}
                 Err(error) if is_pause(&error) => break,
                 Err(error) => {
@@ -239,9 +242,9 @@ impl FriLwr {
 
     fn silent(&mut self, waited: Duration) -> LinkError {
         self.silence = self.silence.saturating_add(waited);
-        if self.silence > FORGET_AFTER {
+        if self.silence > CONTROLLER_TIMEOUT {
             self.controller = None;
-            self.dialog.forget();
+            self.session.reset();
             self.counters.forget();
         }
         LinkError::Silent

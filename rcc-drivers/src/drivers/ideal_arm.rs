@@ -8,7 +8,7 @@
 use std::time::{Duration, Instant};
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::Strategy;
+use rcc_core::impedance::ControlStrategy;
 use rcc_core::message::{ANALOG_MAX, DIGITAL_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
@@ -35,7 +35,7 @@ pub struct IdealArm {
     next: Instant,
     position: Joints,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
-    points: [Vec<Point>; 4],
+    points: [Vec<IdealChannel>; 4],
     digital: [bool; DIGITAL_MAX + 1],
     /// Raw values; NaN = never told.
     analog: [f64; ANALOG_MAX + 1],
@@ -44,7 +44,7 @@ pub struct IdealArm {
 
 /// A channel and its address.
 #[derive(Clone, Debug)]
-struct Point {
+struct IdealChannel {
     address: usize,
     config: ChannelConfig,
 }
@@ -91,7 +91,7 @@ impl Driver for IdealArm {
         let ticks = self.schedule();
         *inputs = self.inputs();
         Ok(Exchange {
-            strategy: Strategy::Position,
+            strategy: ControlStrategy::Position,
             commandable: !self.released,
             startable: !self.released,
             mirror: self.position,
@@ -160,7 +160,7 @@ impl IdealArm {
     }
 }
 
-fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, DriverError> {
+fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<IdealChannel>, DriverError> {
     let (most, expected) = match kind {
         ChannelKind::DigitalInput | ChannelKind::DigitalOutput => {
             (DIGITAL_MAX, "a number from 1 to 64; each output its own")
@@ -170,7 +170,7 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, Driver
         }
     };
     let is_output = matches!(kind, ChannelKind::DigitalOutput | ChannelKind::AnalogOutput);
-    let mut found: Vec<Point> = Vec::new();
+    let mut found: Vec<IdealChannel> = Vec::new();
     for channel in channels(device, kind) {
         let address = channel.address.as_u64();
         let address = address.and_then(|address| usize::try_from(address).ok());
@@ -184,7 +184,7 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, Driver
             let cause = format!("'{}' has number {address}, too", other.config.name);
             return Err(channel_error(device, channel, cause, expected));
         }
-        found.push(Point {
+        found.push(IdealChannel {
             address,
             config: channel.clone(),
         });

@@ -10,18 +10,18 @@ use std::time::{Duration, Instant};
 use nix::poll::{PollFd, ppoll};
 use nix::sys::time::TimeSpec;
 use rcc_config::DeviceConfig;
-use rcc_core::impedance::Strategy;
+use rcc_core::impedance::ControlStrategy;
 use rcc_core::message::JOINTS_MAX;
 
-use crate::driver::{Diagnosis, Driver, DriverError, Exchange, Inputs, LinkError, Outputs};
+use crate::driver::{Driver, DriverError, Exchange, Inputs, LinkDiagnosis, LinkError, Outputs};
 use crate::host::reason::Reason;
 
 pub mod address;
 pub mod connection;
+pub mod counters;
 pub mod fault;
 pub mod frame;
 pub mod points;
-pub mod report;
 pub mod server;
 pub mod settings;
 pub mod value;
@@ -30,20 +30,20 @@ pub use fault::REASONS;
 
 use address::Address;
 use connection::Connection;
+use counters::{ModbusCounters, RoundDelay};
 use fault::NAMED;
 use points::Points;
-use report::{BegunLate, Report};
 use server::Server;
 use settings::{ModbusSettings, SERVERS_MAX, ServerSettings};
 
 /// At the end a server that is not connected has this time for one more connection.
-const LAST_CONNECT: Duration = Duration::from_secs(1);
+const FINAL_CONNECT: Duration = Duration::from_secs(1);
 /// Nobody waits longer than this for lost servers at the end, unless a time-out is longer: a supervisor kills after 2 s.
-const LAST_MAX: Duration = Duration::from_millis(1500);
+const FINAL_WAIT_MAX: Duration = Duration::from_millis(1500);
 
 /// A round that all servers have been asked for.
 #[derive(Clone, Copy, Debug)]
-struct Round {
+struct PollRound {
     /// Who is late is not waited for after this.
     collect_by: Instant,
     /// Bit i: it was asked in this round.
@@ -62,11 +62,11 @@ pub struct Modbus {
     outputs: Outputs,
     /// The next round.
     next: Instant,
-    round: Option<Round>,
+    round: Option<PollRound>,
     ticks: u64,
     late: u64,
     lost: bool,
-    report: Arc<Report>,
+    report: Arc<ModbusCounters>,
 }
 
 impl Driver for Modbus {
@@ -90,10 +90,10 @@ impl Driver for Modbus {
             Connection::new(Server::new(settings, points, released, now), seed, now)
         });
         let connections: Vec<Connection> = connections.collect();
-        let servers = connections.iter().map(|one| Arc::clone(one.figures()));
-        let report = Report {
+        let servers = connections.iter().map(|one| Arc::clone(one.counters()));
+        let report = ModbusCounters {
             servers: servers.collect(),
-            begun_late: BegunLate::default(),
+            begun_late: RoundDelay::default(),
         };
         Ok(Self {
             report: Arc::new(report),
@@ -151,8 +151,8 @@ impl Driver for Modbus {
 
     fn release(&mut self) {}
 
-    fn diagnosis(&self) -> Option<Arc<dyn Diagnosis>> {
-        Some(Arc::<Report>::clone(&self.report))
+    fn diagnosis(&self) -> Option<Arc<dyn LinkDiagnosis>> {
+        Some(Arc::<ModbusCounters>::clone(&self.report))
     }
 
     fn reasons(&self) -> Option<&'static [Reason]> {
@@ -189,7 +189,7 @@ impl Modbus {
             for (connection, place) in self.connections.iter_mut().zip(0..) {
                 asked |= u32::from(connection.tick(now)) << place;
             }
-            self.round = Some(Round {
+            self.round = Some(PollRound {
                 collect_by: now + self.period / 2,
                 asked,
                 collected: false,
@@ -219,7 +219,7 @@ impl Modbus {
         let counts = self.connections.iter().map(|one| one.server.counts());
         let quality = self.connections.iter().map(Connection::quality).min();
         Some(Exchange {
-            strategy: Strategy::Position,
+            strategy: ControlStrategy::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],
@@ -304,11 +304,13 @@ impl Drop for Modbus {
             .iter()
             .map(|one| one.server.settings().timeout);
         let longest = longest.max().unwrap_or_default();
-        let deadline = start + longest.max((3 * longest + LAST_CONNECT).min(LAST_MAX));
+        let deadline = start + longest.max((3 * longest + FINAL_CONNECT).min(FINAL_WAIT_MAX));
         self.next = deadline;
         self.round = None;
         let mut finished = vec![false; self.connections.len()];
-        self.connections.iter_mut().for_each(|one| one.hurry(start));
+        self.connections
+            .iter_mut()
+            .for_each(|one| one.skip_pause(start));
         loop {
             let now = Instant::now();
             for (connection, finished) in self.connections.iter_mut().zip(&mut finished) {
@@ -321,13 +323,13 @@ impl Drop for Modbus {
             }
             let mut all = self.connections.iter().zip(&finished);
             let done = all.all(|(one, finished)| {
-                (one.is_open() && *finished && one.server.is_idle()) || one.is_let_go()
+                (one.is_open() && *finished && one.server.is_idle()) || one.is_finished()
             });
             if now >= deadline || done {
                 return;
             }
-            let lost = self.connections.iter_mut().filter(|one| !one.is_let_go());
-            lost.for_each(|one| one.hurry(now));
+            let lost = self.connections.iter_mut().filter(|one| !one.is_finished());
+            lost.for_each(|one| one.skip_pause(now));
             self.wait(now, deadline);
         }
     }

@@ -12,7 +12,7 @@ use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::Strategy;
+use rcc_core::impedance::ControlStrategy;
 use rcc_core::message::JOINTS_MAX;
 use rcc_core::primitive::ChannelKind;
 
@@ -41,7 +41,7 @@ const LINE_MAX: usize = 1024;
 
 /// A channel and its number at the box.
 #[derive(Clone, Debug)]
-struct Point {
+struct LineChannel {
     number: u64,
     config: ChannelConfig,
 }
@@ -53,7 +53,7 @@ pub struct LineIo {
     period: Duration,
     timeout: Duration,
     /// By kind: digital in, digital out, analog in, analog out; in order of their index.
-    points: [Vec<Point>; 4],
+    points: [Vec<LineChannel>; 4],
     /// The next cycle.
     next: Instant,
     /// What nobody commands.
@@ -133,7 +133,7 @@ impl Driver for LineIo {
         self.heard = Instant::now();
         *inputs = read;
         Ok(Exchange {
-            strategy: Strategy::Position,
+            strategy: ControlStrategy::Position,
             commandable: true,
             startable: true,
             mirror: [0.0; JOINTS_MAX],
@@ -231,9 +231,9 @@ impl LineIo {
 
 // 7. Channels: what an `address` means is the driver's; a fault names the channel and what to give.
 
-fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, DriverError> {
+fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<LineChannel>, DriverError> {
     let expected = "a number from 1 to 16 that no other channel of this kind has";
-    let mut found: Vec<Point> = Vec::new();
+    let mut found: Vec<LineChannel> = Vec::new();
     for channel in channels(device, kind) {
         let number = channel
             .address
@@ -247,7 +247,7 @@ fn points(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Point>, Driver
             let cause = format!("'{}' has number {number}, too", other.config.name);
             return Err(channel_error(device, channel, cause, expected));
         }
-        found.push(Point {
+        found.push(LineChannel {
             number,
             config: channel.clone(),
         });

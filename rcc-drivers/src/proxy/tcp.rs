@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use super::line::{Counts, Fate, Line, Rates};
+use super::faulty_link::{FaultCounts, FaultRates, FaultyLink, PacketFate};
 use super::{Direction, lines};
 
 /// Largest chunk.
@@ -22,13 +22,13 @@ const STEP: Duration = Duration::from_millis(2);
 const CONNECT_MAX: Duration = Duration::from_secs(1);
 
 /// What passed, in order.
-type Heard = Vec<(Direction, Vec<u8>)>;
+type RecordedPackets = Vec<(Direction, Vec<u8>)>;
 
 #[derive(Debug)]
 struct Shared {
     target: Mutex<SocketAddr>,
-    lines: Mutex<[Line; 2]>,
-    heard: Mutex<Option<Heard>>,
+    lines: Mutex<[FaultyLink; 2]>,
+    recording: Mutex<Option<RecordedPackets>>,
     stop: AtomicBool,
     /// Counts connections broken on request.
     broken: std::sync::atomic::AtomicU64,
@@ -51,14 +51,14 @@ impl TcpProxy {
     ///
     /// # Errors
     /// The system refuses a socket or a thread.
-    pub fn start(target: SocketAddr, rates: Rates, seed: u64) -> io::Result<Self> {
+    pub fn start(target: SocketAddr, rates: FaultRates, seed: u64) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
         let shared = Arc::new(Shared {
             target: Mutex::new(target),
             lines: Mutex::new(lines(rates, seed)),
-            heard: Mutex::new(None),
+            recording: Mutex::new(None),
             stop: AtomicBool::new(false),
             broken: Default::default(),
         });
@@ -85,13 +85,13 @@ impl TcpProxy {
     }
 
     /// From now on, in this direction.
-    pub fn set_rates(&self, direction: Direction, rates: Rates) {
+    pub fn set_rates(&self, direction: Direction, rates: FaultRates) {
         lock(&self.shared.lines)[direction as usize].set_rates(rates);
     }
 
     /// What has been done in this direction.
     #[must_use]
-    pub fn counts(&self, direction: Direction) -> Counts {
+    pub fn counts(&self, direction: Direction) -> FaultCounts {
         lock(&self.shared.lines)[direction as usize].counts()
     }
 
@@ -102,8 +102,8 @@ impl TcpProxy {
     }
 
     /// What came since the last time, as it came, before any fault; kept from the first call on.
-    pub fn heard(&self) -> Heard {
-        lock(&self.shared.heard)
+    pub fn take_recording(&self) -> RecordedPackets {
+        lock(&self.shared.recording)
             .replace(Vec::new())
             .unwrap_or_default()
     }
@@ -178,15 +178,15 @@ fn pass(
     // Chances go on over all connections; what one of them was to get later, no other one gets.
     lock(&shared.lines)[direction as usize].forget();
     while !shared.stop.load(Ordering::Relaxed) && shared.broken.load(Ordering::Relaxed) == broken {
-        let mut fate = Fate::Passed;
+        let mut fate = PacketFate::Passed;
         match from.read(&mut chunk) {
             Ok(0) => return Ok(()),
             Ok(size) => {
                 let bytes = chunk.get(..size).unwrap_or_default();
-                if let Some(heard) = &mut *lock(&shared.heard) {
-                    heard.push((direction, bytes.to_vec()));
+                if let Some(recording) = &mut *lock(&shared.recording) {
+                    recording.push((direction, bytes.to_vec()));
                 }
-                fate = lock(&shared.lines)[direction as usize].put(bytes);
+                fate = lock(&shared.lines)[direction as usize].push(bytes);
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 lock(&shared.lines)[direction as usize].step();
@@ -194,11 +194,11 @@ fn pass(
             Err(error) => return Err(error),
         }
         loop {
-            let due = lock(&shared.lines)[direction as usize].take();
+            let due = lock(&shared.lines)[direction as usize].pop();
             let Some(bytes) = due else { break };
             to.write_all(&bytes)?;
         }
-        if matches!(fate, Fate::Lost | Fate::Truncated) {
+        if matches!(fate, PacketFate::Lost | PacketFate::Truncated) {
             return Ok(());
         }
     }
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn passes_bytes_and_breaks_the_connection_on_loss() {
-        let proxy = TcpProxy::start(echo(), Rates::NONE, 1).expect("loopback");
+        let proxy = TcpProxy::start(echo(), FaultRates::NONE, 1).expect("loopback");
         let mut stream = TcpStream::connect(proxy.address()).expect("the proxy");
         stream.write_all(b"there and back").expect("a connection");
         let mut bytes = [0; 14];
@@ -237,9 +237,9 @@ mod tests {
         assert_eq!(&bytes, b"there and back");
         proxy.set_rates(
             Direction::Back,
-            Rates {
+            FaultRates {
                 lost: 1.0,
-                ..Rates::NONE
+                ..FaultRates::NONE
             },
         );
         stream.write_all(b"lost").expect("a connection");

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::line::{Counts, Line, Rates};
+use super::faulty_link::{FaultCounts, FaultRates, FaultyLink};
 use super::{Direction, lines};
 
 /// Largest datagram on a loopback or an Ethernet; a longer one is cut.
@@ -23,9 +23,9 @@ struct Inner {
     target: SocketAddr,
     /// Who has sent first, last.
     first: Option<SocketAddr>,
-    lines: [Line; 2],
-    /// What came since the last [`UdpProxy::heard`], if that is asked for.
-    heard: Option<Vec<(Direction, Vec<u8>)>>,
+    lines: [FaultyLink; 2],
+    /// What came since the last [`UdpProxy::take_recording`], if that is asked for.
+    recording: Option<Vec<(Direction, Vec<u8>)>>,
     buffer: Vec<u8>,
 }
 
@@ -47,7 +47,7 @@ impl UdpProxy {
     ///
     /// # Errors
     /// The system refuses a socket.
-    pub fn new(target: SocketAddr, rates: Rates, seed: u64) -> io::Result<Self> {
+    pub fn new(target: SocketAddr, rates: FaultRates, seed: u64) -> io::Result<Self> {
         let socket = || -> io::Result<UdpSocket> {
             let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
             socket.set_nonblocking(true)?;
@@ -61,7 +61,7 @@ impl UdpProxy {
             target,
             first: None,
             lines: lines(rates, seed),
-            heard: None,
+            recording: None,
             buffer: vec![0; DATAGRAM_MAX],
         };
         Ok(Self {
@@ -84,13 +84,13 @@ impl UdpProxy {
     }
 
     /// From now on, in this direction.
-    pub fn set_rates(&self, direction: Direction, rates: Rates) {
+    pub fn set_rates(&self, direction: Direction, rates: FaultRates) {
         lock(&self.inner).lines[direction as usize].set_rates(rates);
     }
 
     /// What has been done in this direction.
     #[must_use]
-    pub fn counts(&self, direction: Direction) -> Counts {
+    pub fn counts(&self, direction: Direction) -> FaultCounts {
         lock(&self.inner).lines[direction as usize].counts()
     }
 
@@ -101,13 +101,16 @@ impl UdpProxy {
 
     /// Time goes on by one step.
     pub fn step(&self) {
-        lock(&self.inner).lines.iter_mut().for_each(Line::step);
+        lock(&self.inner)
+            .lines
+            .iter_mut()
+            .for_each(FaultyLink::step);
     }
 
     /// What came since the last time, as it came, before any fault; kept from the first call on.
-    pub fn heard(&self) -> Vec<(Direction, Vec<u8>)> {
+    pub fn take_recording(&self) -> Vec<(Direction, Vec<u8>)> {
         let mut inner = lock(&self.inner);
-        inner.heard.replace(Vec::new()).unwrap_or_default()
+        inner.recording.replace(Vec::new()).unwrap_or_default()
     }
 
     /// From now on a thread pumps; its steps are milliseconds.
@@ -121,7 +124,7 @@ impl UdpProxy {
             while !stop.load(Ordering::Relaxed) {
                 {
                     let mut inner = lock(&inner);
-                    inner.lines.iter_mut().for_each(Line::step);
+                    inner.lines.iter_mut().for_each(FaultyLink::step);
                     inner.pump();
                 }
                 std::thread::sleep(STEP / 4);
@@ -159,10 +162,10 @@ impl Inner {
             }
         }
         let [forth, back] = &mut self.lines;
-        while let Some(bytes) = forth.take() {
+        while let Some(bytes) = forth.pop() {
             drop(self.back.send_to(&bytes, self.target));
         }
-        while let Some(bytes) = back.take() {
+        while let Some(bytes) = back.pop() {
             if let Some(first) = self.first {
                 drop(self.front.send_to(&bytes, first));
             }
@@ -171,10 +174,10 @@ impl Inner {
 
     fn take_in(&mut self, direction: Direction, size: usize) {
         let bytes = self.buffer.get(..size).unwrap_or_default();
-        if let Some(heard) = &mut self.heard {
-            heard.push((direction, bytes.to_vec()));
+        if let Some(recording) = &mut self.recording {
+            recording.push((direction, bytes.to_vec()));
         }
-        self.lines[direction as usize].put(bytes);
+        self.lines[direction as usize].push(bytes);
     }
 }
 
@@ -187,8 +190,8 @@ mod tests {
         let socket = || UdpSocket::bind("127.0.0.1:0").expect("loopback");
         let (first, target) = (socket(), socket());
         let at = target.local_addr().expect("an address");
-        let proxy = UdpProxy::new(at, Rates::NONE, 1).expect("sockets");
-        assert!(proxy.heard().is_empty());
+        let proxy = UdpProxy::new(at, FaultRates::NONE, 1).expect("sockets");
+        assert!(proxy.take_recording().is_empty());
         first.send_to(b"ping", proxy.address()).expect("loopback");
         proxy.pump();
         let mut bytes = [0; 8];
@@ -198,8 +201,8 @@ mod tests {
         proxy.pump();
         let (size, from) = first.recv_from(&mut bytes).expect("it came back");
         assert_eq!((&bytes[..size], from), (&b"pong!"[..], proxy.address()));
-        let heard = proxy.heard();
-        assert_eq!(heard[0], (Direction::Forth, b"ping".to_vec()));
-        assert_eq!(heard[1], (Direction::Back, b"pong!".to_vec()));
+        let recording = proxy.take_recording();
+        assert_eq!(recording[0], (Direction::Forth, b"ping".to_vec()));
+        assert_eq!(recording[1], (Direction::Back, b"pong!".to_vec()));
     }
 }

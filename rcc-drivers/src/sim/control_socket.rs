@@ -1,5 +1,5 @@
 //! Where the control port of a simulator is: a Unix socket of its user alone, and the folder that its requests may name
-//! files in. The main thread binds it and removes it; the control port's threads ask [`Folder::below`].
+//! files in. The main thread binds it and removes it; the control port's threads ask [`ControlFolder::below`].
 
 use std::fs::{self, DirBuilder, File, TryLockError};
 use std::io;
@@ -43,7 +43,7 @@ pub fn path(text: &str) -> Result<PathBuf, String> {
 
 /// The folder that requests may name files in.
 #[derive(Clone, Debug)]
-pub struct Folder(PathBuf);
+pub struct ControlFolder(PathBuf);
 
 /// Why a request may not name a file.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +63,7 @@ pub enum PathError {
     Link(PathBuf),
     /// The folder of the file is not there.
     #[error("the folder of {path}: {source}; name a file in one that is there")]
-    Folder {
+    ControlFolder {
         /// What was asked for.
         path: PathBuf,
         /// The system's reason.
@@ -71,7 +71,7 @@ pub enum PathError {
     },
 }
 
-impl Folder {
+impl ControlFolder {
     /// The file that a request names, if it lies below this folder: a relative path begins here. Whoever opens it must not
     /// follow a symbolic link (`O_NOFOLLOW`): this look at it gives the words.
     ///
@@ -86,10 +86,12 @@ impl Folder {
         let (Some(parent), Some(name)) = (whole.parent(), whole.file_name()) else {
             return Err(outside());
         };
-        let parent = parent.canonicalize().map_err(|source| PathError::Folder {
-            path: asked.to_owned(),
-            source,
-        })?;
+        let parent = parent
+            .canonicalize()
+            .map_err(|source| PathError::ControlFolder {
+                path: asked.to_owned(),
+                source,
+            })?;
         if !parent.starts_with(&self.0) {
             return Err(outside());
         }
@@ -105,7 +107,7 @@ impl Folder {
 #[derive(Debug)]
 pub struct ControlSocket {
     path: PathBuf,
-    folder: Folder,
+    folder: ControlFolder,
     /// The folder was made for the socket, and goes with it.
     made: bool,
     /// Device and number of the file: another simulator may have put its own in its place.
@@ -141,7 +143,7 @@ impl ControlSocket {
         let found = fs::symlink_metadata(&path)?;
         let socket = ControlSocket {
             path,
-            folder: Folder(folder),
+            folder: ControlFolder(folder),
             made,
             identity: (found.dev(), found.ino()),
         };
@@ -156,7 +158,7 @@ impl ControlSocket {
 
     /// Where requests may name files.
     #[must_use]
-    pub fn folder(&self) -> &Folder {
+    pub fn folder(&self) -> &ControlFolder {
         &self.folder
     }
 }
@@ -177,7 +179,7 @@ impl Drop for ControlSocket {
 
 /// What the line of a simulator that is ready says about its control port.
 #[must_use]
-pub fn place_of(socket: Option<&ControlSocket>) -> String {
+pub fn display_path(socket: Option<&ControlSocket>) -> String {
     socket.map_or("none".to_owned(), |socket| {
         socket.path.display().to_string()
     })

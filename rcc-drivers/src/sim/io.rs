@@ -1,7 +1,7 @@
 //! A Modbus TCP server with 64 points of each kind, some of whose outputs can be wired back to inputs.
-//! [`image::Image`] is the pure model; [`program`] puts the server and the control port around it.
+//! [`process_image::ProcessImage`] is the pure model; [`program`] puts the server and the control port around it.
 
 pub mod control;
-pub mod image;
 pub mod options;
+pub mod process_image;
 pub mod program;

@@ -2,22 +2,22 @@
 //! [`krc::Krc`] is the pure model in virtual time; [`program`] puts sockets, a clock and threads around it.
 
 pub mod arm;
-pub mod brake;
+pub mod command_stream;
 pub mod control;
+pub mod environment;
 pub mod fault;
 pub mod impedance;
 pub mod krc;
+mod krl_program;
 mod measurement;
 pub mod model;
 pub mod network;
 pub mod options;
 pub mod program;
 pub mod quality;
-mod script;
 pub mod settings;
 pub mod statistics;
-pub mod stream;
-pub mod surroundings;
+pub mod stop_ramp;
 pub mod trace;
 
 #[cfg(test)]

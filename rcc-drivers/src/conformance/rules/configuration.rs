@@ -8,7 +8,7 @@ use rcc_config::{CellConfig, DeviceConfig};
 use serde_json::{Value, json};
 
 use super::super::Subject;
-use super::super::wire::free_udp;
+use super::super::fault_path::free_udp;
 use crate::driver::{Driver, DriverError};
 
 /// What a cell's file has if it says nothing.

@@ -4,16 +4,16 @@
 use rcc_core::message::SetPoint;
 
 use super::super::Subject;
-use super::super::bench::{Bench, Executor};
+use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
 use crate::driver::LinkError;
 
 /// Nobody there: a reason, no inputs, no exchange.
 pub fn says_when_nobody_is_there<S: Subject>() {
-    let mut bench = Bench::<S>::new(seed());
+    let mut bench = DriverBench::<S>::new(seed());
     bench.subject.set_present(false);
     for _ in 0..5 {
-        bench.step(Executor::Writes(SetPoint::NONE));
+        bench.step(ExecutorAction::Writes(SetPoint::NONE));
         assert!(bench.last.is_err(), "an exchange with nobody");
     }
     assert_eq!(bench.inputs.digital_known, 0);
@@ -22,10 +22,10 @@ pub fn says_when_nobody_is_there<S: Subject>() {
 
 /// All inputs of the configuration are known, and nothing else.
 pub fn tells_what_it_knows<S: Subject>() {
-    let mut bench = Bench::<S>::ready(seed());
+    let mut bench = DriverBench::<S>::ready(seed());
     let [digital, _, analog, _] = bench.device.model().channels;
     for _ in 0..10 {
-        bench.step(Executor::Writes(SetPoint::NONE));
+        bench.step(ExecutorAction::Writes(SetPoint::NONE));
         if bench.last.is_err() {
             continue;
         }
@@ -37,7 +37,7 @@ pub fn tells_what_it_knows<S: Subject>() {
 
 /// Output 0 of each type comes back as input 0.
 pub fn carries_outputs_there_and_inputs_back<S: Subject>() {
-    let mut bench = Bench::<S>::ready(seed());
+    let mut bench = DriverBench::<S>::ready(seed());
     for on in [true, false, true] {
         let mut entry = bench.all_on(1);
         if !on {
@@ -45,18 +45,20 @@ pub fn carries_outputs_there_and_inputs_back<S: Subject>() {
             entry.analog[0] = 0.0;
         }
         let wanted = (entry.digital & 1, entry.analog[0]);
-        bench.until(Executor::Writes(entry), "outputs that come back", |bench| {
-            (bench.inputs.digital & 1, bench.inputs.analog[0]) == wanted
-        });
+        bench.until(
+            ExecutorAction::Writes(entry),
+            "outputs that come back",
+            |bench| (bench.inputs.digital & 1, bench.inputs.analog[0]) == wanted,
+        );
     }
 }
 
 /// A device that goes away is lost, one that comes back is exchanged with; nobody has to do anything.
 pub fn comes_back_when_the_device_does<S: Subject>() {
-    let mut bench = Bench::<S>::ready(seed());
+    let mut bench = DriverBench::<S>::ready(seed());
     for _ in 0..2 {
         bench.subject.set_present(false);
-        let null = Executor::Writes(SetPoint::NONE);
+        let null = ExecutorAction::Writes(SetPoint::NONE);
         bench.until(null, "the loss of the device", |bench| bench.last.is_err());
         assert!(matches!(
             bench.last,

@@ -4,25 +4,25 @@
 use rcc_core::message::{DeviceState, SetPoint};
 
 use super::super::Subject;
-use super::super::bench::{Bench, Executor};
+use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::with_seeds;
-use super::rest::{Motion, motion_of};
-use crate::proxy::Rates;
+use super::rest::{TestMotion, motion_of};
+use crate::proxy::FaultRates;
 
 /// Exchanges under faults of an arm, in virtual time, and of a device with a clock of its own.
 const EXCHANGES: [usize; 2] = [4000, 150];
 /// Cycles for which outputs are on, then off.
 const BLINK: u64 = 20;
 
-/// Nets that follow each other: motions there and back, or blinking outputs.
-struct Nets {
+/// NetSequence that follow each other: motions there and back, or blinking outputs.
+struct NetSequence {
     owner: u64,
     cycle: u64,
-    motion: Option<Motion>,
+    motion: Option<TestMotion>,
 }
 
-impl Nets {
-    fn next<S: Subject>(&mut self, bench: &Bench<S>) -> SetPoint {
+impl NetSequence {
+    fn next<S: Subject>(&mut self, bench: &DriverBench<S>) -> SetPoint {
         self.cycle += 1;
         let blink = if (self.cycle / BLINK).is_multiple_of(2) {
             bench.all_on(self.owner)
@@ -60,20 +60,20 @@ impl Nets {
     }
 }
 
-fn survives<S: Subject>(rates: Rates) {
+fn survives<S: Subject>(rates: FaultRates) {
     let [arm, io] = EXCHANGES;
     with_seeds(|seed| {
-        let mut bench = Bench::<S>::ready(seed);
+        let mut bench = DriverBench::<S>::ready(seed);
         let is_arm = bench.device.robot.is_some();
         let corrupts = rates.corrupted > 0.0;
         // Without checks on the wire the device could not know either; that would test the device.
-        let to_device = if corrupts && !S::CHECKED {
-            Rates::NONE
+        let to_device = if corrupts && !S::HAS_CHECKSUM {
+            FaultRates::NONE
         } else {
             rates
         };
         let values = [bench.inputs.analog[0], bench.all_on(1).analog[0], 0.0];
-        let mut nets = Nets {
+        let mut nets = NetSequence {
             owner: 1,
             cycle: 0,
             motion: None,
@@ -81,28 +81,28 @@ fn survives<S: Subject>(rates: Rates) {
         bench.set_rates(rates, to_device);
         for _ in 0..if is_arm { arm } else { io } {
             let entry = nets.next(&bench);
-            bench.step(Executor::Writes(entry));
-            if bench.last.is_ok() && (S::CHECKED || !corrupts) {
+            bench.step(ExecutorAction::Writes(entry));
+            if bench.last.is_ok() && (S::HAS_CHECKSUM || !corrupts) {
                 let value = bench.inputs.analog[0];
                 assert!(values.contains(&value), "nobody has sent {value}");
             }
         }
         let faults: u64 = bench
-            .between
+            .path
             .counts()
             .iter()
             .map(|counts| counts.faults())
             .sum();
         assert!(faults > 0, "the proxy did nothing");
-        bench.set_rates(Rates::NONE, Rates::NONE);
+        bench.set_rates(FaultRates::NONE, FaultRates::NONE);
         bench.until_ready();
         let on = bench.all_on(nets.owner + 1);
-        bench.until(Executor::Writes(on), "all outputs on", |bench| {
+        bench.until(ExecutorAction::Writes(on), "all outputs on", |bench| {
             bench.told_as(true)
         });
-        let null = Executor::Writes(SetPoint::NONE);
+        let null = ExecutorAction::Writes(SetPoint::NONE);
         bench.until(null, "all outputs released", |bench| bench.told_as(false));
-        assert_eq!(bench.judge.violations, [""; 0]);
+        assert_eq!(bench.checker.violations, [""; 0]);
         assert_eq!(bench.subject.complaints(), [""; 0]);
     });
 }
@@ -110,59 +110,59 @@ fn survives<S: Subject>(rates: Rates) {
 /// One in twenty-five, each way.
 const RATE: f64 = 0.04;
 
-/// Packets that do not arrive.
+/// Packets that do not begin_exchange.
 pub fn survives_lost_packets<S: Subject>() {
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         lost: RATE,
-        ..Rates::NONE
+        ..FaultRates::NONE
     });
 }
 
-/// Packets that arrive up to 20 steps later.
+/// Packets that begin_exchange up to 20 steps later.
 pub fn survives_late_packets<S: Subject>() {
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         late: RATE,
         late_steps_max: 20,
-        ..Rates::NONE
+        ..FaultRates::NONE
     });
 }
 
-/// Packets that arrive twice.
+/// Packets that begin_exchange twice.
 pub fn survives_duplicated_packets<S: Subject>() {
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         duplicated: RATE,
-        ..Rates::NONE
+        ..FaultRates::NONE
     });
 }
 
 /// Packets that overtake each other.
 pub fn survives_reordered_packets<S: Subject>() {
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         reordered: RATE,
-        ..Rates::NONE
+        ..FaultRates::NONE
     });
 }
 
 /// Packets that end too early.
 pub fn survives_truncated_packets<S: Subject>() {
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         truncated: RATE,
-        ..Rates::NONE
+        ..FaultRates::NONE
     });
 }
 
 /// Packets with other bits, or other bytes altogether.
 pub fn survives_corrupted_packets<S: Subject>() {
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         corrupted: RATE,
-        ..Rates::NONE
+        ..FaultRates::NONE
     });
 }
 
 /// Everything, a little.
 pub fn survives_all_faults_at_once<S: Subject>() {
     let rate = RATE / 4.0;
-    survives::<S>(Rates {
+    survives::<S>(FaultRates {
         lost: rate,
         late: rate,
         late_steps_max: 20,

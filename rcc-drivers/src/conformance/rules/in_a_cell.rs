@@ -3,10 +3,10 @@
 
 use rcc_core::message::{DeviceState, SetPoint};
 
-use super::super::bench::{all_on, outputs_are};
-use super::super::hosted::Hosted;
+use super::super::driver_bench::{all_on, outputs_are};
+use super::super::hosted::HostedDriver;
 use super::super::{Subject, TIMEOUT};
-use super::rest::Motion;
+use super::rest::TestMotion;
 use crate::host::limits::ArmLimits;
 
 /// Cycles in which nothing may happen.
@@ -14,7 +14,7 @@ const WATCHED: usize = 200;
 
 /// Its board grows old.
 pub fn in_a_cell_outputs_are_released_when_the_executor_dies<S: Subject>() {
-    let mut hosted = Hosted::<S>::ready();
+    let mut hosted = HostedDriver::<S>::ready();
     let device = hosted.cell.device.clone();
     let on = all_on(&device, 1);
     hosted.until(Some(on), "all outputs on", |hosted| {
@@ -31,7 +31,7 @@ pub fn in_a_cell_outputs_are_released_when_the_executor_dies<S: Subject>() {
 
 /// The executor reads that it is offline, and why; then that it is ready again.
 pub fn in_a_cell_a_lost_device_is_offline_and_comes_back<S: Subject>() {
-    let mut hosted = Hosted::<S>::ready();
+    let mut hosted = HostedDriver::<S>::ready();
     hosted.subject.set_present(false);
     hosted.until(Some(SetPoint::NONE), "offline", |hosted| {
         std::thread::sleep(TIMEOUT);
@@ -42,13 +42,13 @@ pub fn in_a_cell_a_lost_device_is_offline_and_comes_back<S: Subject>() {
     hosted.until_ready();
 }
 
-fn motion_of<S: Subject>(hosted: &Hosted<S>) -> Motion {
+fn motion_of<S: Subject>(hosted: &HostedDriver<S>) -> TestMotion {
     let hold = hosted.cell.measured().hold;
     let way = if hold[0] > 0.0 { -0.3 } else { 0.3 };
-    Motion::new(&ArmLimits::of(&hosted.cell.device), &hold, way)
+    TestMotion::new(&ArmLimits::of(&hosted.cell.device), &hold, way)
 }
 
-fn holds<S: Subject>(hosted: &mut Hosted<S>, mut entry: impl FnMut() -> Option<SetPoint>) {
+fn holds<S: Subject>(hosted: &mut HostedDriver<S>, mut entry: impl FnMut() -> Option<SetPoint>) {
     hosted.followed.clear();
     for _ in 0..WATCHED {
         hosted.step(entry());
@@ -63,7 +63,7 @@ fn holds<S: Subject>(hosted: &mut Hosted<S>, mut entry: impl FnMut() -> Option<S
 
 /// In the middle of a motion.
 pub fn in_a_cell_the_arm_comes_to_rest_when_the_executor_dies<S: Subject>() {
-    let mut hosted = Hosted::<S>::ready();
+    let mut hosted = HostedDriver::<S>::ready();
     let motion = motion_of(&hosted);
     for cycle in 0..motion.cycles() / 2 {
         hosted.step(Some(motion.at(1, cycle)));
@@ -71,13 +71,13 @@ pub fn in_a_cell_the_arm_comes_to_rest_when_the_executor_dies<S: Subject>() {
     hosted.cell.end_executor();
     hosted.until(None, "rest", |hosted| hosted.cell.is(DeviceState::Online));
     holds(&mut hosted, || None);
-    assert_eq!(hosted.judge.violations, [""; 0]);
+    assert_eq!(hosted.checker.violations, [""; 0]);
     assert_eq!(hosted.subject.complaints(), [""; 0]);
 }
 
 /// The net that commanded goes on as if nothing had happened.
 pub fn in_a_cell_a_restarted_driver_moves_nothing<S: Subject>() {
-    let mut hosted = Hosted::<S>::ready();
+    let mut hosted = HostedDriver::<S>::ready();
     let motion = motion_of(&hosted);
     let half = motion.cycles() / 2;
     for cycle in 0..half {
@@ -104,7 +104,7 @@ pub fn in_a_cell_a_restarted_driver_moves_nothing<S: Subject>() {
         DeviceState::Commanded as u32,
         "the old net is followed"
     );
-    assert_eq!(hosted.judge.violations, [""; 0]);
+    assert_eq!(hosted.checker.violations, [""; 0]);
     // What begins anew is followed again.
     hosted.until_ready();
 }

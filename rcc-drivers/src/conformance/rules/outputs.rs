@@ -3,21 +3,21 @@
 
 use rcc_core::message::SetPoint;
 
-use super::super::bench::{Bench, Executor};
+use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
-use super::super::{Subject, Wire};
+use super::super::{Subject, Transport};
 use crate::driver::Driver;
-use crate::proxy::Rates;
+use crate::proxy::FaultRates;
 
 /// A device whose outputs are all on.
-fn all_on<S: Subject>() -> Bench<S> {
-    let mut bench = Bench::<S>::ready(seed());
-    let on = Executor::Writes(bench.all_on(1));
+fn all_on<S: Subject>() -> DriverBench<S> {
+    let mut bench = DriverBench::<S>::ready(seed());
+    let on = ExecutorAction::Writes(bench.all_on(1));
     bench.until(on, "all outputs on", |bench| bench.told_as(true));
     bench
 }
 
-fn are_released<S: Subject>(bench: &mut Bench<S>, executor: Executor) {
+fn are_released<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     bench.until(executor, "all outputs released", |bench| {
         bench.told_as(false)
     });
@@ -30,51 +30,51 @@ fn are_released<S: Subject>(bench: &mut Bench<S>, executor: Executor) {
 
 /// The net commands null.
 pub fn releases_outputs_on_null<S: Subject>() {
-    are_released(&mut all_on::<S>(), Executor::Writes(SetPoint::NONE));
+    are_released(&mut all_on::<S>(), ExecutorAction::Writes(SetPoint::NONE));
 }
 
 /// The driver is asked to end, while the net goes on.
 pub fn releases_outputs_on_termination<S: Subject>() {
     let mut bench = all_on::<S>();
-    let on = Executor::Writes(bench.all_on(1));
-    bench.station.terminate();
+    let on = ExecutorAction::Writes(bench.all_on(1));
+    bench.session.terminate();
     bench.until(on, "all outputs released", |bench| bench.told_as(false));
-    bench.until(on, "the end", |bench| bench.station.is_at_rest());
+    bench.until(on, "the end", |bench| bench.session.is_at_rest());
     bench.driver.release();
 }
 
 /// The executor's announcement goes away.
 pub fn releases_outputs_when_the_executor_vanishes<S: Subject>() {
-    are_released(&mut all_on::<S>(), Executor::Absent);
+    are_released(&mut all_on::<S>(), ExecutorAction::Absent);
 }
 
 /// The device does what it is told, and its answers are late, broken, or do not come. One that sends first gets an answer
 /// to what is heard of it and no more: all its outputs are in it.
 pub fn sends_every_safe_value_whatever_the_device_answers<S: Subject>() {
-    if S::WIRE == Wire::UdpFromDevice {
+    if S::TRANSPORT == Transport::UdpFromDevice {
         return;
     }
-    let late = Rates {
+    let late = FaultRates {
         late: 1.0,
         late_steps_max: 200,
-        ..Rates::NONE
+        ..FaultRates::NONE
     };
-    let lost = Rates {
+    let lost = FaultRates {
         lost: 1.0,
-        ..Rates::NONE
+        ..FaultRates::NONE
     };
-    let truncated = Rates {
+    let truncated = FaultRates {
         truncated: 1.0,
-        ..Rates::NONE
+        ..FaultRates::NONE
     };
-    let corrupted = Rates {
+    let corrupted = FaultRates {
         corrupted: 1.0,
-        ..Rates::NONE
+        ..FaultRates::NONE
     };
     for answers in [late, lost, truncated, corrupted] {
         let mut bench = all_on::<S>();
-        bench.set_rates(answers, Rates::NONE);
-        bench.until(Executor::Absent, "every safe value sent", |bench| {
+        bench.set_rates(answers, FaultRates::NONE);
+        bench.until(ExecutorAction::Absent, "every safe value sent", |bench| {
             bench.told_as(false)
         });
     }
@@ -82,5 +82,5 @@ pub fn sends_every_safe_value_whatever_the_device_answers<S: Subject>() {
 
 /// The executor hangs: its board grows old.
 pub fn releases_outputs_when_the_executor_stops_writing<S: Subject>() {
-    are_released(&mut all_on::<S>(), Executor::Hangs);
+    are_released(&mut all_on::<S>(), ExecutorAction::Hangs);
 }

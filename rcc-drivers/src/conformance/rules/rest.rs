@@ -4,7 +4,7 @@
 use rcc_core::message::{DeviceState, Joints, SetPoint};
 
 use super::super::Subject;
-use super::super::bench::{Bench, Executor};
+use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
 use crate::host::limits::ArmLimits;
 
@@ -15,13 +15,13 @@ const SHARE: f64 = 0.6;
 
 /// A rest-to-rest motion of joint 1, a quintic within [`SHARE`] of the limits, one row a cycle of 1 ms.
 #[derive(Clone, Debug)]
-pub struct Motion {
+pub struct TestMotion {
     hold: Joints,
     way: f64,
     cycles: u64,
 }
 
-impl Motion {
+impl TestMotion {
     /// By `way` rad from `hold`.
     pub fn new(limits: &ArmLimits, hold: &Joints, way: f64) -> Self {
         // Peaks of the quintic of unit way and time: velocity, acceleration, jerk.
@@ -58,22 +58,22 @@ impl Motion {
 }
 
 /// A motion of the bench's arm, away from the nearer end of joint 1.
-pub fn motion_of<S: Subject>(bench: &Bench<S>, way: f64) -> Motion {
+pub fn motion_of<S: Subject>(bench: &DriverBench<S>, way: f64) -> TestMotion {
     let hold = bench.measured().hold;
     let way = if hold[0] > 0.0 { -way } else { way };
-    Motion::new(&ArmLimits::of(&bench.device), &hold, way)
+    TestMotion::new(&ArmLimits::of(&bench.device), &hold, way)
 }
 
 /// Plays `cycles` of a motion.
-pub fn play<S: Subject>(bench: &mut Bench<S>, motion: &Motion, owner: u64, cycles: u64) {
+pub fn play<S: Subject>(bench: &mut DriverBench<S>, motion: &TestMotion, owner: u64, cycles: u64) {
     for cycle in 0..cycles {
-        bench.step(Executor::Writes(motion.at(owner, cycle)));
+        bench.step(ExecutorAction::Writes(motion.at(owner, cycle)));
     }
 }
 
 /// Most exchanges from the end of the commands to rest: what the delay still holds, the time-out if the board must grow
 /// old first, and the longest way to rest that the limits allow.
-pub fn rest_bound<S: Subject>(bench: &Bench<S>) -> usize {
+pub fn rest_bound<S: Subject>(bench: &DriverBench<S>) -> usize {
     let ArmLimits {
         joints, jerk_max, ..
     } = ArmLimits::of(&bench.device);
@@ -88,7 +88,7 @@ pub fn rest_bound<S: Subject>(bench: &Bench<S>) -> usize {
     (slowest_s * 1e3).ceil() as usize + (waits_ns / 1_000_000) as usize + 5
 }
 
-fn rests<S: Subject>(bench: &mut Bench<S>, executor: Executor) {
+fn rests<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     let bound = rest_bound(bench);
     let mut exchanges = 0;
     while matches!(
@@ -100,12 +100,12 @@ fn rests<S: Subject>(bench: &mut Bench<S>, executor: Executor) {
         assert!(exchanges <= bound, "no rest after {exchanges} exchanges");
     }
     holds(bench, executor);
-    assert_eq!(bench.judge.violations, [""; 0]);
+    assert_eq!(bench.checker.violations, [""; 0]);
     assert_eq!(bench.subject.complaints(), [""; 0]);
 }
 
 /// For a while the device is told to stay where it is.
-pub fn holds<S: Subject>(bench: &mut Bench<S>, executor: Executor) {
+pub fn holds<S: Subject>(bench: &mut DriverBench<S>, executor: ExecutorAction) {
     bench.followed.clear();
     for _ in 0..WATCHED {
         bench.step(executor);
@@ -123,9 +123,9 @@ pub fn holds<S: Subject>(bench: &mut Bench<S>, executor: Executor) {
 }
 
 /// Breaks off at several places of a motion.
-fn at_every_phase<S: Subject>(mut end: impl FnMut(&mut Bench<S>) -> Executor) {
+fn at_every_phase<S: Subject>(mut end: impl FnMut(&mut DriverBench<S>) -> ExecutorAction) {
     for part in [2, 15, 35, 50, 65, 85, 98] {
-        let mut bench = Bench::<S>::ready(seed());
+        let mut bench = DriverBench::<S>::ready(seed());
         let motion = motion_of(&bench, 0.3);
         let cycles = (motion.cycles() * part / 100).max(20);
         play(&mut bench, &motion, 1, cycles);
@@ -138,31 +138,31 @@ fn at_every_phase<S: Subject>(mut end: impl FnMut(&mut Bench<S>) -> Executor) {
 
 /// Nulls, and a net that commands outputs only.
 pub fn sends_nothing_but_hold_on_null<S: Subject>() {
-    let mut bench = Bench::<S>::ready(seed());
-    holds(&mut bench, Executor::Writes(SetPoint::NONE));
+    let mut bench = DriverBench::<S>::ready(seed());
+    holds(&mut bench, ExecutorAction::Writes(SetPoint::NONE));
     let outputs = bench.all_on(1);
-    holds(&mut bench, Executor::Writes(outputs));
+    holds(&mut bench, ExecutorAction::Writes(outputs));
 }
 
 /// The executor's board is gone.
 pub fn comes_to_rest_in_time_when_the_executor_vanishes<S: Subject>() {
-    at_every_phase::<S>(|_| Executor::Absent);
+    at_every_phase::<S>(|_| ExecutorAction::Absent);
 }
 
 /// The executor's board grows old.
 pub fn comes_to_rest_in_time_when_the_executor_stops_writing<S: Subject>() {
-    at_every_phase::<S>(|_| Executor::Hangs);
+    at_every_phase::<S>(|_| ExecutorAction::Hangs);
 }
 
 /// The net commands null in the middle of a motion.
 pub fn comes_to_rest_in_time_on_null<S: Subject>() {
-    at_every_phase::<S>(|_| Executor::Writes(SetPoint::NONE));
+    at_every_phase::<S>(|_| ExecutorAction::Writes(SetPoint::NONE));
 }
 
 /// The driver is asked to end in the middle of a motion; the executor has gone, too.
 pub fn comes_to_rest_in_time_on_termination<S: Subject>() {
     at_every_phase::<S>(|bench| {
-        bench.station.terminate();
-        Executor::Absent
+        bench.session.terminate();
+        ExecutorAction::Absent
     });
 }

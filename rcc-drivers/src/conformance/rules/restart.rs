@@ -4,20 +4,20 @@
 use rcc_core::message::{DeviceState, Joints};
 
 use super::super::Subject;
-use super::super::bench::{Bench, Executor};
+use super::super::driver_bench::{DriverBench, ExecutorAction};
 use super::super::real::seed;
-use super::rest::{Motion, motion_of, play};
+use super::rest::{TestMotion, motion_of, play};
 
 /// Exchanges for which the net goes on after the restart: enough to be in command mode again.
 const EXCHANGES: u64 = 3000;
 
 /// The old net goes on, and in the end stands still; the device is only held.
-fn is_only_held<S: Subject>(bench: &mut Bench<S>, motion: &Motion, from: u64) {
+fn is_only_held<S: Subject>(bench: &mut DriverBench<S>, motion: &TestMotion, from: u64) {
     let mut held: Option<Joints> = None;
     let mut follows = 0;
     for cycle in from..from + EXCHANGES {
         let before = bench.followed.len();
-        bench.step(Executor::Writes(motion.at(1, cycle)));
+        bench.step(ExecutorAction::Writes(motion.at(1, cycle)));
         if let Ok(exchange) = bench.last
             && !exchange.commandable
         {
@@ -40,7 +40,7 @@ fn is_only_held<S: Subject>(bench: &mut Bench<S>, motion: &Motion, from: u64) {
 }
 
 /// A new net moves it.
-fn moves_on_a_new_start<S: Subject>(bench: &mut Bench<S>) {
+fn moves_on_a_new_start<S: Subject>(bench: &mut DriverBench<S>) {
     bench.until_ready();
     let motion = motion_of(bench, 0.1);
     let hold = bench.measured().hold;
@@ -48,12 +48,12 @@ fn moves_on_a_new_start<S: Subject>(bench: &mut Bench<S>) {
     bench.until_ready();
     let moved = bench.measured().hold[0] - hold[0];
     assert!((moved.abs() - 0.1).abs() < 1e-5, "it moved by {moved} rad");
-    assert_eq!(bench.judge.violations, [""; 0]);
+    assert_eq!(bench.checker.violations, [""; 0]);
 }
 
 /// In the middle of a motion that the net goes on with.
 pub fn restarted_it_sends_nothing_but_hold_until_a_new_start<S: Subject>() {
-    let mut bench = Bench::<S>::ready(seed());
+    let mut bench = DriverBench::<S>::ready(seed());
     let motion = motion_of(&bench, 0.3);
     let half = motion.cycles() / 2;
     play(&mut bench, &motion, 1, half);
@@ -64,7 +64,7 @@ pub fn restarted_it_sends_nothing_but_hold_until_a_new_start<S: Subject>() {
 
 /// After it was away so long that the device brakes.
 pub fn restarted_while_the_device_brakes_it_sends_nothing_but_hold<S: Subject>() {
-    let mut bench = Bench::<S>::ready(seed());
+    let mut bench = DriverBench::<S>::ready(seed());
     let motion = motion_of(&bench, 0.3);
     let half = motion.cycles() / 2;
     play(&mut bench, &motion, 1, half);
@@ -72,7 +72,7 @@ pub fn restarted_while_the_device_brakes_it_sends_nothing_but_hold<S: Subject>()
         // Nobody answers.
         bench.subject.before();
     }
-    bench.judge.forget();
+    bench.checker.forget();
     let mut bench = bench.restart_driver();
     is_only_held(&mut bench, &motion, half + 30);
     moves_on_a_new_start(&mut bench);

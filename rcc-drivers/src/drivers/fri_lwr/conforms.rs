@@ -12,12 +12,12 @@ use serde_json::json;
 
 use super::{FriLwr, REASONS};
 use crate::conformance::capture::{Capture, From};
-use crate::conformance::{Peer, Subject, Told, Wire, conformance};
+use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance};
 use crate::driver::Inputs;
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, SessionState};
 use crate::host::reason::Reason;
 use crate::sim::lwr::krc::Krc;
-use crate::sim::lwr::settings::{Settings as KrcSettings, Wire as KrlWire};
+use crate::sim::lwr::settings::{Settings as KrcSettings, Transport as KrlWire};
 
 /// Faults of the simulated controller that losses of the wire cause: missed answers, quality.
 const OF_THE_WIRE: [i32; 2] = [1, 2];
@@ -101,8 +101,8 @@ impl Subject for Controller {
     type Driver = FriLwr;
     const NAME: &'static str = "fri-lwr";
     const REASONS: &'static [Reason] = REASONS;
-    const WIRE: Wire = Wire::UdpFromDevice;
-    const CHECKED: bool = false;
+    const TRANSPORT: Transport = Transport::UdpFromDevice;
+    const HAS_CHECKSUM: bool = false;
     const BAD_SETTINGS: &'static [(&'static str, &'static str)] = &[
         ("listen", "\"127.0.0.1\""),
         ("listen", "\"localhost:1\""),
@@ -147,14 +147,14 @@ impl Subject for Controller {
         lwr(at)
     }
 
-    fn told(&mut self) -> Told {
+    fn told(&mut self) -> ObservedOutputs {
         let krl = self.krc.snapshot().krl_from_pc;
         // The demo's outputs have the numbers 1, 2, 3 and 1.
         let digital = krl.booleans.iter().zip(0..3);
         let digital = digital.fold(0, |bits, (on, bit)| bits | u64::from(*on) << bit);
         let mut analog = [f64::NAN; ANALOG_MAX];
         analog[0] = f64::from(krl.reals[0]);
-        Told { digital, analog }
+        ObservedOutputs { digital, analog }
     }
 
     fn followed(&self, packet: &[u8]) -> Option<Joints> {

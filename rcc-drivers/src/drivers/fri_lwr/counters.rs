@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use serde_json::{Value, json};
 
-use crate::driver::Diagnosis;
+use crate::driver::LinkDiagnosis;
 use crate::fri_lwr::wire::{
     ControlStrategy, MeasurementDatagram, Quality, SessionState, WireError,
 };
@@ -16,7 +16,7 @@ const GAP_MAX: u16 = 1000;
 
 /// The figures of one connection.
 #[derive(Debug)]
-pub struct Counters {
+pub struct FriCounters {
     listen: SocketAddr,
     peer: Option<SocketAddr>,
     /// Who is answered; 0 = nobody.
@@ -44,12 +44,12 @@ pub struct Counters {
     answer_sum_ns: AtomicU64,
     answer_max_ns: AtomicU64,
     answer_longest_ns: AtomicU64,
-    wire: Wire,
+    wire: DatagramStatistics,
 }
 
 /// The newest word of the controller about itself; reals as their bits.
 #[derive(Debug, Default)]
-struct Wire {
+struct DatagramStatistics {
     session: AtomicU32,
     quality: AtomicU32,
     control: AtomicU32,
@@ -63,7 +63,7 @@ struct Wire {
     jitter: AtomicU32,
 }
 
-impl Counters {
+impl FriCounters {
     /// Of a socket at `listen` that answers only `peer`, if given.
     #[must_use]
     pub fn new(listen: SocketAddr, peer: Option<SocketAddr>) -> Self {
@@ -93,7 +93,7 @@ impl Counters {
             answer_sum_ns: none(),
             answer_max_ns: none(),
             answer_longest_ns: none(),
-            wire: Wire::default(),
+            wire: DatagramStatistics::default(),
         }
     }
 
@@ -130,7 +130,7 @@ impl Counters {
             Ok(measured) if measured.state == SessionState::Off => {
                 self.malformed.fetch_add(1, Relaxed);
             }
-            // It can be read, so its order was wrong, a number is none, or it was doubted.
+            // It can be read, so its order was wrong, a number is none, or it was unconfirmed.
             Ok(_) => {
                 self.disordered.fetch_add(1, Relaxed);
             }
@@ -178,7 +178,7 @@ impl Counters {
     }
 }
 
-impl Diagnosis for Counters {
+impl LinkDiagnosis for FriCounters {
     fn link(&self) -> Value {
         let number = |figure: &AtomicU64| figure.load(Relaxed);
         let answered = number(&self.answered);
@@ -212,7 +212,7 @@ impl Diagnosis for Counters {
     }
 }
 
-impl Wire {
+impl DatagramStatistics {
     fn store(&self, measured: &MeasurementDatagram) {
         self.session.store(measured.state as u32, Relaxed);
         self.quality.store(measured.quality as u32, Relaxed);
@@ -311,7 +311,7 @@ mod tests {
 
     #[test]
     fn what_is_refused_is_counted_by_its_kind() {
-        let counters = Counters::new(at(1), None);
+        let counters = FriCounters::new(at(1), None);
         counters.refused(b"hello", at(2));
         let mut other = measured(1).encode();
         other[6] = 9;
@@ -338,7 +338,7 @@ mod tests {
 
     #[test]
     fn gaps_intervals_and_answers_are_measured() {
-        let counters = Counters::new(at(1), None);
+        let counters = FriCounters::new(at(1), None);
         for (sequence, now_ns) in [(65_534, 1_000_000), (65_535, 2_000_000), (2, 5_000_000)] {
             counters.accepted(now_ns, at(2), &measured(sequence));
             counters.answered(now_ns + 30_000);

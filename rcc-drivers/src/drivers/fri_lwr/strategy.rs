@@ -6,7 +6,7 @@
 //! the joint positions beside it for the arm's redundancy, which a KRC takes from software 5.6 on.
 
 use rcc_config::DeviceConfig;
-use rcc_core::impedance::{Impedance, ImpedanceLimits, Strategy};
+use rcc_core::impedance::{ControlStrategy, Impedance, ImpedanceLimits};
 use rcc_core::kinematics::Arm;
 use rcc_core::message::Joints;
 use rcc_core::pose::Pose;
@@ -27,7 +27,7 @@ const ORTHONORMAL: f64 = 1e-3;
 
 /// What the arm can do besides position control, and where its tool is.
 #[derive(Clone, Debug)]
-pub struct Strategies {
+pub struct StrategyEncoder {
     arm: Option<Arm>,
     limits: Option<ImpedanceLimits>,
     /// The tool as the controller knows it, in the flange; `None`: its Cartesian pose has made no sense.
@@ -36,7 +36,7 @@ pub struct Strategies {
     mirror: [f32; 12],
 }
 
-impl Strategies {
+impl StrategyEncoder {
     /// Of the device's robot.
     pub fn of(device: &DeviceConfig) -> Self {
         let model = device.model();
@@ -49,12 +49,14 @@ impl Strategies {
     }
 
     /// What this controller runs, if the arm can be commanded in it.
-    pub fn runs(&self, measured: &MeasurementDatagram) -> Option<Strategy> {
+    pub fn runs(&self, measured: &MeasurementDatagram) -> Option<ControlStrategy> {
         let soft = self.limits.is_some();
         match measured.control {
-            ControlStrategy::Position => Some(Strategy::Position),
-            ControlStrategy::CartesianImpedance if soft => Some(Strategy::CartesianImpedance),
-            ControlStrategy::JointImpedance if soft => Some(Strategy::JointImpedance),
+            ControlStrategy::Position => Some(ControlStrategy::Position),
+            ControlStrategy::CartesianImpedance if soft => {
+                Some(ControlStrategy::CartesianImpedance)
+            }
+            ControlStrategy::JointImpedance if soft => Some(ControlStrategy::JointImpedance),
             _ => None,
         }
     }
@@ -81,11 +83,13 @@ impl Strategies {
     pub fn fill(
         &self,
         answer: &mut CommandDatagram,
-        strategy: Strategy,
+        strategy: ControlStrategy,
         (impedance, position): (&Impedance, Option<&Joints>),
     ) {
         // Whoever commands nothing holds the arm as it was.
-        let held = self.limits.map(|limits| limits.held(strategy, JOINTS));
+        let held = self
+            .limits
+            .map(|limits| limits.default_hold(strategy, JOINTS));
         let told = match held {
             Some(held) if impedance.strategy != strategy as u64 => held,
             _ => *impedance,
@@ -95,14 +99,14 @@ impl Strategies {
             None => Impedance::NONE.added,
         };
         match strategy {
-            Strategy::Position => answer.flags = flags::JOINT_POSITION,
-            Strategy::JointImpedance => {
+            ControlStrategy::Position => answer.flags = flags::JOINT_POSITION,
+            ControlStrategy::JointImpedance => {
                 answer.flags = JOINT_FLAGS;
                 answer.joint_stiffness = seven(&told.stiffness);
                 answer.joint_damping = seven(&told.damping);
                 answer.additional_joint_torque = seven(&added);
             }
-            Strategy::CartesianImpedance => {
+            ControlStrategy::CartesianImpedance => {
                 answer.flags = CARTESIAN_FLAGS;
                 answer.cartesian_stiffness = six(&told.stiffness);
                 answer.cartesian_damping = six(&told.damping);

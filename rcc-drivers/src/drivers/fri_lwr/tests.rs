@@ -7,8 +7,8 @@ use rcc_core::message::{CommandImage, DeviceState, JOINTS_MAX, Joints, Measureme
 use super::conforms::krc;
 use super::*;
 use crate::fri_lwr::wire::{CommandDatagram, ControlStrategy, MeasurementDatagram, SessionState};
+use crate::host::device_session::DeviceSession;
 use crate::host::reason;
-use crate::host::station::Station;
 use crate::sim::lwr::krc::Krc;
 use crate::sim::lwr::settings::Settings as KrcSettings;
 
@@ -21,10 +21,10 @@ fn lwr() -> DeviceConfig {
 }
 
 /// Controller, driver and executor in one virtual time of 1 ms steps.
-struct Bench {
+struct FriFixture {
     krc: Krc,
-    dialog: Dialog,
-    station: Station,
+    session: FriSession,
+    session: DeviceSession,
     image: CommandImage,
     now_ns: u64,
     /// The driver's answers reach the controller.
@@ -32,13 +32,14 @@ struct Bench {
     answers: Vec<CommandDatagram>,
 }
 
-impl Bench {
+impl FriFixture {
     fn new() -> Self {
         let device = lwr();
         Self {
             krc: krc(),
-            dialog: Dialog::new(&device, Script::FirstApp, Quality::Ok).expect("7 joints"),
-            station: Station::new(&device, 0),
+            session: FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok)
+                .expect("7 joints"),
+            session: DeviceSession::new(&device, 0),
             image: CommandImage::new(1, MS),
             now_ns: 0,
             heard: true,
@@ -68,7 +69,7 @@ impl Bench {
     }
 
     fn measured(&self) -> &Measurement {
-        self.station.measurement()
+        self.session.measurement()
     }
 
     fn cycle(&mut self, entry: SetPoint) {
@@ -82,15 +83,15 @@ impl Bench {
         let Some(bytes) = self.krc.tick(1) else {
             return;
         };
-        if !self.dialog.accept(&bytes) {
+        if !self.session.accept(&bytes) {
             // Left command state, and nobody has confirmed it yet.
             return;
         }
         let mut inputs = Inputs::NONE;
-        let exchange = self.dialog.exchange(&mut inputs);
-        self.station.observe(self.now_ns, Some(&self.image));
-        let outputs = self.station.exchange(self.now_ns, &inputs, &exchange);
-        let answer = self.dialog.answer(&outputs);
+        let exchange = self.session.exchange(&mut inputs);
+        self.session.observe(self.now_ns, Some(&self.image));
+        let outputs = self.session.exchange(self.now_ns, &inputs, &exchange);
+        let answer = self.session.answer(&outputs);
         if self.heard {
             self.krc.receive(&answer, 1e-4);
         }
@@ -132,7 +133,7 @@ fn command(owner: u64, position: Joints, torch: bool) -> SetPoint {
 
 #[test]
 fn command_mode_is_entered_by_the_handshake_without_a_fault() {
-    let bench = Bench::ready();
+    let bench = FriFixture::ready();
     assert_eq!(bench.faults(), 0);
     assert_eq!(bench.measured().reason, 0);
     let start = KrcSettings::default().start;
@@ -143,7 +144,7 @@ fn command_mode_is_entered_by_the_handshake_without_a_fault() {
 
 #[test]
 fn a_motion_goes_out_set_point_by_set_point_and_the_torch_with_its_own() {
-    let mut bench = Bench::ready();
+    let mut bench = FriFixture::ready();
     let hold = bench.measured().hold;
     bench.run(1, 0.3, 500);
     bench.wait_for(DeviceState::Ready);
@@ -164,7 +165,7 @@ fn a_motion_goes_out_set_point_by_set_point_and_the_torch_with_its_own() {
 
 #[test]
 fn without_an_executor_the_arm_comes_to_rest_without_a_fault_of_the_controller() {
-    let mut bench = Bench::ready();
+    let mut bench = FriFixture::ready();
     let hold = bench.measured().hold;
     for cycle in 0..250 {
         let mut position = hold;
@@ -187,7 +188,7 @@ fn without_an_executor_the_arm_comes_to_rest_without_a_fault_of_the_controller()
 
 #[test]
 fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
-    let mut bench = Bench::ready();
+    let mut bench = FriFixture::ready();
     let hold = bench.measured().hold;
     for cycle in 0..=2000 {
         bench.heard = !(250..280).contains(&cycle);
@@ -215,16 +216,16 @@ fn after_a_fault_of_the_controller_nothing_moves_by_itself() {
 
 #[test]
 fn a_released_device_leaves_command_mode() {
-    let mut bench = Bench::ready();
-    bench.station.terminate();
-    bench.dialog.release();
+    let mut bench = FriFixture::ready();
+    bench.session.terminate();
+    bench.session.release();
     (0..50).for_each(|_| bench.cycle(SetPoint::NONE));
-    assert!(bench.station.is_at_rest() && !bench.station.is_held_by_us());
+    assert!(bench.session.is_at_rest() && !bench.session.is_held_by_us());
     assert_eq!(bench.measured().reason, MONITORING);
 }
 
-fn dialog() -> Dialog {
-    Dialog::new(&lwr(), Script::FirstApp, Quality::Ok).expect("7 joints")
+fn session() -> FriSession {
+    FriSession::new(&lwr(), KrlConvention::FirstApp, Quality::Ok).expect("7 joints")
 }
 
 fn measurement(sequence: u16) -> MeasurementDatagram {
@@ -241,29 +242,29 @@ fn measurement(sequence: u16) -> MeasurementDatagram {
     }
 }
 
-fn ticks(dialog: &mut Dialog, sequence: u16) -> Option<u64> {
-    dialog
+fn ticks(session: &mut FriSession, sequence: u16) -> Option<u64> {
+    session
         .accept(&measurement(sequence).encode())
-        .then(|| dialog.exchange(&mut Inputs::NONE.clone()).ticks)
+        .then(|| session.exchange(&mut Inputs::NONE.clone()).ticks)
 }
 
 #[test]
 fn time_is_counted_by_sequence_numbers_over_their_end() {
-    let mut dialog = dialog();
-    let seen = [65533, 65534, 65535, 1, 1, 0, 3].map(|sequence| ticks(&mut dialog, sequence));
+    let mut session = session();
+    let seen = [65533, 65534, 65535, 1, 1, 0, 3].map(|sequence| ticks(&mut session, sequence));
     assert_eq!(
         seen,
         [Some(1), Some(1), Some(1), Some(2), None, None, Some(2)]
     );
-    assert_eq!(dialog.exchange(&mut Inputs::NONE.clone()).refused, 2);
+    assert_eq!(session.exchange(&mut Inputs::NONE.clone()).refused, 2);
 }
 
 #[test]
 fn a_controller_that_counts_anew_is_believed_after_a_while() {
-    let mut dialog = dialog();
-    assert_eq!(ticks(&mut dialog, 1000), Some(1));
+    let mut session = session();
+    assert_eq!(ticks(&mut session, 1000), Some(1));
     let seen: Vec<_> = (1..=11)
-        .map(|sequence| ticks(&mut dialog, sequence))
+        .map(|sequence| ticks(&mut session, sequence))
         .collect();
     assert_eq!(seen[..9], [None; 9]);
     assert_eq!(seen[9..], [Some(1), Some(1)]);
@@ -271,7 +272,7 @@ fn a_controller_that_counts_anew_is_believed_after_a_while() {
 
 #[test]
 fn datagrams_of_another_size_or_identity_or_without_numbers_are_refused() {
-    let mut dialog = dialog();
+    let mut session = session();
     let good = measurement(1).encode();
     let mut identity = good;
     identity[6] ^= 1;
@@ -279,26 +280,26 @@ fn datagrams_of_another_size_or_identity_or_without_numbers_are_refused() {
         commanded_position: [f32::NAN; 7],
         ..measurement(1)
     };
-    assert!(!dialog.accept(&good[..915]));
-    assert!(!dialog.accept(&identity));
-    assert!(!dialog.accept(&nan.encode()));
-    assert!(dialog.accept(&good));
-    assert_eq!(dialog.exchange(&mut Inputs::NONE.clone()).refused, 3);
+    assert!(!session.accept(&good[..915]));
+    assert!(!session.accept(&identity));
+    assert!(!session.accept(&nan.encode()));
+    assert!(session.accept(&good));
+    assert_eq!(session.exchange(&mut Inputs::NONE.clone()).refused, 3);
 }
 
-/// A dialog that commands.
-fn commanding() -> Dialog {
-    let mut dialog = dialog();
+/// A session that commands.
+fn commanding() -> FriSession {
+    let mut session = session();
     for sequence in 1..=5 {
-        assert!(dialog.accept(&measurement(sequence).encode()));
+        assert!(session.accept(&measurement(sequence).encode()));
     }
-    dialog
+    session
 }
 
 #[test]
 fn a_single_datagram_does_not_end_or_change_command_mode() {
     let good = measurement(6);
-    let surprises = [
+    let is_implausible = [
         MeasurementDatagram { power: 0, ..good },
         MeasurementDatagram { error: 4, ..good },
         MeasurementDatagram {
@@ -322,11 +323,11 @@ fn a_single_datagram_does_not_end_or_change_command_mode() {
             ..good
         },
     ];
-    for surprise in surprises {
-        let mut dialog = commanding();
-        assert!(!dialog.accept(&surprise.encode()), "{surprise:?}");
-        assert!(dialog.accept(&measurement(7).encode()));
-        let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+    for surprise in is_implausible {
+        let mut session = commanding();
+        assert!(!session.accept(&surprise.encode()), "{surprise:?}");
+        assert!(session.accept(&measurement(7).encode()));
+        let exchange = session.exchange(&mut Inputs::NONE.clone());
         assert!(exchange.commandable && exchange.startable, "{exchange:?}");
         assert_eq!((exchange.period_ns, exchange.refused), (MS, 1));
     }
@@ -334,41 +335,41 @@ fn a_single_datagram_does_not_end_or_change_command_mode() {
 
 #[test]
 fn what_the_next_datagram_confirms_is_believed() {
-    let mut dialog = commanding();
+    let mut session = commanding();
     for (sequence, believed) in [(6, false), (7, true), (8, true)] {
         let monitoring = MeasurementDatagram {
             state: SessionState::Monitor,
             ..measurement(sequence)
         };
-        assert_eq!(dialog.accept(&monitoring.encode()), believed, "{sequence}");
+        assert_eq!(session.accept(&monitoring.encode()), believed, "{sequence}");
     }
-    let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
     assert_eq!((exchange.commandable, exchange.reason), (false, MONITORING));
 }
 
 #[test]
 fn while_command_mode_begins_a_position_that_jumps_is_not_mirrored() {
-    let mut dialog = dialog();
-    assert!(dialog.accept(&measurement(1).encode()));
+    let mut session = session();
+    assert!(session.accept(&measurement(1).encode()));
     let mut jumped = measurement(2);
     jumped.commanded_position[3] = 0.26;
-    assert!(!dialog.accept(&jumped.encode()));
-    assert!(dialog.accept(&measurement(3).encode()));
-    let answer = CommandDatagram::decode(&dialog.answer(&Outputs::NONE)).expect("our own bytes");
+    assert!(!session.accept(&jumped.encode()));
+    assert!(session.accept(&measurement(3).encode()));
+    let answer = CommandDatagram::decode(&session.answer(&Outputs::NONE)).expect("our own bytes");
     assert_eq!(answer.joint_position[3], 0.75);
 }
 
 #[test]
 fn the_first_cycles_of_command_mode_are_mirrored_whatever_is_asked_for() {
-    let mut dialog = dialog();
+    let mut session = session();
     let asked = Outputs {
         position: [0.7; JOINTS_MAX],
         ..Outputs::NONE
     };
     let mut sent = Vec::new();
     for sequence in 1..=5 {
-        assert!(dialog.accept(&measurement(sequence).encode()));
-        let answer = CommandDatagram::decode(&dialog.answer(&asked)).expect("our own bytes");
+        assert!(session.accept(&measurement(sequence).encode()));
+        let answer = CommandDatagram::decode(&session.answer(&asked)).expect("our own bytes");
         assert_eq!(answer.reflected_sequence, sequence);
         sent.push(answer.joint_position[3]);
     }
@@ -377,14 +378,14 @@ fn the_first_cycles_of_command_mode_are_mirrored_whatever_is_asked_for() {
 
 #[test]
 fn torques_of_the_wire_are_turned_round() {
-    let mut dialog = dialog();
+    let mut session = session();
     let measured = MeasurementDatagram {
         external_tcp_wrench: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
         ..measurement(1)
     };
-    assert!(dialog.accept(&measured.encode()));
+    assert!(session.accept(&measured.encode()));
     let mut inputs = Inputs::NONE;
-    dialog.exchange(&mut inputs);
+    session.exchange(&mut inputs);
     assert_eq!(inputs.wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
 }
 
@@ -418,9 +419,9 @@ fn drives_strategy_and_quality_say_why_nothing_may_begin() {
         (good, ENTERING),
     ];
     for (measured, expected) in rows {
-        let mut dialog = dialog();
-        assert!(dialog.accept(&measured.encode()));
-        let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+        let mut session = session();
+        assert!(session.accept(&measured.encode()));
+        let exchange = session.exchange(&mut Inputs::NONE.clone());
         assert_eq!((exchange.reason, exchange.startable), (expected, false));
     }
 }
@@ -449,7 +450,7 @@ fn receives(
 #[test]
 fn a_stall_of_ours_is_no_silence_of_the_controller() {
     let (mut driver, controller) = commanding_over_a_socket();
-    std::thread::sleep(FORGET_AFTER + Duration::from_millis(10));
+    std::thread::sleep(CONTROLLER_TIMEOUT + Duration::from_millis(10));
     let nothing = driver.receive(Duration::from_millis(1), &mut Inputs::NONE.clone());
     assert_eq!(nothing, Err(LinkError::Silent));
     let exchange = receives(&mut driver, &controller, 6).expect("it sends");
@@ -462,7 +463,7 @@ fn a_stall_of_ours_is_no_silence_of_the_controller() {
 #[test]
 fn after_a_silence_another_controller_may_come() {
     let (mut driver, _) = commanding_over_a_socket();
-    let nothing = driver.receive(FORGET_AFTER * 2, &mut Inputs::NONE.clone());
+    let nothing = driver.receive(CONTROLLER_TIMEOUT * 2, &mut Inputs::NONE.clone());
     assert_eq!(nothing, Err(LinkError::Silent));
     let other = UdpSocket::bind("127.0.0.1:0").expect("loopback");
     let exchange = receives(&mut driver, &other, 3).expect("another one");

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::{IdealArm, REASONS, RELEASED};
 use crate::conformance::capture::Capture;
-use crate::conformance::{Peer, Subject, Told, Wire, conformance, device, rules};
+use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device, rules};
 use crate::driver::{Driver, Exchange, Inputs, Outputs};
 use crate::host::reason::Reason;
 
@@ -56,8 +56,8 @@ impl Subject for Nobody {
     type Driver = IdealArm;
     const NAME: &'static str = "ideal-arm";
     const REASONS: &'static [Reason] = REASONS;
-    const WIRE: Wire = Wire::UdpFromDriver;
-    const CHECKED: bool = true;
+    const TRANSPORT: Transport = Transport::UdpFromDriver;
+    const HAS_CHECKSUM: bool = true;
     const BAD_SETTINGS: &'static [(&'static str, &'static str)] = &[
         ("start", "[0, 0, 0]"),
         ("start", "[0, 9, 0, 0, 0, 0, 0]"),
@@ -82,8 +82,8 @@ impl Subject for Nobody {
         arm()
     }
 
-    fn told(&mut self) -> Told {
-        Told {
+    fn told(&mut self) -> ObservedOutputs {
+        ObservedOutputs {
             digital: 0,
             analog: [f64::NAN; ANALOG_MAX],
         }

@@ -5,7 +5,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::value::{Format, Number, Order};
+use super::value::{ByteOrder, NumberType, RegisterFormat};
 
 /// The tables of a Modbus server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,7 +57,7 @@ pub enum Form {
     /// One bit of a register, 0 is the lowest.
     RegisterBit(u8),
     /// A number in one register or several.
-    Number(Format),
+    NumberType(RegisterFormat),
 }
 
 /// Where a channel is.
@@ -67,7 +67,7 @@ pub struct Address {
     pub server: Option<String>,
     /// The table.
     pub table: Table,
-    /// Number of the first point in its table, from 0, as on the wire.
+    /// NumberType of the first point in its table, from 0, as on the wire.
     pub number: u16,
     /// What stands there.
     pub form: Form,
@@ -106,7 +106,7 @@ pub enum AddressError {
     Table(String),
     /// The number is missing, or beyond 16 bits.
     #[error("'{0}' is no number from 0 to 65535")]
-    Number(String),
+    NumberType(String),
     /// Not one of the types.
     #[error("'{0}' is no type; there are u16 i16 u32 i32 u64 i64 f32 f64, or bit 0 to bit 15")]
     Type(String),
@@ -120,7 +120,7 @@ pub enum AddressError {
     },
     /// Letters that are no order of this type.
     #[error("'{word}' is no byte order of a {number}; there are {known}")]
-    Order {
+    ByteOrder {
         /// What is written.
         word: String,
         /// The type.
@@ -174,7 +174,10 @@ pub fn parse(text: &str) -> Result<Address, AddressError> {
     Ok(address)
 }
 
-fn form<'t>(table: Table, words: &mut impl Iterator<Item = &'t str>) -> Result<Form, AddressError> {
+fn form<'t>(
+    table: Table,
+    words: &mut impl Iterator<ReadItem = &'t str>,
+) -> Result<Form, AddressError> {
     let word = words.next();
     if table.is_bits() {
         return match word {
@@ -193,18 +196,18 @@ fn form<'t>(table: Table, words: &mut impl Iterator<Item = &'t str>) -> Result<F
             .ok_or_else(|| AddressError::Type(format!("bit {word}")));
     }
     let number = match word {
-        None => Number::U16,
-        Some(word) => Number::parse(word).ok_or_else(|| AddressError::Type(word.to_owned()))?,
+        None => NumberType::U16,
+        Some(word) => NumberType::parse(word).ok_or_else(|| AddressError::Type(word.to_owned()))?,
     };
     let order = match words.next() {
-        None => Order::default(),
+        None => ByteOrder::default(),
         Some(word) => number.order(word).ok_or_else(|| AddressError::Order {
             word: word.to_owned(),
             number: number.name(),
             known: number.orders().join(", "),
         })?,
     };
-    Ok(Form::Number(Format { number, order }))
+    Ok(Form::Number(RegisterFormat { number, order }))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The driver against the conformance suite: the simulated I/O station, which runs in threads of the test.
+//! The driver against the conformance suite: the simulated I/O server, which runs in threads of the test.
 //! Test code only.
 
 use std::net::SocketAddr;
@@ -13,28 +13,28 @@ use serde_json::{Value, json};
 
 use super::{Modbus, REASONS};
 use crate::conformance::capture::Capture;
-use crate::conformance::{Peer, Subject, Told, Wire, conformance, device};
+use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device};
 use crate::driver::Inputs;
 use crate::host::reason::Reason;
 use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
-use crate::sim::lines::Client;
+use crate::sim::line_server::ControlClient;
 
-/// The station; coil 0 is wired to discrete input 0, holding register 0 to input register 0.
-struct Station {
+/// The server; coil 0 is wired to discrete input 0, holding register 0 to input register 0.
+struct IoServer {
     address: SocketAddr,
-    control: Client,
+    control: ControlClient,
 }
 
-impl Station {
+impl IoServer {
     fn say(&mut self, line: &str) -> Value {
         let answer = self.control.ask(line).expect("an answer");
         serde_json::from_str(&answer).expect("JSON")
     }
 }
 
-impl Peer for Station {
+impl Peer for IoServer {
     fn before(&mut self) {}
 
     fn after(&mut self) {}
@@ -46,12 +46,12 @@ impl Peer for Station {
     }
 }
 
-impl Subject for Station {
+impl Subject for IoServer {
     type Driver = Modbus;
     const NAME: &'static str = "modbus";
     const REASONS: &'static [Reason] = REASONS;
-    const WIRE: Wire = Wire::TcpFromDriver;
-    const CHECKED: bool = false;
+    const TRANSPORT: Transport = Transport::TcpFromDriver;
+    const HAS_CHECKSUM: bool = false;
     const BAD_SETTINGS: &'static [(&'static str, &'static str)] = &[
         ("server", "\"192.168.0.7\""),
         ("unit", "256"),
@@ -74,7 +74,7 @@ impl Subject for Station {
         let any = SocketAddr::from(([127, 0, 0, 1], 0));
         let wire = |text: &str| text.parse().expect("a wire");
         // Needed until it is connected.
-        let folder = TestFolder::new("station");
+        let folder = TestFolder::new("server");
         let options = Options {
             bind: any,
             control: Some(folder.0.join("sim.sock")),
@@ -88,12 +88,12 @@ impl Subject for Station {
                 tell.send(line.to_owned()).expect("the test waits")
             })
         });
-        let line = told.recv().expect("the station starts");
+        let line = told.recv().expect("the server starts");
         let place = |name: &str| {
             let rest = line.split(name).nth(1).expect("its address");
             rest.split(' ').next().expect("its address").to_owned()
         };
-        let control = Client::connect(place("control=")).expect("it listens");
+        let control = ControlClient::connect(place("control=")).expect("it listens");
         Self {
             address: place("modbus=").parse().expect("an address"),
             control,
@@ -128,13 +128,13 @@ impl Subject for Station {
         )
     }
 
-    fn told(&mut self) -> Told {
+    fn told(&mut self) -> ObservedOutputs {
         let state = self.say("{\"state\": null}");
         let coil = |place: usize| u64::from(state["coils"][place] == true);
         let mut analog = [f64::NAN; ANALOG_MAX];
         let register = state["holding"][0].as_u64().expect("a register") as u16;
         analog[0] = f64::from(register.cast_signed());
-        Told {
+        ObservedOutputs {
             digital: coil(0) | coil(1) << 1,
             analog,
         }
@@ -173,4 +173,4 @@ fn libmodbus(at: SocketAddr) -> DeviceConfig {
     )
 }
 
-conformance!(io: Station);
+conformance!(io: IoServer);

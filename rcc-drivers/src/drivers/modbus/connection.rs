@@ -13,8 +13,8 @@ use nix::sys::socket::{
     AddressFamily, SockFlag, SockProtocol, SockType, SockaddrStorage, connect, socket,
 };
 
-use super::fault::Fault;
-use super::report::Figures;
+use super::counters::ServerCounters;
+use super::fault::ServerFault;
 use super::server::Server;
 use super::settings::ServerSettings;
 
@@ -31,7 +31,7 @@ const QUALITY_SHARE: u32 = 16;
 const READS_MAX: usize = 8;
 
 #[derive(Debug)]
-enum Phase {
+enum ConnectionPhase {
     /// No connection until then.
     Away { until: Instant },
     /// Being made, at the latest until then.
@@ -47,7 +47,7 @@ enum Phase {
 pub struct Connection {
     /// The dialog.
     pub server: Server,
-    phase: Phase,
+    phase: ConnectionPhase,
     back_off: Duration,
     online_since: Option<Instant>,
     /// The reason for which it is not online, 0 = none yet, or none any more.
@@ -58,8 +58,8 @@ pub struct Connection {
     pub quick: bool,
     random: u64,
     /// The last attempt to connect failed.
-    is_hopeless: bool,
-    figures: Arc<Figures>,
+    connect_failed: bool,
+    counters: Arc<ServerCounters>,
 }
 
 impl Connection {
@@ -67,9 +67,9 @@ impl Connection {
     #[must_use]
     pub fn new(server: Server, seed: u64, now: Instant) -> Self {
         Self {
-            figures: Arc::new(Figures::new(server.settings())),
+            counters: Arc::new(ServerCounters::new(server.settings())),
             server,
-            phase: Phase::Away { until: now },
+            phase: ConnectionPhase::Away { until: now },
             back_off: BACK_OFF_FIRST,
             online_since: None,
             fault: 0,
@@ -77,20 +77,20 @@ impl Connection {
             quality: 1000,
             quick: true,
             random: seed | 1,
-            is_hopeless: false,
+            connect_failed: false,
         }
     }
 
     /// What is counted.
     #[must_use]
-    pub fn figures(&self) -> &Arc<Figures> {
-        &self.figures
+    pub fn counters(&self) -> &Arc<ServerCounters> {
+        &self.counters
     }
 
     /// Its inputs are known and its outputs are ours.
     #[must_use]
     pub fn is_online(&self) -> bool {
-        matches!(self.phase, Phase::Open { .. }) && self.server.is_complete()
+        matches!(self.phase, ConnectionPhase::Open { .. }) && self.server.is_complete()
     }
 
     /// Why it is not online; 0 = not yet known.
@@ -107,7 +107,7 @@ impl Connection {
 
     /// A round begins, if there is a connection and the last round has ended.
     pub fn tick(&mut self, now: Instant) -> bool {
-        matches!(self.phase, Phase::Open { .. }) && self.server.tick(now)
+        matches!(self.phase, ConnectionPhase::Open { .. }) && self.server.tick(now)
     }
 
     /// A round has ended, in time or not.
@@ -120,20 +120,20 @@ impl Connection {
         } else {
             self.quality - step(self.quality - aim)
         };
-        self.figures.round(in_time);
+        self.counters.round(in_time);
         if let Some(time) = self.server.read_time() {
-            self.figures.read(time);
+            self.counters.read(time);
         }
         let discarded = self.server.counts().discarded;
         let online = self.is_online();
-        self.figures
+        self.counters
             .now(online, self.fault, self.quality, discarded);
     }
 
     /// Does everything that can be done without waiting.
     pub fn advance(&mut self, now: Instant) {
-        if let Err(fault) = self.go_on(now) {
-            self.lose(&fault, now);
+        if let Err(fault) = self.drive(now) {
+            self.handle_fault(&fault, now);
         }
         if self.is_online() {
             let since = *self.online_since.get_or_insert(now);
@@ -143,36 +143,41 @@ impl Connection {
             }
             self.timeouts = 0;
             if self.fault != 0 {
-                tracing::info!("{} answers", self.words());
+                tracing::info!("{} answers", self.label());
                 self.fault = 0;
             }
         } else if let Some(fault) = self.server.standstill(now)
-            && matches!(self.phase, Phase::Open { .. })
+            && matches!(self.phase, ConnectionPhase::Open { .. })
         {
-            self.tell(&fault);
+            self.report(&fault);
         }
     }
 
     /// The end has come, and nothing is left to do: its safe values were sent, or it is not reached at all.
     #[must_use]
-    pub fn is_let_go(&self) -> bool {
+    pub fn is_finished(&self) -> bool {
         match self.phase {
-            Phase::Away { .. } => self.is_hopeless || !self.server.has_untried(),
-            Phase::Connecting { .. } => false,
-            Phase::Open { .. } | Phase::Pausing { .. } => self.server.is_released(),
+            ConnectionPhase::Away { .. } => {
+                self.connect_failed || !self.server.has_unsent_safe_values()
+            }
+            ConnectionPhase::Connecting { .. } => false,
+            ConnectionPhase::Open { .. } | ConnectionPhase::Pausing { .. } => {
+                self.server.is_released()
+            }
         }
     }
 
     /// There is a connection, and something is asked on it.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        matches!(self.phase, Phase::Open { .. })
+        matches!(self.phase, ConnectionPhase::Open { .. })
     }
 
     /// The end has come: no pause before what is still to be sent.
-    pub fn hurry(&mut self, now: Instant) {
-        if let Phase::Away { until } | Phase::Pausing { until, .. } = &mut self.phase
-            && self.server.has_untried()
+    pub fn skip_pause(&mut self, now: Instant) {
+        if let ConnectionPhase::Away { until } | ConnectionPhase::Pausing { until, .. } =
+            &mut self.phase
+            && self.server.has_unsent_safe_values()
         {
             *until = now;
         }
@@ -182,10 +187,10 @@ impl Connection {
     #[must_use]
     pub fn wake(&self, now: Instant) -> Option<Instant> {
         match &self.phase {
-            Phase::Away { until }
-            | Phase::Connecting { until, .. }
-            | Phase::Pausing { until, .. } => Some(*until),
-            Phase::Open { .. } => self.server.wake(now),
+            ConnectionPhase::Away { until }
+            | ConnectionPhase::Connecting { until, .. }
+            | ConnectionPhase::Pausing { until, .. } => Some(*until),
+            ConnectionPhase::Open { .. } => self.server.wake(now),
         }
     }
 
@@ -193,13 +198,13 @@ impl Connection {
     #[must_use]
     pub fn events(&self, now: Instant) -> Option<(BorrowedFd<'_>, PollFlags)> {
         let (stream, flags) = match &self.phase {
-            Phase::Away { .. } => return None,
-            Phase::Connecting { stream, .. } => (stream, PollFlags::POLLOUT),
-            Phase::Pausing { stream, .. } => (stream, PollFlags::POLLIN),
-            Phase::Open { stream } if self.server.to_send(now).is_empty() => {
+            ConnectionPhase::Away { .. } => return None,
+            ConnectionPhase::Connecting { stream, .. } => (stream, PollFlags::POLLOUT),
+            ConnectionPhase::Pausing { stream, .. } => (stream, PollFlags::POLLIN),
+            ConnectionPhase::Open { stream } if self.server.to_send(now).is_empty() => {
                 (stream, PollFlags::POLLIN)
             }
-            Phase::Open { stream } => (stream, PollFlags::POLLIN | PollFlags::POLLOUT),
+            ConnectionPhase::Open { stream } => (stream, PollFlags::POLLIN | PollFlags::POLLOUT),
         };
         Some((stream.as_fd(), flags))
     }
@@ -219,78 +224,81 @@ impl Connection {
         }
     }
 
-    fn go_on(&mut self, now: Instant) -> Result<(), Fault> {
+    fn drive(&mut self, now: Instant) -> Result<(), ServerFault> {
         match &mut self.phase {
-            Phase::Away { until } if now >= *until => {
+            ConnectionPhase::Away { until } if now >= *until => {
                 let timeout = self.server.settings().timeout.max(CONNECT_MIN);
                 let stream =
-                    begin_connect(self.server.settings().address).map_err(Fault::Connect)?;
-                self.phase = Phase::Connecting {
+                    begin_connect(self.server.settings().address).map_err(ServerFault::Connect)?;
+                self.phase = ConnectionPhase::Connecting {
                     stream,
                     until: now + timeout,
                 };
                 self.finish_connecting(now)
             }
-            Phase::Away { .. } => Ok(()),
-            Phase::Connecting { .. } => self.finish_connecting(now),
-            Phase::Pausing { stream, until } => {
+            ConnectionPhase::Away { .. } => Ok(()),
+            ConnectionPhase::Connecting { .. } => self.finish_connecting(now),
+            ConnectionPhase::Pausing { stream, until } => {
                 // What comes now is late.
                 let read = receive(stream, &mut [0; 256]);
                 let over = now >= *until;
-                read.map_err(Fault::Transport)?;
+                read.map_err(ServerFault::Transport)?;
                 if over {
                     self.open(|server| server.prepare(now));
                     return self.exchange(now);
                 }
                 Ok(())
             }
-            Phase::Open { .. } => self.exchange(now),
+            ConnectionPhase::Open { .. } => self.exchange(now),
         }
     }
 
-    fn finish_connecting(&mut self, now: Instant) -> Result<(), Fault> {
-        let Phase::Connecting { stream, until } = &self.phase else {
+    fn finish_connecting(&mut self, now: Instant) -> Result<(), ServerFault> {
+        let ConnectionPhase::Connecting { stream, until } = &self.phase else {
             return Ok(());
         };
-        if let Some(error) = stream.take_error().map_err(Fault::Connect)? {
-            return Err(Fault::Connect(error));
+        if let Some(error) = stream.take_error().map_err(ServerFault::Connect)? {
+            return Err(ServerFault::Connect(error));
         }
         let Ok(peer) = stream.peer_addr() else {
             return match now >= *until {
-                true => Err(Fault::Connect(io::ErrorKind::TimedOut.into())),
+                true => Err(ServerFault::Connect(io::ErrorKind::TimedOut.into())),
                 false => Ok(()),
             };
         };
         // Without anybody there, TCP may connect a port of this machine to itself.
         if stream.local_addr().ok() == Some(peer) {
-            return Err(Fault::Connect(io::ErrorKind::ConnectionRefused.into()));
+            return Err(ServerFault::Connect(
+                io::ErrorKind::ConnectionRefused.into(),
+            ));
         }
-        stream.set_nodelay(true).map_err(Fault::Connect)?;
-        self.figures.connected();
-        self.is_hopeless = false;
+        stream.set_nodelay(true).map_err(ServerFault::Connect)?;
+        self.counters.connected();
+        self.connect_failed = false;
         self.open(|server| server.connected(now));
         self.exchange(now)
     }
 
     fn open(&mut self, begin: impl FnOnce(&mut Server)) {
-        let none = Phase::Away {
+        let none = ConnectionPhase::Away {
             until: Instant::now(),
         };
         self.phase = match std::mem::replace(&mut self.phase, none) {
-            Phase::Connecting { stream, .. } | Phase::Pausing { stream, .. } => {
+            ConnectionPhase::Connecting { stream, .. }
+            | ConnectionPhase::Pausing { stream, .. } => {
                 begin(&mut self.server);
-                Phase::Open { stream }
+                ConnectionPhase::Open { stream }
             }
             other => other,
         };
     }
 
-    fn exchange(&mut self, now: Instant) -> Result<(), Fault> {
-        let Phase::Open { stream } = &mut self.phase else {
+    fn exchange(&mut self, now: Instant) -> Result<(), ServerFault> {
+        let ConnectionPhase::Open { stream } = &mut self.phase else {
             return Ok(());
         };
         for _ in 0..READS_MAX {
-            let count = receive(stream, self.server.room()).map_err(Fault::Transport)?;
+            let count = receive(stream, self.server.room()).map_err(ServerFault::Transport)?;
             if let Some(count) = count {
                 self.server.received(count, now)?;
             }
@@ -299,7 +307,7 @@ impl Connection {
             let sent = if bytes.is_empty() {
                 0
             } else {
-                send(stream, bytes).map_err(Fault::Transport)?
+                send(stream, bytes).map_err(ServerFault::Transport)?
             };
             self.server.sent(sent);
             if count.is_none() {
@@ -310,42 +318,48 @@ impl Connection {
     }
 
     /// Not online until a pause is over; what is wrong is said once.
-    fn lose(&mut self, fault: &Fault, now: Instant) {
-        self.tell(fault);
-        self.figures.lost(fault);
-        self.is_hopeless = !matches!(self.phase, Phase::Open { .. } | Phase::Pausing { .. });
+    fn handle_fault(&mut self, fault: &ServerFault, now: Instant) {
+        self.report(fault);
+        self.counters.lost(fault);
+        self.connect_failed = !matches!(
+            self.phase,
+            ConnectionPhase::Open { .. } | ConnectionPhase::Pausing { .. }
+        );
         self.quality = 0;
         self.quick = false;
         self.online_since = None;
-        let timeout = matches!(fault, Fault::Timeout { .. } | Fault::OtherUnit { .. });
+        let timeout = matches!(
+            fault,
+            ServerFault::Timeout { .. } | ServerFault::OtherUnit { .. }
+        );
         if timeout {
             self.timeouts += 1;
-            if self.timeouts < TIMEOUTS_MAX && matches!(self.phase, Phase::Open { .. }) {
+            if self.timeouts < TIMEOUTS_MAX && matches!(self.phase, ConnectionPhase::Open { .. }) {
                 // A late answer is known by its number.
                 self.server.prepare(now);
                 return;
             }
         }
         self.timeouts = 0;
-        let was_open = matches!(self.phase, Phase::Open { .. });
+        let was_open = matches!(self.phase, ConnectionPhase::Open { .. });
         // A server that closes after each request gets its safe values without growing pauses; each attempt brings some.
-        let pause = match was_open && self.server.has_untried() {
+        let pause = match was_open && self.server.has_unsent_safe_values() {
             true => BACK_OFF_FIRST,
             false => self.pause(),
         };
         let until = now + pause;
-        let none = Phase::Away { until };
+        let none = ConnectionPhase::Away { until };
         let keeps = !timeout && !fault.ends_connection();
         self.phase = match std::mem::replace(&mut self.phase, none) {
-            Phase::Open { stream } if keeps => Phase::Pausing { stream, until },
-            _ => Phase::Away { until },
+            ConnectionPhase::Open { stream } if keeps => ConnectionPhase::Pausing { stream, until },
+            _ => ConnectionPhase::Away { until },
         };
         self.server.prepare(now);
     }
 
-    fn tell(&mut self, fault: &Fault) {
+    fn report(&mut self, fault: &ServerFault) {
         if self.fault != fault.reason() {
-            tracing::warn!("{} is lost: {fault}; trying again", self.words());
+            tracing::warn!("{} is lost: {fault}; trying again", self.label());
             self.fault = fault.reason();
         }
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use super::frame::Broken;
+use super::frame::FrameError;
 use crate::host::reason::Reason;
 
 /// No connection.
@@ -98,7 +98,7 @@ pub const PASSING: [u8; 2] = [5, 6];
 
 /// Why a server cannot be worked with now.
 #[derive(Debug, Error)]
-pub enum Fault {
+pub enum ServerFault {
     /// There is no connection.
     #[error("it is not reached: {0}")]
     Connect(io::Error),
@@ -125,7 +125,7 @@ pub enum Fault {
     },
     /// Not Modbus TCP.
     #[error("it sends what is no answer: {0}")]
-    Broken(Broken),
+    FrameError(FrameError),
     /// The server says no.
     #[error("{doing}: exception {code}: {}", words(exception_reason(*code)))]
     Exception {
@@ -158,18 +158,18 @@ pub enum Fault {
     },
 }
 
-impl Fault {
+impl ServerFault {
     /// Its number in [`REASONS`].
     #[must_use]
     pub fn reason(&self) -> u32 {
         match self {
-            Fault::Connect(_) | Fault::Transport(_) => UNREACHABLE,
-            Fault::Timeout { .. } => TIMEOUT,
-            Fault::OtherUnit { .. } => OTHER_UNIT,
-            Fault::Broken(_) => BROKEN,
-            Fault::Exception { code, .. } => exception_reason(*code),
-            Fault::Frozen { .. } => FROZEN,
-            Fault::Unfit { .. } => UNFIT,
+            ServerFault::Connect(_) | ServerFault::Transport(_) => UNREACHABLE,
+            ServerFault::Timeout { .. } => TIMEOUT,
+            ServerFault::OtherUnit { .. } => OTHER_UNIT,
+            ServerFault::Broken(_) => BROKEN,
+            ServerFault::Exception { code, .. } => exception_reason(*code),
+            ServerFault::Frozen { .. } => FROZEN,
+            ServerFault::Unfit { .. } => UNFIT,
         }
     }
 
@@ -178,7 +178,7 @@ impl Fault {
     pub fn ends_connection(&self) -> bool {
         matches!(
             self,
-            Fault::Connect(_) | Fault::Transport(_) | Fault::Broken(_)
+            ServerFault::Connect(_) | ServerFault::Transport(_) | ServerFault::Broken(_)
         )
     }
 }

@@ -1,4 +1,4 @@
-//! Requests and answers of Modbus TCP as bytes (MODBUS Application Protocol V1.1b3; Messaging on TCP/IP V1.0b).
+//! RequestLimits and answers of Modbus TCP as bytes (MODBUS Application Protocol V1.1b3; Messaging on TCP/IP V1.0b).
 //! Pure and without heap; used by the host's thread in each exchange.
 //!
 //! Own code rather than the client of `tokio-modbus`, which ends the connection at an answer that comes late, allocates
@@ -20,14 +20,14 @@ const KEPT_MAX: usize = 4 * MESSAGE_MAX;
 
 /// What a request asks for; addresses count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request<'a> {
+pub enum ModbusRequest<'a> {
     /// Functions 1 to 4.
     Read {
         /// From which table.
         table: Table,
         /// First point.
         first: u16,
-        /// Number of points.
+        /// NumberType of points.
         count: u16,
     },
     /// Function 5 for one, 15 for more.
@@ -57,7 +57,7 @@ pub enum Request<'a> {
 
 /// What the answer to a request must be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Expected {
+pub enum ExpectedResponse {
     /// So many bits.
     Bits(u16),
     /// So many registers.
@@ -73,27 +73,27 @@ pub enum Expected {
 
 /// A message that is on its way out.
 #[derive(Clone, Copy, Debug)]
-pub struct Message {
+pub struct EncodedRequest {
     bytes: [u8; MESSAGE_MAX],
     length: usize,
     /// What must come back.
-    pub expected: Expected,
+    pub expected: ExpectedResponse,
 }
 
-impl Message {
+impl EncodedRequest {
     /// Nothing.
-    pub const NONE: Message = Message {
+    pub const NONE: EncodedRequest = EncodedRequest {
         bytes: [0; MESSAGE_MAX],
         length: 0,
-        expected: Expected::Bits(0),
+        expected: ExpectedResponse::Bits(0),
     };
 
     /// A request; `None` if it is longer than a message may be.
     #[must_use]
-    pub fn new(transaction: u16, unit: u8, request: &Request<'_>) -> Option<Message> {
-        let mut message = Message {
+    pub fn new(transaction: u16, unit: u8, request: &ModbusRequest<'_>) -> Option<EncodedRequest> {
+        let mut message = EncodedRequest {
             length: HEADER,
-            ..Message::NONE
+            ..EncodedRequest::NONE
         };
         message.bytes[6] = unit;
         message.expected = message.body(request)?;
@@ -108,7 +108,7 @@ impl Message {
         self.bytes[..2].copy_from_slice(&transaction.to_be_bytes());
     }
 
-    /// Number of the transaction.
+    /// NumberType of the transaction.
     #[must_use]
     pub fn transaction(&self) -> u16 {
         u16::from_be_bytes([self.bytes[0], self.bytes[1]])
@@ -126,9 +126,9 @@ impl Message {
         &self.bytes[..self.length]
     }
 
-    fn body(&mut self, request: &Request<'_>) -> Option<Expected> {
+    fn body(&mut self, request: &ModbusRequest<'_>) -> Option<ExpectedResponse> {
         match *request {
-            Request::Read {
+            ModbusRequest::Read {
                 table,
                 first,
                 count,
@@ -142,12 +142,12 @@ impl Message {
                 self.put(&[function])?;
                 self.put_words(&[first, count])?;
                 Some(if table.is_bits() {
-                    Expected::Bits(count)
+                    ExpectedResponse::Bits(count)
                 } else {
-                    Expected::Registers(count)
+                    ExpectedResponse::Registers(count)
                 })
             }
-            Request::WriteCoils {
+            ModbusRequest::WriteCoils {
                 first,
                 values: [on],
             } => {
@@ -155,7 +155,7 @@ impl Message {
                 self.put_words(&[first, if *on { 0xFF00 } else { 0 }])?;
                 Some(self.echo(4))
             }
-            Request::WriteCoils { first, values } => {
+            ModbusRequest::WriteCoils { first, values } => {
                 self.put(&[15])?;
                 self.put_words(&[first, u16::try_from(values.len()).ok()?])?;
                 let echo = self.echo(4);
@@ -169,7 +169,7 @@ impl Message {
                 }
                 Some(echo)
             }
-            Request::WriteRegisters {
+            ModbusRequest::WriteRegisters {
                 first,
                 values: [value],
             } => {
@@ -177,7 +177,7 @@ impl Message {
                 self.put_words(&[first, *value])?;
                 Some(self.echo(4))
             }
-            Request::WriteRegisters { first, values } => {
+            ModbusRequest::WriteRegisters { first, values } => {
                 self.put(&[16])?;
                 self.put_words(&[first, u16::try_from(values.len()).ok()?])?;
                 let echo = self.echo(4);
@@ -185,7 +185,7 @@ impl Message {
                 self.put_words(values)?;
                 Some(echo)
             }
-            Request::Mask {
+            ModbusRequest::Mask {
                 address,
                 mask,
                 values,
@@ -211,16 +211,16 @@ impl Message {
     }
 
     /// The first `length` bytes behind the function come back.
-    fn echo(&self, length: usize) -> Expected {
+    fn echo(&self, length: usize) -> ExpectedResponse {
         let mut bytes = [0; 6];
         bytes[..length].copy_from_slice(&self.bytes[HEADER + 1..HEADER + 1 + length]);
-        Expected::Echo { bytes, length }
+        ExpectedResponse::Echo { bytes, length }
     }
 }
 
 /// Why what came is no answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Broken {
+pub enum FrameError {
     /// Another protocol.
     #[error("protocol number {0} instead of 0")]
     Protocol(u16),
@@ -252,7 +252,7 @@ pub enum Broken {
 
 /// The answer to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer<'a> {
+pub enum Response<'a> {
     /// Done, with the data that was asked for.
     Data(&'a [u8]),
     /// Refused, with the number that says why.
@@ -261,8 +261,8 @@ pub enum Answer<'a> {
 
 /// One whole message as it came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Incoming<'a> {
-    /// Number of the transaction.
+pub struct ReceivedFrame<'a> {
+    /// NumberType of the transaction.
     pub transaction: u16,
     /// Who answers.
     pub unit: u8,
@@ -270,18 +270,18 @@ pub struct Incoming<'a> {
     body: &'a [u8],
 }
 
-impl<'a> Incoming<'a> {
+impl<'a> ReceivedFrame<'a> {
     /// What it says to `message`.
     ///
     /// # Errors
     /// It is no answer to that.
-    pub fn answer(&self, message: &Message) -> Result<Answer<'a>, Broken> {
+    pub fn answer(&self, message: &EncodedRequest) -> Result<Response<'a>, FrameError> {
         let function = message.function();
-        let (have, data) = self.body.split_first().ok_or(Broken::Length(1))?;
+        let (have, data) = self.body.split_first().ok_or(FrameError::Length(1))?;
         if *have == function | 0x80 {
             return match data {
-                [code] => Ok(Answer::Exception(*code)),
-                _ => Err(Broken::Size {
+                [code] => Ok(Response::Exception(*code)),
+                _ => Err(FrameError::Size {
                     function,
                     want: 1,
                     have: data.len(),
@@ -289,26 +289,26 @@ impl<'a> Incoming<'a> {
             };
         }
         if *have != function {
-            return Err(Broken::Function {
+            return Err(FrameError::Function {
                 want: function,
                 have: *have,
             });
         }
         let want = match message.expected {
-            Expected::Bits(count) => usize::from(count).div_ceil(8),
-            Expected::Registers(count) => 2 * usize::from(count),
-            Expected::Echo { bytes, length } => {
+            ExpectedResponse::Bits(count) => usize::from(count).div_ceil(8),
+            ExpectedResponse::Registers(count) => 2 * usize::from(count),
+            ExpectedResponse::Echo { bytes, length } => {
                 return match data == &bytes[..length] {
-                    true => Ok(Answer::Data(&[])),
-                    false => Err(Broken::Echo(function)),
+                    true => Ok(Response::Data(&[])),
+                    false => Err(FrameError::Echo(function)),
                 };
             }
         };
         match data.split_first() {
             Some((count, data)) if usize::from(*count) == want && data.len() == want => {
-                Ok(Answer::Data(data))
+                Ok(Response::Data(data))
             }
-            _ => Err(Broken::Size {
+            _ => Err(FrameError::Size {
                 function,
                 want,
                 have: data.len().saturating_sub(1),
@@ -335,12 +335,12 @@ pub fn register(data: &[u8], index: usize) -> u16 {
 
 /// What came and has not been looked at.
 #[derive(Clone, Debug)]
-pub struct Inbox {
+pub struct ReceiveBuffer {
     bytes: [u8; KEPT_MAX],
     length: usize,
 }
 
-impl Default for Inbox {
+impl Default for ReceiveBuffer {
     fn default() -> Self {
         Self {
             bytes: [0; KEPT_MAX],
@@ -349,37 +349,37 @@ impl Default for Inbox {
     }
 }
 
-impl Inbox {
+impl ReceiveBuffer {
     /// Where the next bytes go; empty only while a whole message waits in it.
     pub fn room(&mut self) -> &mut [u8] {
         &mut self.bytes[self.length..]
     }
 
-    /// So many bytes have been put into [`Inbox::room`].
+    /// So many bytes have been put into [`ReceiveBuffer::room`].
     pub fn filled(&mut self, count: usize) {
         self.length = (self.length + count).min(KEPT_MAX);
     }
 
-    /// The first whole message; `take` is the length to give to [`Inbox::forget`] afterwards.
+    /// The first whole message; `take` is the length to give to [`ReceiveBuffer::forget`] afterwards.
     ///
     /// # Errors
     /// What came is not Modbus TCP, and nothing that follows can be understood.
-    pub fn first(&self) -> Result<Option<(Incoming<'_>, usize)>, Broken> {
+    pub fn first(&self) -> Result<Option<(ReceivedFrame<'_>, usize)>, FrameError> {
         let bytes = &self.bytes[..self.length];
         let Some(header) = bytes.first_chunk::<HEADER>() else {
             return Ok(None);
         };
         let word = |place: usize| u16::from_be_bytes([header[place], header[place + 1]]);
         if word(2) != 0 {
-            return Err(Broken::Protocol(word(2)));
+            return Err(FrameError::Protocol(word(2)));
         }
         let length = word(4);
         let end = usize::from(length) + 6;
         if length < 2 || end > MESSAGE_MAX {
-            return Err(Broken::Length(length));
+            return Err(FrameError::Length(length));
         }
         Ok(bytes.get(HEADER..end).map(|body| {
-            let incoming = Incoming {
+            let incoming = ReceivedFrame {
                 transaction: word(0),
                 unit: header[6],
                 body,

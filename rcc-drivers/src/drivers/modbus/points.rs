@@ -7,7 +7,7 @@ use rcc_core::primitive::ChannelKind;
 
 use super::address::{self, Address, Form, Table};
 use super::settings::ServerSettings;
-use super::value::{Format, Words};
+use super::value::{RegisterFormat, RegisterWords};
 use crate::driver::{DriverError, Outputs, channel_error, to_raw, to_si};
 
 mod check;
@@ -16,7 +16,7 @@ use check::{check_output, check_size};
 
 /// What a read value is for.
 #[derive(Clone, Debug)]
-pub enum Target {
+pub enum InputTarget {
     /// Digital input `index`, a point of a table of bits.
     Bit {
         /// Place among the digital inputs.
@@ -26,15 +26,15 @@ pub enum Target {
     RegisterBit {
         /// Place among the digital inputs.
         index: usize,
-        /// Number of the bit.
+        /// NumberType of the bit.
         bit: u8,
     },
     /// Analog input `index`.
-    Number {
+    NumberType {
         /// Place among the analog inputs.
         index: usize,
         /// How its registers are read.
-        format: Format,
+        format: RegisterFormat,
         /// Scale, offset.
         config: ChannelConfig,
     },
@@ -44,31 +44,31 @@ pub enum Target {
 
 /// One value of a read.
 #[derive(Clone, Debug)]
-pub struct Item {
+pub struct ReadItem {
     /// Its first point, counted from the first one of the read.
     pub at: usize,
     /// What it is for.
-    pub target: Target,
+    pub target: InputTarget,
     /// The channel's name.
     pub name: String,
 }
 
 /// One request that reads.
 #[derive(Clone, Debug)]
-pub struct Read {
+pub struct ReadBlock {
     /// From which table.
     pub table: Table,
     /// First point.
     pub first: u16,
-    /// Number of points.
+    /// NumberType of points.
     pub count: u16,
     /// What it brings.
-    pub items: Vec<Item>,
+    pub items: Vec<ReadItem>,
 }
 
 /// Where the value of an output comes from.
 #[derive(Clone, Debug)]
-pub enum Source {
+pub enum OutputSource {
     /// Digital output `index`.
     Coil {
         /// Place among the digital outputs.
@@ -76,15 +76,15 @@ pub enum Source {
     },
     /// Digital outputs that are bits of one register.
     Bits {
-        /// Number of the bit, and place among the digital outputs.
+        /// NumberType of the bit, and place among the digital outputs.
         bits: Vec<(u8, usize)>,
     },
     /// Analog output `index`.
-    Number {
+    NumberType {
         /// Place among the analog outputs.
         index: usize,
         /// How its registers are written.
-        format: Format,
+        format: RegisterFormat,
         /// Scale, offset.
         config: ChannelConfig,
     },
@@ -92,30 +92,30 @@ pub enum Source {
 
 /// What an output is written to.
 #[derive(Clone, Debug)]
-pub struct Output {
+pub struct OutputPoint {
     /// Coil or holding.
     pub table: Table,
     /// First point.
     pub address: u16,
     /// Where its value comes from.
-    pub source: Source,
+    pub source: OutputSource,
     /// The channel's name, or several.
     pub name: String,
 }
 
 /// A raw value of an output: bits outside of `mask` are not known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Raw {
+pub struct RawOutput {
     /// Registers; the first is 0 or 1 for a coil.
-    pub words: Words,
+    pub words: RegisterWords,
     /// Which bits of the first register count; all of a number, 1 of a coil.
     pub mask: u16,
 }
 
-impl Raw {
+impl RawOutput {
     /// The bits that must be written so that what `self` holds becomes `wanted`.
     #[must_use]
-    pub fn changes(&self, wanted: &Raw) -> u16 {
+    pub fn changes(&self, wanted: &RawOutput) -> u16 {
         let same = self.mask & !(self.words[0] ^ wanted.words[0]);
         if wanted.mask == u16::MAX && (same != u16::MAX || self.words != wanted.words) {
             return u16::MAX;
@@ -126,11 +126,11 @@ impl Raw {
 
 /// What is to be written to an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wanted {
+pub enum DesiredValue {
     /// Nothing: the device keeps what it has.
     Nothing,
     /// This.
-    Value(Raw),
+    Value(RawOutput),
     /// This SI value, which the registers cannot hold.
     Unfit(f64),
 }
@@ -139,13 +139,13 @@ pub enum Wanted {
 #[derive(Clone, Debug, Default)]
 pub struct Points {
     /// In order of table and address.
-    pub reads: Vec<Read>,
+    pub reads: Vec<ReadBlock>,
     /// In order of table and address.
-    pub outputs: Vec<Output>,
+    pub outputs: Vec<OutputPoint>,
 }
 
 /// A channel and where it is.
-struct Placed<'a> {
+struct AddressedChannel<'a> {
     channel: &'a ChannelConfig,
     address: Address,
 }
@@ -181,8 +181,10 @@ impl Points {
         device: &DeviceConfig,
         servers: &[ServerSettings],
     ) -> Result<Vec<Points>, DriverError> {
-        let mut inputs: Vec<Vec<Placed<'_>>> = servers.iter().map(|_| Vec::new()).collect();
-        let mut outputs: Vec<Vec<Placed<'_>>> = servers.iter().map(|_| Vec::new()).collect();
+        let mut inputs: Vec<Vec<AddressedChannel<'_>>> =
+            servers.iter().map(|_| Vec::new()).collect();
+        let mut outputs: Vec<Vec<AddressedChannel<'_>>> =
+            servers.iter().map(|_| Vec::new()).collect();
         for channel in &device.channels {
             let (place, address) = place(device, channel, servers)?;
             let output = matches!(
@@ -194,7 +196,7 @@ impl Points {
                 check_output(device, channel, &address, &lists[place])?;
             }
             check_size(device, channel, &address, output, servers[place].requests)?;
-            lists[place].push(Placed { channel, address });
+            lists[place].push(AddressedChannel { channel, address });
         }
         let lists = inputs.into_iter().zip(outputs).zip(servers);
         Ok(lists
@@ -263,13 +265,13 @@ fn place(
 }
 
 /// As few reads as the server's limits allow.
-fn reads(inputs: Vec<Placed<'_>>, server: &ServerSettings) -> Vec<Read> {
-    let channel = |Placed { channel, address }: Placed<'_>| {
+fn reads(inputs: Vec<AddressedChannel<'_>>, server: &ServerSettings) -> Vec<ReadBlock> {
+    let channel = |AddressedChannel { channel, address }: AddressedChannel<'_>| {
         let index = channel.index as usize;
         let target = match address.form {
-            Form::Bit => Target::Bit { index },
-            Form::RegisterBit(bit) => Target::RegisterBit { index, bit },
-            Form::Number(format) => Target::Number {
+            Form::Bit => InputTarget::Bit { index },
+            Form::RegisterBit(bit) => InputTarget::RegisterBit { index, bit },
+            Form::Number(format) => InputTarget::Number {
                 index,
                 format,
                 config: channel.clone(),
@@ -277,13 +279,13 @@ fn reads(inputs: Vec<Placed<'_>>, server: &ServerSettings) -> Vec<Read> {
         };
         (address, target, channel.name.clone())
     };
-    let mut items: Vec<(Address, Target, String)> = inputs.into_iter().map(channel).collect();
+    let mut items: Vec<(Address, InputTarget, String)> = inputs.into_iter().map(channel).collect();
     if let Some(heartbeat) = &server.heartbeat {
         let name = "heartbeat".to_owned();
-        items.push((heartbeat.address.clone(), Target::Heartbeat, name));
+        items.push((heartbeat.address.clone(), InputTarget::Heartbeat, name));
     }
     items.sort_by_key(|(address, ..)| (address.table, address.number));
-    let mut reads: Vec<Read> = Vec::new();
+    let mut reads: Vec<ReadBlock> = Vec::new();
     for (address, target, name) in items {
         let (table, number) = (address.table, address.number);
         let most = if table.is_bits() {
@@ -292,7 +294,7 @@ fn reads(inputs: Vec<Placed<'_>>, server: &ServerSettings) -> Vec<Read> {
             server.requests.read_registers
         };
         let end = u32::from(number) + u32::from(address.width());
-        let joins = |read: &&mut Read| {
+        let joins = |read: &&mut ReadBlock| {
             let hole =
                 u32::from(number).saturating_sub(u32::from(read.first) + u32::from(read.count));
             read.table == table
@@ -303,17 +305,17 @@ fn reads(inputs: Vec<Placed<'_>>, server: &ServerSettings) -> Vec<Read> {
             Some(read) => {
                 // Within `most`.
                 read.count = read.count.max((end - u32::from(read.first)) as u16);
-                read.items.push(Item {
+                read.items.push(ReadItem {
                     at: usize::from(number - read.first),
                     target,
                     name,
                 });
             }
-            None => reads.push(Read {
+            None => reads.push(ReadBlock {
                 table,
                 first: number,
                 count: address.width(),
-                items: vec![Item {
+                items: vec![ReadItem {
                     at: 0,
                     target,
                     name,
@@ -325,14 +327,14 @@ fn reads(inputs: Vec<Placed<'_>>, server: &ServerSettings) -> Vec<Read> {
 }
 
 /// In order, with the bits of one register in one place.
-fn merge(mut placed: Vec<Placed<'_>>) -> Vec<Output> {
+fn merge(mut placed: Vec<AddressedChannel<'_>>) -> Vec<OutputPoint> {
     placed.sort_by_key(|output| (output.address.table, output.address.number));
-    let mut outputs: Vec<Output> = Vec::new();
-    for Placed { channel, address } in placed {
+    let mut outputs: Vec<OutputPoint> = Vec::new();
+    for AddressedChannel { channel, address } in placed {
         let index = channel.index as usize;
         let source = match address.form {
-            Form::Bit => Source::Coil { index },
-            Form::Number(format) => Source::Number {
+            Form::Bit => OutputSource::Coil { index },
+            Form::Number(format) => OutputSource::Number {
                 index,
                 format,
                 config: channel.clone(),
@@ -340,18 +342,18 @@ fn merge(mut placed: Vec<Placed<'_>>) -> Vec<Output> {
             Form::RegisterBit(bit) => {
                 if let Some(last) = outputs.last_mut()
                     && last.address == address.number
-                    && let Source::Bits { bits } = &mut last.source
+                    && let OutputSource::Bits { bits } = &mut last.source
                 {
                     bits.push((bit, index));
                     last.name = format!("{}, {}", last.name, channel.name);
                     continue;
                 }
-                Source::Bits {
+                OutputSource::Bits {
                     bits: vec![(bit, index)],
                 }
             }
         };
-        outputs.push(Output {
+        outputs.push(OutputPoint {
             table: address.table,
             address: address.number,
             source,
@@ -361,33 +363,33 @@ fn merge(mut placed: Vec<Placed<'_>>) -> Vec<Output> {
     outputs
 }
 
-impl Output {
+impl OutputPoint {
     /// Points that it takes.
     #[must_use]
     pub fn width(&self) -> u16 {
         match &self.source {
-            Source::Coil { .. } | Source::Bits { .. } => 1,
-            Source::Number { format, .. } => format.width(),
+            OutputSource::Coil { .. } | OutputSource::Bits { .. } => 1,
+            OutputSource::Number { format, .. } => format.width(),
         }
     }
 
     /// What `outputs` want it to be.
     #[must_use]
-    pub fn wanted(&self, outputs: &Outputs) -> Wanted {
+    pub fn desired(&self, outputs: &Outputs) -> DesiredValue {
         let digital = |index: usize| {
             let set = outputs.digital_set >> index & 1 == 1;
             set.then_some(outputs.digital >> index & 1 == 1)
         };
         match &self.source {
-            Source::Coil { index } => match digital(*index) {
-                None => Wanted::Nothing,
-                Some(on) => Wanted::Value(Raw {
+            OutputSource::Coil { index } => match digital(*index) {
+                None => DesiredValue::Nothing,
+                Some(on) => DesiredValue::Value(RawOutput {
                     words: [u16::from(on), 0, 0, 0],
                     mask: 1,
                 }),
             },
-            Source::Bits { bits } => {
-                let mut raw = Raw::default();
+            OutputSource::Bits { bits } => {
+                let mut raw = RawOutput::default();
                 for (bit, index) in bits {
                     if let Some(on) = digital(*index) {
                         raw.mask |= 1 << bit;
@@ -395,34 +397,34 @@ impl Output {
                     }
                 }
                 if raw.mask == 0 {
-                    Wanted::Nothing
+                    DesiredValue::Nothing
                 } else {
-                    Wanted::Value(raw)
+                    DesiredValue::Value(raw)
                 }
             }
-            Source::Number {
+            OutputSource::Number {
                 index,
                 format,
                 config,
             } => match outputs.analog.get(*index) {
                 Some(value) if !value.is_nan() => match format.encode(to_raw(config, *value)) {
-                    Some(words) => Wanted::Value(Raw {
+                    Some(words) => DesiredValue::Value(RawOutput {
                         words,
                         mask: u16::MAX,
                     }),
-                    None => Wanted::Unfit(*value),
+                    None => DesiredValue::Unfit(*value),
                 },
                 // Without a value it is NaN.
-                _ => Wanted::Nothing,
+                _ => DesiredValue::Nothing,
             },
         }
     }
 }
 
-impl Target {
+impl InputTarget {
     /// SI value of registers; NaN if they hold none, or one outside of the channel's range.
     #[must_use]
-    pub fn number(format: Format, config: &ChannelConfig, registers: &[u16]) -> f64 {
+    pub fn number(format: RegisterFormat, config: &ChannelConfig, registers: &[u16]) -> f64 {
         let value = to_si(config, format.decode(registers));
         match config.range {
             Some([lower, upper]) if !(value >= lower && value <= upper) => f64::NAN,

@@ -6,21 +6,21 @@
 
 use std::time::{Duration, Instant};
 
-use super::fault::Fault;
-use super::frame::{Inbox, Message, Request};
-use super::points::{Points, Raw, Read, Target};
+use super::fault::ServerFault;
+use super::frame::{EncodedRequest, ModbusRequest, ReceiveBuffer};
+use super::points::{InputTarget, Points, RawOutput, ReadBlock};
 use super::settings::ServerSettings;
 use crate::driver::{Inputs, Outputs};
 
-mod answer;
-mod safe;
-mod sign;
+mod response;
+mod safe_values;
 #[cfg(test)]
 mod tests;
+mod watchdog;
 mod write;
 
-use answer::BUSY_PAUSE;
-use safe::Sweep;
+use response::BUSY_PAUSE;
+use safe_values::SafeValueSweep;
 
 /// What is being done; the numbers are places in lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,8 +61,8 @@ enum Purpose {
 
 /// A request that is on its way, or waits for its answer.
 #[derive(Clone, Copy, Debug)]
-struct Pending {
-    message: Message,
+struct PendingRequest {
+    message: EncodedRequest,
     purpose: Purpose,
     /// Bytes that have gone.
     sent: usize,
@@ -70,7 +70,7 @@ struct Pending {
     from: Instant,
 }
 
-impl Pending {
+impl PendingRequest {
     /// All of its bytes have gone.
     fn has_gone(&self) -> bool {
         self.sent == self.message.bytes().len()
@@ -79,7 +79,7 @@ impl Pending {
 
 /// Counters since the driver began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct ServerCounts {
     /// Rounds that could not begin because the last one had not ended.
     pub late: u64,
     /// Answers that nobody waited for.
@@ -94,25 +94,25 @@ pub struct Server {
     /// What nobody commands.
     released: Outputs,
     step: Step,
-    pending: Option<Pending>,
+    pending: Option<PendingRequest>,
     transaction: u16,
-    inbox: Inbox,
+    inbox: ReceiveBuffer,
     /// Until when what is being done must be done.
     due: Instant,
     commanded: Option<Outputs>,
     /// What is being written.
     writing: Outputs,
-    written: Vec<Raw>,
+    written: Vec<RawOutput>,
     /// A register that is to be changed in part, as it was read, and which output that is.
     fetched: Option<(usize, u16)>,
     /// Outputs before this place are written one by one, as together they were refused.
     one_by_one: usize,
-    refused: Option<Fault>,
+    refused: Option<ServerFault>,
     /// The server was too busy for some of the outputs, which are written again after the others.
-    busy: Option<Fault>,
-    /// Requests wait until then.
+    busy: Option<ServerFault>,
+    /// RequestLimits wait until then.
     not_before: Instant,
-    sweep: Sweep,
+    sweep: SafeValueSweep,
     building: Inputs,
     inputs: Inputs,
     complete: bool,
@@ -121,13 +121,13 @@ pub struct Server {
     /// When the inputs were asked for, and how long they took.
     asked: Instant,
     read_time: Duration,
-    beat: Option<u16>,
-    beat_changed: Option<Instant>,
+    heartbeat_value: Option<u16>,
+    heartbeat_changed: Option<Instant>,
     prepared: Instant,
-    sign: u16,
-    sign_due: Instant,
+    watchdog_count: u16,
+    watchdog_due: Instant,
     other_unit: Option<u8>,
-    counts: Counts,
+    counts: ServerCounts,
 }
 
 impl Server {
@@ -135,15 +135,15 @@ impl Server {
     #[must_use]
     pub fn new(settings: ServerSettings, points: Points, released: Outputs, now: Instant) -> Self {
         Self {
-            written: vec![Raw::default(); points.outputs.len()],
-            sweep: Sweep::new(points.outputs.len(), now),
+            written: vec![RawOutput::default(); points.outputs.len()],
+            sweep: SafeValueSweep::new(points.outputs.len(), now),
             settings,
             points,
             released,
             step: Step::Idle,
             pending: None,
             transaction: 0,
-            inbox: Inbox::default(),
+            inbox: ReceiveBuffer::default(),
             due: now,
             commanded: None,
             writing: Outputs::NONE,
@@ -158,13 +158,13 @@ impl Server {
             fresh: false,
             asked: now,
             read_time: Duration::ZERO,
-            beat: None,
-            beat_changed: None,
+            heartbeat_value: None,
+            heartbeat_changed: None,
             prepared: now,
-            sign: 0,
-            sign_due: now,
+            watchdog_count: 0,
+            watchdog_due: now,
             other_unit: None,
-            counts: Counts::default(),
+            counts: ServerCounts::default(),
         }
     }
 
@@ -176,7 +176,7 @@ impl Server {
 
     /// Counters.
     #[must_use]
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> ServerCounts {
         self.counts
     }
 
@@ -189,9 +189,9 @@ impl Server {
     /// From the beginning on the same connection; nobody knows what the server has done meanwhile.
     pub fn prepare(&mut self, now: Instant) {
         self.pending = None;
-        self.written.fill(Raw::default());
+        self.written.fill(RawOutput::default());
         (self.complete, self.fresh) = (false, false);
-        self.beat_changed = None;
+        self.heartbeat_changed = None;
         self.prepared = now;
         self.commanded = None;
         self.writing = self.released;
@@ -206,11 +206,11 @@ impl Server {
 
     /// Why it is not complete though it answers: its heartbeat stands still.
     #[must_use]
-    pub fn standstill(&self, now: Instant) -> Option<Fault> {
+    pub fn standstill(&self, now: Instant) -> Option<ServerFault> {
         let heartbeat = self.settings.heartbeat.as_ref()?;
-        let since = self.beat_changed.unwrap_or(self.prepared);
+        let since = self.heartbeat_changed.unwrap_or(self.prepared);
         let still = now.saturating_duration_since(since) > heartbeat.within;
-        still.then(|| Fault::Frozen {
+        still.then(|| ServerFault::Frozen {
             address: heartbeat.address.to_string(),
             within: heartbeat.within,
         })
@@ -285,13 +285,15 @@ impl Server {
         self.fresh = false;
         for item in self.points.reads.iter().flat_map(|read| &read.items) {
             match item.target {
-                Target::Bit { index } | Target::RegisterBit { index, .. } => {
+                InputTarget::Bit { index } | InputTarget::RegisterBit { index, .. } => {
                     let bit = 1_u64 << index;
                     inputs.digital = (inputs.digital & !bit) | (self.inputs.digital & bit);
                     inputs.digital_known |= bit;
                 }
-                Target::Number { index, .. } => inputs.analog[index] = self.inputs.analog[index],
-                Target::Heartbeat => {}
+                InputTarget::Number { index, .. } => {
+                    inputs.analog[index] = self.inputs.analog[index]
+                }
+                InputTarget::Heartbeat => {}
             }
         }
     }
@@ -305,18 +307,18 @@ impl Server {
     ///
     /// # Errors
     /// They are no answer, or one that ends this attempt.
-    pub fn received(&mut self, count: usize, now: Instant) -> Result<(), Fault> {
+    pub fn received(&mut self, count: usize, now: Instant) -> Result<(), ServerFault> {
         self.inbox.filled(count);
-        if self.is_deaf() {
+        if self.ignores_input() {
             self.inbox.clear();
             return Ok(());
         }
         let inbox = std::mem::take(&mut self.inbox);
-        let (used, result) = self.look_at(inbox, now);
+        let (used, result) = self.process_received(inbox, now);
         self.inbox = used;
         match result {
-            Err(fault @ Fault::Broken(_)) if matches!(self.step, Step::Safe { .. }) => {
-                self.stop_listening(fault);
+            Err(fault @ ServerFault::Broken(_)) if matches!(self.step, Step::Safe { .. }) => {
+                self.ignore_input(fault);
                 Ok(())
             }
             result => result,
@@ -327,9 +329,9 @@ impl Server {
     ///
     /// # Errors
     /// No answer in time, or what was refused in this round.
-    pub fn advance(&mut self, now: Instant) -> Result<(), Fault> {
+    pub fn advance(&mut self, now: Instant) -> Result<(), ServerFault> {
         if let Step::Safe { .. } = self.step {
-            self.give_way(now);
+            self.overtake_pending(now);
         }
         if self.pending.is_none() {
             self.next(now)?;
@@ -389,12 +391,12 @@ impl Server {
     }
 
     /// Steps that need no answer are gone through; the first that needs one makes its request.
-    fn next(&mut self, now: Instant) -> Result<(), Fault> {
+    fn next(&mut self, now: Instant) -> Result<(), ServerFault> {
         loop {
             match self.step {
                 Step::Idle | Step::Decide => return Ok(()),
                 Step::Safe { again } => {
-                    if !self.sweep_on(now) {
+                    if !self.continue_sweep(now) {
                         return Ok(());
                     }
                     match self.finish_sweep(again) {
@@ -413,7 +415,7 @@ impl Server {
                     self.begin(Step::Safe { again: true }, now);
                 }
                 Step::Read(place) => {
-                    if let Some(Read {
+                    if let Some(ReadBlock {
                         table,
                         first,
                         count,
@@ -422,7 +424,7 @@ impl Server {
                     {
                         let (table, first, count) = (*table, *first, *count);
                         self.ask(
-                            &Request::Read {
+                            &ModbusRequest::Read {
                                 table,
                                 first,
                                 count,
@@ -450,7 +452,7 @@ impl Server {
                     self.step = Step::Watchdog;
                 }
                 Step::Watchdog => {
-                    if self.feed(now) {
+                    if self.write_watchdog(now) {
                         return Ok(());
                     }
                     self.step = Step::Idle;
@@ -463,7 +465,7 @@ impl Server {
         self.inputs = self.building;
         self.read_time = now.saturating_duration_since(self.asked);
         // A heartbeat counts from its first change on.
-        let lives = self.settings.heartbeat.is_none() || self.beat_changed.is_some();
+        let lives = self.settings.heartbeat.is_none() || self.heartbeat_changed.is_some();
         self.complete = lives && self.standstill(now).is_none();
         self.fresh = self.complete;
         match self.commanded {
@@ -477,11 +479,11 @@ impl Server {
         self.begin(Step::Write(0), now);
     }
 
-    fn ask(&mut self, request: &Request<'_>, purpose: Purpose, now: Instant) {
+    fn ask(&mut self, request: &ModbusRequest<'_>, purpose: Purpose, now: Instant) {
         self.transaction = self.transaction.wrapping_add(1);
         // Its length was checked when the driver was opened.
-        if let Some(message) = Message::new(self.transaction, self.settings.unit, request) {
-            self.pending = Some(Pending {
+        if let Some(message) = EncodedRequest::new(self.transaction, self.settings.unit, request) {
+            self.pending = Some(PendingRequest {
                 message,
                 purpose,
                 sent: 0,

@@ -8,7 +8,7 @@ use rcc_config::DeviceConfig;
 use serde_json::Value;
 
 use super::address::{self, Address, Form, Table};
-use super::value::Words;
+use super::value::RegisterWords;
 use crate::driver::{DriverError, Settings};
 
 /// Most servers of one device.
@@ -18,7 +18,7 @@ const REQUESTS_MAX: [u16; 4] = [125, 2000, 123, 1968];
 
 /// How much a server takes in one request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Requests {
+pub struct RequestLimits {
     /// Registers of a read, at most 125.
     pub read_registers: u16,
     /// Bits of a read, at most 2000.
@@ -37,7 +37,7 @@ pub struct Assignment {
     /// A coil, or a number in holding registers.
     pub address: Address,
     /// The registers; of a coil the first is 0 or 1.
-    pub words: Words,
+    pub words: RegisterWords,
 }
 
 /// What tells the server that somebody lives here.
@@ -72,7 +72,7 @@ pub struct ServerSettings {
     /// Longest pause between two attempts.
     pub back_off: Duration,
     /// How much it takes at once.
-    pub requests: Requests,
+    pub requests: RequestLimits,
     /// It knows function 22; otherwise a bit of a register is written by reading and writing the register.
     pub mask_write: bool,
     /// Written at each connect, in this order.
@@ -203,7 +203,7 @@ fn server(
         unit,
         timeout,
         back_off,
-        requests: requests.unwrap_or(Requests::STANDARD),
+        requests: requests.unwrap_or(RequestLimits::STANDARD),
         mask_write,
         on_connect,
         watchdog,
@@ -211,9 +211,9 @@ fn server(
     })
 }
 
-impl Requests {
+impl RequestLimits {
     /// What the standard allows, and nothing that no channel asked for.
-    pub const STANDARD: Requests = Requests {
+    pub const STANDARD: RequestLimits = RequestLimits {
         read_registers: REQUESTS_MAX[0],
         read_bits: REQUESTS_MAX[1],
         write_registers: REQUESTS_MAX[2],
@@ -222,7 +222,7 @@ impl Requests {
     };
 }
 
-fn requests(_: &DeviceConfig, settings: &mut Settings<'_>) -> Result<Requests, DriverError> {
+fn requests(_: &DeviceConfig, settings: &mut Settings<'_>) -> Result<RequestLimits, DriverError> {
     let mut number = |key, expected, least: u64, most: u16, default| {
         settings.read(key, expected, Some(default), |value| {
             let number = value.as_u64().filter(|number| *number >= least)?;
@@ -230,7 +230,7 @@ fn requests(_: &DeviceConfig, settings: &mut Settings<'_>) -> Result<Requests, D
         })
     };
     let [read_registers, read_bits, write_registers, write_bits] = REQUESTS_MAX;
-    Ok(Requests {
+    Ok(RequestLimits {
         read_registers: number(
             "read_registers",
             "a number from 1 to 125",

@@ -1,4 +1,4 @@
-//! The driver against the simulated I/O station, which runs in a thread of the test.
+//! The driver against the simulated I/O server, which runs in a thread of the test.
 
 mod stubborn;
 
@@ -9,13 +9,13 @@ use rcc_config::OnRelease;
 use rcc_core::primitive::ChannelKind::{AnalogInput, AnalogOutput, DigitalInput, DigitalOutput};
 
 use super::*;
-use crate::conformance::{self, Peer, Row};
+use crate::conformance::{self, Peer, SafeValueState};
 use crate::sim::control_socket::tests::TestFolder;
 use crate::sim::io::options::Options;
 use crate::sim::io::program;
-use crate::sim::lines::Client;
+use crate::sim::line_server::ControlClient;
 
-fn rows() -> [Row<'static>; 6] {
+fn rows() -> [SafeValueState<'static>; 6] {
     let safe = Some(OnRelease::Safe(0.0));
     [
         ("lamp", DigitalOutput, "coil 0".into(), safe, None),
@@ -48,14 +48,14 @@ fn device(server: SocketAddr) -> DeviceConfig {
     conformance::device("modbus", settings, &rows())
 }
 
-/// The station; it comes into being when it is first to be present, and is then frozen or not.
-struct Station {
+/// The server; it comes into being when it is first to be present, and is then frozen or not.
+struct FreezableServer {
     address: SocketAddr,
-    control: Option<Client>,
+    control: Option<ControlClient>,
     frozen: bool,
 }
 
-impl Station {
+impl FreezableServer {
     fn nowhere() -> Self {
         let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
         Self {
@@ -68,7 +68,7 @@ impl Station {
     /// Runs until the test process ends.
     fn start(&mut self) {
         // Needed until it is connected.
-        let folder = TestFolder::new("station");
+        let folder = TestFolder::new("server");
         let options = Options {
             bind: self.address,
             control: Some(folder.0.join("sim.sock")),
@@ -85,9 +85,9 @@ impl Station {
                 tell.send(line.to_owned()).expect("the test waits")
             })
         });
-        let line = told.recv().expect("the station starts");
+        let line = told.recv().expect("the server starts");
         let control = line.split("control=").nth(1).expect("its path");
-        self.control = Some(Client::connect(control).expect("it listens"));
+        self.control = Some(ControlClient::connect(control).expect("it listens"));
     }
 
     fn say(&mut self, line: &str) {
@@ -97,7 +97,7 @@ impl Station {
     }
 }
 
-impl Peer for Station {
+impl Peer for FreezableServer {
     fn before(&mut self) {}
 
     fn after(&mut self) {}
@@ -115,14 +115,14 @@ impl Peer for Station {
 
 #[test]
 fn signed_registers_are_read_back_as_they_were_written() {
-    let mut station = Station::nowhere();
-    station.start();
-    let mut driver = Modbus::open(&device(station.address)).expect("a good configuration");
+    let mut server = FreezableServer::nowhere();
+    server.start();
+    let mut driver = Modbus::open(&device(server.address)).expect("a good configuration");
     let mut outputs = Outputs::NONE;
     outputs.analog[0] = -73.4;
     let mut inputs = Inputs::NONE;
     for _ in 0..1000 {
-        let result = conformance::exchange(&mut driver, &mut station, &mut inputs, &outputs);
+        let result = conformance::exchange(&mut driver, &mut server, &mut inputs, &outputs);
         if result.is_ok() && inputs.analog[1] == -73.0 {
             break;
         }
@@ -132,9 +132,9 @@ fn signed_registers_are_read_back_as_they_were_written() {
 
 #[test]
 fn every_output_is_written_again_on_a_new_connection() {
-    let mut station = Station::nowhere();
-    station.start();
-    let station_at = station.address;
+    let mut server = FreezableServer::nowhere();
+    server.start();
+    let station_at = server.address;
     let mut driver = Modbus::open(&device(station_at)).expect("a good configuration");
     let outputs = Outputs {
         digital: 1,
@@ -144,7 +144,7 @@ fn every_output_is_written_again_on_a_new_connection() {
     let mut inputs = Inputs::NONE;
     let mut lamp = |driver: &mut Modbus, outputs: &Outputs, on: bool| {
         (0..1000).any(|_| {
-            let result = conformance::exchange(driver, &mut station, &mut inputs, outputs);
+            let result = conformance::exchange(driver, &mut server, &mut inputs, outputs);
             result.is_ok() && inputs.digital & 1 == u64::from(on)
         })
     };

@@ -8,7 +8,7 @@ pub const WIDTH_MAX: usize = 4;
 
 /// A type of number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Number {
+pub enum NumberType {
     /// 16 bits, no sign.
     U16,
     /// 16 bits, two's complement.
@@ -28,52 +28,52 @@ pub enum Number {
 }
 
 /// Names, and registers of each.
-const NUMBERS: [(&str, Number, u16); 8] = [
-    ("u16", Number::U16, 1),
-    ("i16", Number::I16, 1),
-    ("u32", Number::U32, 2),
-    ("i32", Number::I32, 2),
-    ("u64", Number::U64, 4),
-    ("i64", Number::I64, 4),
-    ("f32", Number::F32, 2),
-    ("f64", Number::F64, 4),
+const NUMBERS: [(&str, NumberType, u16); 8] = [
+    ("u16", NumberType::U16, 1),
+    ("i16", NumberType::I16, 1),
+    ("u32", NumberType::U32, 2),
+    ("i32", NumberType::I32, 2),
+    ("u64", NumberType::U64, 4),
+    ("i64", NumberType::I64, 4),
+    ("f32", NumberType::F32, 2),
+    ("f64", NumberType::F64, 4),
 ];
 
 /// Byte orders by the registers of a number; A is the most significant byte, and a register is sent with its high
 /// byte first.
-const ORDERS: [(u16, [(&str, Order); 4]); 3] = [
+const ORDERS: [(u16, [(&str, ByteOrder); 4]); 3] = [
     (1, orders(["AB", "AB", "BA", "BA"])),
     (2, orders(["ABCD", "CDAB", "BADC", "DCBA"])),
     (4, orders(["ABCDEFGH", "GHEFCDAB", "BADCFEHG", "HGFEDCBA"])),
 ];
 
-const fn orders(names: [&'static str; 4]) -> [(&'static str, Order); 4] {
+const fn orders(names: [&'static str; 4]) -> [(&'static str, ByteOrder); 4] {
     let [plain, words, bytes, both] = names;
     [
         (
             plain,
-            Order {
+            ByteOrder {
                 words_reversed: false,
                 bytes_swapped: false,
             },
         ),
         (
             words,
-            Order {
+            ByteOrder {
                 words_reversed: true,
                 bytes_swapped: false,
             },
         ),
         (
             bytes,
-            Order {
+            ByteOrder {
                 words_reversed: false,
                 bytes_swapped: true,
             },
         ),
         (
             both,
-            Order {
+            ByteOrder {
                 words_reversed: true,
                 bytes_swapped: true,
             },
@@ -83,7 +83,7 @@ const fn orders(names: [&'static str; 4]) -> [(&'static str, Order); 4] {
 
 /// How the bytes of a number lie in its registers; the default is the standard's, highest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Order {
+pub struct ByteOrder {
     /// The least significant register comes first.
     pub words_reversed: bool,
     /// In each register the low byte comes first.
@@ -92,20 +92,20 @@ pub struct Order {
 
 /// A type and its byte order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Format {
+pub struct RegisterFormat {
     /// The type.
-    pub number: Number,
+    pub number: NumberType,
     /// The order.
-    pub order: Order,
+    pub order: ByteOrder,
 }
 
 /// The registers of one number, in the order of their addresses; those beyond its width are 0.
-pub type Words = [u16; WIDTH_MAX];
+pub type RegisterWords = [u16; WIDTH_MAX];
 
-impl Number {
+impl NumberType {
     /// From its name.
     #[must_use]
-    pub fn parse(name: &str) -> Option<Number> {
+    pub fn parse(name: &str) -> Option<NumberType> {
         NUMBERS.iter().find(|row| row.0 == name).map(|row| row.1)
     }
 
@@ -125,7 +125,7 @@ impl Number {
 
     /// From its letters, such as `CDAB`.
     #[must_use]
-    pub fn order(self, letters: &str) -> Option<Order> {
+    pub fn order(self, letters: &str) -> Option<ByteOrder> {
         let mut rows = self.order_rows();
         rows.find(|row| row.0 == letters).map(|row| row.1)
     }
@@ -138,7 +138,7 @@ impl Number {
         names
     }
 
-    fn order_rows(self) -> impl Iterator<Item = &'static (&'static str, Order)> {
+    fn order_rows(self) -> impl Iterator<ReadItem = &'static (&'static str, ByteOrder)> {
         let width = self.width();
         let mut rows = ORDERS.iter();
         rows.find(move |row| row.0 == width)
@@ -150,20 +150,20 @@ impl Number {
     #[must_use]
     pub fn limits(self) -> [f64; 2] {
         match self {
-            Number::U16 => [0.0, f64::from(u16::MAX)],
-            Number::I16 => [f64::from(i16::MIN), f64::from(i16::MAX)],
-            Number::U32 => [0.0, f64::from(u32::MAX)],
-            Number::I32 => [f64::from(i32::MIN), f64::from(i32::MAX)],
+            NumberType::U16 => [0.0, f64::from(u16::MAX)],
+            NumberType::I16 => [f64::from(i16::MIN), f64::from(i16::MAX)],
+            NumberType::U32 => [0.0, f64::from(u32::MAX)],
+            NumberType::I32 => [f64::from(i32::MIN), f64::from(i32::MAX)],
             // The largest f64 below 2^64 and 2^63.
-            Number::U64 => [0.0, 18_446_744_073_709_549_568.0],
-            Number::I64 => [-9_223_372_036_854_775_808.0, 9_223_372_036_854_774_784.0],
-            Number::F32 => [f64::from(f32::MIN), f64::from(f32::MAX)],
-            Number::F64 => [f64::MIN, f64::MAX],
+            NumberType::U64 => [0.0, 18_446_744_073_709_549_568.0],
+            NumberType::I64 => [-9_223_372_036_854_775_808.0, 9_223_372_036_854_774_784.0],
+            NumberType::F32 => [f64::from(f32::MIN), f64::from(f32::MAX)],
+            NumberType::F64 => [f64::MIN, f64::MAX],
         }
     }
 }
 
-impl Format {
+impl RegisterFormat {
     /// Registers that it takes.
     #[must_use]
     pub fn width(self) -> u16 {
@@ -187,21 +187,21 @@ impl Format {
             bits = bits << 16 | u64::from(self.register(registers[from]));
         }
         let value = match self.number {
-            Number::U16 | Number::U32 | Number::U64 => bits as f64,
-            Number::I16 => f64::from(bits as u16 as i16),
-            Number::I32 => f64::from(bits as u32 as i32),
-            Number::I64 => bits as i64 as f64,
-            Number::F32 => f64::from(f32::from_bits(bits as u32)),
-            Number::F64 => f64::from_bits(bits),
+            NumberType::U16 | NumberType::U32 | NumberType::U64 => bits as f64,
+            NumberType::I16 => f64::from(bits as u16 as i16),
+            NumberType::I32 => f64::from(bits as u32 as i32),
+            NumberType::I64 => bits as i64 as f64,
+            NumberType::F32 => f64::from(f32::from_bits(bits as u32)),
+            NumberType::F64 => f64::from_bits(bits),
         };
         if value.is_finite() { value } else { f64::NAN }
     }
 
     /// The registers that hold a raw value, an integer rounded; `None` if they cannot (out of range, or NaN).
     #[must_use]
-    pub fn encode(self, raw: f64) -> Option<Words> {
+    pub fn encode(self, raw: f64) -> Option<RegisterWords> {
         let raw = match self.number {
-            Number::F32 | Number::F64 => raw,
+            NumberType::F32 | NumberType::F64 => raw,
             _ => raw.round(),
         };
         let [lower, upper] = self.number.limits();
@@ -210,10 +210,10 @@ impl Format {
         }
         // Inside of the bounds, so nothing is cut off.
         let mut bits = match self.number {
-            Number::U16 | Number::U32 | Number::U64 => raw as u64,
-            Number::I16 | Number::I32 | Number::I64 => (raw as i64).cast_unsigned(),
-            Number::F32 => u64::from((raw as f32).to_bits()),
-            Number::F64 => raw.to_bits(),
+            NumberType::U16 | NumberType::U32 | NumberType::U64 => raw as u64,
+            NumberType::I16 | NumberType::I32 | NumberType::I64 => (raw as i64).cast_unsigned(),
+            NumberType::F32 => u64::from((raw as f32).to_bits()),
+            NumberType::F64 => raw.to_bits(),
         };
         let width = usize::from(self.width());
         let mut words = [0; WIDTH_MAX];
@@ -239,12 +239,12 @@ impl Format {
     }
 }
 
-impl fmt::Display for Format {
+impl fmt::Display for RegisterFormat {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(self.number.name())?;
         let mut rows = self.number.order_rows();
         match rows.find(|row| row.1 == self.order) {
-            Some((letters, order)) if *order != Order::default() => {
+            Some((letters, order)) if *order != ByteOrder::default() => {
                 write!(formatter, " {letters}")
             }
             _ => Ok(()),
@@ -256,9 +256,9 @@ impl fmt::Display for Format {
 mod tests {
     use super::*;
 
-    fn format(number: Number, letters: &str) -> Format {
+    fn format(number: NumberType, letters: &str) -> RegisterFormat {
         let order = number.order(letters).unwrap();
-        Format { number, order }
+        RegisterFormat { number, order }
     }
 
     #[test]
@@ -270,7 +270,7 @@ mod tests {
             ("BADC", [0x0B0A, 0x0D0C]),
             ("DCBA", [0x0D0C, 0x0B0A]),
         ] {
-            let format = format(Number::U32, letters);
+            let format = format(NumberType::U32, letters);
             assert_eq!(format.decode(&words), f64::from(0x0A0B_0C0D_u32));
             assert_eq!(
                 format.encode(f64::from(0x0A0B_0C0D_u32)),
@@ -278,7 +278,7 @@ mod tests {
             );
         }
         assert_eq!(
-            format(Number::F32, "ABCD").decode(&[0x47F1, 0x2000]),
+            format(NumberType::F32, "ABCD").decode(&[0x47F1, 0x2000]),
             123_456.0
         );
         let wide = 0x0102_0304_0506_0700_u64 as f64;
@@ -290,14 +290,14 @@ mod tests {
         ] {
             // 2^56 and more: the lowest byte is 0, so that an f64 holds it.
             assert_eq!(
-                format(Number::U64, letters).encode(wide),
+                format(NumberType::U64, letters).encode(wide),
                 Some(words),
                 "{letters}"
             );
-            assert_eq!(format(Number::U64, letters).decode(&words), wide);
+            assert_eq!(format(NumberType::U64, letters).decode(&words), wide);
         }
         assert_eq!(
-            format(Number::U16, "BA").encode(258.0),
+            format(NumberType::U16, "BA").encode(258.0),
             Some([0x0201, 0, 0, 0])
         );
     }
@@ -313,7 +313,7 @@ mod tests {
                     assert_eq!(format.decode(&words), value, "{name} {letters}");
                 }
                 let [below, beyond] = match number {
-                    Number::F64 => [f64::NEG_INFINITY, f64::INFINITY],
+                    NumberType::F64 => [f64::NEG_INFINITY, f64::INFINITY],
                     // One step of an f64 further out.
                     _ if lower == 0.0 => [-1.0, upper.next_up().max(upper + 1.0)],
                     _ => [
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn registers_without_a_finite_number_are_unknown() {
-        let single = format(Number::F32, "ABCD");
+        let single = format(NumberType::F32, "ABCD");
         for words in [[0x7FC0, 0], [0x7F80, 0], [0xFF80, 0]] {
             assert!(single.decode(&words).is_nan());
         }

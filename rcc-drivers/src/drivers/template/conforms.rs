@@ -18,12 +18,12 @@ use serde_json::json;
 
 use super::{LINE_MAX, LineIo, REASONS, crc32, parse, push, seal, unseal};
 use crate::conformance::capture::Capture;
-use crate::conformance::{Peer, Subject, Told, Wire, conformance, device};
+use crate::conformance::{ObservedOutputs, Peer, Subject, Transport, conformance, device};
 use crate::driver::Driver;
 use crate::host::reason::Reason;
 
 /// The box: what it was told last; output 1 of each type is wired to input 1.
-struct Box {
+struct TextIoBox {
     address: SocketAddr,
     outputs: Arc<Mutex<BTreeMap<String, f64>>>,
     present: Arc<AtomicBool>,
@@ -69,7 +69,7 @@ fn live(
     }
 }
 
-impl Drop for Box {
+impl Drop for TextIoBox {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
@@ -78,7 +78,7 @@ impl Drop for Box {
     }
 }
 
-impl Peer for Box {
+impl Peer for TextIoBox {
     fn before(&mut self) {}
 
     fn after(&mut self) {}
@@ -88,12 +88,12 @@ impl Peer for Box {
     }
 }
 
-impl Subject for Box {
+impl Subject for TextIoBox {
     type Driver = LineIo;
     const NAME: &'static str = "template";
     const REASONS: &'static [Reason] = REASONS;
-    const WIRE: Wire = Wire::UdpFromDriver;
-    const CHECKED: bool = true;
+    const TRANSPORT: Transport = Transport::UdpFromDriver;
+    const HAS_CHECKSUM: bool = true;
     const BAD_SETTINGS: &'static [(&'static str, &'static str)] = &[
         ("box", "\"192.168.0.7\""),
         ("period", "\"0 ms\""),
@@ -149,13 +149,13 @@ impl Subject for Box {
         )
     }
 
-    fn told(&mut self) -> Told {
+    fn told(&mut self) -> ObservedOutputs {
         let outputs = self.outputs.lock().expect("no panic");
         let value = |name: &str| outputs.get(name).copied();
         let bit = |name: &str| u64::from(value(name).is_some_and(|value| value != 0.0));
         let mut analog = [f64::NAN; ANALOG_MAX];
         analog[0] = value("a1").unwrap_or(f64::NAN);
-        Told {
+        ObservedOutputs {
             digital: bit("d1") | bit("d2") << 1,
             analog,
         }
@@ -166,7 +166,7 @@ impl Subject for Box {
     }
 }
 
-conformance!(io: Box);
+conformance!(io: TextIoBox);
 
 #[test]
 fn a_line_is_taken_with_its_check_only() {

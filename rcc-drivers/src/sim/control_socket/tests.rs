@@ -86,7 +86,7 @@ fn requests_name_files_below_the_folder_only() {
     symlink(&outside, inside.join("way")).unwrap();
     symlink(outside.join("new"), inside.join("link")).unwrap();
     symlink(inside.join("logs"), inside.join("home")).unwrap();
-    let folder = Folder(inside.clone());
+    let folder = ControlFolder(inside.clone());
     for good in ["a.csv", "logs/a.csv", "./logs/../a.csv", "home/a.csv"] {
         let path = folder.below(Path::new(good)).unwrap();
         assert!(path.starts_with(&inside), "{good}: {path:?}");

@@ -5,13 +5,13 @@
 //! `{"freeze_ms":200}` · `{"exception":6}` · `{"delay_ms":30}` · `{"drop":10}` · `{"clear":null}` · `{"quit":null}`.
 //! The four before the last are faults, and `clear` ends them all. Addresses count from 0. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
-use super::image::{Image, POINTS};
+use super::process_image::{POINTS, ProcessImage};
 use serde::Deserialize;
 
 /// A line of the control port.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Command {
+pub enum IoCommand {
     /// All points and counters.
     State,
     /// Sets an input; a wired one keeps the value until the next write of any output.
@@ -35,15 +35,15 @@ pub enum Command {
 #[serde(rename_all = "snake_case")]
 pub enum Input {
     /// Digital.
-    Discrete(Point<bool>),
+    Discrete(PointValue<bool>),
     /// Analog.
-    Input(Point<u16>),
+    Input(PointValue<u16>),
 }
 
 /// An address from 0 and a value.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Point<T> {
+pub struct PointValue<T> {
     /// 0 to 63.
     pub address: usize,
     /// New value.
@@ -64,7 +64,7 @@ pub enum ControlError {
     Exception(u8),
 }
 
-impl Image {
+impl ProcessImage {
     /// Sets an input.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ impl Image {
     }
 }
 
-fn put<T: Copy>(points: &mut [T], point: &Point<T>) -> Result<(), ControlError> {
+fn put<T: Copy>(points: &mut [T], point: &PointValue<T>) -> Result<(), ControlError> {
     *points
         .get_mut(point.address)
         .ok_or(ControlError::Address(point.address))? = point.value;
@@ -98,21 +98,21 @@ mod tests {
             .collect();
         assert_eq!(lines.len(), 9);
         for line in lines {
-            let command: Result<Command, _> = serde_json::from_str(line);
+            let command: Result<IoCommand, _> = serde_json::from_str(line);
             assert!(command.is_ok(), "{line}: {command:?}");
         }
     }
 
     #[test]
     fn an_input_beyond_the_last_is_refused() {
-        let mut image = Image::new(Vec::new());
-        let beyond = Input::Discrete(Point {
+        let mut image = ProcessImage::new(Vec::new());
+        let beyond = Input::Discrete(PointValue {
             address: 64,
             value: true,
         });
         assert!(matches!(image.set(&beyond), Err(ControlError::Address(64))));
         image
-            .set(&Input::Input(Point {
+            .set(&Input::Input(PointValue {
                 address: 63,
                 value: 9,
             }))

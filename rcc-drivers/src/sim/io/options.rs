@@ -1,7 +1,7 @@
 //! The command line of `io-sim`.
 //! Read once, by the main thread.
 
-use super::image::Wire;
+use super::process_image::PointLoopback;
 use crate::sim::control_socket;
 use clap::Parser;
 use std::net::SocketAddr;
@@ -20,7 +20,7 @@ pub struct Options {
     pub control: Option<PathBuf>,
     /// Wires an output back to an input: coil:N=discrete:N or holding:N=input:N, from 0
     #[arg(long, value_name = "OUTPUT=INPUT")]
-    pub wire: Vec<Wire>,
+    pub wire: Vec<PointLoopback>,
     /// SCHED_FIFO priority of its server, where the system grants it: a real station is punctual
     #[arg(long, value_name = "1..99", value_parser = clap::value_parser!(u8).range(1..=99))]
     pub priority: Option<u8>,

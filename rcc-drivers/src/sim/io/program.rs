@@ -1,12 +1,12 @@
-//! The Modbus TCP server and the control port around the simulated I/O station.
+//! The Modbus TCP server and the control port around the simulated I/O io.
 //! One thread runs the server and all its connections; the control port has its own; the main thread waits for the end.
 
-use super::control::{Command, ControlError};
-use super::image::Image;
+use super::control::{ControlError, IoCommand};
 use super::options::Options;
+use super::process_image::ProcessImage;
 use crate::priority::rise;
 use crate::sim::control_socket::{self, ControlSocket};
-use crate::sim::lines;
+use crate::sim::line_server;
 use rcc_process::signals::{SignalError, Stop, StopsAtPanic, request_stop};
 use std::future::Future;
 use std::io;
@@ -49,16 +49,16 @@ pub enum RunError {
     Signals(#[from] SignalError),
 }
 
-/// The station, shared by server and control port.
+/// The io, shared by server and control port.
 #[derive(Debug)]
-struct Station {
-    image: Mutex<Image>,
-    faults: Mutex<Faults>,
+struct SimulatedIo {
+    image: Mutex<ProcessImage>,
+    faults: Mutex<InjectedFaults>,
 }
 
-/// What the station does wrong.
+/// What the io does wrong.
 #[derive(Clone, Copy, Debug, Default)]
-struct Faults {
+struct InjectedFaults {
     frozen_until: Option<Instant>,
     exception: Option<ExceptionCode>,
     delay: Duration,
@@ -79,8 +79,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// It could not start.
 pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> {
     let stop = Stop::prepare(options.parent_death)?;
-    let station = Arc::new(Station {
-        image: Mutex::new(Image::new(options.wire.clone())),
+    let io = Arc::new(SimulatedIo {
+        image: Mutex::new(ProcessImage::new(options.wire.clone())),
         faults: Mutex::default(),
     });
     let listener = TcpListener::bind(options.bind).map_err(|source| RunError::Address {
@@ -92,7 +92,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     let address = listener.local_addr()?;
     let control = options.control.as_deref().map(|path| {
         let (listener, socket) = ControlSocket::bind(path)?;
-        lines::serve(listener, answer_with(station.clone()))?;
+        line_server::serve(listener, answer_with(io.clone()))?;
         Ok(socket)
     });
     let control = control.transpose().map_err(|source| RunError::Control {
@@ -110,47 +110,47 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
             if let Some(priority) = priority {
                 rise(priority);
             }
-            if let Err(error) = runtime.block_on(serve(listener, station)) {
+            if let Err(error) = runtime.block_on(serve(listener, io)) {
                 tracing::error!(%error, "the Modbus server has ended");
                 request_stop();
             }
         })?;
-    let place = control_socket::place_of(control.as_ref());
+    let place = control_socket::display_path(control.as_ref());
     ready(&format!("io-sim ready modbus={address} control={place}"));
     stop.wait();
     Ok(())
 }
 
-fn answer_with(station: Arc<Station>) -> lines::Answer {
+fn answer_with(io: Arc<SimulatedIo>) -> line_server::LineHandler {
     Arc::new(move |line| {
-        let command: Result<Command, _> = serde_json::from_str(line);
-        let stop = matches!(command, Ok(Command::Quit));
+        let command: Result<IoCommand, _> = serde_json::from_str(line);
+        let stop = matches!(command, Ok(IoCommand::Quit));
         let answer = command
             .map_err(ControlError::from)
-            .and_then(|command| obey(&station, command));
+            .and_then(|command| execute(&io, command));
         let line = answer.unwrap_or_else(|error| serde_json::json!({ "error": error.to_string() }));
-        lines::Reply {
+        line_server::LineReply {
             line: line.to_string(),
             stop,
         }
     })
 }
 
-fn obey(station: &Station, command: Command) -> Result<serde_json::Value, ControlError> {
+fn execute(io: &SimulatedIo, command: IoCommand) -> Result<serde_json::Value, ControlError> {
     match command {
-        Command::State => return Ok(serde_json::to_value(&*lock(&station.image))?),
-        Command::Set(input) => lock(&station.image).set(&input)?,
-        Command::FreezeMs(time_ms) => {
-            lock(&station.faults).frozen_until =
+        IoCommand::State => return Ok(serde_json::to_value(&*lock(&io.image))?),
+        IoCommand::Set(input) => lock(&io.image).set(&input)?,
+        IoCommand::FreezeMs(time_ms) => {
+            lock(&io.faults).frozen_until =
                 Instant::now().checked_add(Duration::from_millis(time_ms));
         }
-        Command::Exception(code) => lock(&station.faults).exception = exception(code)?,
-        Command::DelayMs(time_ms) => {
-            lock(&station.faults).delay = Duration::from_millis(time_ms);
+        IoCommand::Exception(code) => lock(&io.faults).exception = exception(code)?,
+        IoCommand::DelayMs(time_ms) => {
+            lock(&io.faults).delay = Duration::from_millis(time_ms);
         }
-        Command::Drop(count) => lock(&station.faults).drop = count,
-        Command::Clear => *lock(&station.faults) = Faults::default(),
-        Command::Quit => {}
+        IoCommand::Drop(count) => lock(&io.faults).drop = count,
+        IoCommand::Clear => *lock(&io.faults) = InjectedFaults::default(),
+        IoCommand::Quit => {}
     }
     Ok(serde_json::json!({ "ok": true }))
 }
@@ -173,7 +173,7 @@ fn exception(code: u8) -> Result<Option<ExceptionCode>, ControlError> {
 
 /// What one connection's requests go to.
 #[derive(Clone)]
-struct Connection(Arc<Station>);
+struct Connection(Arc<SimulatedIo>);
 
 impl Service for Connection {
     type Request = Request<'static>;
@@ -182,14 +182,14 @@ impl Service for Connection {
     type Future = Pin<Box<dyn Future<Output = Result<Option<Response>, ExceptionCode>> + Send>>;
 
     fn call(&self, request: Request<'static>) -> Self::Future {
-        let station = self.0.clone();
+        let io = self.0.clone();
         Box::pin(async move {
             // copied first, so that no lock is held while waiting
-            let Faults {
+            let InjectedFaults {
                 frozen_until,
                 delay,
                 ..
-            } = *lock(&station.faults);
+            } = *lock(&io.faults);
             if let Some(until) = frozen_until {
                 tokio::time::sleep_until(until.into()).await;
             }
@@ -197,7 +197,7 @@ impl Service for Connection {
                 tokio::time::sleep(delay).await;
             }
             let exception = {
-                let mut faults = lock(&station.faults);
+                let mut faults = lock(&io.faults);
                 if faults.drop > 0 {
                     faults.drop -= 1;
                     return Ok(None);
@@ -206,16 +206,16 @@ impl Service for Connection {
             };
             match exception {
                 Some(code) => Err(code),
-                None => lock(&station.image).answer(&request).map(Some),
+                None => lock(&io.image).answer(&request).map(Some),
             }
         })
     }
 }
 
-async fn serve(listener: TcpListener, station: Arc<Station>) -> io::Result<()> {
+async fn serve(listener: TcpListener, io: Arc<SimulatedIo>) -> io::Result<()> {
     let server = Server::new(tokio::net::TcpListener::from_std(listener)?);
     let connected = |stream: TcpStream, _peer: SocketAddr| {
-        let connection = Connection(station.clone());
+        let connection = Connection(io.clone());
         async move {
             // a client that is gone already ends its own connection, never the server
             let _ = stream.set_nodelay(true);

@@ -11,7 +11,7 @@ const REST: f64 = 1e-4;
 
 /// State of the arm and its extremes since the last reset.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arm {
+pub struct SimulatedArm {
     bandwidth: f64,
     /// rad.
     pub position: Joints,
@@ -26,7 +26,7 @@ pub struct Arm {
     rests: bool,
 }
 
-impl Arm {
+impl SimulatedArm {
     /// An arm at rest at `position` (rad), with a bandwidth in rad/s.
     pub fn new(position: Joints, bandwidth: f64) -> Self {
         Self {
@@ -102,7 +102,10 @@ mod tests {
 
     #[test]
     fn one_long_step_equals_many_short_ones() {
-        let (mut long, mut short) = (Arm::new([0.0; 7], 80.0), Arm::new([0.0; 7], 80.0));
+        let (mut long, mut short) = (
+            SimulatedArm::new([0.0; 7], 80.0),
+            SimulatedArm::new([0.0; 7], 80.0),
+        );
         long.follow(&ramp(0.0), &ramp(0.05), 0.05);
         for i in 0..500 {
             let t = f64::from(i) * 1e-4;
@@ -116,7 +119,7 @@ mod tests {
 
     #[test]
     fn lags_twice_the_velocity_over_the_bandwidth_behind() {
-        let mut arm = Arm::new([0.0; 7], 80.0);
+        let mut arm = SimulatedArm::new([0.0; 7], 80.0);
         arm.follow(&ramp(0.0), &ramp(2.0), 2.0);
         assert!((ramp(2.0)[0] - arm.position[0] - 2.0 * 0.7 / 80.0).abs() < 1e-12);
         assert!((arm.velocity[0] - 0.7).abs() < 1e-12);
@@ -125,7 +128,7 @@ mod tests {
 
     #[test]
     fn never_overshoots_and_comes_to_rest() {
-        let mut arm = Arm::new([0.0; 7], 80.0);
+        let mut arm = SimulatedArm::new([0.0; 7], 80.0);
         let goal = [1.0; JOINTS];
         arm.follow(&[0.0; 7], &goal, 1e-3);
         for _ in 0..1000 {

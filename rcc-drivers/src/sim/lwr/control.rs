@@ -1,5 +1,5 @@
 //! The control port's language: one JSON object a line, one JSON object as the answer.
-//! Text is read and written by the control port's threads; [`Krc::obey`] runs on the clock thread, between two ticks.
+//! Text is read and written by the control port's threads; [`Krc::execute`] runs on the clock thread, between two ticks.
 //!
 //! `{"state":null}` · `{"wrench":{"force":[0,0,15],"torque":[0,0,0]}}` ·
 //! `{"wall":{"point":[0,0,0.3],"normal":[0,0,1],"stiffness":5000,"damping":20}}` · `{"wall":null}` · `{"estop":null}` ·
@@ -12,11 +12,11 @@
 //! datagrams; a trace lies below the folder of the socket, where a relative path begins; `clear` ends every fault that was asked for, and acknowledges.
 //! A command without content may also be a bare name, `"state"`. Answers: `{"ok":true}`, `{"error":"…"}`, or the state.
 
+use super::environment::{Wall, WallError};
 use super::krc::Krc;
 use super::network::{NetworkRates, impossible};
-use super::settings::Wire;
+use super::settings::KrlLoopback;
 use super::statistics::{KrlVariables, Snapshot};
-use super::surroundings::{Wall, WallError};
 use crate::fri_lwr::wire::{KrlBlock, Quality};
 use crate::sim::control_socket::PathError;
 use serde::Deserialize;
@@ -25,7 +25,7 @@ use std::path::PathBuf;
 /// A line of the control port.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Command {
+pub enum KrcCommand {
     /// Everything at this moment.
     State,
     /// Injects a wrench on the flange, base axes; it stays until the next.
@@ -37,23 +37,23 @@ pub enum Command {
     /// Releases the emergency stop and acknowledges the fault.
     Ack,
     /// Switches the drives.
-    Drives(Switch),
+    Drives(DriveSwitch),
     /// Sends nothing for this many milliseconds; the controller's own time goes on.
     FreezeMs(u64),
     /// Drops a part of the PC's answers.
-    Drop(Part),
+    Drop(DropRate),
     /// Loses, delays, doubles, swaps, cuts and corrupts datagrams, from now on.
     Network(NetworkRates),
     /// Ends all faults that were asked for: network, wrench, wall, emergency stop, drives.
     Clear,
     /// Sets `$FRI_TO_BOOL[number]`.
-    SetBool(Variable<bool>),
+    SetBool(KrlVariable<bool>),
     /// Sets `$FRI_TO_REA[number]`.
-    SetReal(Variable<f32>),
+    SetReal(KrlVariable<f32>),
     /// Wires `$FRI_FRM_BOOL[from]` to `$FRI_TO_BOOL[to]`.
-    WireBool(Wire),
+    WireBool(KrlLoopback),
     /// Wires `$FRI_FRM_REA[from]` to `$FRI_TO_REA[to]`.
-    WireReal(Wire),
+    WireReal(KrlLoopback),
     /// Counters, faults and extremes begin anew.
     ResetStatistics,
     /// Traces into a file, or ends the trace.
@@ -79,7 +79,7 @@ pub struct InjectedWrench {
 /// On or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Switch {
+pub struct DriveSwitch {
     /// On.
     pub on: bool,
 }
@@ -87,7 +87,7 @@ pub struct Switch {
 /// A part of all.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Part {
+pub struct DropRate {
     /// 0 to 100.
     pub percent: f64,
 }
@@ -95,7 +95,7 @@ pub struct Part {
 /// A KRL variable and its new value.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Variable<T> {
+pub struct KrlVariable<T> {
     /// 1 to 16.
     pub number: usize,
     /// New value.
@@ -144,7 +144,7 @@ pub enum ControlError {
 
 /// What a command brought.
 #[derive(Clone, Debug)]
-pub enum Answer {
+pub enum ControlAnswer {
     /// Done.
     Done,
     /// Everything at this moment.
@@ -156,56 +156,58 @@ impl Krc {
     ///
     /// # Errors
     /// Numbers out of range, or an acknowledgement while the arm moves; nothing has changed then.
-    pub fn obey(&mut self, command: Command) -> Result<Answer, ControlError> {
+    pub fn execute(&mut self, command: KrcCommand) -> Result<ControlAnswer, ControlError> {
         match command {
-            Command::State => return Ok(Answer::State(Box::new(self.snapshot()))),
-            Command::Wrench(InjectedWrench {
+            KrcCommand::State => return Ok(ControlAnswer::State(Box::new(self.snapshot()))),
+            KrcCommand::Wrench(InjectedWrench {
                 force: [fx, fy, fz],
                 torque: [tx, ty, tz],
             }) => {
-                self.surroundings.injected = [fx, fy, fz, tx, ty, tz];
+                self.environment.injected = [fx, fy, fz, tx, ty, tz];
             }
-            Command::Wall(wall) => self.surroundings.wall = wall.map(Wall::checked).transpose()?,
-            Command::Estop => self.press_emergency_stop(),
-            Command::Ack if !self.acknowledge() => return Err(ControlError::Moving),
-            Command::Ack => {}
-            Command::Drives(Switch { on }) => self.switch_drives(on),
-            Command::FreezeMs(time_ms) => self.withhold(time_ms as f64 * 1e-3),
-            Command::Drop(Part { percent }) if (0.0..=100.0).contains(&percent) => {
+            KrcCommand::Wall(wall) => {
+                self.environment.wall = wall.map(Wall::checked).transpose()?
+            }
+            KrcCommand::Estop => self.press_emergency_stop(),
+            KrcCommand::Ack if !self.acknowledge() => return Err(ControlError::Moving),
+            KrcCommand::Ack => {}
+            KrcCommand::Drives(DriveSwitch { on }) => self.switch_drives(on),
+            KrcCommand::FreezeMs(time_ms) => self.withhold(time_ms as f64 * 1e-3),
+            KrcCommand::Drop(DropRate { percent }) if (0.0..=100.0).contains(&percent) => {
                 self.drop_answers(percent)
             }
-            Command::Drop(Part { percent }) => return Err(ControlError::Percent(percent)),
-            Command::Network(rates) => {
+            KrcCommand::Drop(DropRate { percent }) => return Err(ControlError::Percent(percent)),
+            KrcCommand::Network(rates) => {
                 if let Some(rate) = impossible(&rates) {
                     return Err(ControlError::Probability(rate));
                 }
                 self.network.set(rates);
             }
-            Command::Clear => {
+            KrcCommand::Clear => {
                 self.network.set(NetworkRates::default());
                 self.drop_answers(0.0);
                 self.withhold(0.0);
-                self.surroundings.injected = [0.0; 6];
-                self.surroundings.wall = self.settings.wall;
+                self.environment.injected = [0.0; 6];
+                self.environment.wall = self.settings.wall;
                 self.switch_drives(true);
                 if !self.acknowledge() {
                     return Err(ControlError::Moving);
                 }
             }
-            Command::SetBool(Variable { number, value }) => {
+            KrcCommand::SetBool(KrlVariable { number, value }) => {
                 checked(number)?;
                 self.to_pc.set_boolean(number, value);
             }
-            Command::SetReal(Variable { number, value }) => {
+            KrcCommand::SetReal(KrlVariable { number, value }) => {
                 self.to_pc.reals[checked(number)? - 1] = value
             }
-            Command::WireBool(wire) => self.settings.boolean_wires.push(checked_wire(wire)?),
-            Command::WireReal(wire) => self.settings.real_wires.push(checked_wire(wire)?),
-            Command::ResetStatistics => self.reset_statistics(),
-            Command::Trace(_) | Command::Flush => {}
-            Command::Quit => self.close(),
+            KrcCommand::WireBool(wire) => self.settings.boolean_wires.push(checked_wire(wire)?),
+            KrcCommand::WireReal(wire) => self.settings.real_wires.push(checked_wire(wire)?),
+            KrcCommand::ResetStatistics => self.reset_statistics(),
+            KrcCommand::Trace(_) | KrcCommand::Flush => {}
+            KrcCommand::Quit => self.close(),
         }
-        Ok(Answer::Done)
+        Ok(ControlAnswer::Done)
     }
 
     /// Everything at this moment.
@@ -226,7 +228,7 @@ impl Krc {
                 Quality::Ok => "ok",
                 Quality::Perfect => "perfect",
             },
-            waiting_for: self.waiting.map(|waiting| waiting.to_string()),
+            waiting_for: self.monitor_reason.map(|waiting| waiting.to_string()),
             fault: self.fault.map(|fault| fault.to_string()),
             faults: self.faults.clone(),
             drives_on: self.drives_on(),
@@ -243,7 +245,7 @@ impl Krc {
             flange_position: self.geometry.position,
             flange_rotation: self.geometry.rotation,
             wrench: self.wrench,
-            wall: self.surroundings.wall,
+            wall: self.environment.wall,
             answer_rate: figures.answered as f64 / super::quality::WINDOW as f64,
             latency_s: figures.latency_s,
             jitter_s: figures.jitter_s,
@@ -264,7 +266,7 @@ fn checked(number: usize) -> Result<usize, ControlError> {
     }
 }
 
-fn checked_wire(wire: Wire) -> Result<Wire, ControlError> {
+fn checked_wire(wire: KrlLoopback) -> Result<KrlLoopback, ControlError> {
     checked(wire.from)?;
     checked(wire.to)?;
     Ok(wire)
@@ -279,10 +281,10 @@ fn variables(block: &KrlBlock) -> KrlVariables {
 }
 
 /// The answer as one line of JSON.
-pub fn to_line(answer: Result<Answer, ControlError>) -> String {
+pub fn to_line(answer: Result<ControlAnswer, ControlError>) -> String {
     let value = match answer {
-        Ok(Answer::Done) => serde_json::json!({ "ok": true }),
-        Ok(Answer::State(snapshot)) => match serde_json::to_value(&*snapshot) {
+        Ok(ControlAnswer::Done) => serde_json::json!({ "ok": true }),
+        Ok(ControlAnswer::State(snapshot)) => match serde_json::to_value(&*snapshot) {
             Ok(value) => value,
             Err(error) => serde_json::json!({ "error": error.to_string() }),
         },
@@ -295,7 +297,7 @@ pub fn to_line(answer: Result<Answer, ControlError>) -> String {
 mod tests {
     use super::*;
 
-    fn parse(line: &str) -> Command {
+    fn parse(line: &str) -> KrcCommand {
         serde_json::from_str(line).unwrap()
     }
 
@@ -311,42 +313,42 @@ mod tests {
             .collect();
         assert_eq!(lines.len(), 20, "{lines:?}");
         for line in lines {
-            let command: Result<Command, _> = serde_json::from_str(line);
+            let command: Result<KrcCommand, _> = serde_json::from_str(line);
             assert!(command.is_ok(), "{line}: {command:?}");
         }
     }
 
     #[test]
     fn a_command_without_content_may_be_a_bare_name() {
-        assert_eq!(parse("\"state\""), Command::State);
-        assert_eq!(parse(r#"{"state":null}"#), Command::State);
-        assert_eq!(parse(r#"{"wall":null}"#), Command::Wall(None));
+        assert_eq!(parse("\"state\""), KrcCommand::State);
+        assert_eq!(parse(r#"{"state":null}"#), KrcCommand::State);
+        assert_eq!(parse(r#"{"wall":null}"#), KrcCommand::Wall(None));
     }
 
     #[test]
     fn what_is_out_of_range_is_refused_and_changes_nothing() {
         let mut krc = Krc::new(super::super::settings::Settings::default());
         assert!(matches!(
-            krc.obey(parse(r#"{"drop":{"percent":101}}"#)),
+            krc.execute(parse(r#"{"drop":{"percent":101}}"#)),
             Err(ControlError::Percent(_))
         ));
         assert!(matches!(
-            krc.obey(parse(r#"{"set_bool":{"number":17,"value":true}}"#)),
+            krc.execute(parse(r#"{"set_bool":{"number":17,"value":true}}"#)),
             Err(ControlError::Number(17))
         ));
         assert!(matches!(
-            krc.obey(parse(
+            krc.execute(parse(
                 r#"{"wall":{"point":[0,0,0],"normal":[0,0,0],"stiffness":1}}"#
             )),
             Err(ControlError::Wall(WallError::Normal))
         ));
-        assert!(krc.surroundings.wall.is_none() && krc.to_pc.booleans == 0);
+        assert!(krc.environment.wall.is_none() && krc.to_pc.booleans == 0);
     }
 
     #[test]
     fn an_answer_is_one_line() {
         let krc = Krc::new(super::super::settings::Settings::default());
-        let line = to_line(Ok(Answer::State(Box::new(krc.snapshot()))));
+        let line = to_line(Ok(ControlAnswer::State(Box::new(krc.snapshot()))));
         assert!(!line.contains('\n') && line.contains("\"fri_state\":\"monitor\""));
     }
 }

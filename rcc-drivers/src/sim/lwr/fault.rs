@@ -6,7 +6,7 @@ use thiserror::Error;
 
 /// Cause of a stop. Joints are counted from 0 inside and from 1 in the texts.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum Fault {
+pub enum KrcFault {
     /// More answers in a row were missed than are bridged.
     #[error(
         "{misses} answers in a row were missed; the PC must answer every datagram within its cycle"
@@ -126,7 +126,7 @@ pub enum Fault {
     },
 }
 
-impl Fault {
+impl KrcFault {
     /// What the KRL program reports in `$FRI_TO_INT[2]`: 1 to 13 in the order above, 0 is no fault.
     pub fn code(&self) -> i32 {
         match self {
@@ -161,7 +161,7 @@ impl Fault {
 
 /// Why the controller stays in monitor state.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum Waiting {
+pub enum MonitorReason {
     /// A fault is not acknowledged yet.
     #[error("a fault is not acknowledged")]
     Acknowledgement,

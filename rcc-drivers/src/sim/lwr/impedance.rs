@@ -1,17 +1,17 @@
-//! The arm on springs: what it does in the strategies of impedance control, between what pulls it to the set-point and
+//! The arm on impedance: what it does in the strategies of impedance control, between what pulls it to the set-point and
 //! what pushes it away from there. Pure; the clock thread runs it.
 //!
 //! The laws are those of Schreiber, Stemmer, Bischoff (ICRA 2010 workshop): `F = K (x_set − x) + D (ẋ_set − ẋ) + F_added`
 //! at the flange in axes of the base, or the same in each joint. Each axis and each joint moves one mass of its own (ours:
 //! 5 kg, 0.2 kg m², 0.5 kg m²), so that the damping is `2 ζ √(k m)`; gravity and friction are compensated, as on the robot.
-//! At rest only the springs count: the deflection is the force over the stiffness. In Cartesian impedance the redundancy
+//! At rest only the impedance count: the deflection is the force over the stiffness. In Cartesian impedance the redundancy
 //! follows the joint set-point. Explicit Euler, semi-implicit, in steps of at most 0.25 ms.
 
-use super::arm::Arm;
-use super::fault::Fault;
+use super::arm::SimulatedArm;
+use super::environment::Environment;
+use super::fault::KrcFault;
 use super::model::{Geometry, Matrix, geometry};
-use super::settings::Strategy;
-use super::surroundings::Surroundings;
+use super::settings::KrlStrategy;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, flags};
 
@@ -39,9 +39,9 @@ const REST: f64 = 1e-4;
 /// An axis (six) or a joint (seven), whichever the strategy has.
 type Elements = [f64; JOINTS];
 
-/// The springs, dampers and forces that are commanded.
+/// The impedance, dampers and forces that are commanded.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Springs {
+pub struct ImpedanceSettings {
     /// N/m and N·m/rad, x y z rx ry rz; or N·m/rad, a joint each.
     pub stiffness: Elements,
     /// Damping ratio.
@@ -51,25 +51,25 @@ pub struct Springs {
 }
 
 /// Whether an element turns about an axis (1), goes along one (0), or is a joint (2).
-fn kind(strategy: Strategy, element: usize) -> usize {
+fn kind(strategy: KrlStrategy, element: usize) -> usize {
     match strategy {
-        Strategy::JointImpedance => 2,
+        KrlStrategy::JointImpedance => 2,
         _ => usize::from(element >= 3),
     }
 }
 
 /// Number of elements.
-fn count(strategy: Strategy) -> usize {
+fn count(strategy: KrlStrategy) -> usize {
     match strategy {
-        Strategy::Position => 0,
-        Strategy::CartesianImpedance => 6,
-        Strategy::JointImpedance => JOINTS,
+        KrlStrategy::Position => 0,
+        KrlStrategy::CartesianImpedance => 6,
+        KrlStrategy::JointImpedance => JOINTS,
     }
 }
 
-impl Springs {
+impl ImpedanceSettings {
     /// Those of `$STIFFNESS`, without a force.
-    pub fn usual(strategy: Strategy) -> Self {
+    pub fn default_for(strategy: KrlStrategy) -> Self {
         let of = |element| USUAL[kind(strategy, element)];
         Self {
             stiffness: std::array::from_fn(of),
@@ -82,14 +82,14 @@ impl Springs {
     ///
     /// # Errors
     /// The first element out of range.
-    pub fn of(command: &CommandDatagram, strategy: Strategy) -> Result<Self, Fault> {
+    pub fn of(command: &CommandDatagram, strategy: KrlStrategy) -> Result<Self, KrcFault> {
         // KUKA's x y z A B C: A turns about z, C about x.
         let six = |values: &[f32; 6]| -> Elements {
             let [x, y, z, a, b, c] = values.map(f64::from);
             [x, y, z, c, b, a, 0.0]
         };
         let (stiffness, damping, added) = match strategy {
-            Strategy::JointImpedance => (
+            KrlStrategy::JointImpedance => (
                 command.joint_stiffness.map(f64::from),
                 command.joint_damping.map(f64::from),
                 command.additional_joint_torque.map(f64::from),
@@ -117,7 +117,7 @@ impl Springs {
             for (what, value, [least, greatest]) in rows {
                 let room = 1.0 + ROUNDING;
                 if !(value >= least / room && value <= greatest.min(f64::MAX / 2.0) * room) {
-                    return Err(Fault::Impedance {
+                    return Err(KrcFault::Impedance {
                         what,
                         element,
                         value,
@@ -135,26 +135,26 @@ impl Springs {
     }
 
     /// The force or torque of an element, `deflection` and `rate` towards the set-point.
-    fn force(&self, strategy: Strategy, element: usize, deflection: f64, rate: f64) -> f64 {
+    fn force(&self, strategy: KrlStrategy, element: usize, deflection: f64, rate: f64) -> f64 {
         let (k, mass) = (self.stiffness[element], MASS[kind(strategy, element)]);
         let damping = 2.0 * self.damping[element] * (k * mass).sqrt();
         k * deflection + damping * rate + self.added[element]
     }
 }
 
-impl Strategy {
+impl KrlStrategy {
     /// The command flags that it takes.
     pub fn flags(self) -> u32 {
         match self {
-            Strategy::Position => flags::JOINT_POSITION,
-            Strategy::CartesianImpedance => {
+            KrlStrategy::Position => flags::JOINT_POSITION,
+            KrlStrategy::CartesianImpedance => {
                 flags::JOINT_POSITION
                     | flags::CARTESIAN_POSITION
                     | flags::TCP_WRENCH
                     | flags::CARTESIAN_STIFFNESS
                     | flags::CARTESIAN_DAMPING
             }
-            Strategy::JointImpedance => {
+            KrlStrategy::JointImpedance => {
                 flags::JOINT_POSITION
                     | flags::JOINT_TORQUE
                     | flags::JOINT_STIFFNESS
@@ -164,14 +164,14 @@ impl Strategy {
     }
 }
 
-impl Arm {
-    /// Follows a set-point that moves evenly `from` → `to` (rad) in `step_s` seconds, on springs.
-    pub fn give_way(
+impl SimulatedArm {
+    /// Follows a set-point that moves evenly `from` → `to` (rad) in `step_s` seconds, on impedance.
+    pub fn step_impedance(
         &mut self,
         (from, to): (&Joints, &Joints),
         step_s: f64,
-        (strategy, springs): (Strategy, &Springs),
-        surroundings: &Surroundings,
+        (strategy, impedance): (KrlStrategy, &ImpedanceSettings),
+        environment: &Environment,
     ) {
         let steps = (step_s / STEP_S).ceil().max(1.0);
         let dt_s = step_s / steps;
@@ -181,10 +181,10 @@ impl Arm {
             let time_s = step as f64 * dt_s;
             let goal = std::array::from_fn(|joint| from[joint] + rate[joint] * time_s);
             match strategy {
-                Strategy::CartesianImpedance => {
-                    self.step_axes(&goal, &rate, dt_s, springs, surroundings)
+                KrlStrategy::CartesianImpedance => {
+                    self.step_axes(&goal, &rate, dt_s, impedance, environment)
                 }
-                _ => self.step_joints(&goal, &rate, dt_s, springs, surroundings),
+                _ => self.step_joints(&goal, &rate, dt_s, impedance, environment),
             }
         }
         let moved: Joints =
@@ -197,17 +197,18 @@ impl Arm {
         goal: &Joints,
         rate: &Joints,
         dt_s: f64,
-        springs: &Springs,
-        surroundings: &Surroundings,
+        impedance: &ImpedanceSettings,
+        environment: &Environment,
     ) {
         let here = geometry(&self.position);
-        let outside = here.joint_torque(&surroundings.wrench(&here, &self.velocity));
+        let outside = here.joint_torque(&environment.wrench(&here, &self.velocity));
         for joint in 0..JOINTS {
             let (off, slow) = (
                 goal[joint] - self.position[joint],
                 rate[joint] - self.velocity[joint],
             );
-            let torque = springs.force(Strategy::JointImpedance, joint, off, slow) + outside[joint];
+            let torque =
+                impedance.force(KrlStrategy::JointImpedance, joint, off, slow) + outside[joint];
             self.velocity[joint] += torque / MASS[2] * dt_s;
             self.position[joint] += self.velocity[joint] * dt_s;
         }
@@ -218,16 +219,16 @@ impl Arm {
         goal: &Joints,
         rate: &Joints,
         dt_s: f64,
-        springs: &Springs,
-        surroundings: &Surroundings,
+        impedance: &ImpedanceSettings,
+        environment: &Environment,
     ) {
         let (here, there) = (geometry(&self.position), geometry(goal));
-        let outside = surroundings.wrench(&here, &self.velocity);
+        let outside = environment.wrench(&here, &self.velocity);
         let off = deflection(&here, &there);
         let (has, wants) = (twist(&here, &self.velocity), twist(&there, rate));
         let wanted: [f64; 6] = std::array::from_fn(|axis| {
-            let (strategy, slow) = (Strategy::CartesianImpedance, wants[axis] - has[axis]);
-            let force = springs.force(strategy, axis, off[axis], slow) + outside[axis];
+            let (strategy, slow) = (KrlStrategy::CartesianImpedance, wants[axis] - has[axis]);
+            let force = impedance.force(strategy, axis, off[axis], slow) + outside[axis];
             has[axis] + force / MASS[kind(strategy, axis)] * dt_s
         });
         // What the pose does not say, the joint set-point does.

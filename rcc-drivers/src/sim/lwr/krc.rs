@@ -6,41 +6,41 @@
 //! a real controller is mute as well.
 //!
 //! What the simulated KRL program writes: `$FRI_TO_INT[1]` is −1 when it ends (KUKA's sample convention), otherwise 0;
-//! `$FRI_TO_INT[2]` is the number of the fault that is not acknowledged ([`Fault::code`]), 0 without one.
+//! `$FRI_TO_INT[2]` is the number of the fault that is not acknowledged ([`KrcFault::code`]), 0 without one.
 
-use super::arm::Arm;
-use super::brake::Brake;
-use super::fault::{Fault, Waiting};
-use super::impedance::{Springs, deflection};
+use super::arm::SimulatedArm;
+use super::command_stream::CommandStream;
+use super::environment::Environment;
+use super::fault::{KrcFault, MonitorReason};
+use super::impedance::{ImpedanceSettings, deflection};
 use super::model::{Geometry, geometry, geometry_of};
 use super::network::Network;
 use super::quality::QualityMeter;
-use super::settings::{Settings, Strategy, Wire};
-use super::statistics::{Counts, FAULTS_KEPT, FaultRecord};
-use super::stream::Stream;
-use super::surroundings::Surroundings;
+use super::settings::{KrlLoopback, KrlStrategy, Settings};
+use super::statistics::{FAULTS_KEPT, FaultRecord, KrcCounts};
+use super::stop_ramp::StopRamp;
 use super::trace::TraceRecord;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, KrlBlock, MSR_SIZE, WireError};
 
 /// Cycles in which the KRL program says that it ends.
-const FAREWELL_CYCLES: u32 = 20;
+const CLOSING_CYCLES: u32 = 20;
 
 /// Periods of a stall in which the arm goes on; in longer ones time stands still, because nobody knows whether it did for
 /// the PC as well.
-const GOES_ON_MAX: u64 = 50;
+const STALL_PERIODS_MAX: u64 = 50;
 
 /// Largest force or torque on top at the entry, N or N·m: beyond 1 N·m others have seen a real controller refuse.
-const ADDED_AT_ENTRY: f64 = 1.0;
+const ENTRY_ADDED_MAX: f64 = 1.0;
 /// Largest difference of the commanded pose to that of the commanded joint positions, m and rad. Ours.
 const POSE_TOLERANCE: (f64, f64) = (1e-3, 0.01);
 
 /// What the set-point does.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Motion {
+enum SetPointMode {
     Hold,
-    Follow(Stream),
-    Stop(Brake),
+    Follow(CommandStream),
+    Stop(StopRamp),
 }
 
 /// A simulated controller with its arm.
@@ -52,25 +52,25 @@ pub struct Krc {
     pub(super) command_state: bool,
     pub(super) drives_wanted: bool,
     pub(super) emergency_stop: bool,
-    pub(super) fault: Option<Fault>,
-    pub(super) waiting: Option<Waiting>,
+    pub(super) fault: Option<KrcFault>,
+    pub(super) monitor_reason: Option<MonitorReason>,
     pub(super) faults: Vec<FaultRecord>,
-    pub(super) counts: Counts,
+    pub(super) counts: KrcCounts,
     pub(super) quality: QualityMeter,
-    pub(super) arm: Arm,
+    pub(super) arm: SimulatedArm,
     /// Commanded in the strategies of impedance control; those of `$STIFFNESS` while nothing is commanded.
-    pub(super) springs: Springs,
-    pub(super) surroundings: Surroundings,
+    pub(super) impedance: ImpedanceSettings,
+    pub(super) environment: Environment,
     pub(super) geometry: Geometry,
     pub(super) wrench: [f64; 6],
     pub(super) at_rest_for_s: f64,
     pub(super) to_pc: KrlBlock,
     pub(super) from_pc: KrlBlock,
     pub(super) desired: Joints,
-    pub(super) last_stream: Stream,
+    pub(super) last_stream: CommandStream,
     /// Position of the controller's own interpolator; FRI's offset is on top of it.
     pub(super) base: Joints,
-    motion: Motion,
+    motion: SetPointMode,
     mirror_checked: bool,
     pub(super) wants_command: bool,
     missed_in_a_row: u32,
@@ -80,7 +80,7 @@ pub struct Krc {
     drop_percent: f64,
     pub(super) network: Network,
     chance: u64,
-    pub(super) farewell: Option<u32>,
+    pub(super) closing_cycles: Option<u32>,
     sent: Option<TraceRecord>,
     exchanged: Option<TraceRecord>,
 }
@@ -96,13 +96,13 @@ impl Krc {
             drives_wanted: true,
             emergency_stop: false,
             fault: None,
-            waiting: Some(Waiting::Answer),
+            monitor_reason: Some(MonitorReason::Answer),
             faults: Vec::new(),
-            counts: Counts::default(),
+            counts: KrcCounts::default(),
             quality: QualityMeter::new(settings.quality, period_s),
-            arm: Arm::new(start, settings.bandwidth_rad_s),
-            springs: Springs::usual(settings.strategy),
-            surroundings: Surroundings {
+            arm: SimulatedArm::new(start, settings.bandwidth_rad_s),
+            impedance: ImpedanceSettings::default_for(settings.strategy),
+            environment: Environment {
                 wall: settings.wall,
                 injected: [0.0; 6],
             },
@@ -112,9 +112,9 @@ impl Krc {
             to_pc: KrlBlock::default(),
             from_pc: KrlBlock::default(),
             desired: start,
-            last_stream: Stream::at_rest(start, period_s),
+            last_stream: CommandStream::at_rest(start, period_s),
             base: start,
-            motion: Motion::Hold,
+            motion: SetPointMode::Hold,
             mirror_checked: false,
             wants_command: false,
             missed_in_a_row: 0,
@@ -124,7 +124,7 @@ impl Krc {
             drop_percent: 0.0,
             network: Network::new(settings.seed),
             chance: settings.seed,
-            farewell: None,
+            closing_cycles: None,
             sent: None,
             exchanged: None,
             settings,
@@ -157,7 +157,7 @@ impl Krc {
         self.answer = Some((answer, delay_s));
     }
 
-    /// Counts a datagram that came from somewhere else.
+    /// KrcCounts a datagram that came from somewhere else.
     pub fn receive_foreign(&mut self) {
         self.counts.foreign += 1;
     }
@@ -166,7 +166,7 @@ impl Krc {
     ///
     /// `periods` is 1, or more after a stall of the machine: the number of periods that went by on its clock. While it is
     /// commanded, the arm then goes on as it moved, as that of a real controller does, and the sequence numbers tell how
-    /// long it was; at most [`GOES_ON_MAX`] periods more than one.
+    /// long it was; at most [`STALL_PERIODS_MAX`] periods more than one.
     pub fn tick(&mut self, periods: u64) -> Option<[u8; MSR_SIZE]> {
         let answer = self.answer.take();
         if self.sent.is_some() {
@@ -176,27 +176,28 @@ impl Krc {
         let command = answer.map(|(command, _)| command);
         let from = self.desired;
         let passed = self.move_set_point(command.as_ref(), periods);
-        let gone_on = self.go_on(periods.saturating_sub(passed));
+        let gone_on = self.continue_through_stall(periods.saturating_sub(passed));
         let step_s = (passed + gone_on) as f64 * self.settings.period_s;
         match self.settings.strategy {
-            Strategy::Position => self.arm.follow(&from, &self.desired, step_s),
+            KrlStrategy::Position => self.arm.follow(&from, &self.desired, step_s),
             strategy => {
-                let law = (strategy, &self.springs);
+                let law = (strategy, &self.impedance);
                 let goal = (&from, &self.desired);
-                self.arm.give_way(goal, step_s, law, &self.surroundings);
+                self.arm
+                    .step_impedance(goal, step_s, law, &self.environment);
             }
         }
         self.geometry = geometry(&self.arm.position);
-        self.wrench = self.surroundings.wrench(&self.geometry, &self.arm.velocity);
+        self.wrench = self.environment.wrench(&self.geometry, &self.arm.velocity);
         self.at_rest_for_s = if self.is_at_rest() {
             self.at_rest_for_s + step_s
         } else {
             0.0
         };
-        self.run_script(command.as_ref());
+        self.run_krl_program(command.as_ref());
         self.tick += 1 + gone_on;
         self.time_s += step_s;
-        self.say()
+        self.next_measurement()
     }
 
     /// What went over the wire in the cycle that the last tick has ended.
@@ -211,12 +212,12 @@ impl Krc {
 
     /// The KRL program has said that it ends.
     pub fn is_closed(&self) -> bool {
-        self.farewell == Some(0)
+        self.closing_cycles == Some(0)
     }
 
     /// Neither set-point nor arm moves.
     pub fn is_at_rest(&self) -> bool {
-        self.arm.is_at_rest() && !matches!(self.motion, Motion::Stop(_))
+        self.arm.is_at_rest() && !matches!(self.motion, SetPointMode::Stop(_))
     }
 
     /// The drives are on: wanted, no fault, no emergency stop.
@@ -227,14 +228,14 @@ impl Krc {
     /// Presses the emergency stop; `ack` releases it.
     pub(super) fn press_emergency_stop(&mut self) {
         self.emergency_stop = true;
-        self.fail(Fault::EmergencyStop);
+        self.fail(KrcFault::EmergencyStop);
     }
 
     /// Switches the drives.
     pub(super) fn switch_drives(&mut self, on: bool) {
         self.drives_wanted = on;
         if !on && self.command_state {
-            self.fail(Fault::DrivesOff);
+            self.fail(KrcFault::DrivesOff);
         }
     }
 
@@ -259,16 +260,16 @@ impl Krc {
 
     /// Lets the KRL program end: it stops, says so for some cycles, and then [`Krc::is_closed`].
     pub(super) fn close(&mut self) {
-        self.farewell.get_or_insert(FAREWELL_CYCLES);
+        self.closing_cycles.get_or_insert(CLOSING_CYCLES);
     }
 
     pub(super) fn reset_statistics(&mut self) {
-        self.counts = Counts::default();
+        self.counts = KrcCounts::default();
         self.faults.clear();
         self.arm.reset_extremes();
         self.last_stream.velocity_max = [0.0; JOINTS];
         self.last_stream.acceleration_max = [0.0; JOINTS];
-        if let Motion::Follow(stream) = &mut self.motion {
+        if let SetPointMode::Follow(stream) = &mut self.motion {
             stream.velocity_max = [0.0; JOINTS];
             stream.acceleration_max = [0.0; JOINTS];
         }
@@ -285,12 +286,12 @@ impl Krc {
         self.counts.answered += 1;
         self.last_answer_sequence = Some(answer.send_sequence);
         self.from_pc = answer.krl;
-        for &Wire { from, to } in &self.settings.boolean_wires {
+        for &KrlLoopback { from, to } in &self.settings.boolean_wires {
             if let Some(value) = self.from_pc.boolean(from) {
                 self.to_pc.set_boolean(to, value);
             }
         }
-        for &Wire { from, to } in &self.settings.real_wires {
+        for &KrlLoopback { from, to } in &self.settings.real_wires {
             if let (Some(&value), Some(place)) = (
                 self.from_pc.reals.get(from.wrapping_sub(1)),
                 self.to_pc.reals.get_mut(to.wrapping_sub(1)),
@@ -312,35 +313,39 @@ impl Krc {
     /// Moves the set-point on; says how many periods that took: one while somebody is followed.
     fn move_set_point(&mut self, command: Option<&CommandDatagram>, periods: u64) -> u64 {
         match (self.motion, command) {
-            (Motion::Hold, _) => periods,
-            (Motion::Stop(mut brake), _) => {
+            (SetPointMode::Hold, _) => periods,
+            (SetPointMode::Stop(mut brake), _) => {
                 self.desired = brake.advance(periods as f64 * self.settings.period_s);
                 self.motion = if brake.is_at_rest() {
-                    Motion::Hold
+                    SetPointMode::Hold
                 } else {
-                    Motion::Stop(brake)
+                    SetPointMode::Stop(brake)
                 };
                 periods
             }
-            (Motion::Follow(stream), Some(command)) => match self.follow(stream, command) {
+            (SetPointMode::Follow(stream), Some(command)) => match self.follow(stream, command) {
                 Ok(()) => 1,
                 Err(fault) => {
                     self.fail(fault);
                     self.move_set_point(None, 1)
                 }
             },
-            (Motion::Follow(stream), None) => {
-                self.bridge(stream);
+            (SetPointMode::Follow(stream), None) => {
+                self.bridge_missed_answer(stream);
                 1
             }
         }
     }
 
-    fn follow(&mut self, mut stream: Stream, command: &CommandDatagram) -> Result<(), Fault> {
+    fn follow(
+        &mut self,
+        mut stream: CommandStream,
+        command: &CommandDatagram,
+    ) -> Result<(), KrcFault> {
         self.missed_in_a_row = 0;
         let strategy = self.settings.strategy;
         if command.flags != strategy.flags() {
-            return Err(Fault::Flags {
+            return Err(KrcFault::Flags {
                 want: strategy.flags(),
                 have: command.flags,
             });
@@ -349,7 +354,7 @@ impl Krc {
             && let Some((joint, value)) = self.not_mirrored(command)
         {
             let (own, tolerance) = (self.desired[joint], self.settings.mirror_tolerance_rad);
-            return Err(Fault::Mirror {
+            return Err(KrcFault::Mirror {
                 joint,
                 value,
                 own,
@@ -357,64 +362,68 @@ impl Krc {
             });
         }
         let target = command.joint_position.map(f64::from);
-        let springs = self.springs_of(command, &target)?;
+        let impedance = self.impedance_of(command, &target)?;
         self.mirror_checked = true;
         stream.accept(&target, &self.settings)?;
-        self.springs = springs;
+        self.impedance = impedance;
         self.desired = target;
         self.last_stream = stream;
-        self.motion = Motion::Follow(stream);
+        self.motion = SetPointMode::Follow(stream);
         Ok(())
     }
 
-    /// The springs of a command in the strategies of impedance control, and whether its pose fits its joint positions.
-    fn springs_of(&self, command: &CommandDatagram, target: &Joints) -> Result<Springs, Fault> {
+    /// The impedance of a command in the strategies of impedance control, and whether its pose fits its joint positions.
+    fn impedance_of(
+        &self,
+        command: &CommandDatagram,
+        target: &Joints,
+    ) -> Result<ImpedanceSettings, KrcFault> {
         let strategy = self.settings.strategy;
-        if strategy == Strategy::Position {
-            return Ok(self.springs);
+        if strategy == KrlStrategy::Position {
+            return Ok(self.impedance);
         }
-        let springs = Springs::of(command, strategy)?;
-        let value = springs
+        let impedance = ImpedanceSettings::of(command, strategy)?;
+        let value = impedance
             .added
             .iter()
             .fold(0.0_f64, |most, value| most.max(value.abs()));
-        if !self.mirror_checked && value > ADDED_AT_ENTRY {
-            return Err(Fault::Added { value });
+        if !self.mirror_checked && value > ENTRY_ADDED_MAX {
+            return Err(KrcFault::Added { value });
         }
-        if strategy == Strategy::CartesianImpedance {
+        if strategy == KrlStrategy::CartesianImpedance {
             let commanded = geometry_of(&command.cartesian_position);
             let [x, y, z, rx, ry, rz] = deflection(&geometry(target), &commanded);
             let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
             let (distance, angle) = (length([x, y, z]), length([rx, ry, rz]));
             let (most, turn) = POSE_TOLERANCE;
             if !(distance <= most && angle <= turn) {
-                return Err(Fault::Pose { distance, angle });
+                return Err(KrcFault::Pose { distance, angle });
             }
         }
-        Ok(springs)
+        Ok(impedance)
     }
 
     /// Lets these periods of a stall pass at the last velocity; no answer is missed in them, because none was asked for.
     /// Says how many there were; none where nobody is followed.
-    fn go_on(&mut self, periods: u64) -> u64 {
-        let Motion::Follow(mut stream) = self.motion else {
+    fn continue_through_stall(&mut self, periods: u64) -> u64 {
+        let SetPointMode::Follow(mut stream) = self.motion else {
             return 0;
         };
-        let periods = periods.min(GOES_ON_MAX);
+        let periods = periods.min(STALL_PERIODS_MAX);
         for _ in 0..periods {
             self.desired = stream.extrapolate(self.settings.period_s);
         }
         self.last_stream = stream;
-        self.motion = Motion::Follow(stream);
+        self.motion = SetPointMode::Follow(stream);
         periods
     }
 
     /// Goes on with the last velocity, or stops after too many missed answers.
-    fn bridge(&mut self, mut stream: Stream) {
+    fn bridge_missed_answer(&mut self, mut stream: CommandStream) {
         self.missed_in_a_row += 1;
         self.counts.missed_in_a_row_max = self.counts.missed_in_a_row_max.max(self.missed_in_a_row);
         if self.missed_in_a_row > self.settings.bridged_misses {
-            self.fail(Fault::Lost {
+            self.fail(KrcFault::Lost {
                 misses: self.missed_in_a_row,
             });
             self.move_set_point(None, 1);
@@ -422,7 +431,7 @@ impl Krc {
         }
         self.desired = stream.extrapolate(self.settings.period_s);
         self.last_stream = stream;
-        self.motion = Motion::Follow(stream);
+        self.motion = SetPointMode::Follow(stream);
     }
 
     /// The first joint that the command does not hold where the controller is.
@@ -442,13 +451,13 @@ impl Krc {
         self.mirror_checked = false;
         self.missed_in_a_row = 0;
         self.base = self.desired;
-        self.last_stream = Stream::at_rest(self.desired, self.settings.period_s);
-        self.motion = Motion::Follow(self.last_stream);
+        self.last_stream = CommandStream::at_rest(self.desired, self.settings.period_s);
+        self.motion = SetPointMode::Follow(self.last_stream);
         self.counts.entries += 1;
     }
 
     /// Brakes, drives off, monitor state; the first cause of a stop is the one that is kept.
-    pub(super) fn fail(&mut self, fault: Fault) {
+    pub(super) fn fail(&mut self, fault: KrcFault) {
         if self.fault.is_none() {
             self.fault = Some(fault);
             self.counts.faults += 1;
@@ -468,24 +477,24 @@ impl Krc {
     /// Monitor state; a moving set-point is brought to rest.
     pub(super) fn stop(&mut self) {
         self.command_state = false;
-        self.springs = Springs::usual(self.settings.strategy);
-        if let Motion::Follow(stream) = self.motion {
-            let brake = Brake::new(
+        self.impedance = ImpedanceSettings::default_for(self.settings.strategy);
+        if let SetPointMode::Follow(stream) = self.motion {
+            let brake = StopRamp::new(
                 self.desired,
                 stream.velocity(),
                 self.settings.brake_deceleration,
                 self.settings.brake_jerk,
             );
-            self.motion = Motion::Stop(brake);
+            self.motion = SetPointMode::Stop(brake);
         }
     }
 
-    fn say(&mut self) -> Option<[u8; MSR_SIZE]> {
+    fn next_measurement(&mut self) -> Option<[u8; MSR_SIZE]> {
         if !self.command_state {
             // what FRI had added is now the controller's own position, so a mirroring PC sees no jump
             self.base = self.desired;
         }
-        self.to_pc.integers[0] = if self.farewell.is_some() { -1 } else { 0 };
+        self.to_pc.integers[0] = if self.closing_cycles.is_some() { -1 } else { 0 };
         self.to_pc.integers[1] = self.fault.map_or(0, |fault| fault.code());
         let datagram = self.datagram();
         self.sent = Some(TraceRecord {

@@ -1,11 +1,11 @@
 //! What the simulated controller says: its measurement datagram.
 //! Pure; the clock thread runs it once a tick.
 
+use super::environment::wire_wrench;
 use super::krc::Krc;
 use super::model::geometry;
 use super::quality::WINDOW;
-use super::settings::Strategy;
-use super::surroundings::wire_wrench;
+use super::settings::KrlStrategy;
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{ControlStrategy, MeasurementDatagram, SessionState};
 
@@ -39,9 +39,9 @@ impl Krc {
             miss_count: self.counts.missed as u32,
             power: if self.drives_on() { 0x7f } else { 0 },
             control: match self.settings.strategy {
-                Strategy::Position => ControlStrategy::Position,
-                Strategy::CartesianImpedance => ControlStrategy::CartesianImpedance,
-                Strategy::JointImpedance => ControlStrategy::JointImpedance,
+                KrlStrategy::Position => ControlStrategy::Position,
+                KrlStrategy::CartesianImpedance => ControlStrategy::CartesianImpedance,
+                KrlStrategy::JointImpedance => ControlStrategy::JointImpedance,
             },
             error: self.fault.map_or(0, |fault| fault.drive_bits()),
             warning: 0,

@@ -3,33 +3,33 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::proxy::{Counts, Line, Rates};
+use crate::proxy::{FaultCounts, FaultRates, FaultyLink};
 
 /// How probable each fault is in each direction.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NetworkRates {
     /// Measurements.
-    pub to_pc: Rates,
+    pub to_pc: FaultRates,
     /// Answers.
-    pub from_pc: Rates,
+    pub from_pc: FaultRates,
 }
 
 /// What was done since the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
 pub struct NetworkCounts {
     /// Measurements.
-    pub to_pc: Counts,
+    pub to_pc: FaultCounts,
     /// Answers.
-    pub from_pc: Counts,
+    pub from_pc: FaultCounts,
 }
 
 /// Both directions.
 #[derive(Clone, Debug)]
 pub struct Network {
     rates: NetworkRates,
-    to_pc: Line,
-    from_pc: Line,
+    to_pc: FaultyLink,
+    from_pc: FaultyLink,
 }
 
 impl Network {
@@ -38,8 +38,8 @@ impl Network {
     pub fn new(seed: u64) -> Network {
         Network {
             rates: NetworkRates::default(),
-            to_pc: Line::new(Rates::NONE, seed),
-            from_pc: Line::new(Rates::NONE, seed ^ 1),
+            to_pc: FaultyLink::new(FaultRates::NONE, seed),
+            from_pc: FaultyLink::new(FaultRates::NONE, seed ^ 1),
         }
     }
 
@@ -86,9 +86,9 @@ impl Network {
     }
 }
 
-fn pass(line: &mut Line, datagram: &[u8]) -> Vec<Vec<u8>> {
-    line.put(datagram);
-    std::iter::from_fn(|| line.take()).collect()
+fn pass(line: &mut FaultyLink, datagram: &[u8]) -> Vec<Vec<u8>> {
+    line.push(datagram);
+    std::iter::from_fn(|| line.pop()).collect()
 }
 
 /// The first rate that is no probability.
@@ -116,13 +116,13 @@ mod tests {
     #[test]
     fn each_direction_has_its_own_faults() {
         let mut network = Network::new(7);
-        let lost = Rates {
+        let lost = FaultRates {
             lost: 1.0,
-            ..Rates::NONE
+            ..FaultRates::NONE
         };
         network.set(NetworkRates {
             to_pc: lost,
-            from_pc: Rates::NONE,
+            from_pc: FaultRates::NONE,
         });
         assert!(network.to_pc(&[1]).is_empty());
         assert_eq!(network.from_pc(&[2]), [vec![2]]);

@@ -1,8 +1,11 @@
 //! The command line of `lwr-sim`. Every threshold that KUKA does not publish is ours, and says so.
 //! Read once, by the main thread.
 
-use super::settings::{Acknowledge, Limits, QualityRules, Script, Settings, Strategy, Wire};
-use super::surroundings::{Wall, WallError};
+use super::environment::{Wall, WallError};
+use super::settings::{
+    Acknowledge, KrlLoopback, KrlProgram, KrlStrategy, QualityThresholds, Settings,
+    SupervisedLimits,
+};
 use super::{JOINTS, Joints};
 use crate::sim::control_socket;
 use clap::Parser;
@@ -30,11 +33,11 @@ pub struct Options {
     /// How the KRL program decides about command mode: with first-app the PC writes `$FRI_FRM_INT[1]`,
     /// 1 and 10 ask for it, 0 and 2 end it; with auto it begins as soon as its conditions hold
     #[arg(long, value_enum, default_value = "first-app")]
-    pub krl: Script,
+    pub krl: KrlProgram,
     /// Control strategy that the KRL program has chosen, `$STIFFNESS.STRATEGY` 10, 20 or 30: in impedance the arm gives
     /// way; only clients that also command joint positions are followed
     #[arg(long, value_enum, default_value = "position")]
-    pub strategy: Strategy,
+    pub strategy: KrlStrategy,
     /// Who acknowledges a fault: the KRL program once the arm has rested for 0.5 s and the PC mirrors, or the
     /// control port (the 0.5 s are ours)
     #[arg(long, value_enum, default_value = "auto")]
@@ -46,28 +49,28 @@ pub struct Options {
         default_value = "0,0.5236,0,-1.5708,0,1.0472,0",
         allow_hyphen_values = true
     )]
-    pub start: Numbers<JOINTS>,
+    pub start: NumberList<JOINTS>,
     /// Supervised positions, ±degrees (read by others from a controller's files)
     #[arg(
         long,
         value_name = "J1,…,J7",
         default_value = "170,120,170,120,170,120,170"
     )]
-    pub position_limits: Numbers<JOINTS>,
+    pub position_limits: NumberList<JOINTS>,
     /// Supervised velocities, degrees/s (read by others from a controller's files)
     #[arg(
         long,
         value_name = "J1,…,J7",
         default_value = "120,120,160,160,250,220,220"
     )]
-    pub velocity_limits: Numbers<JOINTS>,
+    pub velocity_limits: NumberList<JOINTS>,
     /// Supervised accelerations, degrees/s² (read by others from a controller's files)
     #[arg(
         long,
         value_name = "J1,…,J7",
         default_value = "1200,1200,1600,1600,2500,4400,4400"
     )]
-    pub acceleration_limits: Numbers<JOINTS>,
+    pub acceleration_limits: NumberList<JOINTS>,
     /// Factor on the supervised velocities and accelerations, above 0 up to 1
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub safety_limits: f64,
@@ -88,19 +91,19 @@ pub struct Options {
     pub bandwidth: f64,
     /// Least answered part of the last 100 cycles for PERFECT, OK and BAD (ours)
     #[arg(long, value_name = "PERFECT,OK,BAD", default_value = "0.99,0.95,0.8")]
-    pub quality: Numbers<3>,
+    pub quality: NumberList<3>,
     /// Cycles for which a better quality must have lasted before it is believed (ours)
     #[arg(long, value_name = "COUNT", default_value_t = 50)]
     pub quality_raise_cycles: u32,
     /// Wires `$FRI_FRM_BOOL[FROM]` back to `$FRI_TO_BOOL[TO]`
     #[arg(long, value_name = "FROM=TO")]
-    pub wire_bool: Vec<Wire>,
+    pub wire_bool: Vec<KrlLoopback>,
     /// Wires `$FRI_FRM_REA[FROM]` back to `$FRI_TO_REA[TO]`
     #[arg(long, value_name = "FROM=TO")]
-    pub wire_real: Vec<Wire>,
+    pub wire_real: Vec<KrlLoopback>,
     /// An obstacle: a point of its plane (m), the normal to the free side, stiffness (N/m), damping (N s/m)
     #[arg(long, value_name = "PX,PY,PZ,NX,NY,NZ,K,D", allow_hyphen_values = true)]
-    pub wall: Option<Numbers<8>>,
+    pub wall: Option<NumberList<8>>,
     /// Appends every exchanged pair of datagrams to this file as comma-separated values
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
@@ -115,9 +118,9 @@ pub struct Options {
     pub parent_death: bool,
 }
 
-/// Numbers in one argument, with commas between them.
+/// NumberList in one argument, with commas between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Numbers<const N: usize>(pub [f64; N]);
+pub struct NumberList<const N: usize>(pub [f64; N]);
 
 /// Why an option is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -135,7 +138,7 @@ pub enum OptionError {
     Number(String),
     /// Not a wire.
     #[error("`{0}` is not FROM=TO with numbers from 1 to 16")]
-    Wire(String),
+    KrlLoopback(String),
     /// A number is out of range.
     #[error("--{option} is {value}, it must be {range}")]
     Range {
@@ -161,7 +164,7 @@ pub enum OptionError {
     Wall(#[from] WallError),
 }
 
-impl<const N: usize> FromStr for Numbers<N> {
+impl<const N: usize> FromStr for NumberList<N> {
     type Err = OptionError;
 
     fn from_str(text: &str) -> Result<Self, OptionError> {
@@ -184,7 +187,7 @@ impl<const N: usize> FromStr for Numbers<N> {
     }
 }
 
-impl FromStr for Wire {
+impl FromStr for KrlLoopback {
     type Err = OptionError;
 
     fn from_str(text: &str) -> Result<Self, OptionError> {
@@ -226,7 +229,7 @@ impl Options {
             brake_deceleration: self.brake_deceleration,
             brake_jerk: self.brake_jerk,
             bandwidth_rad_s: self.bandwidth,
-            quality: QualityRules {
+            quality: QualityThresholds {
                 perfect,
                 ok,
                 bad,
@@ -282,9 +285,9 @@ impl Options {
     }
 
     /// The supervised limits; the start lies within them.
-    fn limits(&self) -> Result<Limits, OptionError> {
-        let radians = |numbers: &Numbers<JOINTS>| -> Joints { numbers.0.map(f64::to_radians) };
-        let limits = Limits {
+    fn limits(&self) -> Result<SupervisedLimits, OptionError> {
+        let radians = |numbers: &NumberList<JOINTS>| -> Joints { numbers.0.map(f64::to_radians) };
+        let limits = SupervisedLimits {
             position: radians(&self.position_limits),
             velocity: radians(&self.velocity_limits),
             acceleration: radians(&self.acceleration_limits),
@@ -303,7 +306,7 @@ impl Options {
 }
 
 fn wall(
-    Numbers([px, py, pz, nx, ny, nz, stiffness, damping]): Numbers<8>,
+    NumberList([px, py, pz, nx, ny, nz, stiffness, damping]): NumberList<8>,
 ) -> Result<Wall, WallError> {
     Wall {
         point: [px, py, pz],
@@ -345,17 +348,20 @@ mod tests {
     #[test]
     fn a_list_of_the_wrong_length_and_a_wire_out_of_range_are_refused() {
         assert_eq!(
-            "1,2".parse::<Numbers<3>>(),
+            "1,2".parse::<NumberList<3>>(),
             Err(OptionError::Count { want: 3, have: 2 })
         );
         assert_eq!(
-            "1,inf,2".parse::<Numbers<3>>(),
+            "1,inf,2".parse::<NumberList<3>>(),
             Err(OptionError::Number("inf".into()))
         );
         assert_eq!(
-            "1=17".parse::<Wire>(),
+            "1=17".parse::<KrlLoopback>(),
             Err(OptionError::Wire("1=17".into()))
         );
-        assert_eq!("3=4".parse::<Wire>(), Ok(Wire { from: 3, to: 4 }));
+        assert_eq!(
+            "3=4".parse::<KrlLoopback>(),
+            Ok(KrlLoopback { from: 3, to: 4 })
+        );
     }
 }

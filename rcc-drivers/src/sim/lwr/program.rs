@@ -1,19 +1,19 @@
 //! Sockets, a clock and threads around the simulated controller.
-//! Clock thread: sleeps to an absolute deadline, takes what has come, ticks, sends. Receiver thread: stamps what comes.
+//! ClockThread thread: sleeps to an absolute deadline, takes what has come, ticks, sends. Receiver thread: stamps what comes.
 //! What came while a busy machine kept the receiver from running, the clock thread takes from the socket itself: only
 //! an answer that did not come is a missed one.
 //!
 //! After a stall of the machine the clock goes on at the next deadline that is at least half a period away: ticks are
 //! skipped, never sent in a burst; sequence numbers tell how long it was, as those of a real controller would.
 
-use super::control::{self, Answer, Command, ControlError, TraceFile};
+use super::control::{self, ControlAnswer, ControlError, KrcCommand, TraceFile};
 use super::krc::Krc;
 use super::options::{OptionError, Options};
 use super::trace::{TraceError, TraceSink};
 use crate::fri_lwr::wire::CMD_SIZE;
 use crate::priority::rise;
-use crate::sim::control_socket::{self, ControlSocket, Folder};
-use crate::sim::lines;
+use crate::sim::control_socket::{self, ControlFolder, ControlSocket};
+use crate::sim::line_server;
 use nix::errno::Errno;
 use nix::sys::socket::{MsgFlags, SockaddrStorage, recvmsg};
 use nix::sys::time::TimeSpec;
@@ -63,7 +63,7 @@ pub enum RunError {
     System(#[from] io::Error),
     /// The system refuses the clock.
     #[error("the system refuses: {0}")]
-    Clock(#[from] Errno),
+    ClockThread(#[from] Errno),
     /// The simulator could not be ended as it should.
     #[error(transparent)]
     Signals(#[from] SignalError),
@@ -76,7 +76,7 @@ pub enum RunError {
 }
 
 /// A datagram with the moment at which it came.
-struct Arrival {
+struct ReceivedDatagram {
     /// One byte more than a command datagram, so that a longer one is seen as such.
     bytes: [u8; CMD_SIZE + 1],
     length: usize,
@@ -85,7 +85,7 @@ struct Arrival {
     time_ns: i64,
 }
 
-type Request = (Command, SyncSender<Result<Answer, ControlError>>);
+type Request = (KrcCommand, SyncSender<Result<ControlAnswer, ControlError>>);
 
 /// Runs the simulator until SIGTERM, SIGINT, `quit`, or (if asked to) the end of its parent.
 ///
@@ -105,11 +105,11 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     if let Some(path) = &options.trace {
         trace.open(path.clone())?;
     }
-    let (requests, obeyed) = sync_channel(16);
+    let (requests, commands) = sync_channel(16);
     let control = options.control.as_deref().map(|path| {
         let (listener, socket) = ControlSocket::bind(path)?;
         let answer = answer_with(requests, trace.clone(), socket.folder().clone());
-        lines::serve(listener, answer)?;
+        line_server::serve(listener, answer)?;
         Ok(socket)
     });
     let control = control.transpose().map_err(|source| RunError::Control {
@@ -131,12 +131,12 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
     let address = socket.local_addr()?;
     let clock = {
         let ending = ending.clone();
-        let mut clock = Clock {
+        let mut clock = ClockThread {
             krc,
             socket,
             driver: options.driver,
             arrivals,
-            obeyed,
+            commands,
             trace: trace.clone(),
         };
         let priority = options.priority;
@@ -150,7 +150,7 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
             result
         })?
     };
-    let place = control_socket::place_of(control.as_ref());
+    let place = control_socket::display_path(control.as_ref());
     let driver = options.driver;
     ready(&format!(
         "lwr-sim ready fri={address} driver={driver} control={place}"
@@ -164,13 +164,17 @@ pub fn run(options: &Options, ready: impl FnOnce(&str)) -> Result<(), RunError> 
 }
 
 /// What the control port answers: the trace's commands here, all others on the clock thread.
-fn answer_with(requests: SyncSender<Request>, trace: TraceSink, folder: Folder) -> lines::Answer {
+fn answer_with(
+    requests: SyncSender<Request>,
+    trace: TraceSink,
+    folder: ControlFolder,
+) -> line_server::LineHandler {
     Arc::new(move |line| {
         let command = serde_json::from_str(line).map_err(ControlError::from);
         let answer =
             command.and_then(|command| answer_command(command, &requests, &trace, &folder));
-        // `quit` ends the clock thread after its farewell, and that ends the process
-        lines::Reply {
+        // `quit` ends the clock thread after its closing_cycles, and that ends the process
+        line_server::LineReply {
             line: control::to_line(answer),
             stop: false,
         }
@@ -178,15 +182,15 @@ fn answer_with(requests: SyncSender<Request>, trace: TraceSink, folder: Folder) 
 }
 
 fn answer_command(
-    command: Command,
+    command: KrcCommand,
     requests: &SyncSender<Request>,
     trace: &TraceSink,
-    folder: &Folder,
-) -> Result<Answer, ControlError> {
+    folder: &ControlFolder,
+) -> Result<ControlAnswer, ControlError> {
     match command {
-        Command::Trace(Some(TraceFile { path })) => trace.open(folder.below(&path)?)?,
-        Command::Trace(None) => trace.close()?,
-        Command::Flush => trace.flush()?,
+        KrcCommand::Trace(Some(TraceFile { path })) => trace.open(folder.below(&path)?)?,
+        KrcCommand::Trace(None) => trace.close()?,
+        KrcCommand::Flush => trace.flush()?,
         command => {
             let (answer, answered) = sync_channel(1);
             requests
@@ -196,13 +200,13 @@ fn answer_command(
             return waited.map_err(|_| ControlError::NoAnswer)?;
         }
     }
-    Ok(Answer::Done)
+    Ok(ControlAnswer::Done)
 }
 
 fn receive(
     socket: &UdpSocket,
     driver: SocketAddr,
-    arrived: &SyncSender<Arrival>,
+    arrived: &SyncSender<ReceivedDatagram>,
     ending: &AtomicBool,
 ) {
     while !ending.load(Ordering::Acquire) {
@@ -224,7 +228,7 @@ fn receive(
         };
         let time_ns = now_ns().unwrap_or(0);
         // a full queue means that the clock thread is far behind; a lost datagram is what a real wire does as well
-        let _ = arrived.try_send(Arrival {
+        let _ = arrived.try_send(ReceivedDatagram {
             bytes,
             length,
             foreign: source != driver,
@@ -233,16 +237,16 @@ fn receive(
     }
 }
 
-struct Clock {
+struct ClockThread {
     krc: Krc,
     socket: UdpSocket,
     driver: SocketAddr,
-    arrivals: Receiver<Arrival>,
-    obeyed: Receiver<Request>,
+    arrivals: Receiver<ReceivedDatagram>,
+    commands: Receiver<Request>,
     trace: TraceSink,
 }
 
-impl Clock {
+impl ClockThread {
     fn run(&mut self, ending: &AtomicBool) -> Result<(), RunError> {
         let period_ns = (self.krc.settings.period_s * 1e9).round() as i64;
         let start_ns = now_ns()?;
@@ -259,9 +263,9 @@ impl Clock {
             while let Some(arrival) = self.unreceived()? {
                 self.take(&arrival, sent_ns);
             }
-            for (command, answer) in self.obeyed.try_iter().take(REQUESTS_PER_TICK) {
+            for (command, answer) in self.commands.try_iter().take(REQUESTS_PER_TICK) {
                 // who asked may be gone by now
-                let _ = answer.send(self.krc.obey(command));
+                let _ = answer.send(self.krc.execute(command));
             }
             sent_ns = now_ns()?;
             let present = (sent_ns - start_ns).div_euclid(period_ns).max(next);
@@ -280,7 +284,7 @@ impl Clock {
         Ok(())
     }
 
-    fn take(&mut self, arrival: &Arrival, sent_ns: i64) {
+    fn take(&mut self, arrival: &ReceivedDatagram, sent_ns: i64) {
         if arrival.foreign {
             return self.krc.receive_foreign();
         }
@@ -295,7 +299,7 @@ impl Clock {
     }
 
     /// A datagram that the receiver thread has not fetched yet.
-    fn unreceived(&self) -> Result<Option<Arrival>, Errno> {
+    fn unreceived(&self) -> Result<Option<ReceivedDatagram>, Errno> {
         let mut bytes = [0; CMD_SIZE + 1];
         let mut parts = [io::IoSliceMut::new(&mut bytes)];
         let socket = self.socket.as_raw_fd();
@@ -308,7 +312,7 @@ impl Clock {
             Some(v4) => Some(SocketAddr::V4((*v4).into())),
             None => Some(SocketAddr::V6((*address.as_sockaddr_in6()?).into())),
         });
-        Ok(Some(Arrival {
+        Ok(Some(ReceivedDatagram {
             bytes,
             length,
             foreign: source != Some(self.driver),

@@ -10,19 +10,19 @@ pub const WINDOW: usize = 100;
 /// The last [`WINDOW`] cycles and the present judgement.
 #[derive(Clone, Debug)]
 pub struct QualityMeter {
-    rules: QualityRules,
+    rules: QualityThresholds,
     period_s: f64,
     /// Delay of each answer, s; `None` is a miss. Cycles before the start count as misses.
     window: [Option<f64>; WINDOW],
     next: usize,
     quality: Quality,
     better_for: u32,
-    figures: Figures,
+    figures: QualityFigures,
 }
 
 /// What the window says.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Figures {
+pub struct QualityFigures {
     /// Answered cycles of the last [`WINDOW`].
     pub answered: usize,
     /// Mean delay of the answers, s.
@@ -33,7 +33,7 @@ pub struct Figures {
 
 impl QualityMeter {
     /// A connection that nobody has answered yet.
-    pub fn new(rules: QualityRules, period_s: f64) -> Self {
+    pub fn new(rules: QualityThresholds, period_s: f64) -> Self {
         Self {
             rules,
             period_s,
@@ -41,7 +41,7 @@ impl QualityMeter {
             next: 0,
             quality: Quality::Unacceptable,
             better_for: 0,
-            figures: Figures::default(),
+            figures: QualityFigures::default(),
         }
     }
 
@@ -69,7 +69,7 @@ impl QualityMeter {
     }
 
     /// The present figures.
-    pub fn figures(&self) -> Figures {
+    pub fn figures(&self) -> QualityFigures {
         self.figures
     }
 
@@ -88,7 +88,7 @@ impl QualityMeter {
     }
 }
 
-fn figures(window: &[Option<f64>]) -> Figures {
+fn figures(window: &[Option<f64>]) -> QualityFigures {
     let answered = window.iter().flatten().count();
     let count = answered.max(1) as f64;
     let latency_s = window.iter().flatten().sum::<f64>() / count;
@@ -98,7 +98,7 @@ fn figures(window: &[Option<f64>]) -> Figures {
         .map(|delay| (delay - latency_s).powi(2))
         .sum::<f64>()
         / count;
-    Figures {
+    QualityFigures {
         answered,
         latency_s,
         jitter_s: variance.sqrt(),
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     fn meter_after(answers: usize, delay_s: f64) -> QualityMeter {
-        let mut meter = QualityMeter::new(QualityRules::default(), 1e-3);
+        let mut meter = QualityMeter::new(QualityThresholds::default(), 1e-3);
         for _ in 0..answers {
             meter.record(Some(delay_s));
         }

@@ -5,11 +5,11 @@
 //! those numbers are **ours**. The supervised limits are what others have read out of a controller's files.
 
 use super::Joints;
-use super::surroundings::Wall;
+use super::environment::Wall;
 
 /// How the KRL program on the simulated controller decides about command mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Script {
+pub enum KrlProgram {
     /// The convention of KUKA's first sample: the PC writes `$FRI_FRM_INT[1]`; 1 and 10 ask for command mode,
     /// 0 and 2 end it, any other number leaves the last request as it is.
     FirstApp,
@@ -20,10 +20,10 @@ pub enum Script {
 /// The control strategy that the KRL program has chosen before it opened the interface, `$STIFFNESS.STRATEGY`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Strategy {
+pub enum KrlStrategy {
     /// 10: the joints are where they are commanded to.
     Position,
-    /// 20: the flange hangs on springs at the commanded pose.
+    /// 20: the flange hangs on impedance at the commanded pose.
     CartesianImpedance,
     /// 30: each joint hangs on a spring at its commanded position.
     JointImpedance,
@@ -39,9 +39,9 @@ pub enum Acknowledge {
     Manual,
 }
 
-/// Limits that the controller supervises on the commanded positions, each in both directions.
+/// SupervisedLimits that the controller supervises on the commanded positions, each in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub struct SupervisedLimits {
     /// rad.
     pub position: Joints,
     /// rad/s.
@@ -50,7 +50,7 @@ pub struct Limits {
     pub acceleration: Joints,
 }
 
-impl Default for Limits {
+impl Default for SupervisedLimits {
     /// Read by others from a controller's `rsidef7.dat` (TUM FRICheck), not published by KUKA.
     fn default() -> Self {
         let radians = |degrees: Joints| degrees.map(f64::to_radians);
@@ -64,7 +64,7 @@ impl Default for Limits {
 
 /// When the connection has which quality. All numbers are ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct QualityRules {
+pub struct QualityThresholds {
     /// Least answered part of the last 100 cycles for PERFECT; mean delay + 2 × jitter must be below half a period.
     pub perfect: f64,
     /// Least answered part for OK.
@@ -75,7 +75,7 @@ pub struct QualityRules {
     pub raise_cycles: u32,
 }
 
-impl Default for QualityRules {
+impl Default for QualityThresholds {
     fn default() -> Self {
         Self {
             perfect: 0.99,
@@ -89,7 +89,7 @@ impl Default for QualityRules {
 /// One KRL output of the PC that is wired back to an input of the PC; both are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Wire {
+pub struct KrlLoopback {
     /// Number of `$FRI_FRM_…`, 1 to 16.
     pub from: usize,
     /// Number of `$FRI_TO_…`, 1 to 16.
@@ -104,15 +104,15 @@ pub struct Settings {
     /// Joint positions at the start, rad.
     pub start: Joints,
     /// KRL program.
-    pub script: Script,
+    pub script: KrlProgram,
     /// Control strategy.
-    pub strategy: Strategy,
+    pub strategy: KrlStrategy,
     /// Who acknowledges.
     pub acknowledge: Acknowledge,
     /// For how long the arm must rest before the KRL program acknowledges, s. Ours.
     pub acknowledge_after_s: f64,
     /// Supervised limits before scaling.
-    pub limits: Limits,
+    pub limits: SupervisedLimits,
     /// Factor on velocity and acceleration limits (argument of `friStart`), 0 to 1.
     pub safety_limits: f64,
     /// Largest difference between the command and the controller's own position at the entry, rad. Ours.
@@ -126,11 +126,11 @@ pub struct Settings {
     /// Bandwidth of the simulated position control, rad/s. Ours.
     pub bandwidth_rad_s: f64,
     /// Thresholds of the quality.
-    pub quality: QualityRules,
+    pub quality: QualityThresholds,
     /// Booleans that are wired back.
-    pub boolean_wires: Vec<Wire>,
+    pub boolean_wires: Vec<KrlLoopback>,
     /// Reals that are wired back.
-    pub real_wires: Vec<Wire>,
+    pub real_wires: Vec<KrlLoopback>,
     /// Obstacle at the start.
     pub wall: Option<Wall>,
     /// Seed of the answers that are dropped on request.
@@ -146,18 +146,18 @@ impl Default for Settings {
         Self {
             period_s: 0.001,
             start: [0.0, 0.5236, 0.0, -1.5708, 0.0, 1.0472, 0.0],
-            script: Script::FirstApp,
-            strategy: Strategy::Position,
+            script: KrlProgram::FirstApp,
+            strategy: KrlStrategy::Position,
             acknowledge: Acknowledge::Auto,
             acknowledge_after_s: 0.5,
-            limits: Limits::default(),
+            limits: SupervisedLimits::default(),
             safety_limits: 1.0,
             mirror_tolerance_rad: 0.01,
             bridged_misses: 5,
             brake_deceleration: 8.0,
             brake_jerk: 200.0,
             bandwidth_rad_s: 80.0,
-            quality: QualityRules::default(),
+            quality: QualityThresholds::default(),
             boolean_wires: Vec::new(),
             real_wires: Vec::new(),
             wall: None,

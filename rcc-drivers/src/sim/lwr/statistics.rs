@@ -2,9 +2,9 @@
 //! Plain data; written by the clock thread, turned into JSON by the control port's threads.
 
 use super::Joints;
+use super::environment::Wall;
 use super::network::NetworkCounts;
-use super::settings::Strategy;
-use super::surroundings::Wall;
+use super::settings::KrlStrategy;
 use serde::Serialize;
 
 /// Faults that are remembered.
@@ -12,7 +12,7 @@ pub const FAULTS_KEPT: usize = 16;
 
 /// Datagrams and events since the start or the last `reset_statistics`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
-pub struct Counts {
+pub struct KrcCounts {
     /// Measurement datagrams sent.
     pub sent: u64,
     /// Cycles with a valid answer.
@@ -79,7 +79,7 @@ pub struct Snapshot {
     /// Controller's time since the start, s.
     pub time_s: f64,
     /// Control strategy.
-    pub strategy: Strategy,
+    pub strategy: KrlStrategy,
     /// `monitor` or `command`.
     pub fri_state: &'static str,
     /// `unacceptable`, `bad`, `ok` or `perfect`.
@@ -127,7 +127,7 @@ pub struct Snapshot {
     /// Standard deviation of that delay, s.
     pub jitter_s: f64,
     /// Counters.
-    pub counts: Counts,
+    pub counts: KrcCounts,
     /// What the network was asked to do to datagrams.
     pub network: NetworkCounts,
     /// `$FRI_TO_…`, controller to PC.

@@ -7,9 +7,9 @@ mod impedance;
 mod stops;
 
 use super::control::Command;
-use super::fault::Fault;
+use super::fault::KrcFault;
 use super::krc::Krc;
-use super::settings::{Acknowledge, Script, Settings, Wire};
+use super::settings::{Acknowledge, KrlLoopback, KrlProgram, Settings};
 use super::{JOINTS, Joints};
 use crate::fri_lwr::wire::{CommandDatagram, MeasurementDatagram, Quality, SessionState, flags};
 
@@ -51,15 +51,15 @@ impl Pc {
     /// One cycle with this answer.
     fn answer(&mut self, answer: &CommandDatagram) {
         self.krc.receive(&answer.encode(), 1e-4);
-        self.go_on(1);
+        self.continue_through_stall(1);
     }
 
     /// One cycle without an answer.
     fn miss(&mut self) {
-        self.go_on(1);
+        self.continue_through_stall(1);
     }
 
-    fn go_on(&mut self, periods_max: u64) {
+    fn continue_through_stall(&mut self, periods_max: u64) {
         if let Some(bytes) = self.krc.tick(periods_max) {
             self.seen = MeasurementDatagram::decode(&bytes).unwrap();
         }
@@ -108,9 +108,9 @@ impl Pc {
         pc
     }
 
-    fn obey(&mut self, line: &str) {
+    fn execute(&mut self, line: &str) {
         let command: Command = serde_json::from_str(line).unwrap();
-        self.krc.obey(command).unwrap();
+        self.krc.execute(command).unwrap();
     }
 
     fn state(&self) -> SessionState {

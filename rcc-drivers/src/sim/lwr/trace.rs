@@ -106,7 +106,7 @@ fn read<'a, T: std::str::FromStr + Copy + Default, const N: usize>(
     Some(values)
 }
 
-enum Message {
+enum TraceMessage {
     Record(TraceRecord),
     Open(PathBuf, SyncSender<io::Result<()>>),
     Close(SyncSender<io::Result<()>>),
@@ -116,7 +116,7 @@ enum Message {
 /// Where records are handed over; clones reach the same writer.
 #[derive(Clone)]
 pub struct TraceSink {
-    queue: SyncSender<Message>,
+    queue: SyncSender<TraceMessage>,
 }
 
 /// Why a trace could not be opened, closed or flushed.
@@ -146,7 +146,7 @@ impl TraceSink {
     /// Hands a record over without waiting; `false` means that the queue was full and the record is lost.
     pub fn record(&self, record: TraceRecord) -> bool {
         !matches!(
-            self.queue.try_send(Message::Record(record)),
+            self.queue.try_send(TraceMessage::Record(record)),
             Err(TrySendError::Full(_))
         )
     }
@@ -156,7 +156,7 @@ impl TraceSink {
     /// # Errors
     /// The file cannot be opened.
     pub fn open(&self, path: PathBuf) -> Result<(), TraceError> {
-        self.ask(|answer| Message::Open(path, answer))
+        self.ask(|answer| TraceMessage::Open(path, answer))
     }
 
     /// Ends the trace; what was handed over so far is in the file.
@@ -164,7 +164,7 @@ impl TraceSink {
     /// # Errors
     /// The file cannot be written.
     pub fn close(&self) -> Result<(), TraceError> {
-        self.ask(Message::Close)
+        self.ask(TraceMessage::Close)
     }
 
     /// Waits until what was handed over so far is in the file.
@@ -172,12 +172,12 @@ impl TraceSink {
     /// # Errors
     /// The file cannot be written.
     pub fn flush(&self) -> Result<(), TraceError> {
-        self.ask(Message::Flush)
+        self.ask(TraceMessage::Flush)
     }
 
     fn ask(
         &self,
-        message: impl FnOnce(SyncSender<io::Result<()>>) -> Message,
+        message: impl FnOnce(SyncSender<io::Result<()>>) -> TraceMessage,
     ) -> Result<(), TraceError> {
         let (answer, answered) = sync_channel(1);
         self.queue
@@ -192,12 +192,12 @@ impl TraceSink {
 
 /// The file that is written at present; a write that fails ends it and is told at the next request.
 #[derive(Default)]
-struct Output {
+struct TraceOutput {
     file: Option<BufWriter<File>>,
     failure: Option<io::Error>,
 }
 
-impl Output {
+impl TraceOutput {
     fn open(&mut self, path: PathBuf) -> io::Result<()> {
         self.close()?;
         // For our eyes, and not wherever a link leads that somebody has put there.
@@ -246,17 +246,17 @@ impl Output {
     }
 }
 
-fn write_all(records: &Receiver<Message>) {
-    let mut output = Output::default();
+fn write_all(records: &Receiver<TraceMessage>) {
+    let mut output = TraceOutput::default();
     let mut line = String::with_capacity(512);
     let mut flushed = Instant::now();
     // who asked may be gone by now: an answer that nobody takes is no failure
     loop {
         match records.recv_timeout(FLUSH_EVERY) {
-            Ok(Message::Record(record)) => output.write(&record, &mut line),
-            Ok(Message::Open(path, answer)) => drop(answer.send(output.open(path))),
-            Ok(Message::Close(answer)) => drop(answer.send(output.close())),
-            Ok(Message::Flush(answer)) => drop(answer.send(output.flush())),
+            Ok(TraceMessage::Record(record)) => output.write(&record, &mut line),
+            Ok(TraceMessage::Open(path, answer)) => drop(answer.send(output.open(path))),
+            Ok(TraceMessage::Close(answer)) => drop(answer.send(output.close())),
+            Ok(TraceMessage::Flush(answer)) => drop(answer.send(output.flush())),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }

@@ -1,17 +1,17 @@
 //! Impedance set-points, from the command board to the bytes of the answer, against the simulated controller.
 
-use rcc_core::impedance::{Impedance, Strategy};
+use rcc_core::impedance::{ControlStrategy, Impedance};
 
 use super::*;
 use crate::fri_lwr::wire::CMD_SIZE;
-use crate::sim::lwr::settings::Strategy as KrcStrategy;
+use crate::sim::lwr::settings::ControlStrategy as KrcStrategy;
 
 const CARTESIAN: KrcStrategy = KrcStrategy::CartesianImpedance;
 const JOINT: KrcStrategy = KrcStrategy::JointImpedance;
 
 /// Ready, with a controller that runs this strategy.
-fn bench(strategy: KrcStrategy) -> Bench {
-    let mut bench = Bench::new();
+fn bench(strategy: KrcStrategy) -> FriFixture {
+    let mut bench = FriFixture::new();
     bench.krc = Krc::new(KrcSettings {
         strategy,
         ..KrcSettings::default()
@@ -25,7 +25,7 @@ fn bench(strategy: KrcStrategy) -> Bench {
 /// Along and about x, y, z all different.
 fn soft() -> Impedance {
     Impedance {
-        strategy: Strategy::CartesianImpedance as u64,
+        strategy: ControlStrategy::CartesianImpedance as u64,
         stiffness: [1000.0, 1100.0, 1200.0, 100.0, 110.0, 120.0, 0.0, 0.0],
         damping: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.0],
         added: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0],
@@ -34,14 +34,14 @@ fn soft() -> Impedance {
 
 fn joints() -> Impedance {
     Impedance {
-        strategy: Strategy::JointImpedance as u64,
+        strategy: ControlStrategy::JointImpedance as u64,
         stiffness: [100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 0.0],
         damping: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.0],
         added: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 0.0],
     }
 }
 
-fn held(owner: u64, bench: &Bench, impedance: Impedance) -> SetPoint {
+fn held(owner: u64, bench: &FriFixture, impedance: Impedance) -> SetPoint {
     SetPoint {
         impedance,
         ..command(owner, bench.measured().hold, false)
@@ -108,7 +108,7 @@ fn the_flags_are_the_same_from_the_first_answer_to_the_last() {
         (CARTESIAN, 0x3501),
         (JOINT, 0x35),
     ] {
-        let mut bench = Bench::new();
+        let mut bench = FriFixture::new();
         bench.krc = Krc::new(KrcSettings {
             strategy,
             ..KrcSettings::default()
@@ -209,9 +209,10 @@ fn without_limits_of_impedance_the_device_is_not_ready_in_it() {
     let mut device = lwr();
     let robot = device.robot.as_mut().expect("an arm");
     robot.impedance = None;
-    let mut bench = Bench::new();
-    bench.dialog = Dialog::new(&device, Script::FirstApp, Quality::Ok).expect("7 joints");
-    bench.station = Station::new(&device, 0);
+    let mut bench = FriFixture::new();
+    bench.session =
+        FriSession::new(&device, KrlConvention::FirstApp, Quality::Ok).expect("7 joints");
+    bench.session = DeviceSession::new(&device, 0);
     bench.krc = Krc::new(KrcSettings {
         strategy: CARTESIAN,
         ..KrcSettings::default()
@@ -240,7 +241,7 @@ fn the_driver_checks_each_set_point_again() {
             (bench.faults(), bench.measured().reason),
             (0, reason::LIMIT)
         );
-        assert!(bench.station.player().violation().is_some());
+        assert!(bench.session.player().violation().is_some());
     }
 }
 
@@ -249,11 +250,11 @@ fn a_pose_that_is_none_is_not_commanded() {
     let mut wrong = measurement(1);
     wrong.control = ControlStrategy::CartesianImpedance;
     wrong.commanded_pose = [0.0; 12];
-    let mut dialog = dialog();
+    let mut session = session();
     for sequence in 1..20 {
         wrong.send_sequence = sequence;
-        assert!(dialog.accept(&wrong.encode()));
+        assert!(session.accept(&wrong.encode()));
     }
-    let exchange = dialog.exchange(&mut Inputs::NONE.clone());
+    let exchange = session.exchange(&mut Inputs::NONE.clone());
     assert_eq!((exchange.commandable, exchange.reason), (false, POSE));
 }

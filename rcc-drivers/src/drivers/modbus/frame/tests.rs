@@ -2,12 +2,12 @@
 
 use super::*;
 
-fn message(request: &Request<'_>) -> Message {
-    Message::new(0x0102, 17, request).unwrap()
+fn message(request: &ModbusRequest<'_>) -> EncodedRequest {
+    EncodedRequest::new(0x0102, 17, request).unwrap()
 }
 
-fn inbox(bytes: &[u8]) -> Inbox {
-    let mut inbox = Inbox::default();
+fn inbox(bytes: &[u8]) -> ReceiveBuffer {
+    let mut inbox = ReceiveBuffer::default();
     inbox.room()[..bytes.len()].copy_from_slice(bytes);
     inbox.filled(bytes.len());
     inbox
@@ -17,7 +17,7 @@ fn inbox(bytes: &[u8]) -> Inbox {
 fn requests_are_the_examples_of_the_standard() {
     // MODBUS Application Protocol V1.1b3, sections 6.1, 6.3, 6.5, 6.6, 6.11, 6.12, 6.16.
     let bits = [1, 0, 1, 1, 0, 0, 1, 1, 1, 0].map(|bit| bit == 1);
-    let read = |table, first, count| Request::Read {
+    let read = |table, first, count| ModbusRequest::Read {
         table,
         first,
         count,
@@ -26,35 +26,35 @@ fn requests_are_the_examples_of_the_standard() {
         (read(Table::Coil, 19, 19), &[1, 0, 0x13, 0, 0x13][..]),
         (read(Table::Holding, 107, 3), &[3, 0, 0x6B, 0, 3]),
         (
-            Request::WriteCoils {
+            ModbusRequest::WriteCoils {
                 first: 172,
                 values: &[true],
             },
             &[5, 0, 0xAC, 0xFF, 0],
         ),
         (
-            Request::WriteRegisters {
+            ModbusRequest::WriteRegisters {
                 first: 1,
                 values: &[3],
             },
             &[6, 0, 1, 0, 3],
         ),
         (
-            Request::WriteCoils {
+            ModbusRequest::WriteCoils {
                 first: 19,
                 values: &bits,
             },
             &[15, 0, 0x13, 0, 10, 2, 0xCD, 1],
         ),
         (
-            Request::WriteRegisters {
+            ModbusRequest::WriteRegisters {
                 first: 1,
                 values: &[10, 0x102],
             },
             &[16, 0, 1, 0, 2, 4, 0, 10, 1, 2],
         ),
         (
-            Request::Mask {
+            ModbusRequest::Mask {
                 address: 4,
                 mask: 0xFF0D,
                 values: 0x25 & 0xFF0D,
@@ -72,16 +72,16 @@ fn requests_are_the_examples_of_the_standard() {
 #[test]
 fn a_request_that_is_too_long_is_not_made() {
     let values = [0; 127];
-    let request = Request::WriteRegisters {
+    let request = ModbusRequest::WriteRegisters {
         first: 0,
         values: &values,
     };
-    assert!(Message::new(1, 1, &request).is_none());
+    assert!(EncodedRequest::new(1, 1, &request).is_none());
 }
 
 #[test]
 fn an_answer_comes_out_whole_however_it_came_in() {
-    let message = message(&Request::Read {
+    let message = message(&ModbusRequest::Read {
         table: Table::Holding,
         first: 107,
         count: 3,
@@ -96,7 +96,7 @@ fn an_answer_comes_out_whole_however_it_came_in() {
         (incoming.transaction, incoming.unit, length),
         (0x0102, 17, 15)
     );
-    let Ok(Answer::Data(data)) = incoming.answer(&message) else {
+    let Ok(Response::Data(data)) = incoming.answer(&message) else {
         panic!("{incoming:?}")
     };
     assert_eq!(
@@ -109,12 +109,12 @@ fn an_answer_comes_out_whole_however_it_came_in() {
 
 #[test]
 fn what_is_no_answer_is_refused_by_what_is_wrong() {
-    let read = message(&Request::Read {
+    let read = message(&ModbusRequest::Read {
         table: Table::Coil,
         first: 0,
         count: 9,
     });
-    let write = message(&Request::WriteRegisters {
+    let write = message(&ModbusRequest::WriteRegisters {
         first: 1,
         values: &[3],
     });
@@ -122,12 +122,12 @@ fn what_is_no_answer_is_refused_by_what_is_wrong() {
         (
             &read,
             &[2, 2, 0, 0][..],
-            Broken::Function { want: 1, have: 2 },
+            FrameError::Function { want: 1, have: 2 },
         ),
         (
             &read,
             &[1, 1, 0],
-            Broken::Size {
+            FrameError::Size {
                 function: 1,
                 want: 2,
                 have: 1,
@@ -136,7 +136,7 @@ fn what_is_no_answer_is_refused_by_what_is_wrong() {
         (
             &read,
             &[1, 2, 0, 0, 0],
-            Broken::Size {
+            FrameError::Size {
                 function: 1,
                 want: 2,
                 have: 3,
@@ -145,7 +145,7 @@ fn what_is_no_answer_is_refused_by_what_is_wrong() {
         (
             &read,
             &[1],
-            Broken::Size {
+            FrameError::Size {
                 function: 1,
                 want: 2,
                 have: 0,
@@ -154,39 +154,42 @@ fn what_is_no_answer_is_refused_by_what_is_wrong() {
         (
             &read,
             &[0x81],
-            Broken::Size {
+            FrameError::Size {
                 function: 1,
                 want: 1,
                 have: 0,
             },
         ),
-        (&write, &[6, 0, 1, 0, 4], Broken::Echo(6)),
-        (&write, &[6, 0, 1, 0], Broken::Echo(6)),
+        (&write, &[6, 0, 1, 0, 4], FrameError::Echo(6)),
+        (&write, &[6, 0, 1, 0], FrameError::Echo(6)),
     ] {
-        let incoming = Incoming {
+        let incoming = ReceivedFrame {
             transaction: 0,
             unit: 0,
             body,
         };
         assert_eq!(incoming.answer(message), Err(broken), "{body:?}");
     }
-    let incoming = Incoming {
+    let incoming = ReceivedFrame {
         transaction: 0,
         unit: 0,
         body: &[0x81, 2],
     };
-    assert_eq!(incoming.answer(&read), Ok(Answer::Exception(2)));
+    assert_eq!(incoming.answer(&read), Ok(Response::Exception(2)));
 }
 
 #[test]
 fn bytes_of_another_protocol_are_noticed_at_once() {
-    assert_eq!(inbox(b"HTTP/1.1").first(), Err(Broken::Protocol(0x5450)));
+    assert_eq!(
+        inbox(b"HTTP/1.1").first(),
+        Err(FrameError::Protocol(0x5450))
+    );
     assert_eq!(
         inbox(&[0, 1, 0, 0, 0, 1, 1]).first(),
-        Err(Broken::Length(1))
+        Err(FrameError::Length(1))
     );
     assert_eq!(
         inbox(&[0, 1, 0, 0, 1, 0, 1]).first(),
-        Err(Broken::Length(256))
+        Err(FrameError::Length(256))
     );
 }

@@ -13,7 +13,7 @@ pub(super) fn check_output(
     device: &DeviceConfig,
     channel: &ChannelConfig,
     address: &Address,
-    others: &[Placed<'_>],
+    others: &[AddressedChannel<'_>],
 ) -> Result<(), DriverError> {
     if let Some(other) = others.iter().find(|other| overlap(&other.address, address)) {
         let cause = format!(
@@ -49,7 +49,7 @@ pub(super) fn check_size(
     channel: &ChannelConfig,
     address: &Address,
     output: bool,
-    requests: Requests,
+    requests: RequestLimits,
 ) -> Result<(), DriverError> {
     let (most, key) = match (address.table.is_bits(), output) {
         (true, _) => return Ok(()),

@@ -9,23 +9,23 @@ use serde_json::json;
 use super::super::points::{self, Points};
 use super::super::settings::ModbusSettings;
 use super::*;
-use crate::conformance::{self, Row};
+use crate::conformance::{self, SafeValueState};
 
-mod safe;
+mod safe_values;
 
 const MS: Duration = Duration::from_millis(1);
 
 /// 100 points of each kind.
-struct Device {
+struct ScriptedServer {
     bits: [[bool; 100]; 2],
     registers: [[u16; 100]; 2],
     /// Functions of all requests, and their first addresses.
     asked: Vec<(u8, u16)>,
-    /// Requests of this function and address are refused with this code.
+    /// RequestLimits of this function and address are refused with this code.
     refuses: Vec<(u8, u16, u8)>,
 }
 
-impl Device {
+impl ScriptedServer {
     fn new() -> Self {
         Self {
             bits: [[false; 100]; 2],
@@ -109,14 +109,14 @@ impl Device {
 }
 
 /// The dialog, the device and the time.
-struct Bench {
+struct ServerFixture {
     server: Server,
-    device: Device,
+    device: ScriptedServer,
     now: Instant,
 }
 
-impl Bench {
-    fn new(mut settings: serde_json::Value, rows: &[Row<'_>]) -> Self {
+impl ServerFixture {
+    fn new(mut settings: serde_json::Value, rows: &[SafeValueState<'_>]) -> Self {
         settings["server"] = "127.0.0.1:502".into();
         let device = conformance::device("modbus", settings, rows);
         let mut settings = ModbusSettings::new(&device).unwrap();
@@ -127,26 +127,26 @@ impl Bench {
         server.connected(now);
         Self {
             server,
-            device: Device::new(),
+            device: ScriptedServer::new(),
             now,
         }
     }
 
     /// The next request, if there is one.
-    fn request(&mut self) -> Result<Option<Vec<u8>>, Fault> {
+    fn request(&mut self) -> Result<Option<Vec<u8>>, ServerFault> {
         self.server.advance(self.now)?;
         let bytes = self.server.to_send(self.now).to_vec();
         self.server.sent(bytes.len());
         Ok((!bytes.is_empty()).then_some(bytes))
     }
 
-    fn receive(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+    fn receive(&mut self, bytes: &[u8]) -> Result<(), ServerFault> {
         self.server.room()[..bytes.len()].copy_from_slice(bytes);
         self.server.received(bytes.len(), self.now)
     }
 
     /// Until nothing is asked any more.
-    fn run(&mut self) -> Result<(), Fault> {
+    fn run(&mut self) -> Result<(), ServerFault> {
         while let Some(request) = self.request()? {
             let answer = self.device.answer(&request);
             self.receive(&answer)?;
@@ -154,7 +154,7 @@ impl Bench {
         Ok(())
     }
 
-    fn round(&mut self, outputs: &Outputs) -> Result<Inputs, Fault> {
+    fn round(&mut self, outputs: &Outputs) -> Result<Inputs, ServerFault> {
         self.now += 10 * MS;
         self.run()?;
         assert!(self.server.tick(self.now));
@@ -184,7 +184,7 @@ fn outputs(digital: u64, digital_set: u64, analog: &[f64]) -> Outputs {
 #[test]
 fn safe_values_come_first_then_on_connect_then_inputs() {
     let settings = json!({"on_connect": [{"address": "holding 50 u32", "value": 70_000}, {"address": "coil 90", "value": true}]});
-    let mut bench = Bench::new(
+    let mut bench = ServerFixture::new(
         settings,
         &[
             ("lamp", DigitalOutput, "coil 3".into(), safe(1.0), None),
@@ -220,7 +220,7 @@ fn safe_values_come_first_then_on_connect_then_inputs() {
 fn a_safe_value_that_a_locked_device_refuses_is_tried_again_after_on_connect() {
     let settings = json!({"on_connect": [{"address": "holding 50", "value": 1}]});
     let rows = [("lamp", DigitalOutput, "coil 3".into(), safe(0.0), None)];
-    let mut bench = Bench::new(settings, &rows);
+    let mut bench = ServerFixture::new(settings, &rows);
     bench.device.bits[0][3] = true;
     bench.device.refuses.push((5, 3, 4));
     for _ in 0..2 {
@@ -244,7 +244,7 @@ fn inputs_that_follow_each_other_come_in_one_request_and_a_hole_makes_two() {
         row("d", "input 9"),
     ];
     for (gap, asked) in [(0, &[(4, 4), (4, 9)][..]), (1, &[(4, 4)])] {
-        let mut bench = Bench::new(json!({"requests": {"gap": gap}}), &rows);
+        let mut bench = ServerFixture::new(json!({"requests": {"gap": gap}}), &rows);
         bench.device.registers[1][4..10].copy_from_slice(&[0x47F1, 0x2000, 0xFFFE, 0xFFFF, 0, 7]);
         let inputs = bench.round(&Outputs::NONE).unwrap();
         assert_eq!(
@@ -258,7 +258,7 @@ fn inputs_that_follow_each_other_come_in_one_request_and_a_hole_makes_two() {
 #[test]
 fn a_request_is_never_larger_than_the_server_takes() {
     let names: Vec<String> = (0..12).map(|number| format!("n{number}")).collect();
-    let rows: Vec<Row<'_>> = names
+    let rows: Vec<SafeValueState<'_>> = names
         .iter()
         .zip(0..)
         .map(|(name, number)| {
@@ -272,7 +272,7 @@ fn a_request_is_never_larger_than_the_server_takes() {
             )
         })
         .collect();
-    let mut bench = Bench::new(json!({"requests": {"write_registers": 5}}), &rows);
+    let mut bench = ServerFixture::new(json!({"requests": {"write_registers": 5}}), &rows);
     bench.round(&outputs(0, 0, &[1.5; 12])).unwrap();
     let asked: Vec<(u8, u16)> = (0..6).map(|place| (16, 4 * place)).collect();
     assert_eq!(bench.device.asked, [&asked[..], &asked].concat());
@@ -290,7 +290,7 @@ fn only_outputs_that_have_changed_are_written() {
         ("b", DigitalOutput, "coil 1".into(), safe(0.0), None),
         ("c", DigitalOutput, "coil 2".into(), safe(0.0), None),
     ];
-    let mut bench = Bench::new(json!({}), &rows);
+    let mut bench = ServerFixture::new(json!({}), &rows);
     for (digital, asked) in [
         (0b000, &[(15, 0)][..]),
         (0b101, &[(5, 0), (5, 2)]),
@@ -330,7 +330,7 @@ fn bits_of_a_register_leave_its_other_bits_alone() {
         (true, &[(22, 7), (3, 7), (22, 7)][..]),
         (false, &[(3, 7), (6, 7), (3, 7), (3, 7), (6, 7)]),
     ] {
-        let mut bench = Bench::new(json!({"mask_write": mask_write}), &rows);
+        let mut bench = ServerFixture::new(json!({"mask_write": mask_write}), &rows);
         bench.device.registers[0][7] = 0x0FF1;
         let inputs = bench.round(&outputs(0b01, 0b11, &[])).unwrap();
         assert_eq!(inputs.digital, 1);
@@ -347,8 +347,8 @@ fn a_register_whose_bits_are_all_ours_is_written_whole() {
         (name, DigitalOutput, address.into(), safe(0.0), None)
     };
     let names: Vec<&'static str> = names.iter().map(|name| &*name.clone().leak()).collect();
-    let rows: Vec<Row<'_>> = names.into_iter().zip(0..).map(row).collect();
-    let mut bench = Bench::new(json!({}), &rows);
+    let rows: Vec<SafeValueState<'_>> = names.into_iter().zip(0..).map(row).collect();
+    let mut bench = ServerFixture::new(json!({}), &rows);
     bench.round(&outputs(0x8001, 0xFFFF, &[])).unwrap();
     assert_eq!(bench.device.asked, [(6, 7), (6, 7)]);
     assert_eq!(bench.device.registers[0][7], 0x8001);
@@ -370,7 +370,7 @@ fn one_refused_output_keeps_no_other_from_its_value() {
         row("b", "holding 1"),
         row("c", "holding 2"),
     ];
-    let mut bench = Bench::new(json!({}), &rows);
+    let mut bench = ServerFixture::new(json!({}), &rows);
     bench.run().unwrap();
     bench.device.refuses.extend([(16, 0, 3), (6, 1, 3)]);
     let fault = bench.round(&outputs(0, 0, &[5.0, 6.0, 7.0])).unwrap_err();
@@ -394,7 +394,7 @@ fn an_output_that_is_refused_behind_one_that_has_no_value_is_asked_once() {
         ),
         ("lamp", DigitalOutput, "coil 9".into(), safe(0.0), None),
     ];
-    let mut bench = Bench::new(json!({}), &rows);
+    let mut bench = ServerFixture::new(json!({}), &rows);
     bench.device.refuses.push((5, 9, 4));
     let words = bench.run().unwrap_err().to_string();
     assert!(
@@ -408,7 +408,7 @@ fn an_output_that_is_refused_behind_one_that_has_no_value_is_asked_once() {
 #[test]
 fn a_refused_read_says_which_channels_it_was_for() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
-    let mut bench = Bench::new(json!({}), &rows);
+    let mut bench = ServerFixture::new(json!({}), &rows);
     bench.device.refuses.push((2, 4, 2));
     let words = bench.round(&Outputs::NONE).unwrap_err().to_string();
     assert!(
@@ -420,7 +420,7 @@ fn a_refused_read_says_which_channels_it_was_for() {
 #[test]
 fn a_busy_server_is_asked_again_until_the_time_out() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
-    let mut bench = Bench::new(json!({"timeout": "20 ms"}), &rows);
+    let mut bench = ServerFixture::new(json!({"timeout": "20 ms"}), &rows);
     bench.run().unwrap();
     assert!(bench.server.tick(bench.now));
     bench.device.refuses.push((2, 4, 6));
@@ -440,7 +440,7 @@ fn a_busy_server_is_asked_again_until_the_time_out() {
     );
     assert_eq!(bench.device.asked.len(), 4);
     // The same, but it has time before the time-out.
-    let mut bench = Bench::new(json!({"timeout": "20 ms"}), &rows);
+    let mut bench = ServerFixture::new(json!({"timeout": "20 ms"}), &rows);
     bench.run().unwrap();
     assert!(bench.server.tick(bench.now));
     bench.device.refuses.push((2, 4, 5));
@@ -454,14 +454,14 @@ fn a_busy_server_is_asked_again_until_the_time_out() {
 #[test]
 fn late_answers_and_those_of_other_units_are_discarded() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
-    let mut bench = Bench::new(json!({"unit": 3}), &rows);
+    let mut bench = ServerFixture::new(json!({"unit": 3}), &rows);
     bench.run().unwrap();
     assert!(bench.server.tick(bench.now));
     let request = bench.request().unwrap().unwrap();
     let late = bench.device.answer(&request);
     bench.now += 100 * MS;
     let fault = bench.request().unwrap_err();
-    assert!(matches!(fault, Fault::Timeout { .. }), "{fault}");
+    assert!(matches!(fault, ServerFault::Timeout { .. }), "{fault}");
     // The same connection goes on; the answer of before comes now, and says something else.
     bench.server.prepare(bench.now);
     bench.run().unwrap();
@@ -485,7 +485,7 @@ fn late_answers_and_those_of_other_units_are_discarded() {
 #[test]
 fn a_server_that_answers_as_another_unit_is_said_to() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
-    let mut bench = Bench::new(json!({"unit": 3}), &rows);
+    let mut bench = ServerFixture::new(json!({"unit": 3}), &rows);
     bench.run().unwrap();
     assert!(bench.server.tick(bench.now));
     let request = bench.request().unwrap().unwrap();
@@ -504,7 +504,7 @@ fn a_server_that_answers_as_another_unit_is_said_to() {
 fn the_watchdog_lives_only_while_rounds_end() {
     let rows = [("lamp", DigitalOutput, "coil 3".into(), safe(0.0), None)];
     let settings = json!({"watchdog": {"address": "holding 20", "every": "20 ms"}});
-    let mut bench = Bench::new(settings, &rows);
+    let mut bench = ServerFixture::new(settings, &rows);
     let signs: Vec<u16> = (0..6)
         .map(|_| {
             bench.round(&Outputs::NONE).unwrap();
@@ -520,7 +520,7 @@ fn the_watchdog_lives_only_while_rounds_end() {
     }
     assert_eq!(bench.device.registers[0][20], 4);
     let settings = json!({"watchdog": {"address": "coil 20"}});
-    let mut bench = Bench::new(settings, &rows);
+    let mut bench = ServerFixture::new(settings, &rows);
     let signs = [0, 1, 2].map(|_| {
         bench.round(&Outputs::NONE).unwrap();
         bench.device.bits[0][20]
@@ -532,7 +532,7 @@ fn the_watchdog_lives_only_while_rounds_end() {
 fn a_device_whose_heartbeat_stands_still_is_not_believed() {
     let rows = [("door", DigitalInput, "discrete 4".into(), None, None)];
     let settings = json!({"heartbeat": {"address": "input 9", "within": "50 ms"}});
-    let mut bench = Bench::new(settings, &rows);
+    let mut bench = ServerFixture::new(settings, &rows);
     let mut complete = Vec::new();
     for beat in [5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 7] {
         bench.device.registers[1][9] = beat;
@@ -566,7 +566,7 @@ fn a_value_that_the_registers_cannot_hold_is_a_fault_and_is_not_written() {
             Some([0.0, 9.0]),
         ),
     ];
-    let mut bench = Bench::new(json!({}), &rows);
+    let mut bench = ServerFixture::new(json!({}), &rows);
     let words = bench
         .round(&outputs(0, 0, &[65_536.0, 8.0]))
         .unwrap_err()
@@ -584,7 +584,7 @@ fn an_input_outside_of_its_range_is_unknown() {
         None,
         Some([-5.0, 5.0]),
     )];
-    let mut bench = Bench::new(json!({}), &rows);
+    let mut bench = ServerFixture::new(json!({}), &rows);
     bench.device.registers[1][0] = 6;
     assert!(bench.round(&Outputs::NONE).unwrap().analog[0].is_nan());
     bench.device.registers[1][0] = 5;

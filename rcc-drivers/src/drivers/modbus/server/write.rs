@@ -6,9 +6,9 @@ use std::time::Instant;
 use rcc_core::message::DIGITAL_MAX;
 
 use super::super::address::Table;
-use super::super::fault::Fault;
-use super::super::frame::Request;
-use super::super::points::{Output, Raw, Source, Wanted};
+use super::super::fault::ServerFault;
+use super::super::frame::ModbusRequest;
+use super::super::points::{DesiredValue, OutputPoint, OutputSource, RawOutput};
 use super::{Purpose, Server, Step};
 
 /// More registers than one write has.
@@ -18,17 +18,17 @@ impl Server {
     /// The next outputs from `cursor` on that are not yet as they are to be; false if there are none.
     pub(super) fn write_next(&mut self, cursor: usize, now: Instant) -> bool {
         for place in cursor..self.points.outputs.len() {
-            if let Some(Wanted::Unfit(value)) = self.wanted(place) {
+            if let Some(DesiredValue::Unfit(value)) = self.desired(place) {
                 let fault = unfit(&self.points.outputs[place], value);
                 self.refused.get_or_insert(fault);
             }
             if let Some(wanted) = self.changed(place) {
                 // What lies before needs no request, and is not what the answer is about.
-                self.go_on_at(place);
+                self.continue_at(place);
                 match self.points.outputs[place].source {
-                    Source::Bits { .. } => self.write_bits(place, wanted, now),
-                    Source::Coil { .. } => self.write_coils(place, now),
-                    Source::Number { .. } => self.write_numbers(place, now),
+                    OutputSource::Bits { .. } => self.write_bits(place, wanted, now),
+                    OutputSource::Coil { .. } => self.write_coils(place, now),
+                    OutputSource::Number { .. } => self.write_numbers(place, now),
                 }
                 return true;
             }
@@ -39,7 +39,7 @@ impl Server {
     /// The outputs up to `end` are as they are to be.
     pub(super) fn confirm(&mut self, from: usize, end: usize, mask: u16) {
         for place in from..end {
-            let Some(Wanted::Value(wanted)) = self.wanted(place) else {
+            let Some(DesiredValue::Value(wanted)) = self.desired(place) else {
                 continue;
             };
             let Some(written) = self.written.get_mut(place) else {
@@ -53,14 +53,16 @@ impl Server {
         }
     }
 
-    pub(super) fn wanted(&self, place: usize) -> Option<Wanted> {
+    pub(super) fn desired(&self, place: usize) -> Option<DesiredValue> {
         let output = self.points.outputs.get(place)?;
-        Some(output.wanted(&self.writing))
+        Some(output.desired(&self.writing))
     }
 
-    pub(super) fn changed(&self, place: usize) -> Option<Raw> {
-        match self.wanted(place)? {
-            Wanted::Value(wanted) if self.written.get(place)?.changes(&wanted) != 0 => Some(wanted),
+    pub(super) fn changed(&self, place: usize) -> Option<RawOutput> {
+        match self.desired(place)? {
+            DesiredValue::Value(wanted) if self.written.get(place)?.changes(&wanted) != 0 => {
+                Some(wanted)
+            }
             _ => None,
         }
     }
@@ -79,7 +81,7 @@ impl Server {
             end,
             mask: u16::MAX,
         };
-        self.ask(&Request::WriteCoils { first, values }, purpose, now);
+        self.ask(&ModbusRequest::WriteCoils { first, values }, purpose, now);
     }
 
     pub(super) fn write_numbers(&mut self, place: usize, now: Instant) {
@@ -96,11 +98,20 @@ impl Server {
             end,
             mask: u16::MAX,
         };
-        self.ask(&Request::WriteRegisters { first, values }, purpose, now);
+        self.ask(
+            &ModbusRequest::WriteRegisters { first, values },
+            purpose,
+            now,
+        );
     }
 
     /// Gives `put` the changed outputs from `from` on that follow each other without a hole: offset, value, width.
-    fn gather(&self, from: usize, most: usize, mut put: impl FnMut(usize, Raw, usize)) -> usize {
+    fn gather(
+        &self,
+        from: usize,
+        most: usize,
+        mut put: impl FnMut(usize, RawOutput, usize),
+    ) -> usize {
         let outputs = &self.points.outputs;
         let Some(first) = outputs.get(from) else {
             return from;
@@ -110,7 +121,7 @@ impl Server {
         while let Some(output) = outputs.get(place) {
             let width = usize::from(output.width());
             let follows = output.table == first.table
-                && !matches!(output.source, Source::Bits { .. })
+                && !matches!(output.source, OutputSource::Bits { .. })
                 && usize::from(output.address) == usize::from(first.address) + length;
             let alone = place > from && (place < self.one_by_one || self.is_asked(place));
             match self.changed(place) {
@@ -129,7 +140,7 @@ impl Server {
     }
 
     /// Bits of a register: whole if all are ours, by function 22, or read and written back.
-    pub(super) fn write_bits(&mut self, place: usize, wanted: Raw, now: Instant) {
+    pub(super) fn write_bits(&mut self, place: usize, wanted: RawOutput, now: Instant) {
         let first = self.points.outputs[place].address;
         let changes = self.written[place].changes(&wanted);
         let whole = wanted.mask == u16::MAX;
@@ -141,11 +152,11 @@ impl Server {
         };
         let fetched = self.fetched.take().filter(|(at, _)| *at == place);
         let request = match fetched {
-            _ if whole => Request::WriteRegisters {
+            _ if whole => ModbusRequest::WriteRegisters {
                 first,
                 values: &[wanted.words[0]],
             },
-            _ if self.settings.mask_write => Request::Mask {
+            _ if self.settings.mask_write => ModbusRequest::Mask {
                 address: first,
                 mask,
                 values: wanted.words[0],
@@ -153,7 +164,7 @@ impl Server {
             Some((_, others)) => {
                 let value = (others & !mask) | (wanted.words[0] & mask);
                 self.ask(
-                    &Request::WriteRegisters {
+                    &ModbusRequest::WriteRegisters {
                         first,
                         values: &[value],
                     },
@@ -163,7 +174,7 @@ impl Server {
                 return;
             }
             None => {
-                let request = Request::Read {
+                let request = ModbusRequest::Read {
                     table: Table::Holding,
                     first,
                     count: 1,
@@ -176,12 +187,12 @@ impl Server {
     }
 }
 
-pub(super) fn unfit(output: &Output, value: f64) -> Fault {
+pub(super) fn unfit(output: &OutputPoint, value: f64) -> ServerFault {
     let limits = match &output.source {
-        Source::Number { format, .. } => format.number.limits(),
+        OutputSource::Number { format, .. } => format.number.limits(),
         _ => [0.0, 1.0],
     };
-    Fault::Unfit {
+    ServerFault::Unfit {
         channel: output.name.clone(),
         value,
         lower: limits[0],

@@ -1,36 +1,41 @@
-//! The arm on springs against what statics and the theory of second-order systems say.
+//! The arm on impedance against what statics and the theory of second-order systems say.
 //! Runs in the test harness.
 
 use super::*;
+use crate::sim::lwr::environment::Wall;
 use crate::sim::lwr::settings::Settings;
-use crate::sim::lwr::surroundings::Wall;
 
-const CARTESIAN: Strategy = Strategy::CartesianImpedance;
-const JOINT: Strategy = Strategy::JointImpedance;
+const CARTESIAN: KrlStrategy = KrlStrategy::CartesianImpedance;
+const JOINT: KrlStrategy = KrlStrategy::JointImpedance;
 
 fn start() -> Joints {
     Settings::default().start
 }
 
 /// After `time_s` with a set-point that stands at the start.
-fn settled(strategy: Strategy, springs: &Springs, around: &Surroundings, time_s: f64) -> Arm {
-    let (goal, mut arm) = (start(), Arm::new(start(), 80.0));
+fn settled(
+    strategy: KrlStrategy,
+    impedance: &ImpedanceSettings,
+    around: &Environment,
+    time_s: f64,
+) -> SimulatedArm {
+    let (goal, mut arm) = (start(), SimulatedArm::new(start(), 80.0));
     for _ in 0..(time_s * 1e3) as usize {
-        arm.give_way((&goal, &goal), 1e-3, (strategy, springs), around);
+        arm.step_impedance((&goal, &goal), 1e-3, (strategy, impedance), around);
     }
     assert!(arm.is_at_rest(), "{:?}", arm.velocity);
     arm
 }
 
-fn soft(strategy: Strategy) -> Springs {
-    Springs {
+fn soft(strategy: KrlStrategy) -> ImpedanceSettings {
+    ImpedanceSettings {
         stiffness: std::array::from_fn(|element| [400.0, 60.0, 150.0][kind(strategy, element)]),
-        ..Springs::usual(strategy)
+        ..ImpedanceSettings::default_for(strategy)
     }
 }
 
-fn pushed(wrench: [f64; 6]) -> Surroundings {
-    Surroundings {
+fn pushed(wrench: [f64; 6]) -> Environment {
+    Environment {
         wall: None,
         injected: wrench,
     }
@@ -39,13 +44,13 @@ fn pushed(wrench: [f64; 6]) -> Surroundings {
 #[test]
 fn the_flange_gives_way_by_force_over_stiffness_along_and_about_each_axis() {
     for axis in 0..6 {
-        let springs = soft(CARTESIAN);
+        let impedance = soft(CARTESIAN);
         let mut wrench = [0.0; 6];
         wrench[axis] = [8.0, 3.0][usize::from(axis >= 3)];
-        let arm = settled(CARTESIAN, &springs, &pushed(wrench), 4.0);
+        let arm = settled(CARTESIAN, &impedance, &pushed(wrench), 4.0);
         let off = deflection(&geometry(&start()), &geometry(&arm.position));
         for (other, off) in off.into_iter().enumerate() {
-            let expected = wrench[other] / springs.stiffness[other];
+            let expected = wrench[other] / impedance.stiffness[other];
             assert!(
                 (off - expected).abs() < 2e-6,
                 "{axis} {other}: {off} {expected}"
@@ -57,34 +62,34 @@ fn the_flange_gives_way_by_force_over_stiffness_along_and_about_each_axis() {
 #[test]
 fn what_is_pressed_with_on_top_deflects_as_a_force_from_outside_does() {
     for strategy in [CARTESIAN, JOINT] {
-        let mut springs = soft(strategy);
-        springs.added[1] = 6.0;
-        let arm = settled(strategy, &springs, &pushed([0.0; 6]), 4.0);
+        let mut impedance = soft(strategy);
+        impedance.added[1] = 6.0;
+        let arm = settled(strategy, &impedance, &pushed([0.0; 6]), 4.0);
         let off = match strategy {
             JOINT => arm.position[1] - start()[1],
             _ => deflection(&geometry(&start()), &geometry(&arm.position))[1],
         };
-        let expected = 6.0 / springs.stiffness[1];
+        let expected = 6.0 / impedance.stiffness[1];
         assert!((off - expected).abs() < 2e-6, "{off} {expected}");
     }
 }
 
 #[test]
 fn each_joint_gives_way_by_its_torque_over_its_stiffness() {
-    let springs = soft(JOINT);
+    let impedance = soft(JOINT);
     let wrench = [5.0, -3.0, 8.0, 0.5, 0.2, -0.4];
-    let arm = settled(JOINT, &springs, &pushed(wrench), 4.0);
+    let arm = settled(JOINT, &impedance, &pushed(wrench), 4.0);
     let torque = geometry(&arm.position).joint_torque(&wrench);
     for (joint, torque) in torque.into_iter().enumerate() {
         let off = arm.position[joint] - start()[joint];
-        let expected = torque / springs.stiffness[joint];
+        let expected = torque / impedance.stiffness[joint];
         assert!((off - expected).abs() < 2e-6, "{joint}: {off} {expected}");
     }
 }
 
 #[test]
 fn against_a_wall_two_springs_share_the_depth() {
-    let (springs, here) = (soft(CARTESIAN), geometry(&start()).position);
+    let (impedance, here) = (soft(CARTESIAN), geometry(&start()).position);
     let (depth, stiffness) = (0.01, 30_000.0);
     let wall = Wall {
         point: [here[0], here[1], here[2] + depth],
@@ -92,27 +97,27 @@ fn against_a_wall_two_springs_share_the_depth() {
         stiffness,
         damping: 50.0,
     };
-    let around = Surroundings {
+    let around = Environment {
         wall: Some(wall),
         injected: [0.0; 6],
     };
-    let arm = settled(CARTESIAN, &springs, &around, 4.0);
+    let arm = settled(CARTESIAN, &impedance, &around, 4.0);
     let force = around.wrench(&geometry(&arm.position), &[0.0; JOINTS])[2];
-    let both = 1.0 / (1.0 / springs.stiffness[2] + 1.0 / stiffness);
+    let both = 1.0 / (1.0 / impedance.stiffness[2] + 1.0 / stiffness);
     assert!((force - both * depth).abs() < 1e-3, "{force}");
 }
 
 /// From 0.01 rad beside its set-point joint 1 swings to this part of that beyond it.
 fn overshoot(ratio: f64) -> f64 {
-    let springs = Springs {
+    let impedance = ImpedanceSettings {
         damping: [ratio; JOINTS],
         ..soft(JOINT)
     };
-    let (goal, mut arm) = (start(), Arm::new(start(), 80.0));
+    let (goal, mut arm) = (start(), SimulatedArm::new(start(), 80.0));
     arm.position[0] += 0.01;
     let mut beyond = 0.0_f64;
     for _ in 0..2000 {
-        arm.give_way((&goal, &goal), 1e-3, (JOINT, &springs), &pushed([0.0; 6]));
+        arm.step_impedance((&goal, &goal), 1e-3, (JOINT, &impedance), &pushed([0.0; 6]));
         beyond = beyond.max(goal[0] - arm.position[0]);
     }
     beyond / 0.01
@@ -134,13 +139,13 @@ fn it_swings_as_its_damping_ratio_says() {
 #[test]
 fn a_set_point_that_moves_evenly_is_followed_without_lag() {
     for strategy in [CARTESIAN, JOINT] {
-        let (springs, mut arm) = (soft(strategy), Arm::new(start(), 80.0));
+        let (impedance, mut arm) = (soft(strategy), SimulatedArm::new(start(), 80.0));
         let at =
             |time_s: f64| -> Joints { std::array::from_fn(|joint| start()[joint] + 0.1 * time_s) };
         for i in 0..3000 {
             let (from, to) = (f64::from(i) * 1e-3, f64::from(i + 1) * 1e-3);
             let goal = (&at(from), &at(to));
-            arm.give_way(goal, 1e-3, (strategy, &springs), &pushed([0.0; 6]));
+            arm.step_impedance(goal, 1e-3, (strategy, &impedance), &pushed([0.0; 6]));
         }
         for (now, wanted) in arm.position.iter().zip(at(3.0)) {
             assert!((now - wanted).abs() < 1e-3, "{strategy:?}: {now} {wanted}");
@@ -152,11 +157,11 @@ fn a_set_point_that_moves_evenly_is_followed_without_lag() {
 #[test]
 fn a_singularity_is_pushed_through_without_racing() {
     // The stretched arm, pushed along itself and aside.
-    let (goal, mut arm) = ([0.0; JOINTS], Arm::new([0.0; JOINTS], 80.0));
+    let (goal, mut arm) = ([0.0; JOINTS], SimulatedArm::new([0.0; JOINTS], 80.0));
     let around = pushed([5.0, 3.0, -20.0, 0.0, 0.0, 0.0]);
     for _ in 0..2000 {
         let law = (CARTESIAN, &soft(CARTESIAN));
-        arm.give_way((&goal, &goal), 1e-3, law, &around);
+        arm.step_impedance((&goal, &goal), 1e-3, law, &around);
         assert!(arm.position.iter().all(|q| q.is_finite()));
     }
     assert!(

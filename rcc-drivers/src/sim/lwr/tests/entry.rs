@@ -41,7 +41,7 @@ fn command_state_is_not_entered_unless_the_pc_asks_for_it() {
 #[test]
 fn the_automatic_script_does_not_need_to_be_asked() {
     let mut pc = Pc::new(Settings {
-        script: Script::Auto,
+        script: KrlProgram::Auto,
         ..Settings::default()
     });
     for _ in 0..300 {
@@ -83,7 +83,10 @@ fn a_first_command_elsewhere_brakes_and_leaves_command_state() {
     answer.joint_position[4] += 0.011;
     pc.answer(&answer);
     assert_eq!(pc.state(), SessionState::Monitor);
-    assert!(matches!(pc.krc.fault, Some(Fault::Mirror { joint: 4, .. })));
+    assert!(matches!(
+        pc.krc.fault,
+        Some(KrcFault::Mirror { joint: 4, .. })
+    ));
     assert_eq!((pc.seen.power, pc.seen.error), (0, 1 << 4));
     assert_eq!(pc.krc.desired, before);
 }

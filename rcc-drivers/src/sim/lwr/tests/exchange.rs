@@ -25,7 +25,7 @@ fn wrong_datagrams_are_counted_and_change_nothing() {
     pc.krc.receive(&good_bytes, 1e-4);
     pc.krc.receive(&good_bytes, 1e-4);
     pc.krc.receive_foreign();
-    pc.go_on(1);
+    pc.continue_through_stall(1);
     let counts = pc.krc.counts;
     assert_eq!(
         (
@@ -58,14 +58,14 @@ fn the_counters_wrap_without_a_miss() {
 fn a_wall_pushes_the_tool_and_is_sent_in_kukas_order() {
     let mut pc = Pc::new(Settings::default());
     let [x, y, z] = pc.krc.geometry.position;
-    pc.obey(&format!(
+    pc.execute(&format!(
         r#"{{"wall":{{"point":[{x},{y},{}],"normal":[0,0,1],"stiffness":5000}}}}"#,
         z + 0.002
     ));
     pc.mirror_for(1);
     assert!((pc.seen.external_tcp_wrench[2] - 10.0).abs() < 1e-3);
-    pc.obey(r#"{"wall":null}"#);
-    pc.obey(r#"{"wrench":{"force":[1,2,3],"torque":[4,5,6]}}"#);
+    pc.execute(r#"{"wall":null}"#);
+    pc.execute(r#"{"wrench":{"force":[1,2,3],"torque":[4,5,6]}}"#);
     pc.mirror_for(1);
     assert_eq!(pc.seen.external_tcp_wrench, [1.0, 2.0, 3.0, 6.0, 5.0, 4.0]);
     let power: f64 = pc
@@ -78,8 +78,8 @@ fn a_wall_pushes_the_tool_and_is_sent_in_kukas_order() {
 #[test]
 fn krl_variables_are_latched_and_wired_back() {
     let wires = Settings {
-        boolean_wires: vec![Wire { from: 1, to: 3 }],
-        real_wires: vec![Wire { from: 16, to: 2 }],
+        boolean_wires: vec![KrlLoopback { from: 1, to: 3 }],
+        real_wires: vec![KrlLoopback { from: 16, to: 2 }],
         ..Settings::default()
     };
     let mut pc = Pc::new(wires);
@@ -93,7 +93,7 @@ fn krl_variables_are_latched_and_wired_back() {
         (Some(true), 2.5)
     );
     assert_eq!(pc.krc.from_pc.boolean(1), Some(true));
-    pc.obey(r#"{"set_bool":{"number":5,"value":true}}"#);
+    pc.execute(r#"{"set_bool":{"number":5,"value":true}}"#);
     pc.mirror_for(1);
     assert_eq!(
         (pc.seen.krl.boolean(5), pc.seen.krl.boolean(3)),
@@ -104,11 +104,11 @@ fn krl_variables_are_latched_and_wired_back() {
 #[test]
 fn a_withheld_datagram_is_not_sent_and_its_answer_is_missed() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
-    pc.obey(r#"{"freeze_ms":20}"#);
+    pc.execute(r#"{"freeze_ms":20}"#);
     let sent = pc.krc.counts.sent;
     (0..20).for_each(|_| pc.miss());
     assert_eq!((pc.krc.counts.sent, pc.krc.counts.withheld), (sent, 20));
-    assert_eq!(pc.krc.fault, Some(Fault::Lost { misses: 6 }));
+    assert_eq!(pc.krc.fault, Some(KrcFault::Lost { misses: 6 }));
     pc.miss();
     assert_eq!(pc.krc.counts.sent, sent + 1);
 }
@@ -116,7 +116,7 @@ fn a_withheld_datagram_is_not_sent_and_its_answer_is_missed() {
 #[test]
 fn dropped_answers_count_as_missed() {
     let mut pc = Pc::new(Settings::default());
-    pc.obey(r#"{"drop":{"percent":25}}"#);
+    pc.execute(r#"{"drop":{"percent":25}}"#);
     pc.mirror_for(4000);
     let counts = pc.krc.counts;
     assert_eq!(counts.dropped, counts.missed);
@@ -150,7 +150,7 @@ fn the_record_of_a_cycle_pairs_what_was_measured_with_the_answer_to_it() {
 #[test]
 fn a_program_that_ends_says_so_and_closes() {
     let mut pc = Pc::commanding(Settings::default());
-    pc.obey(r#"{"quit":null}"#);
+    pc.execute(r#"{"quit":null}"#);
     pc.mirror_for(1);
     assert_eq!(
         (pc.seen.krl.integers[0], pc.state()),

@@ -3,9 +3,9 @@
 
 use super::*;
 use crate::sim::lwr::impedance::Springs;
-use crate::sim::lwr::settings::Strategy;
+use crate::sim::lwr::settings::KrlStrategy;
 
-fn settings(strategy: Strategy) -> Settings {
+fn settings(strategy: KrlStrategy) -> Settings {
     Settings {
         strategy,
         ..Settings::default()
@@ -16,7 +16,7 @@ impl Pc {
     /// As [`Pc::mirror`], with everything that the strategy takes.
     fn soft(&mut self) -> CommandDatagram {
         let strategy = self.krc.settings.strategy;
-        let usual = Springs::usual(strategy);
+        let usual = ImpedanceSettings::default_for(strategy);
         let narrow = |value: f64| value as f32;
         let [x, y, z, a, b, c, _] = usual.stiffness.map(narrow);
         CommandDatagram {
@@ -38,7 +38,7 @@ impl Pc {
         }
     }
 
-    fn soft_commanding(strategy: Strategy) -> Self {
+    fn soft_commanding(strategy: KrlStrategy) -> Self {
         let mut pc = Self::new(settings(strategy));
         pc.soft_for(200, |_| {});
         assert_eq!(pc.seen.state, SessionState::Command, "{:?}", pc.krc.waiting);
@@ -46,7 +46,7 @@ impl Pc {
     }
 }
 
-const SOFT: [Strategy; 2] = [Strategy::CartesianImpedance, Strategy::JointImpedance];
+const SOFT: [KrlStrategy; 2] = [KrlStrategy::CartesianImpedance, KrlStrategy::JointImpedance];
 
 #[test]
 fn the_strategy_is_told_and_its_flags_are_asked_for() {
@@ -67,7 +67,7 @@ fn the_strategy_is_told_and_its_flags_are_asked_for() {
 #[test]
 fn a_stiffness_or_damping_that_krl_would_not_take_is_a_fault() {
     type Change = fn(&mut CommandDatagram);
-    let bad: [(Strategy, Change); 7] = [
+    let bad: [(KrlStrategy, Change); 7] = [
         (SOFT[0], |answer| answer.cartesian_stiffness[2] = 5001.0),
         (SOFT[0], |answer| answer.cartesian_stiffness[3] = 301.0),
         (SOFT[0], |answer| answer.cartesian_stiffness[0] = 0.0),
@@ -86,7 +86,7 @@ fn a_stiffness_or_damping_that_krl_would_not_take_is_a_fault() {
 #[test]
 fn a_pose_beside_that_of_the_joint_positions_is_a_fault() {
     for element in [3, 7, 11] {
-        let mut pc = Pc::soft_commanding(Strategy::CartesianImpedance);
+        let mut pc = Pc::soft_commanding(KrlStrategy::CartesianImpedance);
         pc.soft_for(1, |answer| answer.cartesian_position[element] += 0.1);
         assert_eq!(
             pc.krc.fault.map(|fault| fault.code()),
@@ -110,15 +110,15 @@ fn a_force_on_top_at_the_entry_is_a_fault() {
 
 #[test]
 fn the_arm_gives_way_and_what_is_commanded_is_told_as_before() {
-    let mut pc = Pc::soft_commanding(Strategy::CartesianImpedance);
+    let mut pc = Pc::soft_commanding(KrlStrategy::CartesianImpedance);
     let pose = pc.seen.measured_pose;
-    pc.obey(r#"{"wrench":{"force":[0,10,0],"torque":[0,0,0]}}"#);
+    pc.execute(r#"{"wrench":{"force":[0,10,0],"torque":[0,0,0]}}"#);
     pc.soft_for(3000, |answer| answer.cartesian_stiffness[1] = 500.0);
     assert_eq!(pc.krc.fault, None);
     let (measured, commanded) = (pc.seen.measured_pose, pc.seen.commanded_pose);
     assert!((measured[7] - pose[7] - 0.02).abs() < 1e-5);
     assert_eq!(commanded[7], pose[7]);
-    // With the program over, the springs are those of $STIFFNESS: 10 N over 2000 N/m.
+    // With the program over, the impedance are those of $STIFFNESS: 10 N over 2000 N/m.
     pc.soft_for(3000, |answer| {
         answer.cartesian_stiffness[1] = 500.0;
         answer.krl.integers[0] = 2;

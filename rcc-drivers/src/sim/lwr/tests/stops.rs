@@ -10,7 +10,7 @@ fn too_fast_a_command_brakes_and_names_the_joint() {
     pc.command_joint_4(next);
     assert_eq!(pc.state(), SessionState::Monitor);
     assert!(
-        matches!(pc.krc.fault, Some(Fault::Velocity { joint: 3, .. })),
+        matches!(pc.krc.fault, Some(KrcFault::Velocity { joint: 3, .. })),
         "{:?}",
         pc.krc.fault
     );
@@ -37,7 +37,7 @@ fn the_sixth_missed_answer_brings_the_arm_to_rest_within_the_limits() {
     pc.krc.reset_statistics();
     (0..6).for_each(|_| pc.miss());
     assert_eq!(pc.state(), SessionState::Monitor);
-    assert_eq!(pc.krc.fault, Some(Fault::Lost { misses: 6 }));
+    assert_eq!(pc.krc.fault, Some(KrcFault::Lost { misses: 6 }));
     (0..600).for_each(|_| pc.miss());
     assert!(pc.krc.is_at_rest());
     assert!(
@@ -78,10 +78,10 @@ fn with_manual_acknowledgement_only_the_control_port_ends_a_fault() {
         0.5,
     );
     (0..6).for_each(|_| pc.miss());
-    assert!(pc.krc.obey(Command::Ack).is_err(), "the arm still moves");
+    assert!(pc.krc.execute(Command::Ack).is_err(), "the arm still moves");
     pc.mirror_for(2000);
     assert_eq!((pc.state(), pc.seen.power), (SessionState::Monitor, 0));
-    pc.obey(r#"{"ack":null}"#);
+    pc.execute(r#"{"ack":null}"#);
     pc.mirror_for(2);
     assert_eq!(pc.state(), SessionState::Command);
 }
@@ -89,11 +89,11 @@ fn with_manual_acknowledgement_only_the_control_port_ends_a_fault() {
 #[test]
 fn an_emergency_stop_is_never_acknowledged_by_the_script() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
-    pc.obey(r#"{"estop":null}"#);
+    pc.execute(r#"{"estop":null}"#);
     pc.mirror_for(2000);
-    assert_eq!(pc.krc.fault, Some(Fault::EmergencyStop));
+    assert_eq!(pc.krc.fault, Some(KrcFault::EmergencyStop));
     assert!(pc.krc.is_at_rest());
-    pc.obey(r#"{"ack":null}"#);
+    pc.execute(r#"{"ack":null}"#);
     pc.mirror_for(2);
     assert_eq!(pc.state(), SessionState::Command);
 }
@@ -123,7 +123,7 @@ fn a_command_that_is_no_number_is_dropped_while_monitoring_and_a_fault_while_com
     assert_eq!((pc.krc.counts.not_finite, pc.krc.fault), (1, None));
     let mut pc = Pc::moving(Settings::default(), 0.5);
     pc.command_joint_4(f64::INFINITY);
-    assert_eq!(pc.krc.fault, Some(Fault::NotFinite { joint: 3 }));
+    assert_eq!(pc.krc.fault, Some(KrcFault::NotFinite { joint: 3 }));
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn flags_that_change_while_commanding_are_a_fault() {
     pc.answer(&answer);
     assert!(matches!(
         pc.krc.fault,
-        Some(Fault::Flags { have: 0x11, .. })
+        Some(KrcFault::Flags { have: 0x11, .. })
     ));
 }
 
@@ -165,7 +165,7 @@ fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_told() 
     };
     pc.krc.receive(&answer.encode(), 1e-4);
     let before = pc.krc.sequence();
-    pc.go_on(9);
+    pc.continue_through_stall(9);
     assert_eq!(pc.krc.sequence(), before + 9);
     // So many periods have passed for the PC, too.
     next += 8.0 * 0.5e-3;
@@ -184,6 +184,6 @@ fn a_stall_of_the_machine_is_neither_a_miss_nor_a_jump_and_its_length_is_told() 
 fn in_a_long_stall_time_stands_still() {
     let mut pc = Pc::moving(Settings::default(), 0.5);
     let before = pc.krc.sequence();
-    pc.go_on(5000);
+    pc.continue_through_stall(5000);
     assert_eq!(pc.krc.sequence(), before + 51);
 }

@@ -1,4 +1,4 @@
-//! Executor, driver's station, driver, proxy and subject in one time: the executor has one cycle of 1 ms an exchange.
+//! ExecutorAction, driver's session, driver, proxy and subject in one time: the executor has one cycle of 1 ms an exchange.
 //! Test code only; the virtual clock is the device's, counted in its periods.
 
 use std::time::Duration;
@@ -7,14 +7,14 @@ use rcc_config::{DeviceConfig, OnRelease};
 use rcc_core::message::{ANALOG_MAX, CommandImage, DeviceState, Joints, Measurement, SetPoint};
 use rcc_core::primitive::ChannelKind;
 
-use super::judge::Judge;
-use super::wire::Between;
-use super::{Subject, TIMEOUT, Told, Wire};
+use super::fault_path::FaultPath;
+use super::limit_checker::LimitChecker;
+use super::{ObservedOutputs, Subject, TIMEOUT, Transport};
 use crate::driver::{Driver, Exchange, Inputs, LinkError};
+use crate::host::device_session::DeviceSession;
 use crate::host::limits::ArmLimits;
 use crate::host::reason::HOST_REASONS;
-use crate::host::station::Station;
-use crate::proxy::Rates;
+use crate::proxy::FaultRates;
 
 const MS: u64 = 1_000_000;
 /// Exchanges in which something must have happened.
@@ -26,7 +26,7 @@ pub const PATIENCE: usize = 8000;
     reason = "one at a time, on the stack of a test"
 )]
 #[derive(Clone, Copy, Debug)]
-pub enum Executor {
+pub enum ExecutorAction {
     /// Writes this.
     Writes(SetPoint),
     /// Is there and writes nothing, as when it hangs.
@@ -36,21 +36,21 @@ pub enum Executor {
 }
 
 /// Everything around one driver.
-pub struct Bench<S: Subject> {
+pub struct DriverBench<S: Subject> {
     /// The device.
     pub subject: S,
     /// The driver.
     pub driver: S::Driver,
     /// The device as the host sees it.
-    pub station: Station,
+    pub session: DeviceSession,
     /// Its configuration.
     pub device: DeviceConfig,
-    /// What lies between the two.
-    pub between: Between,
+    /// What lies path the two.
+    pub path: FaultPath,
     /// The newest inputs.
     pub inputs: Inputs,
     /// Watches what the device follows.
-    pub judge: Judge,
+    pub checker: LimitChecker,
     /// What the device was told to follow, one row an exchange.
     pub followed: Vec<Joints>,
     /// How the last exchange went.
@@ -59,20 +59,20 @@ pub struct Bench<S: Subject> {
     now_ns: u64,
 }
 
-impl<S: Subject> Bench<S> {
+impl<S: Subject> DriverBench<S> {
     /// A new driver for a new device.
     pub fn new(seed: u64) -> Self {
         let mut subject = S::start();
-        let (between, address) = Between::of(&mut subject, seed);
+        let (path, address) = FaultPath::of(&mut subject, seed);
         let device = S::device(address);
         let driver = S::Driver::open(&device).expect("the subject's configuration is right");
         Self {
             subject,
             driver,
-            station: Station::new(&device, 0),
-            judge: Judge::new(ArmLimits::of(&device)),
+            session: DeviceSession::new(&device, 0),
+            checker: LimitChecker::new(ArmLimits::of(&device)),
             device,
-            between,
+            path,
             inputs: Inputs::NONE,
             followed: Vec::new(),
             last: Err(LinkError::Silent),
@@ -81,7 +81,7 @@ impl<S: Subject> Bench<S> {
         }
     }
 
-    /// As [`Bench::new`], with an executor, exchanging and ready for a net.
+    /// As [`DriverBench::new`], with an executor, exchanging and ready for a net.
     pub fn ready(seed: u64) -> Self {
         let mut bench = Self::new(seed);
         bench.until_ready();
@@ -96,13 +96,13 @@ impl<S: Subject> Bench<S> {
         drop(driver);
         let driver = S::Driver::open(&device).expect("the same configuration as before");
         Self {
-            station: Station::new(&device, self.now_ns),
+            session: DeviceSession::new(&device, self.now_ns),
             driver,
             device,
             subject: self.subject,
-            between: self.between,
+            path: self.path,
             inputs: Inputs::NONE,
-            judge: self.judge,
+            checker: self.checker,
             followed: Vec::new(),
             last: Err(LinkError::Silent),
             image: self.image,
@@ -111,11 +111,11 @@ impl<S: Subject> Bench<S> {
     }
 
     /// One exchange, or a wait for one that does not come.
-    pub fn step(&mut self, executor: Executor) {
-        let pumped = S::WIRE == Wire::UdpFromDevice;
+    pub fn step(&mut self, executor: ExecutorAction) {
+        let pumped = S::TRANSPORT == Transport::UdpFromDevice;
         self.now_ns += MS;
         self.subject.before();
-        self.between.step();
+        self.path.step();
         let timeout = if pumped {
             Duration::from_millis(1)
         } else {
@@ -124,14 +124,14 @@ impl<S: Subject> Bench<S> {
         self.last = self.driver.receive(timeout, &mut self.inputs);
         self.write(executor);
         let image = match executor {
-            Executor::Absent => None,
+            ExecutorAction::Absent => None,
             _ => Some(&self.image),
         };
-        self.station.observe(self.now_ns, image);
+        self.session.observe(self.now_ns, image);
         match self.last {
             Ok(exchange) => {
                 self.check(&exchange);
-                let outputs = self.station.exchange(self.now_ns, &self.inputs, &exchange);
+                let outputs = self.session.exchange(self.now_ns, &self.inputs, &exchange);
                 if let Err(error) = self.driver.send(&outputs) {
                     self.silence(error);
                     self.last = Err(error);
@@ -146,7 +146,7 @@ impl<S: Subject> Bench<S> {
     /// Steps until `done`, at most [`PATIENCE`] times.
     pub fn until(
         &mut self,
-        executor: Executor,
+        executor: ExecutorAction,
         what: &str,
         mut done: impl FnMut(&mut Self) -> bool,
     ) {
@@ -167,14 +167,14 @@ impl<S: Subject> Bench<S> {
 
     /// Steps with nulls until a net may begin.
     pub fn until_ready(&mut self) {
-        self.until(Executor::Writes(SetPoint::NONE), "ready", |bench| {
+        self.until(ExecutorAction::Writes(SetPoint::NONE), "ready", |bench| {
             bench.state() == DeviceState::Ready
         });
     }
 
     /// What the executor reads.
     pub fn measured(&self) -> &Measurement {
-        self.station.measurement()
+        self.session.measurement()
     }
 
     /// The device's state.
@@ -187,7 +187,7 @@ impl<S: Subject> Bench<S> {
         all_on(&self.device, owner)
     }
 
-    /// The outputs were told to be as [`Bench::all_on`] wants them, or (not `on`) as their release wants them.
+    /// The outputs were told to be as [`DriverBench::all_on`] wants them, or (not `on`) as their release wants them.
     pub fn told_as(&mut self, on: bool) -> bool {
         let told = self.subject.told();
         outputs_are(&self.device, &told, on)
@@ -201,7 +201,7 @@ impl<S: Subject> Bench<S> {
                 Some(reason)
             }
         };
-        self.station.silence(self.now_ns, lost);
+        self.session.silence(self.now_ns, lost);
     }
 
     fn is_known(&self, reason: u32) -> bool {
@@ -235,8 +235,8 @@ impl<S: Subject> Bench<S> {
         assert!(beyond.all(|value| value.is_nan()), "{:?}", self.inputs);
     }
 
-    fn write(&mut self, executor: Executor) {
-        if let Executor::Writes(entry) = executor {
+    fn write(&mut self, executor: ExecutorAction) {
+        if let ExecutorAction::Writes(entry) = executor {
             let next = self.image.head.sequence + 1;
             self.image.push(next, self.now_ns, entry);
         }
@@ -244,20 +244,20 @@ impl<S: Subject> Bench<S> {
 
     /// Judges what the driver has sent.
     fn hear(&mut self) {
-        for packet in self.between.answers() {
+        for packet in self.path.answers() {
             match self.subject.followed(&packet) {
                 Some(position) => {
-                    self.judge.see(self.now_ns as f64 * 1e-9, &position);
+                    self.checker.observe(self.now_ns as f64 * 1e-9, &position);
                     self.followed.push(position);
                 }
-                None => self.judge.forget(),
+                None => self.checker.forget(),
             }
         }
     }
 
     /// From now on these faults: of what goes to the driver, and of what goes to the device.
-    pub fn set_rates(&mut self, to_driver: Rates, to_device: Rates) {
-        self.between.set_rates(to_driver, to_device);
+    pub fn set_rates(&mut self, to_driver: FaultRates, to_device: FaultRates) {
+        self.path.set_rates(to_driver, to_device);
     }
 }
 
@@ -286,7 +286,7 @@ fn analog_on(range: Option<[f64; 2]>) -> f64 {
 }
 
 /// The outputs are as [`all_on`] wants them, or (not `on`) as their release after that wants them.
-pub fn outputs_are(device: &DeviceConfig, told: &Told, on: bool) -> bool {
+pub fn outputs_are(device: &DeviceConfig, told: &ObservedOutputs, on: bool) -> bool {
     let entry = all_on(device, 1);
     let digital = device.channels_of(ChannelKind::DigitalOutput).zip(0..);
     let digital = digital.into_iter().all(|(channel, bit)| {

@@ -2,7 +2,7 @@
 //! answered; see [`super::control_socket`].
 //! One thread accepts, one thread serves each connection; none of them ever touches a simulator's clock thread.
 
-use rcc_ipc::seldom::Seldom;
+use rcc_ipc::log_throttle::LogThrottle;
 use rcc_process::signals::request_stop;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -19,7 +19,7 @@ const ANSWER_MAX: Duration = Duration::from_secs(30);
 
 /// What follows a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Reply {
+pub struct LineReply {
     /// The answer, without the line's end.
     pub line: String,
     /// The process ends once the answer is sent.
@@ -27,17 +27,17 @@ pub struct Reply {
 }
 
 /// Answers one line, which comes without its end.
-pub type Answer = Arc<dyn Fn(&str) -> Reply + Send + Sync>;
+pub type LineHandler = Arc<dyn Fn(&str) -> LineReply + Send + Sync>;
 
 /// Serves `answer` to whoever connects, for the rest of the process's life.
 ///
 /// # Errors
 /// The system gives no thread.
-pub fn serve(listener: UnixListener, answer: Answer) -> io::Result<()> {
+pub fn serve(listener: UnixListener, answer: LineHandler) -> io::Result<()> {
     thread::Builder::new()
         .name("control".into())
         .spawn(move || {
-            let mut complaints = Seldom::default();
+            let mut complaints = LogThrottle::default();
             for stream in listener.incoming() {
                 let answer = answer.clone();
                 let served = stream.and_then(|stream| {
@@ -47,7 +47,7 @@ pub fn serve(listener: UnixListener, answer: Answer) -> io::Result<()> {
                         .spawn(serve)
                 });
                 if let Err(error) = served
-                    && let Some(more) = complaints.say(Instant::now())
+                    && let Some(more) = complaints.admit(Instant::now())
                 {
                     tracing::warn!(%error, more, "a control connection was not served");
                 }
@@ -57,14 +57,14 @@ pub fn serve(listener: UnixListener, answer: Answer) -> io::Result<()> {
 }
 
 /// Until the client hangs up, says something too long, or does not read.
-fn converse(stream: UnixStream, answer: &Answer) {
+fn converse(stream: UnixStream, answer: &LineHandler) {
     let end = answer_lines(stream, answer);
     if let Err(error) = end {
         tracing::debug!(%error, "a control connection ended");
     }
 }
 
-fn answer_lines(stream: UnixStream, answer: &Answer) -> io::Result<()> {
+fn answer_lines(stream: UnixStream, answer: &LineHandler) -> io::Result<()> {
     let mut writer = stream.try_clone()?;
     let mut reader = BufReader::new(stream);
     let mut line = String::new();
@@ -82,7 +82,7 @@ fn answer_lines(stream: UnixStream, answer: &Answer) -> io::Result<()> {
         if line.trim().is_empty() {
             continue;
         }
-        let Reply {
+        let LineReply {
             line: mut reply,
             stop,
         } = answer(line.trim());
@@ -97,11 +97,11 @@ fn answer_lines(stream: UnixStream, answer: &Answer) -> io::Result<()> {
 
 /// A client of a control port: one request, one answer.
 #[derive(Debug)]
-pub struct Client {
+pub struct ControlClient {
     stream: BufReader<UnixStream>,
 }
 
-impl Client {
+impl ControlClient {
     /// Connects; from now on the server has [`ANSWER_MAX`] for each answer.
     ///
     /// # Errors

@@ -3,19 +3,19 @@
 
 use std::collections::VecDeque;
 
-use super::chance::Chance;
+use super::random::SplitMix64;
 
 /// Steps after which a packet that was to be overtaken goes on although nothing came after it.
 const OVERTAKEN_STEPS_MAX: u64 = 20;
 /// Most bits that a corruption turns round.
-const BITS_MAX: usize = 8;
+const FLIPPED_BITS_MAX: usize = 8;
 /// Part of the corrupted packets of which not a byte is left.
-const WHOLE: f64 = 0.1;
+const ALL_BYTES_SHARE: f64 = 0.1;
 
 /// How probable each fault is for one packet, 0 to 1. One packet has at most one of them, the first that happens.
 #[derive(Clone, Copy, Debug, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Rates {
+pub struct FaultRates {
     /// It does not arrive; a stream is broken.
     pub lost: f64,
     /// It arrives 1 to `late_steps_max` steps later, behind what came meanwhile.
@@ -32,9 +32,9 @@ pub struct Rates {
     pub corrupted: f64,
 }
 
-impl Rates {
+impl FaultRates {
     /// Everything passes.
-    pub const NONE: Rates = Rates {
+    pub const NONE: FaultRates = FaultRates {
         lost: 0.0,
         late: 0.0,
         late_steps_max: 0,
@@ -47,7 +47,7 @@ impl Rates {
 
 /// What has been done so far, in packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
-pub struct Counts {
+pub struct FaultCounts {
     /// As they came.
     pub passed: u64,
     /// Not at all.
@@ -64,7 +64,7 @@ pub struct Counts {
     pub corrupted: u64,
 }
 
-impl Counts {
+impl FaultCounts {
     /// All packets that had a fault.
     #[must_use]
     pub fn faults(&self) -> u64 {
@@ -74,7 +74,7 @@ impl Counts {
 
 /// What became of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fate {
+pub enum PacketFate {
     /// As it came.
     Passed,
     /// Not at all.
@@ -92,7 +92,7 @@ pub enum Fate {
 }
 
 #[derive(Clone, Debug)]
-struct Held {
+struct HeldPacket {
     /// Step from which on it may go.
     due: u64,
     /// Waits for one more packet, at most until then.
@@ -102,35 +102,35 @@ struct Held {
 
 /// One direction.
 #[derive(Clone, Debug)]
-pub struct Line {
-    rates: Rates,
-    chance: Chance,
-    counts: Counts,
-    held: VecDeque<Held>,
+pub struct FaultyLink {
+    rates: FaultRates,
+    chance: SplitMix64,
+    counts: FaultCounts,
+    held: VecDeque<HeldPacket>,
     step: u64,
 }
 
-impl Line {
+impl FaultyLink {
     /// A line that nothing has passed yet.
     #[must_use]
-    pub fn new(rates: Rates, seed: u64) -> Self {
+    pub fn new(rates: FaultRates, seed: u64) -> Self {
         Self {
             rates,
-            chance: Chance::new(seed),
-            counts: Counts::default(),
+            chance: SplitMix64::new(seed),
+            counts: FaultCounts::default(),
             held: VecDeque::new(),
             step: 0,
         }
     }
 
     /// From now on; what is held goes on as it was decided.
-    pub fn set_rates(&mut self, rates: Rates) {
+    pub fn set_rates(&mut self, rates: FaultRates) {
         self.rates = rates;
     }
 
     /// What has been done so far.
     #[must_use]
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> FaultCounts {
         self.counts
     }
 
@@ -145,45 +145,45 @@ impl Line {
     }
 
     /// Takes a packet in and decides what becomes of it.
-    pub fn put(&mut self, packet: &[u8]) -> Fate {
+    pub fn push(&mut self, packet: &[u8]) -> PacketFate {
         let fate = self.draw();
         let mut bytes = packet.to_vec();
         let mut due = self.step;
         let mut overtaken_until = None;
         match fate {
-            Fate::Passed => self.counts.passed += 1,
-            Fate::Lost => self.counts.lost += 1,
-            Fate::Late => {
+            PacketFate::Passed => self.counts.passed += 1,
+            PacketFate::Lost => self.counts.lost += 1,
+            PacketFate::Late => {
                 self.counts.late += 1;
                 due += 1 + self.chance.below(self.rates.late_steps_max as usize) as u64;
             }
-            Fate::Duplicated => {
+            PacketFate::Duplicated => {
                 self.counts.duplicated += 1;
                 self.hold(due, None, bytes.clone());
             }
-            Fate::Reordered => {
+            PacketFate::Reordered => {
                 self.counts.reordered += 1;
                 overtaken_until = Some(self.step + OVERTAKEN_STEPS_MAX);
             }
-            Fate::Truncated => {
+            PacketFate::Truncated => {
                 self.counts.truncated += 1;
                 bytes.truncate(self.chance.below(packet.len()));
             }
-            Fate::Corrupted => {
+            PacketFate::Corrupted => {
                 self.counts.corrupted += 1;
                 self.corrupt(&mut bytes);
             }
         }
-        if fate != Fate::Lost {
+        if fate != PacketFate::Lost {
             self.hold(due, overtaken_until, bytes);
         }
         fate
     }
 
     /// The next packet that goes on now.
-    pub fn take(&mut self) -> Option<Vec<u8>> {
+    pub fn pop(&mut self) -> Option<Vec<u8>> {
         let step = self.step;
-        let goes = |held: &Held| {
+        let goes = |held: &HeldPacket| {
             held.due <= step && held.overtaken_until.is_none_or(|until| until <= step)
         };
         let place = self.held.iter().position(goes)?;
@@ -192,7 +192,7 @@ impl Line {
 
     fn hold(&mut self, due: u64, overtaken_until: Option<u64>, bytes: Vec<u8>) {
         // The new one overtakes those that wait for it: they are free, and behind it.
-        let waiting = |held: &Held| held.overtaken_until.is_some();
+        let waiting = |held: &HeldPacket| held.overtaken_until.is_some();
         let place = self
             .held
             .iter()
@@ -201,7 +201,7 @@ impl Line {
         for held in &mut self.held {
             held.overtaken_until = None;
         }
-        let held = Held {
+        let held = HeldPacket {
             due,
             overtaken_until,
             bytes,
@@ -209,29 +209,33 @@ impl Line {
         self.held.insert(place, held);
     }
 
-    fn draw(&mut self) -> Fate {
+    fn draw(&mut self) -> PacketFate {
         // Always as many draws a packet, so that one rate does not change what the others do.
         let rows = [
-            (self.rates.lost, Fate::Lost),
-            (self.rates.late, Fate::Late),
-            (self.rates.duplicated, Fate::Duplicated),
-            (self.rates.reordered, Fate::Reordered),
-            (self.rates.truncated, Fate::Truncated),
-            (self.rates.corrupted, Fate::Corrupted),
+            (self.rates.lost, PacketFate::Lost),
+            (self.rates.late, PacketFate::Late),
+            (self.rates.duplicated, PacketFate::Duplicated),
+            (self.rates.reordered, PacketFate::Reordered),
+            (self.rates.truncated, PacketFate::Truncated),
+            (self.rates.corrupted, PacketFate::Corrupted),
         ];
-        let drawn = rows.map(|(rate, fate)| self.chance.happens(rate).then_some(fate));
-        drawn.into_iter().flatten().next().unwrap_or(Fate::Passed)
+        let drawn = rows.map(|(rate, fate)| self.chance.chance(rate).then_some(fate));
+        drawn
+            .into_iter()
+            .flatten()
+            .next()
+            .unwrap_or(PacketFate::Passed)
     }
 
     fn corrupt(&mut self, bytes: &mut [u8]) {
-        if self.chance.happens(WHOLE) {
+        if self.chance.chance(ALL_BYTES_SHARE) {
             for byte in bytes {
                 *byte = self.chance.draw() as u8;
             }
             return;
         }
         let size = bytes.len();
-        for _ in 0..=self.chance.below(BITS_MAX) {
+        for _ in 0..=self.chance.below(FLIPPED_BITS_MAX) {
             if let Some(byte) = bytes.get_mut(self.chance.below(size)) {
                 *byte ^= 1 << self.chance.below(8);
             }
@@ -243,31 +247,31 @@ impl Line {
 mod tests {
     use super::*;
 
-    fn through(rates: Rates, packets: u8) -> (Vec<Vec<u8>>, Counts) {
-        let mut line = Line::new(rates, 7);
+    fn through(rates: FaultRates, packets: u8) -> (Vec<Vec<u8>>, FaultCounts) {
+        let mut line = FaultyLink::new(rates, 7);
         let mut out = Vec::new();
         for packet in 0..packets {
             line.step();
-            line.put(&[packet; 8]);
-            out.extend(std::iter::from_fn(|| line.take()));
+            line.push(&[packet; 8]);
+            out.extend(std::iter::from_fn(|| line.pop()));
         }
         for _ in 0..100 {
             line.step();
-            out.extend(std::iter::from_fn(|| line.take()));
+            out.extend(std::iter::from_fn(|| line.pop()));
         }
         (out, line.counts())
     }
 
     #[test]
     fn without_faults_everything_passes_as_it_came() {
-        let (out, counts) = through(Rates::NONE, 50);
+        let (out, counts) = through(FaultRates::NONE, 50);
         assert_eq!(out, (0..50).map(|n| vec![n; 8]).collect::<Vec<_>>());
         assert_eq!((counts.passed, counts.faults()), (50, 0));
     }
 
     #[test]
     fn the_same_seed_gives_the_same_faults() {
-        let rates = Rates {
+        let rates = FaultRates {
             lost: 0.2,
             late: 0.2,
             late_steps_max: 5,
@@ -294,29 +298,29 @@ mod tests {
         let one = |rates| through(rates, 3).0;
         let sure = 1.0;
         assert_eq!(
-            one(Rates {
+            one(FaultRates {
                 lost: sure,
-                ..Rates::NONE
+                ..FaultRates::NONE
             })
             .len(),
             0
         );
         assert_eq!(
-            one(Rates {
+            one(FaultRates {
                 duplicated: sure,
-                ..Rates::NONE
+                ..FaultRates::NONE
             })
             .len(),
             6
         );
-        let cut = one(Rates {
+        let cut = one(FaultRates {
             truncated: sure,
-            ..Rates::NONE
+            ..FaultRates::NONE
         });
         assert!(cut.len() == 3 && cut.iter().all(|packet| packet.len() < 8));
-        let other = one(Rates {
+        let other = one(FaultRates {
             corrupted: sure,
-            ..Rates::NONE
+            ..FaultRates::NONE
         });
         assert!(
             other
@@ -328,17 +332,17 @@ mod tests {
 
     #[test]
     fn a_packet_is_overtaken_by_the_next_one() {
-        let mut line = Line::new(
-            Rates {
+        let mut line = FaultyLink::new(
+            FaultRates {
                 reordered: 1.0,
-                ..Rates::NONE
+                ..FaultRates::NONE
             },
             1,
         );
-        line.put(&[1]);
-        line.set_rates(Rates::NONE);
-        assert_eq!(line.take(), None);
-        line.put(&[2]);
-        assert_eq!((line.take(), line.take()), (Some(vec![2]), Some(vec![1])));
+        line.push(&[1]);
+        line.set_rates(FaultRates::NONE);
+        assert_eq!(line.pop(), None);
+        line.push(&[2]);
+        assert_eq!((line.pop(), line.pop()), (Some(vec![2]), Some(vec![1])));
     }
 }

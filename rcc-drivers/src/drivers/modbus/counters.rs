@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::fault::{self, Fault};
+use super::fault::{self, ServerFault};
 use super::settings::ServerSettings;
-use crate::driver::Diagnosis;
+use crate::driver::LinkDiagnosis;
 
-/// The figures of one server, since the driver began unless it is said.
+/// The counters of one server, since the driver began unless it is said.
 #[derive(Debug, Default)]
-pub struct Figures {
+pub struct ServerCounters {
     name: Option<String>,
     address: String,
     unit: u8,
@@ -31,7 +31,7 @@ pub struct Figures {
     read_max_ns: AtomicU64,
 }
 
-impl Figures {
+impl ServerCounters {
     /// Nothing has been counted.
     #[must_use]
     pub fn new(settings: &ServerSettings) -> Self {
@@ -70,11 +70,11 @@ impl Figures {
     }
 
     /// The server is lost.
-    pub fn lost(&self, fault: &Fault) {
+    pub fn lost(&self, fault: &ServerFault) {
         let count = match fault {
-            Fault::Timeout { .. } | Fault::OtherUnit { .. } => &self.timeouts,
-            Fault::Exception { .. } => &self.exceptions,
-            Fault::Broken(_) => &self.broken,
+            ServerFault::Timeout { .. } | ServerFault::OtherUnit { .. } => &self.timeouts,
+            ServerFault::Exception { .. } => &self.exceptions,
+            ServerFault::Broken(_) => &self.broken,
             _ => return,
         };
         count.fetch_add(1, Relaxed);
@@ -103,23 +103,23 @@ impl Figures {
     }
 }
 
-/// The figures of all servers.
+/// The counters of all servers.
 #[derive(Debug)]
-pub struct Report {
+pub struct ModbusCounters {
     /// In the order of the configuration.
-    pub servers: Vec<Arc<Figures>>,
+    pub servers: Vec<Arc<ServerCounters>>,
     /// How late the rounds began, ns.
-    pub begun_late: BegunLate,
+    pub begun_late: RoundDelay,
 }
 
 /// How late rounds began after their time.
 #[derive(Debug, Default)]
-pub struct BegunLate {
+pub struct RoundDelay {
     last_ns: AtomicU64,
     max_ns: AtomicU64,
 }
 
-impl BegunLate {
+impl RoundDelay {
     /// A round began so long after its time.
     pub fn count(&self, late: Duration) {
         let late_ns = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
@@ -128,7 +128,7 @@ impl BegunLate {
     }
 }
 
-impl Diagnosis for Report {
+impl LinkDiagnosis for ModbusCounters {
     fn link(&self) -> Value {
         let servers: Vec<Value> = self.servers.iter().map(|one| one.json()).collect();
         json!({

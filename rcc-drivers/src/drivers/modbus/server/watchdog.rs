@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use super::super::address::{Form, Table};
-use super::super::frame::Request;
+use super::super::frame::ModbusRequest;
 use super::{Purpose, Server};
 
 impl Server {
@@ -19,7 +19,7 @@ impl Server {
             Form::Bit => {
                 let values = &[words[0] != 0];
                 self.ask(
-                    &Request::WriteCoils { first, values },
+                    &ModbusRequest::WriteCoils { first, values },
                     Purpose::OnConnect,
                     now,
                 );
@@ -27,7 +27,7 @@ impl Server {
             _ => {
                 let values = &words[..width];
                 self.ask(
-                    &Request::WriteRegisters { first, values },
+                    &ModbusRequest::WriteRegisters { first, values },
                     Purpose::OnConnect,
                     now,
                 );
@@ -37,23 +37,23 @@ impl Server {
     }
 
     /// A sign of life, if it is time for one.
-    pub(super) fn feed(&mut self, now: Instant) -> bool {
+    pub(super) fn write_watchdog(&mut self, now: Instant) -> bool {
         let Some(watchdog) = self
             .settings
             .watchdog
             .as_ref()
-            .filter(|_| now >= self.sign_due)
+            .filter(|_| now >= self.watchdog_due)
         else {
             return false;
         };
         let first = watchdog.address.number;
         // Not a burst after a pause.
-        self.sign_due = (self.sign_due + watchdog.every).max(now);
-        self.sign = self.sign.wrapping_add(1);
-        let (on, count) = (self.sign & 1 == 1, self.sign);
+        self.watchdog_due = (self.watchdog_due + watchdog.every).max(now);
+        self.watchdog_count = self.watchdog_count.wrapping_add(1);
+        let (on, count) = (self.watchdog_count & 1 == 1, self.watchdog_count);
         match watchdog.address.table {
             Table::Coil => self.ask(
-                &Request::WriteCoils {
+                &ModbusRequest::WriteCoils {
                     first,
                     values: &[on],
                 },
@@ -61,7 +61,7 @@ impl Server {
                 now,
             ),
             _ => self.ask(
-                &Request::WriteRegisters {
+                &ModbusRequest::WriteRegisters {
                     first,
                     values: &[count],
                 },

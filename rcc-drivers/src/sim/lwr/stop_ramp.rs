@@ -8,14 +8,14 @@ use super::Joints;
 /// It begins with no deceleration and ends with none. An acceleration at the moment of the stop is dropped at once;
 /// the arm's own lag rounds that off.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Brake {
+pub struct StopRamp {
     from: Joints,
     velocity: Joints,
     duration_s: f64,
     time_s: f64,
 }
 
-impl Brake {
+impl StopRamp {
     /// A stop from `position` (rad) and `velocity` (rad/s) within `deceleration` (rad/s²) and `jerk` (rad/s³).
     pub fn new(position: Joints, velocity: Joints, deceleration: f64, jerk: f64) -> Self {
         let fastest = velocity.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
@@ -55,7 +55,7 @@ mod tests {
             let dt = 1e-3;
             let mut velocity = [0.0; 7];
             velocity[3] = -speed;
-            let mut brake = Brake::new([0.1; 7], velocity, 8.0, 200.0);
+            let mut brake = StopRamp::new([0.1; 7], velocity, 8.0, 200.0);
             let (mut q, mut v, mut a) = (0.1, -speed, 0.0);
             let mut steps = 0;
             while !brake.is_at_rest() {
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn a_stop_from_rest_is_over_at_once() {
-        let mut brake = Brake::new([0.5; 7], [0.0; 7], 8.0, 200.0);
+        let mut brake = StopRamp::new([0.5; 7], [0.0; 7], 8.0, 200.0);
         assert!(brake.is_at_rest());
         assert_eq!(brake.advance(1e-3), [0.5; 7]);
     }

@@ -65,14 +65,14 @@ impl Wall {
 
 /// Everything that acts on the flange.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Surroundings {
+pub struct Environment {
     /// The wall, if there is one; its normal has length 1.
     pub wall: Option<Wall>,
     /// Injected wrench: force N and torque Nm, base axes, at the flange.
     pub injected: [f64; 6],
 }
 
-impl Surroundings {
+impl Environment {
     /// Wrench on the flange: force N and torque Nm, base axes.
     pub fn wrench(&self, geometry: &Geometry, joint_velocity: &Joints) -> [f64; 6] {
         let mut wrench = self.injected;

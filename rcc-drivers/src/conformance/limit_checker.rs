@@ -8,25 +8,25 @@ use crate::host::limits::ArmLimits;
 /// Set-points are compared as the wire rounds them: binary32 has 2.4e-7 rad at 4 rad.
 const ROUNDING_RAD: f64 = 2.4e-7;
 
-/// The judge of one arm.
+/// The checker of one arm.
 #[derive(Clone, Debug)]
-pub struct Judge {
+pub struct LimitChecker {
     limits: ArmLimits,
-    last: Option<Motion>,
+    last: Option<ObservedMotion>,
     /// What was wrong.
     pub violations: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Motion {
+struct ObservedMotion {
     at_s: f64,
     position: Joints,
     /// Mean velocity up to here and the time it is the mean of; none for the first one.
     velocity: Option<(Joints, f64)>,
 }
 
-impl Judge {
-    /// A judge who has seen nothing.
+impl LimitChecker {
+    /// A checker who has seen nothing.
     pub fn new(limits: ArmLimits) -> Self {
         Self {
             limits,
@@ -41,9 +41,9 @@ impl Judge {
     }
 
     /// The device follows these positions at this time (s).
-    pub fn see(&mut self, at_s: f64, position: &Joints) {
+    pub fn observe(&mut self, at_s: f64, position: &Joints) {
         let joints = self.limits.joints.joints;
-        let mut motion = Motion {
+        let mut motion = ObservedMotion {
             at_s,
             position: *position,
             velocity: None,
@@ -62,14 +62,14 @@ impl Judge {
         self.last = Some(motion);
     }
 
-    fn check(&mut self, joint: usize, motion: &Motion) {
+    fn check(&mut self, joint: usize, motion: &ObservedMotion) {
         let limits = self.limits.joints;
         let q = motion.position[joint];
         let inside =
             q >= limits.lower[joint] - ROUNDING_RAD && q <= limits.upper[joint] + ROUNDING_RAD;
         // NaN is inside of nothing.
         if !inside {
-            self.complain(joint, "position", q, motion);
+            self.report(joint, "position", q, motion);
         }
         let Some((velocity, dt_s)) = motion.velocity else {
             return;
@@ -78,18 +78,18 @@ impl Judge {
         let v_max = limits.velocity_max[joint] * 1.001 + 2.0 * ROUNDING_RAD / dt_s;
         let a_max = limits.acceleration_max[joint] * 1.05;
         if v.abs() > v_max {
-            self.complain(joint, "velocity", v, motion);
+            self.report(joint, "velocity", v, motion);
         }
         if let Some((before, dt_before_s)) = self.last.and_then(|last| last.velocity) {
             let between_s = 0.5 * (dt_s + dt_before_s);
             let a = (v - before[joint]) / between_s;
             if a.abs() > a_max + 4.0 * ROUNDING_RAD / (dt_s.min(dt_before_s) * between_s) {
-                self.complain(joint, "acceleration", a, motion);
+                self.report(joint, "acceleration", a, motion);
             }
         }
     }
 
-    fn complain(&mut self, joint: usize, what: &str, value: f64, motion: &Motion) {
+    fn report(&mut self, joint: usize, what: &str, value: f64, motion: &ObservedMotion) {
         let at_s = motion.at_s;
         self.violations.push(format!(
             "at {at_s:.3} s joint {}: {what} {value}",

@@ -3,9 +3,9 @@
 
 /// The generator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Chance(u64);
+pub struct SplitMix64(u64);
 
-impl Chance {
+impl SplitMix64 {
     /// A generator that `seed` determines.
     #[must_use]
     pub fn new(seed: u64) -> Self {
@@ -22,13 +22,13 @@ impl Chance {
     }
 
     /// A number from 0 to below 1.
-    pub fn part(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         (self.draw() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// True with this probability, 0 to 1.
-    pub fn happens(&mut self, probability: f64) -> bool {
-        self.part() < probability
+    pub fn chance(&mut self, probability: f64) -> bool {
+        self.unit() < probability
     }
 
     /// A number below `end`; 0 if that is 0.
@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn gives_the_published_numbers() {
-        let mut chance = Chance::new(1_234_567);
+        let mut chance = SplitMix64::new(1_234_567);
         let drawn = [chance.draw(), chance.draw(), chance.draw()];
         assert_eq!(
             drawn,

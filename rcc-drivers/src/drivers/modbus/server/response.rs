@@ -3,23 +3,27 @@
 
 use std::time::{Duration, Instant};
 
-use super::super::fault::{Fault, PASSING};
-use super::super::frame::{self, Answer, Inbox};
-use super::super::points::{Read, Target};
+use super::super::fault::{PASSING, ServerFault};
+use super::super::frame::{self, ReceiveBuffer, Response};
+use super::super::points::{InputTarget, ReadBlock};
 use super::super::value::WIDTH_MAX;
-use super::{Pending, Purpose, Server, Step};
+use super::{PendingRequest, Purpose, Server, Step};
 
 /// Before a request is repeated that a busy server has refused.
 pub(super) const BUSY_PAUSE: Duration = Duration::from_millis(5);
 
 impl Server {
     /// Takes all whole messages out of `inbox` and gives it back.
-    pub(super) fn look_at(&mut self, mut inbox: Inbox, now: Instant) -> (Inbox, Result<(), Fault>) {
+    pub(super) fn process_received(
+        &mut self,
+        mut inbox: ReceiveBuffer,
+        now: Instant,
+    ) -> (ReceiveBuffer, Result<(), ServerFault>) {
         loop {
             let (incoming, length) = match inbox.first() {
                 Ok(Some(first)) => first,
                 Ok(None) => return (inbox, Ok(())),
-                Err(broken) => return (inbox, Err(Fault::Broken(broken))),
+                Err(broken) => return (inbox, Err(ServerFault::Broken(broken))),
             };
             let result = match self.pending {
                 // One that has not gone yet has no answer: this one is late.
@@ -29,8 +33,8 @@ impl Server {
                 {
                     if incoming.unit == self.settings.unit {
                         match incoming.answer(&pending.message) {
-                            Ok(answer) => self.understand(&pending, answer, now),
-                            Err(broken) => Err(Fault::Broken(broken)),
+                            Ok(answer) => self.handle_response(&pending, answer, now),
+                            Err(broken) => Err(ServerFault::Broken(broken)),
                         }
                     } else {
                         self.other_unit = Some(incoming.unit);
@@ -44,8 +48,8 @@ impl Server {
                 }
                 _ => match self.take_overtaken(incoming.transaction) {
                     Some(late) => match incoming.answer(&late.message) {
-                        Ok(answer) => self.understand_late(&late, &answer, now),
-                        Err(broken) => Err(Fault::Broken(broken)),
+                        Ok(answer) => self.handle_late_response(&late, &answer, now),
+                        Err(broken) => Err(ServerFault::Broken(broken)),
                     },
                     None => {
                         self.counts.discarded += 1;
@@ -60,19 +64,19 @@ impl Server {
         }
     }
 
-    fn understand(
+    fn handle_response(
         &mut self,
-        pending: &Pending,
-        answer: Answer<'_>,
+        pending: &PendingRequest,
+        answer: Response<'_>,
         now: Instant,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ServerFault> {
         self.pending = None;
         match answer {
-            Answer::Data(data) => {
+            Response::Data(data) => {
                 self.take(pending.purpose, data, now);
                 Ok(())
             }
-            Answer::Exception(code) => self.obey_exception(pending, code, now),
+            Response::Exception(code) => self.handle_exception(pending, code, now),
         }
     }
 
@@ -88,7 +92,7 @@ impl Server {
                 self.fetched = Some((place, register));
                 self.sweep.keep(place, register);
                 if let Step::Safe { .. } = step {
-                    self.has_fetched(place);
+                    self.write_fetched(place);
                 }
             }
             (Purpose::Write { from, end, mask }, Step::Write(_) | Step::Safe { .. }) => {
@@ -96,7 +100,7 @@ impl Server {
                 if let Step::Safe { .. } = self.step {
                     self.sweep.confirm(from..end);
                 }
-                self.go_on_at(end);
+                self.continue_at(end);
             }
             (Purpose::Watchdog, _) => self.step = Step::Idle,
             // A purpose is asked for in its step only.
@@ -104,23 +108,23 @@ impl Server {
         }
     }
 
-    pub(super) fn go_on_at(&mut self, place: usize) {
+    pub(super) fn continue_at(&mut self, place: usize) {
         if let Step::Write(cursor) = &mut self.step {
             *cursor = place;
         }
     }
 
     /// A refused output is left out, so that it keeps none of the others from its value; the fault comes after them.
-    pub(super) fn obey_exception(
+    pub(super) fn handle_exception(
         &mut self,
-        pending: &Pending,
+        pending: &PendingRequest,
         code: u8,
         now: Instant,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ServerFault> {
         if let Step::Safe { .. } = self.step {
             let doing = self.doing(pending);
-            let fault = Fault::Exception { doing, code };
-            self.obey_in_sweep(pending.purpose, PASSING.contains(&code), fault, now);
+            let fault = ServerFault::Exception { doing, code };
+            self.handle_refusal_in_sweep(pending.purpose, PASSING.contains(&code), fault, now);
             return Ok(());
         }
         let from = now + BUSY_PAUSE;
@@ -130,8 +134,8 @@ impl Server {
                 _ => cursor + 1,
             };
             let doing = self.doing(pending);
-            self.busy = Some(Fault::Exception { doing, code });
-            self.go_on_at(end);
+            self.busy = Some(ServerFault::Exception { doing, code });
+            self.continue_at(end);
             return Ok(());
         }
         if PASSING.contains(&code) && from < self.due {
@@ -146,7 +150,7 @@ impl Server {
             Step::Write(cursor) => cursor,
             _ => 0,
         };
-        let fault = Fault::Exception {
+        let fault = ServerFault::Exception {
             doing: self.doing(pending),
             code,
         };
@@ -154,7 +158,7 @@ impl Server {
             Purpose::Write { end, .. } if end > cursor + 1 => self.one_by_one = end,
             Purpose::Write { .. } | Purpose::Fetch { .. } => {
                 self.refused.get_or_insert(fault);
-                self.go_on_at(cursor + 1);
+                self.continue_at(cursor + 1);
             }
             Purpose::OnConnect | Purpose::Read | Purpose::Watchdog => return Err(fault),
         }
@@ -162,7 +166,7 @@ impl Server {
     }
 
     fn decode(&mut self, place: usize, data: &[u8], now: Instant) {
-        let Some(Read { table, items, .. }) = self.points.reads.get(place) else {
+        let Some(ReadBlock { table, items, .. }) = self.points.reads.get(place) else {
             return;
         };
         for item in items {
@@ -172,11 +176,11 @@ impl Server {
                 frame::register(data, item.at)
             };
             match &item.target {
-                Target::Bit { index } => set(&mut self.building.digital, *index, word != 0),
-                Target::RegisterBit { index, bit } => {
+                InputTarget::Bit { index } => set(&mut self.building.digital, *index, word != 0),
+                InputTarget::RegisterBit { index, bit } => {
                     set(&mut self.building.digital, *index, word >> bit & 1 == 1);
                 }
-                Target::Number {
+                InputTarget::Number {
                     index,
                     format,
                     config,
@@ -186,32 +190,32 @@ impl Server {
                         *word = frame::register(data, item.at + offset);
                     }
                     if let Some(input) = self.building.analog.get_mut(*index) {
-                        *input = Target::number(*format, config, &words);
+                        *input = InputTarget::number(*format, config, &words);
                     }
                 }
-                Target::Heartbeat => {
-                    if self.beat.is_some_and(|beat| beat != word) {
-                        self.beat_changed = Some(now);
+                InputTarget::Heartbeat => {
+                    if self.heartbeat_value.is_some_and(|beat| beat != word) {
+                        self.heartbeat_changed = Some(now);
                     }
-                    self.beat = Some(word);
+                    self.heartbeat_value = Some(word);
                 }
             }
         }
     }
 
     /// Why there is no answer.
-    pub(super) fn overdue(&mut self, pending: &Pending) -> Fault {
+    pub(super) fn overdue(&mut self, pending: &PendingRequest) -> ServerFault {
         let why = match self.step {
             Step::Safe { .. } => self.end_sweep(),
             _ => None,
         };
         match (why, self.other_unit.take()) {
             (Some(fault), _) => fault,
-            (None, Some(have)) => Fault::OtherUnit {
+            (None, Some(have)) => ServerFault::OtherUnit {
                 want: self.settings.unit,
                 have,
             },
-            (None, None) => Fault::Timeout {
+            (None, None) => ServerFault::Timeout {
                 doing: self.doing(pending),
                 timeout: self.settings.timeout,
             },
@@ -219,7 +223,7 @@ impl Server {
     }
 
     /// A request in words.
-    pub(super) fn doing(&self, pending: &Pending) -> String {
+    pub(super) fn doing(&self, pending: &PendingRequest) -> String {
         let points = |table: &str, first: u16, count: usize| match count {
             0 | 1 => format!("{table} {first}"),
             _ => format!("{table} {first} to {}", usize::from(first) + count - 1),

@@ -8,41 +8,41 @@
 
 use std::time::{Duration, Instant};
 
-use super::super::fault::Fault;
-use super::super::frame::Answer;
-use super::super::points::{Source, Wanted};
-use super::answer::BUSY_PAUSE;
+use super::super::fault::ServerFault;
+use super::super::frame::Response;
+use super::super::points::{DesiredValue, OutputSource};
+use super::response::BUSY_PAUSE;
 use super::write::unfit;
-use super::{Pending, Purpose, Server, Step};
+use super::{PendingRequest, Purpose, Server, Step};
 
 /// Connections that end after one request take the next one with them; so often, the last of 64 outputs has had its turn.
-const TRIES: u32 = 8;
+const TRIES_MAX: u32 = 8;
 
 /// What is known of the safe values; rows by the place of an output.
 #[derive(Debug)]
-pub(super) struct Sweep {
-    rows: Vec<Row>,
+pub(super) struct SafeValueSweep {
+    rows: Vec<SafeValueState>,
     /// Sweeps so far: each begins at another output.
     count: usize,
-    /// Requests that were overtaken; at most one for each output.
-    overtaken: Vec<Pending>,
+    /// RequestLimits that were overtaken; at most one for each output.
+    overtaken: Vec<PendingRequest>,
     /// When the request that waits may be overtaken.
     turn: Instant,
     /// All have been sent; from now on only answers are waited for.
     all_sent: bool,
     /// What comes cannot be understood any more, and is dropped.
-    deaf: bool,
+    ignores_input: bool,
     /// The server was busy.
-    busy: Option<Fault>,
+    busy: Option<ServerFault>,
     /// Since the last loss all have been sent, and their answers have come or had their time.
     done: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Row {
+struct SafeValueState {
     /// Confirmations since the last loss.
     confirmed: u32,
-    /// Requests since the last loss.
+    /// RequestLimits since the last loss.
     tries: u32,
     /// It was sent in this sweep.
     asked: bool,
@@ -52,15 +52,15 @@ struct Row {
     others: Option<u16>,
 }
 
-impl Sweep {
+impl SafeValueSweep {
     pub(super) fn new(outputs: usize, now: Instant) -> Self {
         Self {
-            rows: vec![Row::default(); outputs],
+            rows: vec![SafeValueState::default(); outputs],
             count: 0,
             overtaken: Vec::with_capacity(outputs),
             turn: now,
             all_sent: false,
-            deaf: false,
+            ignores_input: false,
             busy: None,
             done: false,
         }
@@ -72,7 +72,7 @@ impl Sweep {
             (row.asked, row.not_before) = (false, None);
         }
         self.overtaken.clear();
-        (self.all_sent, self.deaf, self.busy) = (false, false, None);
+        (self.all_sent, self.ignores_input, self.busy) = (false, false, None);
         self.count = self.count.wrapping_add(1);
     }
 
@@ -120,16 +120,16 @@ impl Server {
     /// Some output has neither confirmed its safe value since the last loss, nor been sent it often enough: a request may
     /// be lost with its connection.
     #[must_use]
-    pub fn has_untried(&self) -> bool {
+    pub fn has_unsent_safe_values(&self) -> bool {
         let rows = self.sweep.rows.iter().zip(&self.points.outputs);
-        let mut open = rows.filter(|(row, _)| row.confirmed == 0 && row.tries < TRIES);
-        open.any(|(_, output)| matches!(output.wanted(&self.released), Wanted::Value(_)))
+        let mut open = rows.filter(|(row, _)| row.confirmed == 0 && row.tries < TRIES_MAX);
+        open.any(|(_, output)| matches!(output.desired(&self.released), DesiredValue::Value(_)))
     }
 
     /// The next safe value is sent, or there is none left: then true when all answers have come.
-    pub(super) fn sweep_on(&mut self, now: Instant) -> bool {
+    pub(super) fn continue_sweep(&mut self, now: Instant) -> bool {
         for place in 0..self.points.outputs.len() {
-            if let Some(Wanted::Unfit(value)) = self.wanted(place) {
+            if let Some(DesiredValue::Unfit(value)) = self.desired(place) {
                 let fault = unfit(&self.points.outputs[place], value);
                 self.refused.get_or_insert(fault);
             }
@@ -138,31 +138,31 @@ impl Server {
             return self.pending.is_none() && self.sweep.overtaken.is_empty();
         };
         match self.points.outputs[place].source {
-            Source::Bits { .. } => {
+            OutputSource::Bits { .. } => {
                 let Some(wanted) = self.changed(place) else {
                     return false;
                 };
                 self.write_bits(place, wanted, now);
             }
-            Source::Coil { .. } => self.write_coils(place, now),
-            Source::Number { .. } => self.write_numbers(place, now),
+            OutputSource::Coil { .. } => self.write_coils(place, now),
+            OutputSource::Number { .. } => self.write_numbers(place, now),
         }
         self.count_asked(now);
         false
     }
 
     /// The request that waits gives way to the next one, if its time is over.
-    pub(super) fn give_way(&mut self, now: Instant) {
-        let Some(pending) = self.pending.filter(Pending::has_gone) else {
+    pub(super) fn overtake_pending(&mut self, now: Instant) {
+        let Some(pending) = self.pending.filter(PendingRequest::has_gone) else {
             return;
         };
         let is_last = self.next_safe().is_none() && !self.can_write_blind(&pending);
-        if now < self.sweep.turn || (is_last && !self.sweep.deaf) {
+        if now < self.sweep.turn || (is_last && !self.sweep.ignores_input) {
             return;
         }
         self.pending = None;
         match pending.purpose {
-            _ if self.sweep.deaf => {}
+            _ if self.sweep.ignores_input => {}
             Purpose::Fetch { place } if self.can_write_blind(&pending) => {
                 // Nobody else writes the register, so it is as it was.
                 self.fetched = self.sweep.rows[place]
@@ -174,59 +174,64 @@ impl Server {
         }
     }
 
-    /// When [`Server::give_way`] has something to do.
+    /// When [`Server::overtake_pending`] has something to do.
     pub(super) fn turn(&self) -> Option<Instant> {
         let is_blind = self.pending.is_some_and(|one| self.can_write_blind(&one));
-        let gives_way = self.sweep.deaf || is_blind || self.next_safe().is_some();
+        let gives_way = self.sweep.ignores_input || is_blind || self.next_safe().is_some();
         gives_way.then_some(self.sweep.turn)
     }
 
     /// An answer that is awaited still, though its request was overtaken.
-    pub(super) fn take_overtaken(&mut self, transaction: u16) -> Option<Pending> {
+    pub(super) fn take_overtaken(&mut self, transaction: u16) -> Option<PendingRequest> {
         let mut overtaken = self.sweep.overtaken.iter();
         let place = overtaken.position(|one| one.message.transaction() == transaction)?;
         Some(self.sweep.overtaken.swap_remove(place))
     }
 
     /// The oldest request without an answer.
-    pub(super) fn unanswered(&self) -> Option<Pending> {
+    pub(super) fn unanswered(&self) -> Option<PendingRequest> {
         let oldest = self.sweep.overtaken.iter().min_by_key(|one| one.from);
         oldest.copied().or(self.pending)
     }
 
     /// The time of this sweep is over: why.
-    pub(super) fn end_sweep(&mut self) -> Option<Fault> {
+    pub(super) fn end_sweep(&mut self) -> Option<ServerFault> {
         self.sweep.done |= self.sweep.all_sent;
         let busy = self.sweep.busy.take();
-        self.refused.take().filter(|_| self.sweep.deaf).or(busy)
+        self.refused
+            .take()
+            .filter(|_| self.sweep.ignores_input)
+            .or(busy)
     }
 
     /// The answers of this sweep have come.
-    pub(super) fn finish_sweep(&mut self, again: bool) -> Option<Fault> {
+    pub(super) fn finish_sweep(&mut self, again: bool) -> Option<ServerFault> {
         self.sweep.done = true;
-        self.refused.take().filter(|_| again || self.sweep.deaf)
+        self.refused
+            .take()
+            .filter(|_| again || self.sweep.ignores_input)
     }
 
     /// What came is no answer. The safe values are sent all the same; the fault is told after them.
-    pub(super) fn stop_listening(&mut self, fault: Fault) {
+    pub(super) fn ignore_input(&mut self, fault: ServerFault) {
         self.refused = Some(fault);
-        self.sweep.deaf = true;
+        self.sweep.ignores_input = true;
         self.sweep.overtaken.clear();
         self.inbox.clear();
         self.pending = self.pending.filter(|pending| !pending.has_gone());
     }
 
     /// What comes is dropped.
-    pub(super) fn is_deaf(&self) -> bool {
-        matches!(self.step, Step::Safe { .. }) && self.sweep.deaf
+    pub(super) fn ignores_input(&self) -> bool {
+        matches!(self.step, Step::Safe { .. }) && self.sweep.ignores_input
     }
 
     /// A safe value was refused: what is tried again, and what is not.
-    pub(super) fn obey_in_sweep(
+    pub(super) fn handle_refusal_in_sweep(
         &mut self,
         purpose: Purpose,
         passing: bool,
-        fault: Fault,
+        fault: ServerFault,
         now: Instant,
     ) {
         let places = match purpose {
@@ -246,7 +251,7 @@ impl Server {
     }
 
     /// A register was read that is changed in part: it is written next.
-    pub(super) fn has_fetched(&mut self, place: usize) {
+    pub(super) fn write_fetched(&mut self, place: usize) {
         self.sweep.repeat(place..place + 1, None);
     }
 
@@ -261,7 +266,7 @@ impl Server {
         let rows = self.sweep.rows.iter().enumerate();
         let open = rows.filter(|(place, row)| !row.asked && self.changed(*place).is_some());
         let first = self.sweep.count.wrapping_sub(1) % length.max(1);
-        let order = |(place, row): &(usize, &Row)| {
+        let order = |(place, row): &(usize, &SafeValueState)| {
             let turn = (place + length - first) % length;
             (row.not_before, row.confirmed, row.tries, turn)
         };
@@ -298,7 +303,7 @@ impl Server {
         self.settings.timeout / requests.max(1)
     }
 
-    fn can_write_blind(&self, pending: &Pending) -> bool {
+    fn can_write_blind(&self, pending: &PendingRequest) -> bool {
         match pending.purpose {
             Purpose::Fetch { place } => self
                 .sweep
@@ -310,18 +315,18 @@ impl Server {
     }
 
     /// The answer to a request that was overtaken.
-    pub(super) fn understand_late(
+    pub(super) fn handle_late_response(
         &mut self,
-        late: &Pending,
-        answer: &Answer<'_>,
+        late: &PendingRequest,
+        answer: &Response<'_>,
         now: Instant,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ServerFault> {
         match answer {
-            Answer::Data(data) => {
+            Response::Data(data) => {
                 self.take(late.purpose, data, now);
                 Ok(())
             }
-            Answer::Exception(code) => self.obey_exception(late, *code, now),
+            Response::Exception(code) => self.handle_exception(late, *code, now),
         }
     }
 }

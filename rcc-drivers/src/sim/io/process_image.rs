@@ -10,7 +10,7 @@ pub const POINTS: usize = 64;
 
 /// An output that is wired back to an input of the same type, both counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wire {
+pub enum PointLoopback {
     /// Coil to discrete input.
     Bit {
         /// Address of the coil.
@@ -30,12 +30,12 @@ pub enum Wire {
 /// A wire that cannot be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no wire: coil:N=discrete:N or holding:N=input:N with N from 0 to 63")]
-pub struct WireError(pub String);
+pub struct LoopbackError(pub String);
 
-impl FromStr for Wire {
-    type Err = WireError;
+impl FromStr for PointLoopback {
+    type Err = LoopbackError;
 
-    fn from_str(text: &str) -> Result<Self, WireError> {
+    fn from_str(text: &str) -> Result<Self, LoopbackError> {
         let point = |part: &'_ str| -> Option<(String, usize)> {
             let (kind, address) = part.trim().split_once(':')?;
             let address = address.parse().ok().filter(|&address| address < POINTS)?;
@@ -55,13 +55,13 @@ impl FromStr for Wire {
                 _ => None,
             }
         });
-        wire.ok_or_else(|| WireError(text.to_owned()))
+        wire.ok_or_else(|| LoopbackError(text.to_owned()))
     }
 }
 
 /// All points of the station and what has been asked of it; addresses count from 0.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Image {
+pub struct ProcessImage {
     /// Digital outputs.
     pub coils: Vec<bool>,
     /// Digital inputs.
@@ -77,12 +77,12 @@ pub struct Image {
     /// Of these, the ones that were refused.
     pub refused: u64,
     #[serde(skip)]
-    wires: Vec<Wire>,
+    wires: Vec<PointLoopback>,
 }
 
-impl Image {
+impl ProcessImage {
     /// A station with everything at 0.
-    pub fn new(wires: Vec<Wire>) -> Self {
+    pub fn new(wires: Vec<PointLoopback>) -> Self {
         Self {
             coils: vec![false; POINTS],
             discrete: vec![false; POINTS],
@@ -156,23 +156,23 @@ impl Image {
 
     fn write_coils(&mut self, first: u16, values: &[bool]) -> Result<(), ExceptionCode> {
         write(&mut self.coils, first, values)?;
-        self.follow_wires();
+        self.apply_loopbacks();
         Ok(())
     }
 
     fn write_holding(&mut self, first: u16, values: &[u16]) -> Result<(), ExceptionCode> {
         write(&mut self.holding, first, values)?;
-        self.follow_wires();
+        self.apply_loopbacks();
         Ok(())
     }
 
     /// After a write: every wired input takes the value of its output.
-    fn follow_wires(&mut self) {
+    fn apply_loopbacks(&mut self) {
         self.writes += 1;
         for wire in &self.wires {
             match *wire {
-                Wire::Bit { coil, discrete } => self.discrete[discrete] = self.coils[coil],
-                Wire::Word { holding, input } => self.input[input] = self.holding[holding],
+                PointLoopback::Bit { coil, discrete } => self.discrete[discrete] = self.coils[coil],
+                PointLoopback::Word { holding, input } => self.input[input] = self.holding[holding],
             }
         }
     }
@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn what_is_written_can_be_read_and_reaches_wired_inputs() {
         let wires = ["coil:0=discrete:5", "holding:63=input:0"].map(|wire| wire.parse().unwrap());
-        let mut image = Image::new(wires.to_vec());
+        let mut image = ProcessImage::new(wires.to_vec());
         image.answer(&Request::WriteSingleCoil(0, true)).unwrap();
         image
             .answer(&Request::WriteMultipleRegisters(62, vec![7, 8].into()))
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_masked_write_changes_only_the_bits_outside_of_the_and_mask() {
-        let mut image = Image::new(Vec::new());
+        let mut image = ProcessImage::new(Vec::new());
         image.holding[4] = 0x12;
         image
             .answer(&Request::MaskWriteRegister(4, 0xF2, 0x25))
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_request_beyond_the_last_point_is_refused_and_changes_nothing() {
-        let mut image = Image::new(Vec::new());
+        let mut image = ProcessImage::new(Vec::new());
         let before = image.coils.clone();
         let beyond = Request::WriteMultipleCoils(63, vec![true, true].into());
         assert_eq!(
@@ -270,7 +270,10 @@ mod tests {
             "discrete:0=coil:0",
             "holding:0=input:-1",
         ] {
-            assert_eq!(text.parse::<Wire>(), Err(WireError(text.to_owned())));
+            assert_eq!(
+                text.parse::<PointLoopback>(),
+                Err(LoopbackError(text.to_owned()))
+            );
         }
     }
 }

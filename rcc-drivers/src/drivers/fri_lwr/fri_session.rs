@@ -5,11 +5,11 @@
 //! controller's own position: it refuses to begin otherwise.
 
 use rcc_config::{ChannelConfig, DeviceConfig};
-use rcc_core::impedance::Strategy;
+use rcc_core::impedance::ControlStrategy;
 use rcc_core::message::{JOINTS_MAX, Joints};
 use rcc_core::primitive::ChannelKind;
 
-use super::strategy::Strategies;
+use super::strategy::StrategyEncoder;
 use super::{DRIVES_OFF, ENTERING, MONITORING, POSE, QUALITY, STRATEGY};
 use crate::driver::{
     DriverError, Exchange, Inputs, Outputs, channel_error, channels, to_raw, to_si,
@@ -22,7 +22,7 @@ use crate::fri_lwr::wire::{
 /// Cycles of command state in which we still mirror.
 const ENTRY_CYCLES: u32 = 3;
 /// After so many datagrams in a row from the past the controller has begun to count anew.
-const RESTARTED_AFTER: u32 = 10;
+const RESTART_DATAGRAMS: u32 = 10;
 /// More datagrams than this are not lost at once, unless the next one confirms it: our own stalls lose none.
 const GAP_MAX: u16 = 10;
 /// Largest move of the controller's own position while command state begins, rad: it rests, only rounding is seen.
@@ -38,7 +38,7 @@ const ENTER: i32 = 10;
 
 /// The convention between the PC and the KRL program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Script {
+pub enum KrlConvention {
     /// KUKA's first sample: `$FRI_FRM_INT[1]` is 1, then 10 for command mode; 0 leaves it.
     FirstApp,
     /// The KRL program decides alone.
@@ -47,22 +47,22 @@ pub enum Script {
 
 /// A channel and its KRL variable, counted from 1.
 #[derive(Clone, Debug)]
-struct Krl {
+struct KrlChannel {
     number: usize,
     config: ChannelConfig,
 }
 
-/// The dialog with one controller.
+/// The session with one controller.
 #[derive(Clone, Debug)]
-pub struct Dialog {
-    script: Script,
+pub struct FriSession {
+    script: KrlConvention,
     quality_min: Quality,
-    strategies: Strategies,
+    strategies: StrategyEncoder,
     /// By kind: digital in, digital out, analog in, analog out.
-    channels: [Vec<Krl>; 4],
+    channels: [Vec<KrlChannel>; 4],
     measured: MeasurementDatagram,
     last_sequence: Option<u16>,
-    from_the_past: u32,
+    out_of_order: u32,
     ticks: u64,
     own_sequence: u16,
     /// Cycles of command state in a row.
@@ -70,19 +70,19 @@ pub struct Dialog {
     releasing: bool,
     refused: u64,
     /// Contradicts the command state that we are in; believed once the next one says the same.
-    doubted: Option<MeasurementDatagram>,
+    unconfirmed: Option<MeasurementDatagram>,
     /// Missed answers of controllers before this one, minus what this one had at the beginning.
     missed_before: i64,
 }
 
-impl Dialog {
-    /// A dialog that has not begun.
+impl FriSession {
+    /// A session that has not begun.
     ///
     /// # Errors
     /// The device has no arm of 7 joints, or a channel is no KRL variable.
     pub fn new(
         device: &DeviceConfig,
-        script: Script,
+        script: KrlConvention,
         quality_min: Quality,
     ) -> Result<Self, DriverError> {
         if device.robot.as_ref().map(|robot| robot.joints.len()) != Some(JOINTS) {
@@ -95,7 +95,7 @@ impl Dialog {
         Ok(Self {
             script,
             quality_min,
-            strategies: Strategies::of(device),
+            strategies: StrategyEncoder::of(device),
             channels: [
                 of(ChannelKind::DigitalInput)?,
                 of(ChannelKind::DigitalOutput)?,
@@ -104,13 +104,13 @@ impl Dialog {
             ],
             measured: MeasurementDatagram::default(),
             last_sequence: None,
-            from_the_past: 0,
+            out_of_order: 0,
             ticks: 0,
             own_sequence: 0,
             commanding: 0,
             releasing: false,
             refused: 0,
-            doubted: None,
+            unconfirmed: None,
             missed_before: 0,
         })
     }
@@ -132,18 +132,18 @@ impl Dialog {
         };
         if ticks == 0 || ticks > u16::MAX / 2 {
             self.refuse();
-            self.from_the_past += 1;
-            if self.from_the_past < RESTARTED_AFTER {
+            self.out_of_order += 1;
+            if self.out_of_order < RESTART_DATAGRAMS {
                 return false;
             }
-            self.forget();
+            self.reset();
         }
-        if self.surprises(&measured, ticks) && !self.is_confirmed_by(&measured) {
+        if self.is_implausible(&measured, ticks) && !self.is_confirmed_by(&measured) {
             self.refuse();
-            self.doubted = Some(measured);
+            self.unconfirmed = Some(measured);
             return false;
         }
-        self.doubted = None;
+        self.unconfirmed = None;
         let misses = i64::from(measured.miss_count);
         if self.last_sequence.is_none() {
             self.missed_before += i64::from(self.measured.miss_count) - misses;
@@ -151,7 +151,7 @@ impl Dialog {
         } else {
             self.ticks += u64::from(ticks);
         }
-        self.from_the_past = 0;
+        self.out_of_order = 0;
         self.last_sequence = Some(measured.send_sequence);
         // In another strategy, command state begins anew.
         let goes_on = measured.control == self.measured.control;
@@ -169,7 +169,7 @@ impl Dialog {
 
     /// The wire has no check of its own: in command state a single datagram neither ends it, nor changes the period, nor
     /// moves the position that is mirrored, nor leaves many others out.
-    fn surprises(&self, measured: &MeasurementDatagram, ticks: u16) -> bool {
+    fn is_implausible(&self, measured: &MeasurementDatagram, ticks: u16) -> bool {
         let commanded =
             self.measured.state == SessionState::Command && self.last_sequence.is_some();
         let mirrored = self.commanding <= ENTRY_CYCLES;
@@ -179,13 +179,15 @@ impl Dialog {
                 || (mirrored && !is_near(measured, &self.measured, STILL_RAD)))
     }
 
-    /// The datagram before this one was doubted, and this one says the same.
+    /// The datagram before this one was unconfirmed, and this one says the same.
     fn is_confirmed_by(&self, measured: &MeasurementDatagram) -> bool {
-        self.doubted.is_some_and(|doubted| {
-            let ticks = measured.send_sequence.wrapping_sub(doubted.send_sequence);
-            mode(&doubted) == mode(measured)
+        self.unconfirmed.is_some_and(|unconfirmed| {
+            let ticks = measured
+                .send_sequence
+                .wrapping_sub(unconfirmed.send_sequence);
+            mode(&unconfirmed) == mode(measured)
                 && (1..=GAP_MAX).contains(&ticks)
-                && is_near(&doubted, measured, NEAR_RAD)
+                && is_near(&unconfirmed, measured, NEAR_RAD)
         })
     }
 
@@ -201,11 +203,11 @@ impl Dialog {
     }
 
     /// The controller has been silent: the next one may count from anywhere.
-    pub fn forget(&mut self) {
+    pub fn reset(&mut self) {
         self.last_sequence = None;
-        self.from_the_past = 0;
+        self.out_of_order = 0;
         self.commanding = 0;
-        self.doubted = None;
+        self.unconfirmed = None;
     }
 
     /// From now on command mode is no longer asked for.
@@ -230,7 +232,7 @@ impl Dialog {
         Exchange {
             commandable,
             startable: commandable && reason == 0,
-            strategy: self.strategy().unwrap_or(Strategy::Position),
+            strategy: self.strategy().unwrap_or(ControlStrategy::Position),
             mirror: self.mirror(),
             ticks: std::mem::take(&mut self.ticks).max(1),
             period_ns: if known {
@@ -266,7 +268,7 @@ impl Dialog {
             joint_position,
             ..CommandDatagram::default()
         };
-        let strategy = self.strategy().unwrap_or(Strategy::Position);
+        let strategy = self.strategy().unwrap_or(ControlStrategy::Position);
         let told = (&outputs.impedance, follows.then_some(&position));
         self.strategies.fill(&mut answer, strategy, told);
         answer.encode()
@@ -286,10 +288,10 @@ impl Dialog {
             }
         }
         krl.integers[0] = match self.script {
-            Script::Auto => 0,
-            Script::FirstApp if self.releasing => LEAVE,
-            Script::FirstApp if self.measured.quality < self.quality_min => PRESENT,
-            Script::FirstApp => ENTER,
+            KrlConvention::Auto => 0,
+            KrlConvention::FirstApp if self.releasing => LEAVE,
+            KrlConvention::FirstApp if self.measured.quality < self.quality_min => PRESENT,
+            KrlConvention::FirstApp => ENTER,
         };
         krl
     }
@@ -300,19 +302,19 @@ impl Dialog {
     }
 
     fn is_commandable(&self) -> bool {
-        self.commanding > ENTRY_CYCLES && self.has_power() && self.in_a_strategy() == 0
+        self.commanding > ENTRY_CYCLES && self.has_power() && self.strategy_reason() == 0
     }
 
     /// The control strategy that the controller runs, if the arm can be commanded in it.
-    fn strategy(&self) -> Option<Strategy> {
+    fn strategy(&self) -> Option<ControlStrategy> {
         self.strategies.runs(&self.measured)
     }
 
     /// 0, or why the arm cannot be commanded in the controller's strategy.
-    fn in_a_strategy(&self) -> u32 {
+    fn strategy_reason(&self) -> u32 {
         match self.strategy() {
             None => STRATEGY,
-            Some(Strategy::CartesianImpedance) if !self.strategies.knows_the_tool() => POSE,
+            Some(ControlStrategy::CartesianImpedance) if !self.strategies.knows_the_tool() => POSE,
             Some(_) => 0,
         }
     }
@@ -325,7 +327,7 @@ impl Dialog {
         let measured = &self.measured;
         match () {
             () if !self.has_power() => DRIVES_OFF,
-            () if self.in_a_strategy() != 0 => self.in_a_strategy(),
+            () if self.strategy_reason() != 0 => self.strategy_reason(),
             () if measured.quality < self.quality_min => QUALITY,
             () if measured.state != SessionState::Command => MONITORING,
             () if self.commanding <= ENTRY_CYCLES => ENTERING,
@@ -408,9 +410,9 @@ fn is_finite(measured: &MeasurementDatagram) -> bool {
         .all(|value| value.is_finite())
 }
 
-fn krl_channels(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Krl>, DriverError> {
+fn krl_channels(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<KrlChannel>, DriverError> {
     let expected = "the number of a KRL variable, 1 to 16, that no other channel of this kind has";
-    let mut found: Vec<Krl> = Vec::new();
+    let mut found: Vec<KrlChannel> = Vec::new();
     for channel in channels(device, kind) {
         let number = channel
             .address
@@ -425,7 +427,7 @@ fn krl_channels(device: &DeviceConfig, kind: ChannelKind) -> Result<Vec<Krl>, Dr
             let cause = format!("'{}' has number {number}, too", other.config.name);
             return Err(channel_error(device, channel, cause, expected));
         }
-        found.push(Krl {
+        found.push(KrlChannel {
             number,
             config: channel.clone(),
         });

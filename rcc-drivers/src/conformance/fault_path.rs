@@ -1,14 +1,14 @@
-//! The proxy between a subject and its driver, whatever the wire is.
+//! The proxy path a subject and its driver, whatever the wire is.
 //! Test code only.
 
 use std::net::{SocketAddr, UdpSocket};
 
-use super::capture::From;
-use super::{Subject, Wire};
-use crate::proxy::{Counts, Direction, Rates, TcpProxy, UdpProxy};
+use super::capture::PacketSource;
+use super::{Subject, Transport};
+use crate::proxy::{Direction, FaultCounts, FaultRates, TcpProxy, UdpProxy};
 
 /// The proxy.
-pub enum Between {
+pub enum FaultPath {
     /// Pumped by the test.
     Pumped(UdpProxy),
     /// With a thread of its own.
@@ -17,27 +17,27 @@ pub enum Between {
     Stream(TcpProxy),
 }
 
-impl Between {
-    /// Puts a proxy between a subject and the driver that will be opened for the address that is returned.
+impl FaultPath {
+    /// Puts a proxy path a subject and the driver that will be opened for the address that is returned.
     pub fn of<S: Subject>(subject: &mut S, seed: u64) -> (Self, SocketAddr) {
-        match S::WIRE {
-            Wire::UdpFromDevice => {
+        match S::TRANSPORT {
+            Transport::UdpFromDevice => {
                 let driver = free_udp();
-                let proxy = UdpProxy::new(driver, Rates::NONE, seed).expect("loopback");
-                proxy.heard();
+                let proxy = UdpProxy::new(driver, FaultRates::NONE, seed).expect("loopback");
+                proxy.take_recording();
                 subject.aim(proxy.address());
                 (Self::Pumped(proxy), driver)
             }
-            Wire::UdpFromDriver => {
+            Transport::UdpFromDriver => {
                 let mut proxy =
-                    UdpProxy::new(subject.address(), Rates::NONE, seed).expect("loopback");
+                    UdpProxy::new(subject.address(), FaultRates::NONE, seed).expect("loopback");
                 proxy.start().expect("a thread");
                 let address = proxy.address();
                 (Self::Threaded(proxy), address)
             }
-            Wire::TcpFromDriver => {
+            Transport::TcpFromDriver => {
                 let proxy =
-                    TcpProxy::start(subject.address(), Rates::NONE, seed).expect("loopback");
+                    TcpProxy::start(subject.address(), FaultRates::NONE, seed).expect("loopback");
                 let address = proxy.address();
                 (Self::Stream(proxy), address)
             }
@@ -57,28 +57,28 @@ impl Between {
         if !matches!(self, Self::Pumped(_)) {
             return Vec::new();
         }
-        let heard = self.heard().into_iter();
+        let heard = self.take_recording().into_iter();
         heard
-            .filter(|(from, _)| *from == From::Driver)
+            .filter(|(from, _)| *from == PacketSource::Driver)
             .map(|(_, bytes)| bytes)
             .collect()
     }
 
     /// What both ends have sent since the last time, as it left them; kept from the first call on.
-    pub fn heard(&self) -> Vec<(From, Vec<u8>)> {
+    pub fn take_recording(&self) -> Vec<(PacketSource, Vec<u8>)> {
         let (heard, device) = match self {
             Self::Pumped(proxy) => {
                 proxy.pump();
-                (proxy.heard(), Direction::Forth)
+                (proxy.take_recording(), Direction::Forth)
             }
-            Self::Threaded(proxy) => (proxy.heard(), Direction::Back),
-            Self::Stream(proxy) => (proxy.heard(), Direction::Back),
+            Self::Threaded(proxy) => (proxy.take_recording(), Direction::Back),
+            Self::Stream(proxy) => (proxy.take_recording(), Direction::Back),
         };
         let from = |direction| {
             if direction == device {
-                From::Device
+                PacketSource::Device
             } else {
-                From::Driver
+                PacketSource::Driver
             }
         };
         heard
@@ -88,7 +88,7 @@ impl Between {
     }
 
     /// From now on, towards the driver and towards the device.
-    pub fn set_rates(&self, to_driver: Rates, to_device: Rates) {
+    pub fn set_rates(&self, to_driver: FaultRates, to_device: FaultRates) {
         let [forth, back] = match self {
             Self::Pumped(_) => [to_driver, to_device],
             Self::Threaded(_) | Self::Stream(_) => [to_device, to_driver],
@@ -106,7 +106,7 @@ impl Between {
     }
 
     /// What has been done in both directions.
-    pub fn counts(&self) -> [Counts; 2] {
+    pub fn counts(&self) -> [FaultCounts; 2] {
         [Direction::Forth, Direction::Back].map(|direction| match self {
             Self::Pumped(proxy) | Self::Threaded(proxy) => proxy.counts(direction),
             Self::Stream(proxy) => proxy.counts(direction),

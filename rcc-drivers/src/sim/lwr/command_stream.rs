@@ -1,7 +1,7 @@
 //! The commanded positions as a stream: supervised for range, velocity and acceleration, extrapolated when one is missed.
 //! Pure; the clock thread runs it.
 
-use super::fault::Fault;
+use super::fault::KrcFault;
 use super::settings::Settings;
 use super::{JOINTS, Joints};
 
@@ -10,7 +10,7 @@ const ROUNDING_STEPS: f64 = 4.0;
 
 /// Position, velocity and spacing of the last accepted command.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stream {
+pub struct CommandStream {
     position: Joints,
     velocity: Joints,
     /// Seconds between the last accepted command and the one before.
@@ -23,7 +23,7 @@ pub struct Stream {
     pub acceleration_max: Joints,
 }
 
-impl Stream {
+impl CommandStream {
     /// A stream that begins at rest at `position` (rad).
     pub fn at_rest(position: Joints, period_s: f64) -> Self {
         Self {
@@ -52,15 +52,15 @@ impl Stream {
     ///
     /// # Errors
     /// The first joint that violates a limit. The stream is unchanged then.
-    pub fn accept(&mut self, command: &Joints, settings: &Settings) -> Result<(), Fault> {
+    pub fn accept(&mut self, command: &Joints, settings: &Settings) -> Result<(), KrcFault> {
         if let Some(joint) = command.iter().position(|q| !q.is_finite()) {
-            return Err(Fault::NotFinite { joint });
+            return Err(KrcFault::NotFinite { joint });
         }
         check(
             command,
             &settings.limits.position,
             1.0,
-            |joint, value, limit| Fault::Position {
+            |joint, value, limit| KrcFault::Position {
                 joint,
                 value,
                 limit,
@@ -103,13 +103,13 @@ fn supervise(
     acceleration: &Joints,
     spacing_s: f64,
     settings: &Settings,
-) -> Result<(), Fault> {
+) -> Result<(), KrcFault> {
     let scale = settings.safety_limits;
     check(
         velocity,
         &settings.limits.velocity,
         scale,
-        |joint, value, limit| Fault::Velocity {
+        |joint, value, limit| KrcFault::Velocity {
             joint,
             value,
             limit,
@@ -122,7 +122,7 @@ fn supervise(
         .acceleration
         .map(|limit| limit * scale + rounding);
     check(acceleration, &allowed, 1.0, |joint, value, limit| {
-        Fault::Acceleration {
+        KrcFault::Acceleration {
             joint,
             value,
             limit,
@@ -135,8 +135,8 @@ fn check(
     values: &Joints,
     limits: &Joints,
     scale: f64,
-    fault: impl Fn(usize, f64, f64) -> Fault,
-) -> Result<(), Fault> {
+    fault: impl Fn(usize, f64, f64) -> KrcFault,
+) -> Result<(), KrcFault> {
     for (joint, (&value, &limit)) in values.iter().zip(limits).enumerate() {
         let limit = limit * scale;
         if value.abs() > limit {
@@ -152,10 +152,10 @@ mod tests {
 
     const T: f64 = 1e-3;
 
-    fn moving(velocity: f64) -> Stream {
-        Stream {
+    fn moving(velocity: f64) -> CommandStream {
+        CommandStream {
             velocity: [velocity; JOINTS],
-            ..Stream::at_rest([0.0; JOINTS], T)
+            ..CommandStream::at_rest([0.0; JOINTS], T)
         }
     }
 
@@ -165,7 +165,7 @@ mod tests {
         let settings = Settings::default();
         let fault = stream.accept(&[0.0025; JOINTS], &settings).unwrap_err();
         assert!(
-            matches!(fault, Fault::Velocity { joint: 0, limit, .. } if (limit - 2.0944).abs() < 1e-4)
+            matches!(fault, KrcFault::Velocity { joint: 0, limit, .. } if (limit - 2.0944).abs() < 1e-4)
         );
     }
 
@@ -174,7 +174,7 @@ mod tests {
         let fault = moving(0.0)
             .accept(&[1e-3; JOINTS], &Settings::default())
             .unwrap_err();
-        assert!(matches!(fault, Fault::Acceleration { joint: 0, .. }));
+        assert!(matches!(fault, KrcFault::Acceleration { joint: 0, .. }));
     }
 
     #[test]
@@ -184,12 +184,12 @@ mod tests {
         let fault = moving(0.0)
             .accept(&command, &Settings::default())
             .unwrap_err();
-        assert!(matches!(fault, Fault::Position { joint: 1, .. }));
+        assert!(matches!(fault, KrcFault::Position { joint: 1, .. }));
     }
 
     #[test]
     fn rounding_to_binary32_is_no_acceleration() {
-        let mut stream = Stream::at_rest([1.9; JOINTS], T);
+        let mut stream = CommandStream::at_rest([1.9; JOINTS], T);
         let settings = Settings {
             limits: super::super::settings::Limits {
                 acceleration: [0.2; JOINTS],

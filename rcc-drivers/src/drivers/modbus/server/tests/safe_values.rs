@@ -2,7 +2,7 @@
 
 use super::*;
 
-fn lamps() -> [Row<'static>; 4] {
+fn lamps() -> [SafeValueState<'static>; 4] {
     let row = |name, address: &str| (name, DigitalOutput, address.into(), safe(0.0), None);
     [
         row("a", "coil 0"),
@@ -13,7 +13,7 @@ fn lamps() -> [Row<'static>; 4] {
 }
 
 /// The requests that go until the time-out, each answered by nobody, and what the wait ends with.
-fn unanswered(bench: &mut Bench) -> (Vec<Vec<u8>>, Fault) {
+fn unanswered(bench: &mut ServerFixture) -> (Vec<Vec<u8>>, ServerFault) {
     let mut requests = Vec::new();
     loop {
         match bench.request() {
@@ -28,7 +28,7 @@ fn unanswered(bench: &mut Bench) -> (Vec<Vec<u8>>, Fault) {
 
 #[test]
 fn safe_values_overtake_a_request_that_is_not_answered() {
-    let mut bench = Bench::new(json!({"timeout": "100 ms"}), &lamps());
+    let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     let begun = bench.now;
     let mut requests = Vec::new();
     for place in 0..4 {
@@ -51,11 +51,11 @@ fn safe_values_overtake_a_request_that_is_not_answered() {
 
 #[test]
 fn each_sweep_of_safe_values_begins_at_another_output() {
-    let mut bench = Bench::new(json!({"timeout": "100 ms"}), &lamps());
+    let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     let mut firsts = Vec::new();
     for _ in 0..4 {
         let (requests, fault) = unanswered(&mut bench);
-        assert!(matches!(fault, Fault::Timeout { .. }), "{fault}");
+        assert!(matches!(fault, ServerFault::Timeout { .. }), "{fault}");
         let mut addresses: Vec<u8> = requests.iter().map(|request| request[9]).collect();
         firsts.push(addresses[0]);
         addresses.sort_unstable();
@@ -69,7 +69,7 @@ fn each_sweep_of_safe_values_begins_at_another_output() {
 
 #[test]
 fn what_was_never_confirmed_is_sent_first_on_a_new_connection() {
-    let mut bench = Bench::new(json!({"timeout": "100 ms"}), &lamps());
+    let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     for (address, done) in [(0, false), (4, false), (6, false), (2, true)] {
         // The first is confirmed; the second goes into a connection that ends.
         let request = bench.request().unwrap().unwrap();
@@ -77,7 +77,7 @@ fn what_was_never_confirmed_is_sent_first_on_a_new_connection() {
         let answer = bench.device.answer(&request);
         bench.receive(&answer).unwrap();
         bench.request().unwrap().expect("the second");
-        assert_eq!(bench.server.has_untried(), !done);
+        assert_eq!(bench.server.has_unsent_safe_values(), !done);
         bench.server.connected(bench.now);
     }
 }
@@ -95,7 +95,7 @@ fn bits_whose_register_is_not_answered_are_written_as_it_was_read_last() {
         ("other", DigitalOutput, "coil 0".into(), safe(0.0), None),
     ];
     let settings = json!({"mask_write": false, "timeout": "100 ms"});
-    let mut bench = Bench::new(settings, &rows);
+    let mut bench = ServerFixture::new(settings, &rows);
     bench.device.registers[0][7] = 0x0FF0;
     bench.round(&outputs(0b11, 0b11, &[])).unwrap();
     assert_eq!(bench.device.registers[0][7], 0x0FF1);
@@ -110,19 +110,19 @@ fn bits_whose_register_is_not_answered_are_written_as_it_was_read_last() {
 
 #[test]
 fn nonsense_for_an_answer_keeps_no_safe_value_from_being_sent() {
-    let mut bench = Bench::new(json!({"timeout": "100 ms"}), &lamps());
+    let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     let request = bench.request().unwrap().unwrap();
     let mut nonsense = bench.device.answer(&request);
     nonsense[2] = 0x55;
     bench.receive(&nonsense).unwrap();
     let (requests, fault) = unanswered(&mut bench);
     assert_eq!(requests.len(), 3);
-    assert!(matches!(fault, Fault::Broken(_)), "{fault}");
+    assert!(matches!(fault, ServerFault::Broken(_)), "{fault}");
 }
 
 #[test]
 fn a_busy_server_is_told_the_other_safe_values_first() {
-    let mut bench = Bench::new(json!({"timeout": "100 ms"}), &lamps());
+    let mut bench = ServerFixture::new(json!({"timeout": "100 ms"}), &lamps());
     bench.device.refuses.push((5, 0, 6));
     for _ in 0..4 {
         let request = bench.request().unwrap().unwrap();
