@@ -1,4 +1,4 @@
-//! Dependencies point down only (DESIGN section 4), by `cargo metadata` and by the sources of the real-time core.
+//! Dependencies between packages point down only (ARCHITECTURE.md, code map), by `cargo metadata` and by the sources of the real-time core.
 //! Run by the threads of the test harness.
 
 use std::collections::{BTreeMap, BTreeSet};
