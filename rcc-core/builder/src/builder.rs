@@ -57,8 +57,8 @@ pub(crate) struct NodeState {
     pub(crate) kind: &'static str,
     pub(crate) type_name: String,
     parameters: Vec<(String, Tree)>,
-    inputs: Vec<(String, InputSource)>,
-    active: Option<InputSource>,
+    inputs: Vec<(String, LinkSource)>,
+    active: Option<LinkSource>,
 }
 
 #[derive(Debug)]
@@ -69,7 +69,7 @@ struct DelayedState {
 
 /// What feeds an input.
 #[derive(Clone, Debug)]
-pub(crate) enum InputSource {
+pub(crate) enum LinkSource {
     Output(String),
     Constant(Tree),
     Delayed(usize),
@@ -102,14 +102,14 @@ enum OutputLocation {
 /// What feeds an input: an output, a delayed link, or a constant.
 #[derive(Clone, Debug)]
 pub struct In<'n, T> {
-    source: InputSource,
+    source: LinkSource,
     ty: PhantomData<(&'n (), T)>,
 }
 
 /// What feeds an input whose type is known when the net is loaded.
 #[derive(Clone, Debug)]
 pub struct AnyIn<'n> {
-    source: InputSource,
+    source: LinkSource,
     net: PhantomData<&'n ()>,
 }
 
@@ -264,9 +264,9 @@ impl NetState {
             inputs.chain(&node.active)
         });
         let links = sources.filter_map(|source| match source {
-            InputSource::Output(name) => Some(name),
-            InputSource::Delayed(index) => self.delayed.get(*index)?.from.as_ref(),
-            InputSource::Constant(_) => None,
+            LinkSource::Output(name) => Some(name),
+            LinkSource::Delayed(index) => self.delayed.get(*index)?.from.as_ref(),
+            LinkSource::Constant(_) => None,
         });
         let whole = |name: &String| name.split('[').next().unwrap_or_default().to_string();
         links.chain(&self.discard).map(whole).collect()
@@ -331,12 +331,12 @@ impl NetState {
         &self,
         node: &NodeState,
         input: &str,
-        source: &InputSource,
+        source: &LinkSource,
     ) -> Result<Tree, BuildError> {
         let index = match source {
-            InputSource::Output(name) => return Ok(Tree::Text(name.clone())),
-            InputSource::Constant(tree) => return Ok(tree.clone()),
-            InputSource::Delayed(index) => *index,
+            LinkSource::Output(name) => return Ok(Tree::Text(name.clone())),
+            LinkSource::Constant(tree) => return Ok(tree.clone()),
+            LinkSource::Delayed(index) => *index,
         };
         let delayed = self.delayed.get(index);
         let Some((delayed, from)) =
@@ -378,11 +378,11 @@ impl<'n> Node<'n> {
         self.with(|node| put(&mut node.parameters, name, value));
     }
 
-    pub(crate) fn input(self, name: &str, source: InputSource) {
+    pub(crate) fn input(self, name: &str, source: LinkSource) {
         self.with(|node| put(&mut node.inputs, name, source));
     }
 
-    pub(crate) fn active(self, source: InputSource) {
+    pub(crate) fn active(self, source: LinkSource) {
         self.with(|node| node.active = Some(source));
     }
 
@@ -493,12 +493,12 @@ impl<'n, const R: usize, const C: usize> Out<'n, crate::Matrix<R, C>> {
 impl<T> In<'_, T> {
     pub(crate) fn constant(tree: Tree) -> Self {
         In {
-            source: InputSource::Constant(tree),
+            source: LinkSource::Constant(tree),
             ty: PhantomData,
         }
     }
 
-    pub(crate) fn source(self) -> InputSource {
+    pub(crate) fn source(self) -> LinkSource {
         self.source
     }
 }
@@ -506,12 +506,12 @@ impl<T> In<'_, T> {
 impl AnyIn<'_> {
     pub(crate) fn constant(tree: Tree) -> Self {
         AnyIn {
-            source: InputSource::Constant(tree),
+            source: LinkSource::Constant(tree),
             net: PhantomData,
         }
     }
 
-    pub(crate) fn source(self) -> InputSource {
+    pub(crate) fn source(self) -> LinkSource {
         self.source
     }
 }
@@ -519,7 +519,7 @@ impl AnyIn<'_> {
 impl<'n, T> From<Out<'n, T>> for In<'n, T> {
     fn from(output: Out<'n, T>) -> In<'n, T> {
         In {
-            source: InputSource::Output(output.name()),
+            source: LinkSource::Output(output.name()),
             ty: PhantomData,
         }
     }
@@ -528,7 +528,7 @@ impl<'n, T> From<Out<'n, T>> for In<'n, T> {
 impl<'n, T> From<Delayed<'n, T>> for In<'n, T> {
     fn from(delayed: Delayed<'n, T>) -> In<'n, T> {
         In {
-            source: InputSource::Delayed(delayed.index),
+            source: LinkSource::Delayed(delayed.index),
             ty: PhantomData,
         }
     }
@@ -543,7 +543,7 @@ impl<T> From<Value<T>> for In<'_, T> {
 impl<'n, T> From<Out<'n, T>> for AnyIn<'n> {
     fn from(output: Out<'n, T>) -> AnyIn<'n> {
         AnyIn {
-            source: InputSource::Output(output.name()),
+            source: LinkSource::Output(output.name()),
             net: PhantomData,
         }
     }
@@ -552,7 +552,7 @@ impl<'n, T> From<Out<'n, T>> for AnyIn<'n> {
 impl<'n, T> From<Delayed<'n, T>> for AnyIn<'n> {
     fn from(delayed: Delayed<'n, T>) -> AnyIn<'n> {
         AnyIn {
-            source: InputSource::Delayed(delayed.index),
+            source: LinkSource::Delayed(delayed.index),
             net: PhantomData,
         }
     }

@@ -6,7 +6,7 @@ use std::ops::Deref;
 
 use rcc_config::yaml::layout::{Tree, TreeBlock, TreeEntry};
 
-use crate::builder::{AnyIn, BuildError, In, InputSource, NetBuilder, Node, Out};
+use crate::builder::{AnyIn, BuildError, In, LinkSource, NetBuilder, Node, Out};
 use crate::value::{AnyValue, Bool, Type, Value};
 
 /// Makes a fragment: everything that a net has, and ports.
@@ -129,7 +129,7 @@ impl<'n> Instance<'n> {
 
     /// While this is false or null it is not evaluated, and its outputs are null.
     pub fn active(self, source: impl Into<In<'n, Bool>>) -> Instance<'n> {
-        let source: InputSource = source.into().source();
+        let source: LinkSource = source.into().source();
         self.node.active(source);
         self
     }
